@@ -78,7 +78,6 @@ ROS = {
 ROS_USERS: dict[str, set[str]] = {
     # Commands that call services and publish on topics of a running graph.
     "haptic_accel.cli.joining": {"rclpy"},
-    "haptic_accel.cli.estop": {"rclpy", "std_msgs", "std_srvs"},
     # An arm of another node, loaded when it is opened.
     "haptic_accel.devices.crtk.client": {"rclpy", "geometry_msgs", "std_msgs"},
     # Launch files.

@@ -27,10 +27,11 @@ from haptic_accel.cli.options import arguments, verb
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, parameter, schema
+from haptic_accel.core.topics import DEVICES
 from haptic_accel.graph.namespaces import NamespaceArguments
 
 if TYPE_CHECKING:
-    from haptic_accel.nodes.graph_requests import GraphClient, GraphRequest
+    from haptic_accel.nodes.service_client import Request, ServiceClient
 
 KEEP = "keep"
 """Value that leaves a setting as it is."""
@@ -79,9 +80,9 @@ def control(arguments: ControlArguments) -> None:
         asyncio.run(_apply(client, list(_requests(arguments))))
 
 
-async def _apply(client: GraphClient, requests: Sequence[GraphRequest]) -> None:
+async def _apply(client: ServiceClient, requests: Sequence[Request]) -> None:
     """Send requests, and print what they change, up to the first that is refused."""
-    from haptic_accel.nodes.graph_requests import RequestError
+    from haptic_accel.nodes.service_client import RequestError
 
     side, refused = "", list[str]()
     if any(_arms(request) for request in requests):
@@ -101,11 +102,11 @@ async def _apply(client: GraphClient, requests: Sequence[GraphRequest]) -> None:
         raise RequestError("; ".join(refused))
 
 
-def _arms(request: GraphRequest) -> bool:
+def _arms(request: Request) -> bool:
     return request.service.endswith("/arm")
 
 
-def _requests(arguments: ControlArguments) -> Iterator[GraphRequest]:
+def _requests(arguments: ControlArguments) -> Iterator[Request]:
     """Yield the requests that carry out the arguments, in their order."""
     from haptic_accel.nodes import graph_requests as make
 
@@ -125,6 +126,6 @@ def _requests(arguments: ControlArguments) -> Iterator[GraphRequest]:
     if arguments.reset:
         yield make.trigger("compensator/reset")
     if arguments.arm:
-        yield from (make.trigger(f"{device}/arm") for device in make.DEVICES)
+        yield from (make.trigger(f"{device}/arm") for device in DEVICES)
     if arguments.engage != KEEP:
         yield make.engage(arguments.engage == "true")

@@ -28,8 +28,8 @@ from contextlib import contextmanager
 import rclpy
 
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.nodes.graph_requests import GraphClient, RequestError
 from haptic_accel.nodes.middleware import middleware_defaults
+from haptic_accel.nodes.service_client import RequestError, ServiceClient
 
 PATIENCE = 5.0
 """Time-out for a node to be found, and to answer, s."""
@@ -38,7 +38,7 @@ PATIENCE = 5.0
 @contextmanager
 def connected(
     namespace: str, finding: float = PATIENCE, answering: float = PATIENCE
-) -> Iterator[GraphClient]:
+) -> Iterator[ServiceClient]:
     """Join the graph of a namespace while the context is entered.
 
     Parameters
@@ -66,7 +66,7 @@ def connected(
         await asyncio.sleep(0)  # lets an interruption through
 
     try:
-        yield GraphClient(node, spin, finding, answering)
+        yield ServiceClient(node, spin, finding, answering)
     except RequestError as error:
         raise StoppedError(str(error)) from None
     finally:

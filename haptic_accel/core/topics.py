@@ -197,6 +197,9 @@ SLAVE = ArmTopics(
     contact_force=CONTACT_FORCE,
 )
 
+DEVICES = {"slave_device": SLAVE, "master_device": MASTER}
+"""Topics of each device node by its name; the one that the user holds comes last."""
+
 SLAVE_SIGNALS = (TOOL_ACCELERATION, SLAVE_POSITION, SLAVE_VELOCITY)
 """Signals of the slave's device; the first is the cause of the actuator's force."""
 

@@ -32,9 +32,9 @@ from haptic_accel.core.loop.device_side import DeviceSide
 from haptic_accel.core.loop.half_coupling import HalfCouplingPart
 from haptic_accel.core.loop.wiring import Pull, Tool, release
 from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.nodes.emergency_stop import CouplerStop
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.signals import Inbox, Samples
-from haptic_accel.nodes.stopping import GraphStop
 from haptic_accel.nodes.timing import ArrivalKeeper
 
 MASTER, SLAVE = topics.ARMS
@@ -177,7 +177,7 @@ class CouplingNode(GraphNode):
         self._first_force: Inbox | None = None
         if self.parameters.compensated:
             self._first_force = self.inbox(topics.ACTUATOR_FORCE)
-        self._stop = GraphStop(self, self.engagement.stop)
+        self._stop = CouplerStop(self, self.engagement.stop)
         self._arm_stops = {arm: self.inbox(ARM_TOPICS[arm].stopped) for arm in self.forces}
         self.create_service(SetBool, "~/engage", self._serve_engage)
 

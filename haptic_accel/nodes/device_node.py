@@ -22,12 +22,10 @@ from typing import Any
 
 from rclpy.lifecycle import LifecycleState
 from rclpy.lifecycle import TransitionCallbackReturn as Outcome
-from std_msgs.msg import Bool
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import STOPPED, SafetyLayer
-from haptic_accel.core.emergency_stop import EmergencyStop
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, Taken
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
@@ -35,9 +33,9 @@ from haptic_accel.core.topics import ArmTopics, along_actuator
 from haptic_accel.devices import Device, DeviceError
 from haptic_accel.graph.node_parameters import POSITION_SERVO, SAFETY
 from haptic_accel.nodes.crtk import MotionSynchronizer, OperatingState, Queries
+from haptic_accel.nodes.emergency_stop import DeviceStop
 from haptic_accel.nodes.joint_states import JointStates
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
-from haptic_accel.nodes.stopping import StopWords
 from haptic_accel.nodes.timing import RateKeeper
 
 MANY_MISSED = 0.01
@@ -106,7 +104,6 @@ class DeviceNode(ManagedNode):
         self._failure: Exception | None = None
         self._reported_unread = 0
         self._reported_deadlines = 0, 0
-        self._stop = EmergencyStop(steady_now())
         self._acceleration, self._position, self._velocity = (
             # What makes the felt force goes first.
             self.sender(topic)
@@ -115,7 +112,6 @@ class DeviceNode(ManagedNode):
         self._work_sender = self.sender(arm.work)
         self._work_asked = self._contact_asked = False
         self._contact_sender = self.sender(arm.contact_force) if arm.contact_force else None
-        self._publish_stopped = self.publisher(arm.stopped).publish
         self._joint_states = JointStates(self, arm.position, p.rate)
         self._inboxes = {ARM: self.inbox(arm.arm_force)}
         if arm.actuator_force:
@@ -143,9 +139,7 @@ class DeviceNode(ManagedNode):
         self.side.sampling = False
         self.rate_keeper = RateKeeper(p.rate)
         self._operating = OperatingState(self, arm, self.safety, self._fault, self._arm_again)
-        self._stop_words = StopWords(self)
-        self._coupler_stops = self.inbox(topics.COUPLER_STOPPED)
-        self.create_service(SetBool, "~/estop", self._serve_stop)
+        self._stop = DeviceStop(self, arm.stopped, self._take_forces_off, self._released)
         self.create_service(Trigger, "~/arm", self._serve_arm)
         self.create_timer(NEWS_PERIOD, self._log_news)
         if p.autostart:
@@ -214,7 +208,6 @@ class DeviceNode(ManagedNode):
     def stop_forces(self) -> None:
         """Remove all forces and refuse commands until the emergency stop is released."""
         self._stop.stop()
-        self._take_forces_off()
 
     def close(self) -> None:
         """Leave the device without force."""
@@ -234,7 +227,7 @@ class DeviceNode(ManagedNode):
         """Publish the states of device and arm."""
         self._operating.report(again=True)
         if self._settled:
-            self._publish_stopped(Bool(data=self.safety.stopped))
+            self._stop.tell()
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return timing, the commands' ages, the safety layer's values, the device's counts."""
@@ -399,25 +392,13 @@ class DeviceNode(ManagedNode):
             return self.rate_keeper.time(self.side.tick) + self.offset
         return 0
 
-    def _settle(self) -> None:
-        """Allow forces, and say whether there is an emergency stop, after the first moments."""
-        self._settled = self._stop.is_settled(steady_now())
-        if self._settled:
-            self.safety.enable(steady_now(), self.state == ACTIVE)
-            self.report()
-
     def follow_stop(self) -> None:
         """Stop on anybody's request; withdrawing a request does not release the stop."""
-        if not self._settled:
-            self._settle()
-        now = steady_now()
-        for word in self._stop_words.drain():
-            self._stop.heard(word, now)
-            if word:
-                self._take_forces_off()
-        for stopped in self.states(self._coupler_stops):
-            if self._stop.coupler_said(stopped, now):
-                self._take_forces_off()
+        self._stop.follow()
+        if not self._settled and self._stop.settled:
+            self._settled = True
+            self.safety.enable(steady_now(), self.state == ACTIVE)
+            self.report()
 
     def _take_forces_off(self) -> None:
         """Remove all forces and refuse commands until the release; respond in any case."""
@@ -427,29 +408,18 @@ class DeviceNode(ManagedNode):
                 self.side.take_off()
             except (DeviceError, OSError) as error:
                 self.fail(error)
-        self._publish_stopped(Bool(data=True))
+        self._stop.tell()
         if not known:
             self.safety.stop(steady_now(), True)
             self.get_logger().warning(f"{STOPPED}: no force until it is released")
             self.report()
 
-    def _serve_stop(
-        self, request: SetBool.Request, response: SetBool.Response
-    ) -> SetBool.Response:
-        """Stop, or allow commands again unless there is a reason for the stop."""
-        if request.data:
-            self.stop_forces()
-            response.success, response.message = True, "stopped"
-            return response
-        self.follow_stop()  # what was said before this was asked for
-        refusal = self._stop.release(steady_now(), self._stop_words.publishers())
-        if not refusal:
-            if self.safety.stopped:
-                self.safety.stop(steady_now(), False)
-                self.get_logger().info(f"{STOPPED} released")
-            self.report()
-        response.success, response.message = not refusal, refusal or "released"
-        return response
+    def _released(self) -> None:
+        """Allow commands again after the release of a stop."""
+        if self.safety.stopped:
+            self.safety.stop(steady_now(), False)
+            self.get_logger().info(f"{STOPPED} released")
+        self.report()
 
     def _serve_arm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         refused = self._arm_again()

@@ -39,6 +39,7 @@ from haptic_accel.core.cdr import (
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import (
     ASKED,
+    DEVICES,
     DIAGNOSTICS,
     EMERGENCY_STOP,
     SIGNALS,
@@ -49,7 +50,6 @@ from haptic_accel.core.topics import (
 )
 from haptic_accel.graph.node_parameters import NODES
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.graph_requests import DEVICES
 from haptic_accel.nodes.scheduling import RECORDING_PRIORITY, run
 from haptic_accel.nodes.signal_receiver import SignalReceiver
 from haptic_accel.nodes.signals import Inbox

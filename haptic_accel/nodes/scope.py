@@ -100,9 +100,9 @@ class Scope(GraphNode):
         p = self.parameters
         self.windows = Windows()
         self._reports = NodeReports()
-        self._stop_asked = False
         self._expected = expected_nodes(p.side)
-        self._stopped: dict[str, bool | None] = dict.fromkeys((p.side,) if p.side else topics.ARMS)
+        arms = (p.side,) if p.side else topics.ARMS
+        self._stop: dict[str, bool | None] = {"asked": False, **dict.fromkeys(arms)}
         refuse = partial(self.refuse, PARAMETER_EVENTS)
         self._remotes = {
             name: RemoteParameters(self, name, wanted, self._update_settings, refuse)
@@ -122,15 +122,13 @@ class Scope(GraphNode):
         }
         self._shown: dict[str, Inbox] = {}
         self._reported = (time.monotonic(), 0, 0, 0)
-        self._commands = Commands(self, self._stopped) if p.control else None
-        self._follow_messages(topics.DIAGNOSTICS, self._receive_diagnostics)
-        self._follow_messages(PARAMETER_EVENTS, self._receive_parameters)
-        self.listen_state(topics.COUPLER_STOPPED, self._receive_stop)
-        for arm, topic in zip(
-            topics.ARMS, (topics.MASTER_STOPPED, topics.SLAVE_STOPPED), strict=True
-        ):
-            if arm in self._stopped:
-                self.listen_state(topic, partial(self._stopped.__setitem__, arm))
+        self._commands = Commands(self, [f"{arm}_device" for arm in arms]) if p.control else None
+        self._follow_messages(topics.DIAGNOSTICS, self._take_diagnostics)
+        self._follow_messages(PARAMETER_EVENTS, self._take_parameters)
+        self.listen_state(topics.COUPLER_STOPPED, partial(self._stop.__setitem__, "asked"))
+        for arm in arms:
+            stopped = topics.DEVICES[f"{arm}_device"].stopped
+            self.listen_state(stopped, partial(self._stop.__setitem__, arm))
         self.create_timer(CLIENT_PERIOD, self._subscribe_for_clients)
         self.create_timer(ASK_PERIOD, self._refresh_parameters)
         # A sample wakes nobody: where they come faster than they are taken, all that the executor
@@ -170,7 +168,7 @@ class Scope(GraphNode):
             {name: remote.values for name, remote in self._remotes.items()},
             self.windows.settings,
             led=self._scene.is_led,
-            stop={"asked": self._stop_asked, **self._stopped},
+            stop=self._stop,
         )
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:
@@ -264,9 +262,6 @@ class Scope(GraphNode):
                     own.high_pass_frequency, options[ACTUATOR], own.latency, assumed=False
                 )
         self.windows.settings = settings
-
-    def _receive_stop(self, stop: bool) -> None:
-        self._stop_asked = stop
 
 
 def _only(ring: Ring) -> Callable[[int, float, int], None]:

@@ -18,7 +18,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from std_srvs.srv import SetBool
@@ -26,10 +26,13 @@ from std_srvs.srv import SetBool
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.topics import DEVICES
 from haptic_accel.graph.arguments import RECORDING
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.nodes import graph_requests as requests
+from haptic_accel.nodes.emergency_stop import STOP_SERVICES, release
 from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.service_client import Request, RequestError, ServiceClient
 from haptic_accel.scope.server import CommandError
 
 FINDING_TIME = 0.7
@@ -38,7 +41,7 @@ FINDING_TIME = 0.7
 ANSWERING_TIME = 1.2
 """Time in which it must answer, s; together with the time above, a page waits less than 2 s."""
 
-REQUESTS: dict[str, Callable[[str], requests.GraphRequest]] = {
+REQUESTS: dict[str, Callable[[str], Request]] = {
     "controller": requests.set_controller,
     "surface": requests.set_surface,
     "grip": requests.set_grip,
@@ -67,18 +70,22 @@ class Commands:
     Parameters
     ----------
     node : GraphNode
-    stopped : dict
-        Emergency stop as each device last reported it, by arm; None before the first report.
-        Filled by the node.
+    devices : collection of str
+        Devices of this host, which confirm an emergency stop.
     """
 
-    def __init__(self, node: GraphNode, stopped: dict[str, bool | None]) -> None:
-        self._stopped = stopped
+    def __init__(self, node: GraphNode, devices: Collection[str]) -> None:
+        self._devices = devices
         self._choices = choices()
         # Created before they are needed, because discovery takes the middleware a while.
-        self._graph = requests.GraphClient(node, asyncio.sleep, FINDING_TIME, ANSWERING_TIME)
-        for name, kind in requests.SERVICES.items():
-            self._graph.service(kind, name)
+        self._client = ServiceClient(node, asyncio.sleep, FINDING_TIME, ANSWERING_TIME)
+        for request in (
+            requests.engage(True),
+            *(requests.set_parameters(each, {}) for each in ("compensator", *DEVICES)),
+            *(requests.trigger(f"recorder/{each}") for each in requests.RECORDER_ACTIONS),
+        ):
+            self._client.find(request.kind, [request.service])
+        self._client.find(SetBool, STOP_SERVICES)
 
     async def __call__(self, action: str, value: Any) -> str:
         """Carry out a command; return one line that states what was done.
@@ -90,7 +97,7 @@ class Commands:
         """
         try:
             return await self._carry_out(action, value)
-        except (ParameterError, requests.RequestError) as error:
+        except (ParameterError, RequestError) as error:
             raise CommandError(str(error)) from None
 
     async def _carry_out(self, action: str, value: Any) -> str:
@@ -98,8 +105,8 @@ class Commands:
             if not isinstance(value, bool):
                 raise CommandError(f"{action} = {value!r}: must be true or false", 400)
             if action == "estop":
-                return await self._set_stop(value)
-            answer = await self._graph.send(requests.engage(value))
+                return await (self._stop() if value else self._release())
+            answer = await self._client.send(requests.engage(value))
             return answer or f"arms: {'engaged' if value else 'disengaged'}"
         if action not in REQUESTS:
             allowed = ", ".join((*REQUESTS, *SWITCHES))
@@ -107,32 +114,18 @@ class Commands:
         known = self._choices[action]
         if not isinstance(value, str) or value not in known:
             raise CommandError(f"{action} = {value!r}: must be one of {', '.join(known)}", 400)
-        return f"{action}: {await self._graph.send(REQUESTS[action](value)) or value}"
+        return f"{action}: {await self._client.send(REQUESTS[action](value)) or value}"
 
-    async def _set_stop(self, stop: bool) -> str:
-        """Stop by all services, or release by the coupler's, or the devices' own without it."""
-        self._stopped.update(dict.fromkeys(self._stopped))
-        services = {name: self._graph.service(SetBool, name) for name in requests.STOP_SERVICES}
-        ready = [name for name, service in services.items() if service.service_is_ready()]
-        if not stop and requests.STOP_SERVICES[0] in ready:
-            ready = ready[:1]
-        request = SetBool.Request(data=stop)
-        asked = {name: services[name].call_async(request) for name in ready}
+    async def _stop(self) -> str:
+        """Stop by all services that are found, without waiting for others."""
+        answers = self._client.ask(SetBool, STOP_SERVICES, SetBool.Request(data=True))
+        await self._client.until(lambda: not answers.silent, ANSWERING_TIME)
+        if missing := [each for each in self._devices if each not in answers.received]:
+            raise CommandError(f"estop: not confirmed by {' and '.join(missing)}")
+        return f"stopped: {' and '.join(self._devices)} without force"
 
-        def confirmed() -> bool:
-            return set(self._stopped.values()) == {stop}
-
-        def refused() -> list[str]:
-            return requests.refusals(
-                {name: each.result() for name, each in asked.items() if each.done()}
-            )
-
-        await self._graph.until(lambda: confirmed() or refused(), ANSWERING_TIME)
-        if confirmed():
-            who = "both devices confirm" if len(self._stopped) > 1 else "the device confirms"
-            return f"{'stopped' if stop else 'released'}: {who}"
-        if refused():
-            raise CommandError("; ".join(refused()))
-        silent = " and ".join(name for name, state in self._stopped.items() if state != stop)
-        what = "stop" if stop else "release"
-        raise CommandError(f"estop: the {what} is sent; not confirmed by {silent}")
+    async def _release(self) -> str:
+        line, missing = await release(self._client)
+        if missing := missing.intersection(self._devices):
+            raise CommandError(f"estop: no release by {' and '.join(sorted(missing))}")
+        return line

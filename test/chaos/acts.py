@@ -41,10 +41,9 @@ from chaos.live_graph import FORCES, Force, LiveGraph
 from chaos.traced_node import ACTUATOR, ARM, TELEOP
 from haptic_accel.core import topics
 from haptic_accel.core.cdr import StampedVector
-from haptic_accel.core.topics import EMERGENCY_STOP, SIGNALS, Topic
+from haptic_accel.core.topics import DEVICES, EMERGENCY_STOP, SIGNALS, Topic
 from haptic_accel.graph.processes import COMPOSED, RECORDER
 from haptic_accel.graph.stop_signal import stop_senders
-from haptic_accel.nodes.graph_requests import DEVICES
 from haptic_accel.nodes.topic_node import message_type, quality
 from running import PATIENCE, Command, limit_size, processes_of
 

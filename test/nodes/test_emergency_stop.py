@@ -13,20 +13,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Emergency stop of the coupler: what it says for what it hears, without a middleware."""
+"""Emergency stop of the coupler, and requests for its release, without a middleware."""
 
 from __future__ import annotations
 
+import asyncio
 import time
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
 from rclpy.task import Future
 from std_srvs.srv import SetBool
 
 from haptic_accel.core.emergency_stop import SETTLING, EmergencyStop
 from haptic_accel.core.topics import Topic
-from haptic_accel.nodes.stopping import GraphStop
+from haptic_accel.nodes.emergency_stop import CouplerStop, release
+from haptic_accel.nodes.service_client import RequestError
+from service_double import Answer, Graph, accept, refuse
 
 
 class Coupler:
@@ -38,9 +42,10 @@ class Coupler:
         self.answers: list[bool] = []
         self.told: list[bool] = []
         self.asked_of_devices: list[bool] = []
+        self.refusing = False
         self.stop = EmergencyStop(time.monotonic() - SETTLING)
         node: Any = self
-        self.graph = GraphStop(node, self.stop)
+        self.graph = CouplerStop(node, self.stop)
 
     def resolve_topic_name(self, name: str) -> str:
         return name
@@ -49,7 +54,11 @@ class Coupler:
         return SimpleNamespace(take_states=lambda: _taken(self.words))
 
     def publisher(self, topic: Topic) -> Any:
-        return SimpleNamespace(publish=lambda message: self.told.append(message.data))
+        return SimpleNamespace(publish=lambda message: self._tell(message.data))
+
+    def _tell(self, state: bool) -> None:
+        if self.told[-1:] != [state]:  # it may be repeated
+            self.told.append(state)
 
     def publishers(self, *names: str) -> list[str]:
         return []
@@ -66,7 +75,7 @@ class Coupler:
         def ask(request: SetBool.Request) -> Future:
             self.asked_of_devices.append(request.data)
             future: Future = Future()
-            future.set_result(SetBool.Response(success=True))
+            future.set_result(SetBool.Response(success=not self.refusing))
             return future
 
         return SimpleNamespace(service_is_ready=lambda: True, call_async=ask)
@@ -113,3 +122,40 @@ def test_a_stop_that_is_repeated_before_it_is_followed_is_followed_all_the_same(
     assert coupler.graph.follow()
     assert not coupler.graph.follow()
     assert coupler.told == [True]
+
+
+def test_a_release_that_a_device_refuses_leaves_all_stopped() -> None:
+    coupler = Coupler()
+    coupler.waiting = [True]
+    coupler.graph.follow()
+    coupler.refusing = True
+    coupler.waiting = [False]
+    coupler.graph.follow()
+    assert coupler.answers == [True, False]
+    assert coupler.told == [True, False, True]
+    assert coupler.stop.stopped
+
+
+def test_a_release_is_that_of_the_coupler_where_it_answers() -> None:
+    graph = Graph(estop=accept, slave_device__estop=accept, master_device__estop=accept)
+    assert asyncio.run(release(graph.client)) == ("done", set())
+    assert graph.asked == ["estop"]
+
+
+@pytest.mark.parametrize("coupler", [{}, {"estop": None}])
+def test_devices_are_released_without_a_coupler(coupler: dict[str, Answer]) -> None:
+    graph = Graph(**coupler, slave_device__estop=accept)
+    line, missing = asyncio.run(release(graph.client))
+    assert line == "released: slave_device take forces again; the coupler does not answer"
+    assert missing == {"master_device"}
+
+
+def test_a_release_that_is_refused_is_asked_for_again_for_a_while() -> None:
+    graph = Graph(estop=refuse)
+    with pytest.raises(RequestError, match="emergency stop is not released: estop: not now"):
+        asyncio.run(release(graph.client, patience=0.05))
+    graph.asked.clear()
+    answers = iter([refuse, refuse, accept])
+    graph.services["estop"] = lambda content: next(answers)(content)
+    assert asyncio.run(release(graph.client, patience=5.0)) == ("done", set())
+    assert graph.asked == ["estop"] * 3

@@ -1,0 +1,318 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The emergency stop in ROS: in a device, in the coupler, and requested from outside."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
+
+from haptic_accel.core.emergency_stop import EmergencyStop
+from haptic_accel.core.topics import COUPLER_STOPPED, DEVICES, EMERGENCY_STOP, STOPS, Topic
+from haptic_accel.nodes.service_client import Answers, RequestError, ServiceClient, Services
+
+if TYPE_CHECKING:  # a command that stops must not wait for what a node loads
+    from haptic_accel.nodes.graph_node import GraphNode
+
+DEVICE_SERVICES = tuple(f"{device}/estop" for device in DEVICES)
+"""Services that stop and release one device each."""
+
+STOP_SERVICES = (EMERGENCY_STOP.name, *DEVICE_SERVICES)
+"""Services of the emergency stop; the coupler's, which passes a release on, comes first."""
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Quality of service of the stop's topics for a node that only requests it."""
+
+ANSWER_TIME = 1.0
+"""Time in which a device must answer to a release, s."""
+
+LEAST_LOOK = 0.5
+"""Time for which graphs to be stopped are looked for, s."""
+
+AGAIN = "stopped again meanwhile"
+"""Reason against a release that came before the effect of a stop."""
+
+
+Act = Callable[[], None]
+
+
+class NodeStop:
+    """Emergency stop of a node: its topics, and its state as published.
+
+    Parameters
+    ----------
+    node : GraphNode
+    stop : EmergencyStop
+        Its stop, which others may set, too.
+    state : Topic
+        Topic of its state, true while stopped.
+    """
+
+    def __init__(self, node: GraphNode, stop: EmergencyStop, state: Topic) -> None:
+        self._node, self._stop = node, stop
+        # Without a namespace the graph's own topic is that of all graphs.
+        found = {(node.resolve_topic_name(it.name), it.latched): it for it in STOPS}
+        self._inboxes = [node.inbox(topic) for topic in found.values()]
+        self._names = {name for name, _ in found}
+        self._publish = node.publisher(state).publish
+
+    def tell(self) -> None:
+        """Publish whether the node is stopped; to be called once a second at least."""
+        self._publish(Bool(data=self._stop.stopped))
+
+    def _receive(self, now: float) -> bool:
+        """Handle the messages that have come; return whether any requests the stop."""
+        messages = [each for inbox in self._inboxes for each in inbox.drain_states()]
+        for message in messages:
+            self._stop.heard(message, now)
+        return any(messages)
+
+    def _refusal(self, now: float) -> str:
+        """Release the node's own stop; return the reason against it, or an empty string."""
+        return self._stop.release(now, self._node.publishers(*self._names))
+
+
+class DeviceStop(NodeStop):
+    """Emergency stop of a device, released by its service `~/estop` alone.
+
+    Parameters
+    ----------
+    node : GraphNode
+    state : Topic
+        As for `NodeStop`.
+    take_off : callable
+        Remove all forces, and publish the state; called for every stop, whether or not new.
+    released : callable
+        Called after each release.
+    """
+
+    def __init__(self, node: GraphNode, state: Topic, take_off: Act, released: Act) -> None:
+        super().__init__(node, EmergencyStop(time.monotonic()), state)
+        self._take_off, self._released = take_off, released
+        self._coupler = node.inbox(COUPLER_STOPPED)
+        node.create_service(SetBool, "~/estop", self._serve)
+
+    @property
+    def settled(self) -> bool:
+        """True once every stop from before the node's start has been received."""
+        return self._stop.is_settled(time.monotonic())
+
+    def stop(self) -> None:
+        """Stop."""
+        self._stop.stop()
+        self._take_off()
+
+    def follow(self) -> None:
+        """Stop if anyone requests it, or the coupler is stopped."""
+        now = time.monotonic()
+        if self._receive(now):
+            self._take_off()
+        for stopped in self._node.states(self._coupler):
+            if self._stop.coupler_said(stopped, now):
+                self._take_off()
+
+    def _serve(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        """Stop, or release unless there is a reason for the stop."""
+        if request.data:
+            self.stop()
+            response.success, response.message = True, "stopped"
+            return response
+        self.follow()  # messages from before the request
+        refusal = self._refusal(time.monotonic())
+        if not refusal:
+            self._released()
+        response.success, response.message = not refusal, refusal or "released"
+        return response
+
+
+@dataclass(frozen=True)
+class _Release:
+    """A release that devices were asked for, and the function that answers who asked for it."""
+
+    answer: Callable[[SetBool.Response], None]
+    devices: Answers
+    deadline: float
+
+
+class CouplerStop(NodeStop):
+    """Emergency stop of the coupler: its state over all nodes, and its release.
+
+    The service `estop` stops at once. A release is passed on to the devices, and answered when
+    they have: all are released, or none.
+
+    Parameters
+    ----------
+    node : GraphNode
+    stop : EmergencyStop
+        As for `NodeStop`.
+    """
+
+    def __init__(self, node: GraphNode, stop: EmergencyStop) -> None:
+        super().__init__(node, stop, COUPLER_STOPPED)
+        self._requests = node.requests(SetBool, EMERGENCY_STOP.name)
+        self._services = Services(node)
+        self._services.find(SetBool, DEVICE_SERVICES)
+        self._releases: list[_Release] = []
+        self._followed = False
+
+    def follow(self) -> bool:
+        """Process reports and requests; return whether the stop has changed."""
+        now = time.monotonic()
+        self._receive(now)
+        requests = list(self._requests.drain())
+        if any(request.data for request, _ in requests):
+            self._stop.stop()
+        new = self._stop.stopped and not self._followed
+        for request, answer in requests:
+            if request.data:
+                answer(SetBool.Response(success=True, message="stopped"))
+            elif new:  # the release was requested before the stop took effect
+                answer(SetBool.Response(success=False, message=AGAIN))
+            else:
+                self._release(answer, now)
+        self._releases = [each for each in self._releases if not self._is_answered(each, now)]
+        changed, self._followed = self._followed != self._stop.stopped, self._stop.stopped
+        if changed:
+            self.tell()
+        return changed
+
+    def _release(self, answer: Callable[[SetBool.Response], None], now: float) -> None:
+        """Release the coupler and ask the devices, or answer why not."""
+        if refusal := self._refusal(now):
+            answer(SetBool.Response(success=False, message=refusal))
+            return
+        self.tell()  # before the devices are asked, which refuse while the coupler is stopped
+        devices = self._services.ask(SetBool, DEVICE_SERVICES, SetBool.Request(data=False))
+        self._releases.append(_Release(answer, devices, now + ANSWER_TIME))
+
+    def _is_answered(self, release: _Release, now: float) -> bool:
+        """Answer once all devices have, or time is over; stop all again if one refuses."""
+        refused, silent = release.devices.refusals, release.devices.silent
+        if now >= release.deadline:
+            refused += [f"{name}: no answer within {ANSWER_TIME:g} s" for name in silent]
+        if self._stop.stopped:
+            refused = refused or [AGAIN]
+        if silent and not refused:
+            return False
+        if refused:
+            self._stop.follow()  # no new stop: a peer that was released stays so
+            self.tell()
+        devices = release.devices.asked
+        released = f"{' and '.join(devices)} take forces again" if devices else "no device"
+        message = "; ".join(refused) or f"released: {released}"
+        release.answer(SetBool.Response(success=not refused, message=message))
+        return True
+
+
+async def stop_devices(client: ServiceClient, patience: float) -> tuple[str, set[str]]:
+    """Publish the stop.
+
+    Parameters
+    ----------
+    client : ServiceClient
+        In the namespace of the graph; in none to stop the graphs of all namespaces.
+    patience : float
+        Time-out for the devices to be found and to confirm, s.
+
+    Returns
+    -------
+    tuple
+        A line on the devices that confirm, and the full names of those that do not.
+    """
+    node = client.node
+    node.create_publisher(Bool, EMERGENCY_STOP.name, LATCHED).publish(Bool(data=True))
+    answers: dict[str, bool] = {}
+    asked: set[str] = set()
+    looked = time.monotonic() + LEAST_LOOK
+
+    def take(device: str, message: Bool) -> None:
+        answers[device] = message.data
+
+    def is_confirmed() -> bool:
+        # Anew each time: that an arm is elsewhere is known when its coupler has been found.
+        devices = dict(_devices(node))
+        asked.clear()
+        asked.update(devices)
+        for device, name in devices.items():
+            if device not in answers:
+                answers[device] = False
+                node.create_subscription(Bool, name, partial(take, device), LATCHED)
+        return bool(asked) and all(map(answers.get, asked)) and time.monotonic() >= looked
+
+    await client.until(is_confirmed, patience)
+    confirmed = {device for device in asked if answers[device]}
+    count = {1: "the device is", 2: "both devices are"}
+    line = count.get(len(confirmed), f"all {len(confirmed)} devices are") + " without force"
+    return line, (asked or set(DEVICES)) - confirmed
+
+
+def _devices(node: Node) -> Iterator[tuple[str, str]]:
+    """Yield the full names of the devices that must confirm, and of the topics where they do."""
+    namespaces = {node.get_namespace().rstrip("/")}
+    if namespaces == {""}:
+        states = [f"/{arm.stopped.name}" for arm in DEVICES.values()]
+        names = [name for name, _ in node.get_topic_names_and_types()]
+        found = {(name, state) for name in names for state in states if name.endswith(state)}
+        namespaces = {n.removesuffix(state) for n, state in found if node.count_publishers(n)}
+    for namespace in namespaces:
+        for device, arm in DEVICES.items():
+            senders = node.get_publishers_info_by_topic(f"{namespace}/{arm.position.name}")
+            # The coupler reports here the state of an arm that is on a peer host.
+            if all(sender.node_name != "coupler" for sender in senders):
+                yield f"{namespace}/{device}".removeprefix("/"), f"{namespace}/{arm.stopped.name}"
+
+
+async def release(client: ServiceClient, patience: float = 0.0) -> tuple[str, set[str]]:
+    """Ask the coupler for the release, or the devices if it does not answer.
+
+    Parameters
+    ----------
+    client : ServiceClient
+    patience : float
+        Time for which a refused release is requested again, s: the reason may just have gone.
+
+    Returns
+    -------
+    tuple
+        A line on the devices that take forces again, and the devices that do not answer.
+
+    Raises
+    ------
+    RequestError
+        The release is refused.
+    """
+    deadline = time.monotonic() + patience
+    while True:
+        for services in (STOP_SERVICES[:1], DEVICE_SERVICES):
+            answers = await client.answers(SetBool, services, SetBool.Request(data=False))
+            if received := answers.received:
+                break
+        if not answers.refusals:
+            break
+        if time.monotonic() >= deadline:
+            raise RequestError(f"emergency stop is not released: {'; '.join(answers.refusals)}")
+    if EMERGENCY_STOP.name in received:
+        return received[EMERGENCY_STOP.name].message, set()
+    line = f"released: {' and '.join(received)} take forces again; the coupler does not answer"
+    return line, DEVICES.keys() - received
