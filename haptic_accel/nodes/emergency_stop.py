@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import time
+from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -55,10 +56,11 @@ AGAIN = "stopped again meanwhile"
 
 
 Act = Callable[[], None]
+Answer = Callable[[SetBool.Response], None]
 
 
 class NodeStop:
-    """Emergency stop of a node: its topics, and its state as published.
+    """Emergency stop of a node: its topics, its service, and its state as published.
 
     Parameters
     ----------
@@ -67,34 +69,61 @@ class NodeStop:
         Its stop, which others may set, too.
     state : Topic
         Topic of its state, true while stopped.
+    service : str
+        Service that stops and releases it.
     """
 
-    def __init__(self, node: GraphNode, stop: EmergencyStop, state: Topic) -> None:
+    def __init__(self, node: GraphNode, stop: EmergencyStop, state: Topic, service: str) -> None:
         self._node, self._stop = node, stop
         # Without a namespace the graph's own topic is that of all graphs.
         found = {(node.resolve_topic_name(it.name), it.latched): it for it in STOPS}
         self._inboxes = [node.inbox(topic) for topic in found.values()]
         self._names = {name for name, _ in found}
         self._publish = node.publisher(state).publish
+        self._requests = node.requests(SetBool, service)
+        self._followed = False
 
     def tell(self) -> None:
         """Publish whether the node is stopped; to be called once a second at least."""
         self._publish(Bool(data=self._stop.stopped))
 
-    def _receive(self, now: float) -> bool:
-        """Handle the messages that have come; return whether any requests the stop."""
-        messages = [each for inbox in self._inboxes for each in inbox.drain_states()]
+    def follow(self) -> bool:
+        """Process messages and requests; return whether the stop has changed."""
+        now = time.monotonic()
+        messages = [each for inbox in self._inboxes for each in inbox.take_states()]
         for message in messages:
             self._stop.heard(message, now)
-        return any(messages)
+        requests = list(self._requests.take())
+        requested = any(request.data for request, _ in requests)
+        if requested:
+            self._stop.stop()
+        new = self._stop.stopped and not self._followed
+        if new or requested or any(messages):
+            self._obey()
+        for request, answer in requests:
+            if request.data:
+                answer(SetBool.Response(success=True, message="stopped"))
+            elif new or requested:  # the release may have been requested before the stop
+                answer(SetBool.Response(success=False, message=AGAIN))
+            elif refusal := self._stop.release(now, self._node.publishers(*self._names)):
+                answer(SetBool.Response(success=False, message=refusal))
+            else:
+                self._release(answer, now)
+        changed = self._stop.stopped != self._followed
+        self._followed = self._stop.stopped
+        return changed
 
-    def _refusal(self, now: float) -> str:
-        """Release the node's own stop; return the reason against it, or an empty string."""
-        return self._stop.release(now, self._node.publishers(*self._names))
+    @abstractmethod
+    def _obey(self) -> None:
+        """Act upon a stop, which may not be new."""
+
+    @abstractmethod
+    def _release(self, answer: Answer, now: float) -> None:
+        """Act upon the release of the node's own stop, and answer the request for it."""
 
 
 class DeviceStop(NodeStop):
-    """Emergency stop of a device, released by its service `~/estop` alone.
+    """Emergency stop of a device, which follows the coupler, but is released by itself.
 
     Parameters
     ----------
@@ -108,10 +137,9 @@ class DeviceStop(NodeStop):
     """
 
     def __init__(self, node: GraphNode, state: Topic, take_off: Act, released: Act) -> None:
-        super().__init__(node, EmergencyStop(time.monotonic()), state)
+        super().__init__(node, EmergencyStop(time.monotonic()), state, "~/estop")
         self._take_off, self._released = take_off, released
         self._coupler = node.inbox(COUPLER_STOPPED)
-        node.create_service(SetBool, "~/estop", self._serve)
 
     @property
     def settled(self) -> bool:
@@ -119,38 +147,29 @@ class DeviceStop(NodeStop):
         return self._stop.is_settled(time.monotonic())
 
     def stop(self) -> None:
-        """Stop."""
+        """Stop at once."""
         self._stop.stop()
         self._take_off()
 
-    def follow(self) -> None:
-        """Stop if anyone requests it, or the coupler is stopped."""
-        now = time.monotonic()
-        if self._receive(now):
-            self._take_off()
+    def follow(self) -> bool:
+        """Process the state of the coupler, too."""
         for stopped in self._node.states(self._coupler):
-            if self._stop.coupler_said(stopped, now):
-                self._take_off()
+            self._stop.coupler_said(stopped, time.monotonic())
+        return super().follow()
 
-    def _serve(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        """Stop, or release unless there is a reason for the stop."""
-        if request.data:
-            self.stop()
-            response.success, response.message = True, "stopped"
-            return response
-        self.follow()  # messages from before the request
-        refusal = self._refusal(time.monotonic())
-        if not refusal:
-            self._released()
-        response.success, response.message = not refusal, refusal or "released"
-        return response
+    def _obey(self) -> None:
+        self._take_off()
+
+    def _release(self, answer: Answer, now: float) -> None:
+        self._released()
+        answer(SetBool.Response(success=True, message="released"))
 
 
 @dataclass(frozen=True)
 class _Release:
     """A release that devices were asked for, and the function that answers who asked for it."""
 
-    answer: Callable[[SetBool.Response], None]
+    answer: Answer
     devices: Answers
     deadline: float
 
@@ -169,39 +188,21 @@ class CouplerStop(NodeStop):
     """
 
     def __init__(self, node: GraphNode, stop: EmergencyStop) -> None:
-        super().__init__(node, stop, COUPLER_STOPPED)
-        self._requests = node.requests(SetBool, EMERGENCY_STOP.name)
+        super().__init__(node, stop, COUPLER_STOPPED, EMERGENCY_STOP.name)
         self._services = Services(node)
         self._services.find(SetBool, DEVICE_SERVICES)
         self._releases: list[_Release] = []
-        self._followed = False
 
     def follow(self) -> bool:
-        """Process reports and requests; return whether the stop has changed."""
+        """Process the answers of devices to a release, too."""
         now = time.monotonic()
-        self._receive(now)
-        requests = list(self._requests.drain())
-        if any(request.data for request, _ in requests):
-            self._stop.stop()
-        new = self._stop.stopped and not self._followed
-        for request, answer in requests:
-            if request.data:
-                answer(SetBool.Response(success=True, message="stopped"))
-            elif new:  # the release was requested before the stop took effect
-                answer(SetBool.Response(success=False, message=AGAIN))
-            else:
-                self._release(answer, now)
         self._releases = [each for each in self._releases if not self._is_answered(each, now)]
-        changed, self._followed = self._followed != self._stop.stopped, self._stop.stopped
-        if changed:
-            self.tell()
-        return changed
+        return super().follow()
 
-    def _release(self, answer: Callable[[SetBool.Response], None], now: float) -> None:
-        """Release the coupler and ask the devices, or answer why not."""
-        if refusal := self._refusal(now):
-            answer(SetBool.Response(success=False, message=refusal))
-            return
+    def _obey(self) -> None:
+        self.tell()
+
+    def _release(self, answer: Answer, now: float) -> None:
         self.tell()  # before the devices are asked, which refuse while the coupler is stopped
         devices = self._services.ask(SetBool, DEVICE_SERVICES, SetBool.Request(data=False))
         self._releases.append(_Release(answer, devices, now + ANSWER_TIME))
@@ -217,7 +218,6 @@ class CouplerStop(NodeStop):
             return False
         if refused:
             self._stop.follow()  # no new stop: a peer that was released stays so
-            self.tell()
         devices = release.devices.asked
         released = f"{' and '.join(devices)} take forces again" if devices else "no device"
         message = "; ".join(refused) or f"released: {released}"

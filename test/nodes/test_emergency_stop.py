@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Emergency stop of the coupler, and requests for its release, without a middleware."""
+"""Emergency stop of coupler and device, and requests for its release, without a middleware."""
 
 from __future__ import annotations
 
@@ -26,26 +26,23 @@ import pytest
 from rclpy.task import Future
 from std_srvs.srv import SetBool
 
+from haptic_accel.core import emergency_stop
 from haptic_accel.core.emergency_stop import SETTLING, EmergencyStop
-from haptic_accel.core.topics import Topic
-from haptic_accel.nodes.emergency_stop import CouplerStop, release
+from haptic_accel.core.topics import MASTER_STOPPED, Topic
+from haptic_accel.nodes.emergency_stop import CouplerStop, DeviceStop, release
 from haptic_accel.nodes.service_client import RequestError
 from service_double import Answer, Graph, accept, refuse
 
 
-class Coupler:
-    """Node of a coupler's stop, whose devices answer at once."""
+class StoppedNode:
+    """Node whose topics and services are lists."""
 
     def __init__(self) -> None:
         self.words: list[bool] = []
+        self.coupler: list[bool] = []
         self.waiting: list[bool] = []
         self.answers: list[bool] = []
         self.told: list[bool] = []
-        self.asked_of_devices: list[bool] = []
-        self.refusing = False
-        self.stop = EmergencyStop(time.monotonic() - SETTLING)
-        node: Any = self
-        self.graph = CouplerStop(node, self.stop)
 
     def resolve_topic_name(self, name: str) -> str:
         return name
@@ -71,6 +68,21 @@ class Coupler:
             take=lambda: ((SetBool.Request(data=each), answer) for each in _taken(self.waiting))
         )
 
+    def states(self, inbox: Any) -> list[bool]:
+        return _taken(self.coupler)
+
+
+class Coupler(StoppedNode):
+    """Node of a coupler's stop, whose devices answer at once."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked_of_devices: list[bool] = []
+        self.refusing = False
+        self.stop = EmergencyStop(time.monotonic() - SETTLING)
+        node: Any = self
+        self.graph = CouplerStop(node, self.stop)
+
     def create_client(self, kind: Any, name: str) -> Any:
         def ask(request: SetBool.Request) -> Future:
             self.asked_of_devices.append(request.data)
@@ -79,6 +91,21 @@ class Coupler:
             return future
 
         return SimpleNamespace(service_is_ready=lambda: True, call_async=ask)
+
+
+class Device(StoppedNode):
+    """Node of a device's stop, and what becomes of its forces."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.done: list[str] = []
+        node: Any = self
+        self.stop = DeviceStop(
+            node,
+            MASTER_STOPPED,
+            lambda: self.done.append("taken off"),
+            lambda: self.done.append("released"),
+        )
 
 
 def _taken(waiting: list[bool]) -> list[bool]:
@@ -92,6 +119,7 @@ def test_a_stop_is_released_once_all_devices_are() -> None:
     assert coupler.graph.follow()
     coupler.waiting = [False]
     assert coupler.graph.follow()
+    assert not coupler.graph.follow()
     assert coupler.answers == [True, True]
     assert coupler.told == [True, False]
     assert coupler.asked_of_devices == [False, False]
@@ -106,6 +134,16 @@ def test_a_release_that_waits_when_a_stop_comes_does_not_undo_it() -> None:
         assert (coupler.told, coupler.asked_of_devices) == ([True], [])
 
 
+def test_a_stop_that_comes_after_a_release_prevents_it_also_where_it_is_not_the_first() -> None:
+    coupler = Coupler()
+    coupler.stop.stop()
+    coupler.graph.follow()
+    coupler.waiting = [False, True]
+    coupler.graph.follow()
+    assert coupler.answers == [False, True]
+    assert coupler.stop.stopped
+
+
 def test_a_release_that_waits_when_a_signal_stops_does_not_undo_it() -> None:
     coupler = Coupler()
     coupler.waiting = [False]
@@ -113,6 +151,52 @@ def test_a_release_that_waits_when_a_signal_stops_does_not_undo_it() -> None:
     assert coupler.graph.follow()
     assert coupler.answers == [False]
     assert (coupler.told, coupler.asked_of_devices) == ([True], [])
+
+
+@pytest.fixture
+def device(monkeypatch: pytest.MonkeyPatch) -> Device:
+    monkeypatch.setattr(emergency_stop, "SETTLING", 0.0)
+    return Device()
+
+
+def test_a_device_answers_once_its_forces_are_off(device: Device) -> None:
+    device.waiting = [True]
+    device.stop.follow()
+    assert (device.answers, device.done) == ([True], ["taken off"])
+    device.waiting = [False]
+    device.stop.follow()
+    assert (device.answers, device.done) == ([True, True], ["taken off", "released"])
+
+
+def test_a_device_takes_its_forces_off_for_each_request_and_once_for_the_coupler(
+    device: Device,
+) -> None:
+    for _ in range(2):
+        device.words = [True, False]
+        device.stop.follow()
+    assert len(device.done) == 2
+    device = Device()
+    for _ in range(2):
+        device.coupler = [True]
+        device.stop.follow()
+    assert len(device.done) == 1
+
+
+@pytest.mark.parametrize("stopped_before", [True, False])
+def test_a_release_that_waits_in_a_device_does_not_undo_a_stop(
+    device: Device, stopped_before: bool
+) -> None:
+    if stopped_before:
+        device.waiting = [True]
+        device.stop.follow()
+        device.answers.clear()
+        device.waiting = [False, True]
+    else:
+        device.waiting = [False]
+        device.stop.stop()
+    device.stop.follow()
+    assert device.answers[0] is False
+    assert set(device.done) == {"taken off"}
 
 
 def test_a_stop_that_is_repeated_before_it_is_followed_is_followed_all_the_same() -> None:
@@ -130,7 +214,8 @@ def test_a_release_that_a_device_refuses_leaves_all_stopped() -> None:
     coupler.graph.follow()
     coupler.refusing = True
     coupler.waiting = [False]
-    coupler.graph.follow()
+    assert coupler.graph.follow()
+    assert coupler.graph.follow()
     assert coupler.answers == [True, False]
     assert coupler.told == [True, False, True]
     assert coupler.stop.stopped
