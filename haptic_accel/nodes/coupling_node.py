@@ -177,8 +177,7 @@ class CouplingNode(GraphNode):
         self._first_force: Inbox | None = None
         if self.parameters.compensated:
             self._first_force = self.inbox(topics.ACTUATOR_FORCE)
-        self._stop = CouplerStop(self, self.engagement.stop)
-        self._arm_stops = {arm: self.inbox(ARM_TOPICS[arm].stopped) for arm in self.forces}
+        self._stop = CouplerStop(self, self.engagement)
         self.create_service(SetBool, "~/engage", self._serve_engage)
 
     @abstractmethod
@@ -274,9 +273,6 @@ class CouplingNode(GraphNode):
 
     def follow_stop(self) -> None:
         """React at once to a change of the emergency stop, whoever requested it."""
-        for arm, inbox in self._arm_stops.items():
-            for stopped in self.states(inbox):
-                self.engagement.arm_stopped(arm, stopped)
         if self._stop.follow():
             self.step()
             self.report()

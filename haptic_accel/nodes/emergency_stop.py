@@ -34,6 +34,7 @@ from haptic_accel.core.topics import COUPLER_STOPPED, DEVICES, EMERGENCY_STOP, S
 from haptic_accel.nodes.service_client import Answers, RequestError, ServiceClient, Services
 
 if TYPE_CHECKING:  # a command that stops must not wait for what a node loads
+    from haptic_accel.core.coupling.engagement import Engagement
     from haptic_accel.nodes.graph_node import GraphNode
 
 DEVICE_SERVICES = tuple(f"{device}/estop" for device in DEVICES)
@@ -175,7 +176,7 @@ class _Release:
 
 
 class CouplerStop(NodeStop):
-    """Emergency stop of the coupler: its state over all nodes, and its release.
+    """Emergency stop of the coupler: its state over all nodes, those of the devices, its release.
 
     The service `estop` stops at once. A release is passed on to the devices, and answered when
     they have: all are released, or none.
@@ -183,18 +184,24 @@ class CouplerStop(NodeStop):
     Parameters
     ----------
     node : GraphNode
-    stop : EmergencyStop
         As for `NodeStop`.
+    engagement : Engagement
+        Engagement of the arms of this host, with the stop.
     """
 
-    def __init__(self, node: GraphNode, stop: EmergencyStop) -> None:
-        super().__init__(node, stop, COUPLER_STOPPED, EMERGENCY_STOP.name)
+    def __init__(self, node: GraphNode, engagement: Engagement) -> None:
+        super().__init__(node, engagement.stop, COUPLER_STOPPED, EMERGENCY_STOP.name)
+        self._engagement = engagement
+        self._arms = {arm: node.inbox(DEVICES[f"{arm}_device"].stopped) for arm in engagement.arms}
         self._services = Services(node)
         self._services.find(SetBool, DEVICE_SERVICES)
         self._releases: list[_Release] = []
 
     def follow(self) -> bool:
-        """Process the answers of devices to a release, too."""
+        """Process the states of devices, and their answers to a release, too."""
+        for arm, inbox in self._arms.items():
+            for stopped in self._node.states(inbox):
+                self._engagement.arm_stopped(arm, stopped)
         now = time.monotonic()
         self._releases = [each for each in self._releases if not self._is_answered(each, now)]
         return super().follow()

@@ -27,7 +27,8 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool
 
 from haptic_accel.core import emergency_stop
-from haptic_accel.core.emergency_stop import SETTLING, EmergencyStop
+from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
+from haptic_accel.core.emergency_stop import SETTLING
 from haptic_accel.core.topics import MASTER_STOPPED, Topic
 from haptic_accel.nodes.emergency_stop import CouplerStop, DeviceStop, release
 from haptic_accel.nodes.service_client import RequestError
@@ -79,9 +80,10 @@ class Coupler(StoppedNode):
         super().__init__()
         self.asked_of_devices: list[bool] = []
         self.refusing = False
-        self.stop = EmergencyStop(time.monotonic() - SETTLING)
+        self.engagement = Engagement(EngagementParameters(), time.monotonic() - SETTLING)
+        self.stop = self.engagement.stop
         node: Any = self
-        self.graph = CouplerStop(node, self.stop)
+        self.graph = CouplerStop(node, self.engagement)
 
     def create_client(self, kind: Any, name: str) -> Any:
         def ask(request: SetBool.Request) -> Future:
