@@ -72,12 +72,11 @@ def estop(signalled: Signalled | None, arguments: StopArguments) -> None:
     # By signals first: ROS takes a while to import, and to join the graph.
     done = signalled or Signalled(stop_senders(own_domain(), arguments.namespace))
     reached = "1 process" if done.processes == 1 else f"{done.processes} processes"
-    quick = f"{reached} signalled after {done.after:.2f} s, "
+    quick = f"{reached} signalled after {done.after:.2f} s, " if done.processes else ""
     from haptic_accel.nodes.emergency_stop import stop_devices
 
     line = _answer(arguments.namespace, stop_devices, PATIENCE)
-    first = quick if done.processes else ""
-    print(f"emergency stop: {line} ({first}confirmed after {age():.2f} s)")
+    print(f"emergency stop: {line} ({quick}confirmed after {age():.2f} s)")
 
 
 def _answer(namespace: str, request: Callable[..., Any], patience: float) -> str:

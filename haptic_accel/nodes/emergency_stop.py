@@ -55,7 +55,6 @@ LEAST_LOOK = 0.5
 AGAIN = "stopped again meanwhile"
 """Reason against a release that came before the effect of a stop."""
 
-
 Act = Callable[[], None]
 Answer = Callable[[SetBool.Response], None]
 
