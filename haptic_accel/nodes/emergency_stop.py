@@ -90,10 +90,10 @@ class NodeStop:
     def follow(self) -> bool:
         """Process messages and requests; return whether the stop has changed."""
         now = time.monotonic()
-        messages = [each for inbox in self._inboxes for each in inbox.take_states()]
+        messages = [each for inbox in self._inboxes for each in inbox.drain_states()]
         for message in messages:
             self._stop.heard(message, now)
-        requests = list(self._requests.take())
+        requests = list(self._requests.drain())
         requested = any(request.data for request, _ in requests)
         if requested:
             self._stop.stop()
