@@ -41,9 +41,9 @@ from haptic_accel.cli.main import run
 from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.output import save
 from haptic_accel.cli.running import run_to_end, stop_on_signal
-from haptic_accel.cli.tables import Row
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE
+from haptic_accel.core.tables import Row
 from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 from haptic_accel.graph.processes import SCOPE, graph
 from haptic_accel.graph.supervisor import Supervisor

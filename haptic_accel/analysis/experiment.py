@@ -25,10 +25,9 @@ from typing import Any
 
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import MILLI, AnalysedTrial
-from haptic_accel.analysis.page import Beside
-from haptic_accel.analysis.plots import number
 from haptic_accel.bags.delivery import Delivery
 from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.tables import ResultTable, number
 from haptic_accel.core.topics import ANALYSED
 from haptic_accel.core.trial import Trial
 from haptic_accel.graph.arguments import GraphArguments
@@ -129,7 +128,7 @@ def experiment_notes(rig: str, *, lockstep: bool, network: bool) -> list[str]:
     ]
 
 
-def beside_lockstep(analysis: Analysis, expected: Mapping[Path, float]) -> Beside | None:
+def beside_lockstep(analysis: Analysis, expected: Mapping[Path, float]) -> ResultTable | None:
     """Return the errors of each controller and surface live and, in brackets, in lockstep."""
     cells: dict[str, dict[str, str]] = {}
     for trial in analysis.trials:
@@ -139,7 +138,7 @@ def beside_lockstep(analysis: Analysis, expected: Mapping[Path, float]) -> Besid
             cells.setdefault(trial.controller, {})[trial.surface] = cell
     surfaces = list(dict.fromkeys(surface for row in cells.values() for surface in row))
     rows = [(name, *(row.get(each, "") for each in surfaces)) for name, row in cells.items()]
-    return Beside(LOCKSTEP_TITLE, ("controller", *surfaces), rows) if rows else None
+    return ResultTable(("controller", *surfaces), rows, LOCKSTEP_TITLE) if rows else None
 
 
 def trial_metrics(trial: AnalysedTrial, seed: int, lockstep: bool) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from statistics import fmean
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from scipy import signal
@@ -33,14 +33,12 @@ from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import FloatArray, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import crossfaded
+from haptic_accel.core.tables import ResultTable, Row
 from haptic_accel.core.trial import DEFAULT_RATE, GripChange, Trial
 from haptic_accel.graph.arguments import RECORDING, SURFACES, GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 from haptic_accel.materials.recordings import read_recording
-
-Row: TypeAlias = dict[str, Any]
-"""Results of one trial, or of a condition's trials, by name."""
 
 DURATION = 8.0
 """Duration of a trial with one grip, s."""
@@ -404,6 +402,45 @@ def summary(rows: Sequence[Row]) -> list[Row]:
         }
         for (condition, controller), found in groups.items()
     ]
+
+
+BOUNDS = {"limited_bound": "limited bound", "bound": "bound"}
+"""Headings of the bounds by name."""
+
+
+def table(lines: Sequence[Row]) -> ResultTable:
+    """Return a summary as a table: conditions by controllers."""
+    rows: dict[str, dict[str, Row]] = {}
+    for line in lines:
+        rows.setdefault(line["condition"], {})[line["controller"]] = line
+    controllers = [name for name in CONTROLLERS if any(name in own for own in rows.values())]
+    cells = [
+        (
+            condition,
+            *(_cell(own[name]) if name in own else "" for name in controllers),
+            *(
+                f"{fmean(one[f'mean_{bound}_percent'] for one in own.values()):.1f}"
+                for bound in BOUNDS
+            ),
+        )
+        for condition, own in rows.items()
+    ]
+    title = "error of the handle after the delay granted, %: mean (worst) over inputs and grips"
+    return ResultTable(("condition", *controllers, *BOUNDS.values()), cells, title)
+
+
+def _cell(line: Row) -> str:
+    return f"{line['mean_percent']:.1f} ({line['worst_percent']:.1f})"
+
+
+def progress(row: Row) -> str:
+    """Return a trial's error and bounds for a reader, and the first warning."""
+    told = "".join(f"; {time:.2f} s: {words}" for time, words in row["warnings"][:1])
+    return (
+        f"{row['condition']}: {row['input']}, {row['grip']}, {row['controller']}:"
+        f" {row['nrmse_percent']:.1f} % after {row['delay_ms']:g} ms granted (limited bound"
+        f" {row['limited_bound_percent']:.1f}, bound {row['bound_percent']:.1f}){told}"
+    )
 
 
 def _key(row: Row) -> tuple[str, str, str]:

@@ -28,13 +28,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from haptic_accel.analysis.identification_plots import coherence_plot, model_plot, sweep_plot
-from haptic_accel.analysis.plots import DASH, number
 from haptic_accel.core.handle.discrete import DiscreteModel
 from haptic_accel.core.identification.evaluation import UNEXPLAINED, Identification
 from haptic_accel.core.identification.fit import HandleFit
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import own_schema
+from haptic_accel.core.tables import DASH, ResultTable, number
 from haptic_accel.pages import write
 
 PARAMETER_FILE = "handle.yaml"
@@ -207,6 +207,20 @@ def parameter_rows(found: Identification, truth: HandleParameters | None) -> lis
             label = name if name in of_handle else name.replace("_", " ")
             rows.append(Row(label, text, unit, _number(getattr(truth, name, None)), cells))
     return rows
+
+
+def parameter_table(found: Identification, truth: HandleParameters | None) -> ResultTable:
+    """Return the parameters as a table for a terminal."""
+    left = ("name", "unit", "true") if truth else ("name", "unit")
+    rows = []
+    for row in parameter_rows(found, truth):
+        cells = [
+            f"{value} ± {error}" if error[0].isdigit() else f"{value} {error}"
+            for value, error in row.cells
+        ]
+        rows.append([*(getattr(row, name) for name in left), *cells])
+    headings = ("", *left[1:], *(name for name, _ in fits_by_column(found)))
+    return ResultTable(headings, rows, "the handle, with standard errors", left=len(left))
 
 
 def _cell(value: float, error: float | None, factor: float) -> tuple[str, str]:

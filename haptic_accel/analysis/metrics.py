@@ -41,6 +41,7 @@ from haptic_accel.core.evaluation.metrics import evaluate
 from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
 from haptic_accel.core.model import AccelerometerParameters, FloatArray
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.tables import Column
 
 PERCENT = 100.0
 """Percent for a ratio of 1."""
@@ -65,49 +66,30 @@ MOST_SHIFT = 100.0
 """Maximum permitted shift, ms."""
 
 
-@dataclass(frozen=True)
-class Metric:
-    """Label and format of one metric.
-
-    Attributes
-    ----------
-    label, unit : str
-        Text for readers.
-    digits : int
-        Number of decimals.
-    """
-
-    label: str
-    unit: str
-    digits: int
-
-    @property
-    def heading(self) -> str:
-        """Label and unit, as the heading of a column."""
-        return f"{self.label} ({self.unit})" if self.unit else self.label
-
-
-METRICS: Mapping[str, Metric] = {
-    "nrmse_percent": Metric("NRMSE", "%", 1),
-    "bound_percent": Metric("bound", "%", 1),
-    "limited_bound_percent": Metric("limited bound", "%", 1),
-    "slope_desired_on_actual": Metric("slope, desired on actual", "", 2),
-    "slope_actual_on_desired": Metric("slope, actual on desired", "", 2),
-    "r2": Metric("R²", "", 2),
-    "delay_ms": Metric("delay", "ms", 3),
-    "delay_correlation": Metric("correlation at it", "", 2),
-    "shift_ms": Metric("shift", "ms", 3),
-    "st_sim": Metric("ST-SIM", "", 3),
-    "force_rms_N": Metric("force RMS", "N", 2),
-    "force_peak_N": Metric("force peak", "N", 2),
-    "travel_mm": Metric("travel used", "mm", 2),
-    "deadlines_missed_percent": Metric("deadlines missed", "%", 2),
-    "late_time_percent": Metric("time with a late force", "%", 2),
-    "late_longest_ms": Metric("latest force", "ms", 2),
-    "age_p50_us": Metric("age p50", "µs", 0),
-    "age_p99_us": Metric("age p99", "µs", 0),
-    "age_max_us": Metric("age max", "µs", 0),
-    "lost": Metric("lost", "", 0),
+METRICS: Mapping[str, Column] = {
+    column.key: column
+    for column in (
+        Column("nrmse_percent", "NRMSE", "%", 1),
+        Column("bound_percent", "bound", "%", 1),
+        Column("limited_bound_percent", "limited bound", "%", 1),
+        Column("slope_desired_on_actual", "slope, desired on actual", "", 2),
+        Column("slope_actual_on_desired", "slope, actual on desired", "", 2),
+        Column("r2", "R²", "", 2),
+        Column("delay_ms", "delay", "ms", 3),
+        Column("delay_correlation", "correlation at it", "", 2),
+        Column("shift_ms", "shift", "ms", 3),
+        Column("st_sim", "ST-SIM", "", 3),
+        Column("force_rms_N", "force RMS", "N", 2),
+        Column("force_peak_N", "force peak", "N", 2),
+        Column("travel_mm", "travel used", "mm", 2),
+        Column("deadlines_missed_percent", "deadlines missed", "%", 2),
+        Column("late_time_percent", "time with a late force", "%", 2),
+        Column("late_longest_ms", "latest force", "ms", 2),
+        Column("age_p50_us", "age p50", "µs", 0),
+        Column("age_p99_us", "age p99", "µs", 0),
+        Column("age_max_us", "age max", "µs", 0),
+        Column("lost", "lost", "", 0),
+    )
 }
 """Metrics by name with unit, as used for columns of tables and files."""
 

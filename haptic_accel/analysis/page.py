@@ -31,13 +31,14 @@ from haptic_accel.analysis import frames
 from haptic_accel.analysis.comparison import Comparison
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import METRICS, MILLI, PERCENT, AnalysedTrial
-from haptic_accel.analysis.plots import Portrait, number
+from haptic_accel.analysis.plots import Portrait
 from haptic_accel.analysis.provenance import provenance
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.traces import EXCERPT, Trace, sampled
 from haptic_accel.core.evaluation.metrics import REGRESSION
 from haptic_accel.core.evaluation.statistics import CONFIDENCE
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.tables import ResultTable, number
 from haptic_accel.pages import asset, write
 
 POINTS = 100_000
@@ -66,15 +67,6 @@ _UNITS = {"travel": MILLI}  # of signals over time, if not SI
 
 
 @dataclass(frozen=True)
-class Beside:
-    """Additional table of errors for the page and a terminal: caption, headings and rows."""
-
-    caption: str
-    headings: Sequence[str]
-    rows: Sequence[Sequence[str]]
-
-
-@dataclass(frozen=True)
 class Setting:
     """Text of a page in addition to the metrics.
 
@@ -88,7 +80,7 @@ class Setting:
         Arguments of the run, shown as a table.
     pictures : mapping of str to str
         Captions of picture files beside the page, by file name.
-    beside : Beside, optional
+    beside : ResultTable, optional
         Errors of the same trials from another run.
     """
 
@@ -96,7 +88,7 @@ class Setting:
     notes: Sequence[str] = ()
     settings: Mapping[str, str] = field(default_factory=dict)
     pictures: Mapping[str, str] = field(default_factory=dict)
-    beside: Beside | None = None
+    beside: ResultTable | None = None
 
 
 def write_page(

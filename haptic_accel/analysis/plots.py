@@ -40,6 +40,7 @@ from haptic_accel.core.evaluation.delay import ALIKE
 from haptic_accel.core.evaluation.metrics import Evaluation, Spectra, spectra
 from haptic_accel.core.evaluation.statistics import Interval
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.tables import DASH, number
 
 LOWEST_FREQUENCY = 10.0
 """Lower end of the spectra, Hz: the 15 Hz high-pass leaves little below it."""
@@ -50,9 +51,6 @@ MOST_POINTS = 4000
 LEAST_R2 = ALIKE**2
 """Minimum R^2 for drawing a regression line, equal to the minimum correlation for a delay. Below
 it the samples have almost nothing in common."""
-
-DASH = "\N{EN DASH}"
-"""Text for an undefined number."""
 
 DPI = 300
 """Resolution of PNG plots, pixels per inch, as required for printed papers."""
@@ -181,14 +179,6 @@ Portraits = Mapping[tuple[str, str], Portrait]
 
 
 # Numbers and names
-
-
-def number(value: float | None, decimals: int = 2, unit: str = "") -> str:
-    """Return a number as text, or a dash if it is undefined."""
-    if value is None or not math.isfinite(value):
-        return DASH
-    rounded = round(value, decimals) + 0.0  # no minus sign before zero
-    return f"{rounded:.{decimals}f}{unit}".replace("-", "\N{MINUS SIGN}")
 
 
 def percent(value: float | None) -> str:

@@ -13,23 +13,32 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Summary of the analysis of bags, in sentences."""
+"""Summary of the analysis of bags, in sentences and tables."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
 from haptic_accel.analysis.comparison import Comparison
-from haptic_accel.analysis.frames import Cell, groups, rank, table_two, trials
+from haptic_accel.analysis.frames import (
+    PAPER_REGRESSION,
+    PAPER_SURFACES,
+    Cell,
+    groups,
+    rank,
+    table_two,
+    trials,
+)
 from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.metrics import BEYOND_STOPS, CONTACT, MILLI
-from haptic_accel.analysis.plots import number, percent
+from haptic_accel.analysis.metrics import BEYOND_STOPS, CONTACT, METRICS, MILLI
+from haptic_accel.analysis.plots import percent
 from haptic_accel.analysis.segments import Segment
 from haptic_accel.core.control.supervision import DEVIATES
 from haptic_accel.core.due_forces import IN_TIME
+from haptic_accel.core.tables import ResultTable, number
 
 
 def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[str]:
@@ -241,3 +250,67 @@ def difference(comparison: Comparison) -> str:
         ends = f"{number(found.mean.low, 1)} to {number(found.mean.high, 1)}"
         words += f" (95 % interval of the difference: {ends})"
     return f"{words}: {found.verdict}."
+
+
+SHOWN = (
+    "slope_desired_on_actual",
+    "slope_actual_on_desired",
+    "r2",
+    "delay_ms",
+    "st_sim",
+    "force_rms_N",
+    "travel_mm",
+    "deadlines_missed_percent",
+    "late_time_percent",
+)
+"""Metrics of the second table, by controller over all its trials."""
+
+
+def tables(analysis: Analysis) -> Iterator[ResultTable]:
+    """Yield Table II, and the means of further metrics; nothing without trials in contact."""
+    table = table_two(groups(analysis))
+    if not table.rows:
+        return
+    errors = [
+        (controller, str(table.counts[controller]), *map(_cell, cells))
+        for controller, cells in table.rows.items()
+    ]
+    bounds = [
+        (name, "", *(number(value, 1) for value in values))
+        for name, values in table.bounds.items()
+    ]
+    yield ResultTable(
+        ("controller", "trials", *table.columns),
+        errors + bounds,
+        "Table II: error (NRMSE) of the handle's acceleration, shifted back by"
+        f" {analysis.shifted_by}, % (paper's in brackets)",
+        f"± half of the 95 % interval ({table.methods})",
+    )
+    yield ResultTable(
+        ("", *table.rows),
+        list(_means(trials(analysis), list(table.rows))),
+        "regression over all surfaces, and other metrics: means (paper's in brackets)",
+    )
+
+
+def _cell(cell: Cell) -> str:
+    """Return an error, half its interval's width, and the paper's value behind it."""
+    shown = number(cell.value, 1)
+    if cell.low == cell.low:
+        shown += f" ± {number((cell.high - cell.low) / 2, 1)}"
+    return shown if cell.paper is None else f"{shown} ({cell.paper:.1f})"
+
+
+def _means(frame: pd.DataFrame, controllers: Sequence[str]) -> Iterator[list[str]]:
+    """Yield a row for each metric: its heading, and its mean under each controller."""
+    frame = frame[frame.contact]
+    # The paper's averages are over its own surfaces.
+    paper = PAPER_REGRESSION if set(frame.surface) == PAPER_SURFACES else {}
+    means = frame.groupby("controller")[list(SHOWN)].mean()
+    for name in SHOWN:
+        published = paper.get(name, {})
+        yield [METRICS[name].heading] + [
+            METRICS[name].text(means[name][controller])
+            + (f" ({published[controller]:.2f})" if controller in published else "")
+            for controller in controllers
+        ]

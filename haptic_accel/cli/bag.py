@@ -36,6 +36,7 @@ from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.tables import ResultTable
 
 REPAIR = "haptic-accel bag repair makes it whole"
 
@@ -62,7 +63,7 @@ def info(path: Path, json_file: Path | None) -> None:
     for topic in metadata.topics:
         rate = f"{topic.messages / seconds:.1f}" if seconds else ""
         rows.append((topic.name, topic.type, str(topic.messages), rate))
-    print_table(("topic", "type", "messages", "per s"), rows, left=2)
+    print_table(ResultTable(("topic", "type", "messages", "per s"), rows, left=2))
     for problem in problems:
         print(f"{problem}: {REPAIR}")
     metrics = {

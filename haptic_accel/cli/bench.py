@@ -17,30 +17,35 @@
 
 from __future__ import annotations
 
-import math
 import tempfile
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from statistics import fmean
-from typing import Any
 
 import click
 import psutil
-from matplotlib.figure import Figure
 
-from haptic_accel.bags.delivery import LABELS, Delivery, durations, read_delivery
+from haptic_accel.analysis.latency import (
+    RATES,
+    draw,
+    latency_table,
+    merged,
+    pair_metrics,
+    rate_held,
+)
+from haptic_accel.bags.delivery import read_delivery
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, json_option, listed_numbers, verb, words
 from haptic_accel.cli.output import save
 from haptic_accel.cli.running import ENGAGED, run_to_end, stop_on_signal
-from haptic_accel.cli.tables import Column, Row, print_results, print_table
-from haptic_accel.core.due_forces import IN_TIME, MISSED_SHARE
+from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import INTERRUPTED
+from haptic_accel.core.tables import ResultTable, Row
 from haptic_accel.graph.arguments import GraphArguments, check_both_arms, parse_arguments
 from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
 from haptic_accel.graph.processes import arrangement, graph
@@ -141,7 +146,7 @@ def latency(
     if rates:
         metrics = _compared(words, rates, pairs, seconds)
         if plot:
-            _draw(metrics["rows"]).savefig(plot, dpi=120)
+            draw(metrics["rows"]).savefig(plot, dpi=120)
         save(metrics, json_file)
         if not metrics["rows"]:
             raise StoppedError
@@ -161,7 +166,7 @@ def latency(
         **{"rate_hz": rate, "seconds": seconds, "pairs": pairs, "composed": arguments.composed},
         **merged(runs, fmean),
     }
-    _print_latency(metrics)
+    print_table(latency_table(metrics))
     save(metrics, json_file)
 
 
@@ -198,9 +203,9 @@ def _compared(words: Sequence[str], rates: Sequence[float], pairs: int, seconds:
                 continue
             metrics["empty_loop"] = _empty_loop(rate, seconds)
             rows.append({"rate_hz": rate, "pairs": pairs, **metrics})
-    held = max((r["rate_hz"] for r in rows if missed_share(r) < MISSED_SHARE), default=None)
+    held = rate_held(rows)
     title = f"highest rate held: {f'{held:g} Hz' if held else 'none'}"
-    print_results(RATES, rows, left=0, title=title)
+    print_table(ResultTable.of(RATES, rows, left=0, title=title))
     for rate in not_run:
         print(f"could not be run: {pairs} x {rate:g} Hz")
     return {"seconds": seconds, "rate_held_hz": held, "rows": rows, "not_run": not_run}
@@ -228,145 +233,13 @@ def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool]) -> 
         supervisor = Supervisor(graph(replace(arguments, bag=str(bag))), environment=environment)
         supervisor.on_line = lambda _, line: usage.watch(supervisor, line)
         run_to_end(supervisor, stop)
-        return _pair_metrics(read_delivery(bag, arguments.rate))
+        return pair_metrics(read_delivery(bag, arguments.rate))
 
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(pairs) as pool:
         metrics = merged(list(pool.map(run_pair, range(pairs))), max)
     if not usage.cpu_cores:
         raise StoppedError("the graphs never ran at the same time: use more --seconds")
     return {**metrics, "cpu_cores": usage.cpu_cores, "peak_mb": usage.peak_mb}
-
-
-def _pair_metrics(delivery: Delivery) -> Row:
-    """Return one graph's metrics."""
-    nodes = delivery.nodes
-    devices = ("master_device", "slave_device")
-    return {
-        "deadlines": delivery.deadlines,
-        "age_us": delivery.age_us,
-        "period_error_us": {name: durations(nodes[name], "tick lateness") for name in devices},
-        "late": {name: int(nodes[name]["late ticks"]) for name in devices},
-        "lost": delivery.lost,
-        "missed": delivery.missed,
-        "ticks": {name: int(nodes[name]["ticks"]) for name in devices},
-        "dropped_by_recorder": int(nodes["recorder"]["dropped"]),
-    }
-
-
-COUNTS = {
-    *("due", "missed", "past_tick", "late_s", "of", "late", "lost", "ticks"),
-    "dropped_by_recorder",
-}
-"""Metrics that are added, whatever joins the others."""
-
-MAXIMA = {"max", "longest_us"}
-"""Metrics of which the largest counts."""
-
-
-def merged(values: Sequence[Any], join: Callable[[Iterable[Any]], Any], name: str = "") -> Any:
-    """Join numbers, or dictionaries of numbers key by key.
-
-    Parameters
-    ----------
-    values : sequence
-    join : callable
-        Joins numbers other than counts, which are added, and maxima, which stay the largest.
-    name : str
-        Key of the values.
-    """
-    if name in COUNTS:
-        join = sum
-    if not isinstance(values[0], Mapping):
-        return max(values) if name in MAXIMA else join(values)
-    keys = dict.fromkeys(key for value in values for key in value)
-    return {
-        key: merged([value[key] for value in values if key in value], join, key) for key in keys
-    }
-
-
-def missed_share(metrics: Row) -> float:
-    """Return the share of missed deadlines of the kind of command that missed most."""
-    return max(
-        (counts["missed"] / counts["due"] for counts in metrics["deadlines"].values()),
-        default=math.nan,
-    )
-
-
-def _print_latency(metrics: Row) -> None:
-    rows = {
-        "age of the force where it is applied, us": metrics["age_us"],
-        "master_device: lateness of its ticks, us": metrics["period_error_us"]["master_device"],
-        "slave_device: lateness of its ticks, us": metrics["period_error_us"]["slave_device"],
-        "empty loop: lateness of its ticks, us": metrics["empty_loop"]["lateness_us"],
-    }
-    deadlines = metrics["deadlines"] | _empty(metrics)["deadlines"]
-    missed = "; ".join(_missed(name, counts) for name, counts in deadlines.items())
-    shares = ", ".join(f"{name} {share:.2f}" for name, share in metrics["cpu_cores"].items())
-    memory = ", ".join(f"{name} {size:.0f}" for name, size in metrics["peak_mb"].items())
-    cells = [
-        (name, *(f"{ages[label]:.0f}" if label in ages else "-" for label in LABELS))
-        for name, ages in rows.items()
-    ]
-    print_table(
-        ("", *LABELS),
-        cells,
-        title=f"{metrics['pairs']} x {metrics['rate_hz']:g} Hz, {metrics['seconds']:g} s each",
-        caption=f"forces in effect more than {IN_TIME:g} periods after their due time: {missed}\n"
-        f"cores: {shares}\n"
-        f"memory, MiB: {memory}\n"
-        f"samples not taken: {sum(metrics['missed'].values())}; "
-        f"messages lost: {sum(metrics['lost'].values())}, "
-        f"dropped by the recorder: {metrics['dropped_by_recorder']}",
-        caption_justify="left",
-    )
-
-
-def _empty(metrics: Row) -> Row:
-    """Return the ticks of the empty loop as deadlines of a graph."""
-    loop = metrics["empty_loop"]
-    longest = loop["lateness_us"]["max"]
-    counts = {"due": loop["of"], "missed": loop["missed"], "longest_us": longest}
-    return {"deadlines": {"empty loop": counts}}
-
-
-def _missed(name: str, counts: Mapping[str, float]) -> str:
-    longest = f"{counts['longest_us'] * 1e-3:.1f} ms"
-    return f"{name} {counts['missed']} of {counts['due']}, the latest by {longest}"
-
-
-def _latest(deadlines: Mapping[str, Row]) -> float | None:
-    """Return by how much the latest force missed its deadline, ms."""
-    return max((1e-3 * counts["longest_us"] for counts in deadlines.values()), default=None)
-
-
-RATES = (
-    Column("rate, Hz", "rate_hz", "g"),
-    Column("age p50, us", lambda row: row["age_us"].get("p50"), ".0f"),
-    Column("p99, us", lambda row: row["age_us"].get("p99"), ".0f"),
-    Column("cores", lambda row: row["cpu_cores"]["total"], ".2f"),
-    Column("deadlines missed, %", lambda row: 100 * missed_share(row), ".2f"),
-    Column("latest, ms", lambda row: _latest(row["deadlines"]), ".1f"),
-    Column("empty loop, %", lambda row: 100 * missed_share(_empty(row)), ".2f"),
-    Column("samples lost", lambda row: sum((*row["lost"].values(), *row["missed"].values()))),
-)
-"""Columns of the comparison of rates."""
-
-
-def _draw(rows: Sequence[Row]) -> Figure:
-    """Draw age and CPU against rate."""
-    figure = Figure(figsize=(6, 7), layout="constrained")
-    ages, cores = figure.subplots(2, sharex=True)
-    rates = [row["rate_hz"] for row in rows]
-    for quantile in ("p50", "p99"):
-        found = [row["age_us"].get(quantile, math.nan) for row in rows]
-        ages.plot(rates, found, "o-", label=quantile)
-    ages.set(ylabel="age of the force (us)", yscale="log")
-    ages.legend()
-    ages.grid(alpha=0.3)
-    cores.plot(rates, [row["cpu_cores"]["total"] for row in rows], "o-")
-    cores.set(xlabel="rate (Hz)", ylabel="CPU of all nodes (cores)")
-    cores.grid(alpha=0.3)
-    return figure
 
 
 def _arguments(words: Sequence[str], rate: float, seconds: float) -> GraphArguments:

@@ -36,6 +36,7 @@ from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.control.inversion.spectrum import ToolSpectrum, measured_spectrum
 from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.tables import Column, ResultTable
 from haptic_accel.graph.arguments import RECORDING, GraphArguments, parse_arguments
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters
@@ -47,6 +48,13 @@ SHOWN = (10.0, 15.0, 20.0, 30.0, 50.0, 80.0, 120.0, 200.0, 300.0, 400.0)
 
 DESIGNED = ("inverse", "feedback", "adaptive")
 """Controllers that are designed for a plant."""
+
+RESPONSE = (
+    Column("frequency_hz", "frequency", "Hz"),
+    Column("gain", "gain", digits=3),
+    Column("phase_deg", "phase", "degrees", 1),
+)
+"""Columns of the table of the response."""
 
 DRAWN = 10.0
 """Length of the texture that is drawn for the limits of travel and force, s: a trial's."""
@@ -103,12 +111,12 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
     frequencies = [frequency for frequency in SHOWN if frequency < found.frequency[-1]]
     nearest = [int(np.argmin(np.abs(found.frequency - frequency))) for frequency in frequencies]
     gains, phases = found.gain[nearest].tolist(), np.degrees(found.phase[nearest]).tolist()
-    rows = [
-        (f"{frequency:g}", f"{gain:.3f}", f"{phase:+.1f}")
-        for frequency, gain, phase in zip(frequencies, gains, phases, strict=True)
+    points = [
+        dict(zip((each.key for each in RESPONSE), point, strict=True))
+        for point in zip(frequencies, gains, phases, strict=True)
     ]
     title = f"handle over desired acceleration, after the granted delay of {granted} samples"
-    print_table(("frequency (Hz)", "gain", "phase (degrees)"), rows, left=0, title=title)
+    print_table(ResultTable.of(RESPONSE, points, title=title, left=0))
     print(
         f"error {found.nrmse_percent:.1f} % after {1e3 * granted / loop.rate:g} ms granted (no"
         f" causal linear filter below {bound:.1f} %, none within limits below {limited:.1f} %),"
@@ -127,9 +135,7 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         "force_rms_n": found.force_rms,
         "travel_rms_mm": 1e3 * found.travel_rms,
         "landing_travel_mm": 1e3 * found.landing_travel,
-        "frequency_hz": frequencies,
-        "gain": gains,
-        "phase_deg": phases,
+        **{each.key: [each.of(point) for point in points] for each in RESPONSE},
     }
     if isinstance(parameters, FeedbackParameters):
         summary = parameters.design(loop).summary()

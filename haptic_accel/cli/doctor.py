@@ -40,6 +40,7 @@ from haptic_accel.cli.options import json_option, verb
 from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.due_forces import IN_TIME, MISSED_SHARE
+from haptic_accel.core.tables import ResultTable
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
 from haptic_accel.graph.stop_signal import DOMAIN
@@ -393,4 +394,4 @@ def _print(findings: Sequence[Finding]) -> None:
         level = Text(finding.level, style=colour)
         rows.append((level, finding.name, Text.from_markup(text)))
     headings = ("", "check", "finding, meaning and fix")
-    print_table(headings, rows, left=3, title="Real time on this machine")
+    print_table(ResultTable(headings, rows, "Real time on this machine", left=3))

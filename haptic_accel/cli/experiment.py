@@ -40,7 +40,6 @@ from haptic_accel.analysis.experiment import (
 from haptic_accel.analysis.loading import analyse
 from haptic_accel.analysis.metrics import MILLI
 from haptic_accel.analysis.page import Setting
-from haptic_accel.analysis.plots import number
 from haptic_accel.analysis.writing import signal_table, write_analysis
 from haptic_accel.bags.folder import free_name
 from haptic_accel.cli import options
@@ -54,6 +53,7 @@ from haptic_accel.cli.workers import Stop, Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.tables import number
 from haptic_accel.graph.arguments import (
     POINTER,
     SIMULATED,
@@ -338,7 +338,7 @@ def _report(
     }
     save(content, json_file)
     if beside:
-        print_table(beside.headings, beside.rows, title=beside.caption)
+        print_table(beside)
     print_analysis(analysis, None, *warnings, f"report: {page}")
     return {trial.segment.bag for trial in analysis.trials} == set(done)
 

@@ -19,18 +19,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from statistics import fmean
 
 import click
 
 from haptic_accel.analysis.fidelity import (
     CONDITIONS,
     DEFAULT_CONDITIONS,
-    Row,
     Wanted,
     inputs,
+    progress,
     run_case,
     summary,
+    table,
     with_controllers,
 )
 from haptic_accel.cli.options import (
@@ -48,9 +48,6 @@ from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.node_parameters import HIGHEST_RATE
 from haptic_accel.graph.processes import graph
-
-BOUNDS = {"limited_bound": "limited bound", "bound": "bound"}
-"""Headings of the bounds by name."""
 
 
 @verb(
@@ -112,45 +109,10 @@ def fidelity(
     cases = [case for trial in trials for case in with_controllers(trial, controllers)]
     for case in trials:
         graph(case.arguments)  # so that a wrong file is named before all trials
-    found, end = run_side_by_side(workers, run_case, cases, "trials", _line, beside(json_file))
+    found, end = run_side_by_side(workers, run_case, cases, "trials", progress, beside(json_file))
     if rows := [*found.values()]:
         means = summary(rows)
-        _print(means)
+        print_table(table(means))
         save({"rows": rows, "summary": means}, json_file)
     if end:
         raise end
-
-
-def _line(row: Row) -> str:
-    """Return a trial's error and bounds for a reader, and the first warning."""
-    told = "".join(f"; {time:.2f} s: {words}" for time, words in row["warnings"][:1])
-    return (
-        f"{row['condition']}: {row['input']}, {row['grip']}, {row['controller']}:"
-        f" {row['nrmse_percent']:.1f} % after {row['delay_ms']:g} ms granted (limited bound"
-        f" {row['limited_bound_percent']:.1f}, bound {row['bound_percent']:.1f}){told}"
-    )
-
-
-def _print(lines: Sequence[Row]) -> None:
-    rows: dict[str, dict[str, Row]] = {}
-    for line in lines:
-        rows.setdefault(line["condition"], {})[line["controller"]] = line
-    found = {line["controller"] for line in lines}
-    controllers = [name for name in CONTROLLERS if name in found]
-    cells = [
-        (
-            condition,
-            *(_cell(own[name]) if name in own else "" for name in controllers),
-            *(
-                f"{fmean(one[f'mean_{bound}_percent'] for one in own.values()):.1f}"
-                for bound in BOUNDS
-            ),
-        )
-        for condition, own in rows.items()
-    ]
-    title = "error of the handle after the delay granted, %: mean (worst) over inputs and grips"
-    print_table(("condition", *controllers, *BOUNDS.values()), cells, title=title)
-
-
-def _cell(line: Row) -> str:
-    return f"{line['mean_percent']:.1f} ({line['worst_percent']:.1f})"

@@ -207,7 +207,7 @@ def identify(
         notes=notes,
     )
     save(identification_metrics(found, errors, band, latency), json_file)
-    _print(found, truth)
+    print_table(report.parameter_table(found, truth))
     for name, error in errors.items():
         print(
             f"{name} model against the true response, {band[0]:g} to {band[1]:g} Hz: at most"
@@ -349,16 +349,3 @@ def _notes(found: Identification) -> Iterator[str]:
             "models of all grips pooled are a compromise between them, the discrete model most of"
             " all; for the best model of one grip, identify that grip alone"
         )
-
-
-def _print(found: Identification, truth: HandleParameters | None) -> None:
-    left = ("name", "unit", "true") if truth else ("name", "unit")
-    rows = []
-    for row in report.parameter_rows(found, truth):
-        cells = [
-            f"{value} ± {error}" if error[0].isdigit() else f"{value} {error}"
-            for value, error in row.cells
-        ]
-        rows.append([*(getattr(row, name) for name in left), *cells])
-    headings = ("", *left[1:], *(name for name, _ in report.fits_by_column(found)))
-    print_table(headings, rows, left=len(left), title="the handle, with standard errors")

@@ -32,10 +32,11 @@ from haptic_accel.cli import options
 from haptic_accel.cli.output import make_folder, save
 from haptic_accel.cli.running import run_shown
 from haptic_accel.cli.studies import beside, run_side_by_side
-from haptic_accel.cli.tables import Column, Row, print_results
+from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.tables import Column, ResultTable, Row
 from haptic_accel.core.topics import PLAYED, SLAVE, SLAVE_SIGNALS
 from haptic_accel.core.track import Track, played_at
 from haptic_accel.core.trial import Trial
@@ -51,14 +52,14 @@ from haptic_accel.graph.processes import graph
 from haptic_accel.graph.replay import Replay, ReplayArguments, described_replay, replay_arguments
 
 COLUMNS = (
-    Column("bag", lambda row: Path(row["bag"]).name),
+    Column("bag", "bag", value=lambda row: Path(row["bag"]).name),
     Column("surface", "surface"),
     Column("controller", "controller"),
-    Column("after\nsamples", "after_samples"),
-    Column("NRMSE\n%", "nrmse_percent", ".2f"),
-    Column("slope\na on d", "slope_actual_on_desired", ".3f"),
-    Column("slope\nd on a", "slope_desired_on_actual", ".3f"),
-    Column("R²", "r2", ".3f"),
+    Column("after_samples", "after\nsamples"),
+    Column("nrmse_percent", "NRMSE\n%", digits=2),
+    Column("slope_actual_on_desired", "slope\na on d", digits=3),
+    Column("slope_desired_on_actual", "slope\nd on a", digits=3),
+    Column("r2", "R²", digits=3),
 )
 """Columns of the table; the slopes are of actual on desired, and the reverse."""
 
@@ -158,7 +159,7 @@ def _play(
     journal = None if out else beside(json_file)
     found, end = run_side_by_side(workers, _played, conditions, "conditions", _line, journal)
     done = [*found.values()]
-    print_results(COLUMNS, done, left=3, title="Replayed in lockstep", show_edge=False)
+    print_table(ResultTable.of(COLUMNS, done, left=3, title="Replayed in lockstep"))
     for bag, lost in {row["bag"]: row["lost"] for row in done}.items():
         if lost:
             print(f"{bag}: {lost} samples are missing and hold the one before")

@@ -20,31 +20,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import pandas as pd
 from rich.console import Console
 
 from haptic_accel.analysis import frames
 from haptic_accel.analysis.comparison import Comparison
 from haptic_accel.analysis.divergence import Divergence, find_divergence
 from haptic_accel.analysis.loading import Analysis, Spread
-from haptic_accel.analysis.metrics import METRICS, AnalysedTrial
-from haptic_accel.analysis.plots import number
-from haptic_accel.analysis.summary import summary
+from haptic_accel.analysis.metrics import AnalysedTrial
+from haptic_accel.analysis.summary import summary, tables
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError, printable
-
-SHOWN = (
-    "slope_desired_on_actual",
-    "slope_actual_on_desired",
-    "r2",
-    "delay_ms",
-    "st_sim",
-    "force_rms_N",
-    "travel_mm",
-    "deadlines_missed_percent",
-    "late_time_percent",
-)
-"""Metrics of the second table, by controller over all its trials."""
+from haptic_accel.core.tables import number
 
 
 def print_trials(done: int, total: int, name: str, trials: Sequence[AnalysedTrial]) -> None:
@@ -78,52 +64,10 @@ def _divergence(bag: Path) -> Divergence | str:
 
 def print_analysis(analysis: Analysis, comparison: Comparison | None, *last: str) -> None:
     """Print tables, sentences, what could not be determined, and further lines."""
-    table = frames.table_two(frames.groups(analysis))
-    if table.rows:
-        rows = [
-            (controller, str(table.counts[controller]), *map(_cell, cells))
-            for controller, cells in table.rows.items()
-        ] + [
-            (name, "", *(number(value, 1) for value in values))
-            for name, values in table.bounds.items()
-        ]
-        print_table(
-            ("controller", "trials", *table.columns),
-            rows,
-            title="Table II: error (NRMSE) of the handle's acceleration, shifted back by"
-            f" {analysis.shifted_by}, % (paper's in brackets)",
-            caption=f"± half of the 95 % interval ({table.methods})",
-        )
-        print_table(
-            ("", *table.rows),
-            _means(frames.trials(analysis), list(table.rows)),
-            title="regression over all surfaces, and other metrics: means (paper's in brackets)",
-        )
+    for table in tables(analysis):
+        print_table(table)
     console = Console()
     for sentence in summary(analysis, comparison):
         console.print(printable(sentence), highlight=False, markup=False)
     problems = [f"{name}: {line}" for name, lines in analysis.problems.items() for line in lines]
     print(*problems, *last, sep="\n")
-
-
-def _cell(cell: frames.Cell) -> str:
-    """Return an error, half its interval's width, and the paper's value behind it."""
-    shown = number(cell.value, 1)
-    if cell.low == cell.low:
-        shown += f" ± {number((cell.high - cell.low) / 2, 1)}"
-    return shown if cell.paper is None else f"{shown} ({cell.paper:.1f})"
-
-
-def _means(frame: pd.DataFrame, controllers: Sequence[str]) -> Iterator[list[str]]:
-    """Yield a row for each metric: its heading, and its mean under each controller."""
-    frame = frame[frame.contact]
-    # The paper's averages are over its own surfaces.
-    paper = frames.PAPER_REGRESSION if set(frame.surface) == frames.PAPER_SURFACES else {}
-    means = frame.groupby("controller")[list(SHOWN)].mean()
-    for name in SHOWN:
-        published = paper.get(name, {})
-        yield [METRICS[name].heading] + [
-            number(means[name][controller], METRICS[name].digits)
-            + (f" ({published[controller]:.2f})" if controller in published else "")
-            for controller in controllers
-        ]

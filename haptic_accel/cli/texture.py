@@ -23,17 +23,24 @@ from pathlib import Path
 
 import click
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
+from haptic_accel.analysis.textures import (
+    HELD_OUT,
+    MILLI,
+    described,
+    draw,
+    held_out_table,
+    node_rms,
+    nodes_table,
+)
 from haptic_accel.cli.options import FILE, json_option, verb
 from haptic_accel.cli.output import check_writable, save
-from haptic_accel.cli.tables import Column, print_results, print_table
-from haptic_accel.core.model import FloatArray
+from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError, printable
 from haptic_accel.core.resampling import checked_rate, resampled
-from haptic_accel.core.surfaces.building import BAND, Built, HeldOut, Recording, Segment, build
-from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
+from haptic_accel.core.surfaces.building import Recording, build
+from haptic_accel.core.surfaces.texture import Provenance, Texture
+from haptic_accel.core.tables import records
 from haptic_accel.core.topics import CONTACT_FORCE, SLAVE, SLAVE_ARM_FORCE
 from haptic_accel.devices.playback import bag_track, is_bag
 from haptic_accel.materials.folders import preset_file
@@ -41,23 +48,8 @@ from haptic_accel.materials.foreign import import_texture
 from haptic_accel.materials.recordings import FULL_SCALE, read_recording
 from haptic_accel.materials.texture_files import read_texture, write_texture
 
-MILLI = 1e-3
-
 SOUND_RATE = 8000
 """Sampling rate of sound files, Hz: the lowest that every player takes."""
-
-MOST_DRAWN, MOST_LISTED = 6, 8
-"""Spectra in one plot, and groups of segments in the table of a report."""
-
-HELD_OUT = (
-    Column("speed (mm/s)", lambda each: each.speed / MILLI, ".0f"),
-    Column("force (N)", "force", ".2f"),
-    Column("s", "seconds", ".2f"),
-    Column("distance (dB)", "distance", ".2f"),
-    Column("RMS (m/s²)", "rms", ".2f"),
-    Column("model's", "modelled_rms", ".2f"),
-)
-"""Columns of the table of segments that a model was built without."""
 
 _model_argument = click.argument("model", metavar="NAME|FILE")
 _csv_rate = click.option(
@@ -96,25 +88,16 @@ def build_texture(
     built = build(out.stem, read, Provenance(source))
     write_texture(out, built.model)
     picture = out.with_name(f"{out.stem}_report.png")  # `show` draws the model as NAME.png
-    _draw(built.model, built.held_out, built.segments).savefig(picture, dpi=150)
-    _print(built)
+    draw(built.model, built.held_out, built.segments).savefig(picture, dpi=150)
+    print_table(held_out_table(built))
+    print(*described(built), sep="\n")
     print(f"model: {out}; it states no licence yet", f"plot: {picture}", sep="\n")
     metrics = {
         "order": built.order,
         "nodes": len(built.model.speeds),
         "held_out_spectral_distance_db": built.distance,
         "coverage": built.coverage,
-        "held_out": [
-            {
-                "speed_m_s": each.speed,
-                "force_n": each.force,
-                "seconds": each.seconds,
-                "distance_db": each.distance,
-                "rms_m_s2": each.rms,
-                "model_rms_m_s2": each.modelled_rms,
-            }
-            for each in built.held_out
-        ],
+        "held_out": records(HELD_OUT, built.held_out),
         "refused": [asdict(each) for each in built.refused],
     }
     save(metrics, json_file)
@@ -145,7 +128,7 @@ def import_file(file: Path, rate: float, calibration: float | None, out: Path) -
     check_writable(out, "out")
     model = import_texture(file, rate, calibration)
     write_texture(out, model)
-    loudest = _rms(model).max()
+    loudest = node_rms(model).max()
     print(f"{out}: order {model.lsf.shape[1]}, {model.rate:g} Hz, up to {loudest:.2f} m/s^2 RMS")
     print(f"licence: {model.provenance.licence or 'none stated: that of the file'}")
 
@@ -158,15 +141,15 @@ def show(model: str, out: Path | None, json_file: Path | None) -> None:
     """Show a model's provenance, range and spectra."""
     found = read_texture(preset_file("texture", model))
     order, moving = found.lsf.shape[1], found.ma_lsf.shape[1]
-    rms = _rms(found)
+    rms = node_rms(found)
     about = {name: text for name, text in asdict(found.provenance).items() if text}
     orders = f"{order} and {moving}" if moving else f"{order}"
     print(f"{printable(found.name)}: order {orders}, {found.rate:g} Hz")
     print(*(f"{name}: {text}" for name, text in about.items()), sep="\n")
-    _print_nodes(found, rms)
+    print_table(nodes_table(found))
     picture = out or Path(f"{found.name}.png")
     check_writable(picture, "out")
-    _draw(found).savefig(picture, dpi=150)
+    draw(found).savefig(picture, dpi=150)
     print(f"plot: {picture}")
     metrics = {
         "name": found.name,
@@ -251,85 +234,3 @@ def _bag(path: Path) -> Recording:
     pressing = track.position[:, 2] * (1 if contact else -1)
     speed = np.hypot(track.velocity[:, 0], track.velocity[:, 1])
     return Recording(str(path), track.rate, speed, pressing, track.acceleration)
-
-
-# Results
-
-
-def _print(built: Built) -> None:
-    """Print how well segments are predicted that the model was built without."""
-    low, high = BAND
-    title = f"least well predicted by a model of the other half, {low:g} to {high:g} Hz"
-    worst = sorted(built.held_out, key=lambda each: -each.distance)[:MOST_LISTED]
-    print_results(HELD_OUT, worst, left=0, title=title)
-    print(
-        f"order {built.order}, {len(built.segments)} segments, measured nodes: {built.measured},"
-        f" log-spectral distance {built.distance:.2f} dB; they cover {100 * built.coverage:.0f} %"
-        f" of the plane to {built.model.speeds.max() / MILLI:.0f} mm/s and"
-        f" {built.model.forces.max():.2f} N"
-    )
-    for reason in dict.fromkeys(each.reason for each in built.refused):
-        seconds = sum(each.end - each.begin for each in built.refused if each.reason == reason)
-        print(f"not used: {seconds:.2f} s {reason}")
-
-
-def _print_nodes(model: TextureModel, rms: FloatArray) -> None:
-    rows = [
-        (f"{speed / MILLI:.0f}", f"{force:.2f}", f"{value:.2f}")
-        for speed, force, value in sorted(zip(model.speeds, model.forces, rms, strict=True))
-    ]
-    print_table(("speed (mm/s)", "force (N)", "RMS (m/s²)"), rows, left=0, title="nodes")
-
-
-def _rms(model: TextureModel) -> FloatArray:
-    """Return the root mean square of the acceleration at each node, m/s^2."""
-    frequency = np.linspace(0.0, model.rate / 2, 2048)
-    spectra = [
-        model.spectrum(speed, force, frequency)
-        for speed, force in zip(model.speeds.tolist(), model.forces.tolist(), strict=True)
-    ]
-    return np.asarray(np.sqrt(np.mean(spectra, axis=1) * model.rate / 2))
-
-
-def _draw(
-    model: TextureModel, held_out: Sequence[HeldOut] = (), segments: Sequence[Segment] = ()
-) -> Figure:
-    """Draw spectra, and the plane of speed and force with its triangles."""
-    figure = Figure(figsize=(11, 4.6), layout="constrained", facecolor="white")
-    spectra, plane = figure.subplots(1, 2)
-    if held_out:
-        _draw_compared(spectra, held_out)
-    else:
-        _draw_spectra(spectra, model)
-    spectra.set(xlabel="frequency (Hz)", ylabel="power density ((m/s²)²/Hz)", yscale="log")
-    spectra.set_xlim(0, model.rate / 2)
-    spectra.grid(alpha=0.3)
-    spectra.legend(fontsize=7)
-    speeds = model.speeds / MILLI
-    plane.triplot(speeds, model.forces, model.triangles, color="#bbbbbb", linewidth=0.8)
-    nodes = plane.scatter(speeds, model.forces, c=_rms(model), cmap="viridis", zorder=3)
-    figure.colorbar(nodes, ax=plane, label="RMS (m/s²)")
-    places = np.array([(each.speed / MILLI, each.force) for each in segments]).reshape(-1, 2)
-    plane.plot(*places.T, ".", color="#d55e00", markersize=3, label="segments")
-    plane.set(xlabel="speed (mm/s)", ylabel="force (N)")
-    return figure
-
-
-def _draw_compared(panel: Axes, held_out: Sequence[HeldOut]) -> None:
-    """Draw what was measured, and what a model of other segments has there."""
-    for number, each in enumerate(sorted(held_out, key=lambda e: -e.seconds)[:MOST_DRAWN]):
-        colour, label = f"C{number}", f"{each.speed / MILLI:.0f} mm/s, {each.force:.2f} N"
-        panel.plot(each.frequency, each.measured, color=colour, linewidth=0.8, label=label)
-        panel.plot(each.frequency, each.modelled, "--", color=colour)
-    panel.set_title("left-out segments: measured, and modelled (dashed)", fontsize=9)
-
-
-def _draw_spectra(panel: Axes, model: TextureModel) -> None:
-    """Draw the model's spectra at its loudest nodes; those at rest have none."""
-    frequency = np.linspace(1.0, model.rate / 2, 500)
-    rms = _rms(model)
-    loudest = np.argsort(-rms)[: min(MOST_DRAWN, np.count_nonzero(rms))]
-    for node in loudest.tolist():
-        speed, force = float(model.speeds[node]), float(model.forces[node])
-        label = f"{speed / MILLI:.0f} mm/s, {force:.2f} N"
-        panel.plot(frequency, model.spectrum(speed, force, frequency), label=label)

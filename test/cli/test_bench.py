@@ -22,7 +22,7 @@ from statistics import fmean
 
 import pytest
 
-from haptic_accel.cli.bench import merged
+from haptic_accel.analysis.latency import merged
 from haptic_accel.core.topics import SIGNALS
 from running import Command, nodes_of
 from verbs import refusal

@@ -32,6 +32,7 @@ from fuzzing import fuzz
 from haptic_accel.cli.output import printable_output
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError, printable
+from haptic_accel.core.tables import ResultTable
 from verbs import status_of
 
 HOSTILE = "\x1b]0;title\x07\x1b[2J\x9b31m\u202egnp.exe\u2066\r\udcff"
@@ -70,7 +71,7 @@ def test_a_table_has_colours_of_its_own_alone(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.delenv("NO_COLOR", raising=False)
     written = io.StringIO()
     with redirect_stdout(written), printable_output():
-        print_table(["name"], [[HOSTILE], ["[bold]/a[/]"], ["[/]"]])
+        print_table(ResultTable(["name"], [[HOSTILE], ["[bold]/a[/]"], ["[/]"]]))
         Console(force_terminal=True).print("[bold]red[/bold]")
     text = written.getvalue()
     assert ESCAPED in text

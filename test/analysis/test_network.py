@@ -22,8 +22,8 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.cli import network
-from haptic_accel.cli.network import Condition, measure, over
+from haptic_accel.analysis import network
+from haptic_accel.analysis.network import Condition, measure, over
 from verbs import status_of
 
 FIELDS = (

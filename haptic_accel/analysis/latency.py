@@ -1,0 +1,166 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Missed deadlines, ages of forces and cost of graphs, beside those of an empty loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from haptic_accel.bags.delivery import LABELS, Delivery, durations
+from haptic_accel.core.due_forces import IN_TIME, MISSED_SHARE
+from haptic_accel.core.tables import Column, ResultTable, Row, number
+
+
+def pair_metrics(delivery: Delivery) -> Row:
+    """Return one graph's metrics."""
+    nodes = delivery.nodes
+    devices = ("master_device", "slave_device")
+    return {
+        "deadlines": delivery.deadlines,
+        "age_us": delivery.age_us,
+        "period_error_us": {name: durations(nodes[name], "tick lateness") for name in devices},
+        "late": {name: int(nodes[name]["late ticks"]) for name in devices},
+        "lost": delivery.lost,
+        "missed": delivery.missed,
+        "ticks": {name: int(nodes[name]["ticks"]) for name in devices},
+        "dropped_by_recorder": int(nodes["recorder"]["dropped"]),
+    }
+
+
+COUNTS = {
+    *("due", "missed", "past_tick", "late_s", "of", "late", "lost", "ticks"),
+    "dropped_by_recorder",
+}
+"""Metrics that are added, whatever joins the others."""
+
+MAXIMA = {"max", "longest_us"}
+"""Metrics of which the largest counts."""
+
+
+def merged(values: Sequence[Any], join: Callable[[Iterable[Any]], Any], name: str = "") -> Any:
+    """Join numbers, or dictionaries of numbers key by key.
+
+    Parameters
+    ----------
+    values : sequence
+    join : callable
+        Joins numbers other than counts, which are added, and maxima, which stay the largest.
+    name : str
+        Key of the values.
+    """
+    if name in COUNTS:
+        join = sum
+    if not isinstance(values[0], Mapping):
+        return max(values) if name in MAXIMA else join(values)
+    keys = dict.fromkeys(key for value in values for key in value)
+    return {
+        key: merged([value[key] for value in values if key in value], join, key) for key in keys
+    }
+
+
+def missed_share(metrics: Row) -> float:
+    """Return the share of missed deadlines of the kind of command that missed most."""
+    return max(
+        (counts["missed"] / counts["due"] for counts in metrics["deadlines"].values()),
+        default=math.nan,
+    )
+
+
+def latency_table(metrics: Row) -> ResultTable:
+    """Return the metrics of a graph beside those of an empty loop."""
+    rows = {
+        "age of the force where it is applied, us": metrics["age_us"],
+        "master_device: lateness of its ticks, us": metrics["period_error_us"]["master_device"],
+        "slave_device: lateness of its ticks, us": metrics["period_error_us"]["slave_device"],
+        "empty loop: lateness of its ticks, us": metrics["empty_loop"]["lateness_us"],
+    }
+    deadlines = metrics["deadlines"] | _empty(metrics)["deadlines"]
+    missed = "; ".join(_missed(name, counts) for name, counts in deadlines.items())
+    shares = ", ".join(f"{name} {share:.2f}" for name, share in metrics["cpu_cores"].items())
+    memory = ", ".join(f"{name} {size:.0f}" for name, size in metrics["peak_mb"].items())
+    cells = [
+        (name, *(number(ages.get(label), 0) for label in LABELS)) for name, ages in rows.items()
+    ]
+    return ResultTable(
+        ("", *LABELS),
+        cells,
+        title=f"{metrics['pairs']} x {metrics['rate_hz']:g} Hz, {metrics['seconds']:g} s each",
+        note=f"forces in effect more than {IN_TIME:g} periods after their due time: {missed}\n"
+        f"cores: {shares}\n"
+        f"memory, MiB: {memory}\n"
+        f"samples not taken: {sum(metrics['missed'].values())}; "
+        f"messages lost: {sum(metrics['lost'].values())}, "
+        f"dropped by the recorder: {metrics['dropped_by_recorder']}",
+    )
+
+
+def _empty(metrics: Row) -> Row:
+    """Return the ticks of the empty loop as deadlines of a graph."""
+    loop = metrics["empty_loop"]
+    longest = loop["lateness_us"]["max"]
+    counts = {"due": loop["of"], "missed": loop["missed"], "longest_us": longest}
+    return {"deadlines": {"empty loop": counts}}
+
+
+def _missed(name: str, counts: Mapping[str, float]) -> str:
+    longest = f"{counts['longest_us'] * 1e-3:.1f} ms"
+    return f"{name} {counts['missed']} of {counts['due']}, the latest by {longest}"
+
+
+def _latest(deadlines: Mapping[str, Row]) -> float | None:
+    """Return by how much the latest force missed its deadline, ms."""
+    return max((1e-3 * counts["longest_us"] for counts in deadlines.values()), default=None)
+
+
+RATES = (
+    Column("rate_hz", "rate", "Hz"),
+    Column("age_p50_us", "age p50", "us", 0, lambda row: row["age_us"].get("p50")),
+    Column("age_p99_us", "p99", "us", 0, lambda row: row["age_us"].get("p99")),
+    Column("cpu_cores", "cores", "", 2, lambda row: row["cpu_cores"]["total"]),
+    Column("", "deadlines missed", "%", 2, missed_share, 100.0),
+    Column("", "latest", "ms", 1, lambda row: _latest(row["deadlines"])),
+    Column("", "empty loop", "%", 2, lambda row: missed_share(_empty(row)), 100.0),
+    Column(
+        "", "samples lost", value=lambda row: sum((*row["lost"].values(), *row["missed"].values()))
+    ),
+)
+"""Columns of the comparison of rates."""
+
+
+def rate_held(rows: Sequence[Row]) -> float | None:
+    """Return the highest rate at which next to no deadlines were missed, Hz; None for none."""
+    return max((r["rate_hz"] for r in rows if missed_share(r) < MISSED_SHARE), default=None)
+
+
+def draw(rows: Sequence[Row]) -> Figure:
+    """Draw age and CPU against rate."""
+    figure = Figure(figsize=(6, 7), layout="constrained")
+    ages, cores = figure.subplots(2, sharex=True)
+    rates = [row["rate_hz"] for row in rows]
+    for quantile in ("p50", "p99"):
+        found = [row["age_us"].get(quantile, math.nan) for row in rows]
+        ages.plot(rates, found, "o-", label=quantile)
+    ages.set(ylabel="age of the force (us)", yscale="log")
+    ages.legend()
+    ages.grid(alpha=0.3)
+    cores.plot(rates, [row["cpu_cores"]["total"] for row in rows], "o-")
+    cores.set(xlabel="rate (Hz)", ylabel="CPU of all nodes (cores)")
+    cores.grid(alpha=0.3)
+    return figure
