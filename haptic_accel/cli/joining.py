@@ -28,7 +28,7 @@ from contextlib import contextmanager
 import rclpy
 
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.nodes.middleware import middleware_defaults
+from haptic_accel.graph.middleware import middleware_defaults
 from haptic_accel.nodes.service_client import RequestError, ServiceClient
 
 PATIENCE = 5.0

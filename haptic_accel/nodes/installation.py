@@ -27,7 +27,7 @@ from pathlib import Path
 import rclpy
 
 from haptic_accel.core.topics import SIGNALS
-from haptic_accel.nodes.middleware import middleware_defaults
+from haptic_accel.graph.middleware import middleware_defaults
 from haptic_accel.nodes.scheduling import EventsExecutor, sharpen_timers
 
 ANNOUNCEMENT = 3.5

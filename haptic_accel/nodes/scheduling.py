@@ -52,8 +52,8 @@ from haptic_accel.core.process import (
     shortage,
 )
 from haptic_accel.devices import DeviceError
+from haptic_accel.graph.middleware import middleware_defaults
 from haptic_accel.nodes.log_lines import NodeLogger
-from haptic_accel.nodes.middleware import middleware_defaults
 from haptic_accel.nodes.standard_streams import unblock_standard_streams
 from haptic_accel.nodes.wires import WIRES
 

@@ -141,7 +141,7 @@ class Command:
 def use_domain(environment: pytest.MonkeyPatch, domain: int) -> None:
     """Give this process, and all that it starts, a ROS domain with the users' defaults."""
     # Only who talks to a graph needs what this imports.
-    from haptic_accel.nodes.middleware import VARIABLES, middleware_defaults
+    from haptic_accel.graph.middleware import VARIABLES, middleware_defaults
 
     for variable in VARIABLES:
         environment.delenv(variable, raising=False)

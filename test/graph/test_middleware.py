@@ -25,7 +25,7 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.nodes.middleware import (
+from haptic_accel.graph.middleware import (
     DISCOVERY_RANGE,
     LOOPBACK_PROFILE,
     NETWORK_PROFILE,
