@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-import shlex
 import shutil
 import sys
 import time
@@ -37,19 +36,22 @@ from haptic_accel.cli.workers import Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tables import Column, ResultTable, Row
-from haptic_accel.core.topics import PLAYED, SLAVE, SLAVE_SIGNALS
-from haptic_accel.core.track import Track, played_at
+from haptic_accel.core.track import Track
 from haptic_accel.core.trial import Trial
-from haptic_accel.devices.playback import (
-    NothingRecordedError,
-    ReplayParameters,
-    read_track,
-    start_offset,
-)
-from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY, SIMULATED, GraphArguments
+from haptic_accel.devices.playback import NothingRecordedError
+from haptic_accel.graph.arguments import PLAYED_TOPICS, GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.graph.processes import graph
-from haptic_accel.graph.replay import Replay, ReplayArguments, described_replay, replay_arguments
+from haptic_accel.graph.replay import (
+    Replay,
+    ReplayArguments,
+    described_replay,
+    expected_seconds,
+    in_lockstep,
+    play_command,
+    replay_arguments,
+    replayed_track,
+)
 
 COLUMNS = (
     Column("bag", "bag", value=lambda row: Path(row["bag"]).name),
@@ -119,7 +121,7 @@ def replay(
         print(f"as in the bag: {shown}", flush=True)
     if asked.graph.slave == PLAYED_TOPICS:
         print(f"in another terminal, once it is ready: {play_command(asked)}", flush=True)
-    run_shown(processes, expected=_expected(asked) if sys.stdout.isatty() else 0.0)
+    run_shown(processes, expected=expected_seconds(asked) if sys.stdout.isatty() else 0.0)
 
 
 @dataclass(frozen=True)
@@ -171,7 +173,7 @@ def _play(
 def _played(condition: PlayedCondition) -> Row:
     """Play a bag through a controller; record the result if a bag is given for it."""
     start = time.time_ns()
-    track = _track(condition.own, condition.graph)
+    track = replayed_track(condition.own, condition.graph)
     trial = lockstep_trial(condition.graph, track=track)
     trial = replace(trial, surface=condition.touched)
     metrics = _metrics(condition.own.bag, trial, track)
@@ -185,24 +187,6 @@ def _line(row: Row) -> str:
     return f"{Path(row['bag']).name} / {row['controller']}: {row['nrmse_percent']:.2f} %"
 
 
-def play_command(asked: Replay) -> str:
-    """Return the line that has `ros2 bag play` publish what the graph waits for."""
-    assert asked.bag is not None
-    own = asked.own
-    found = [
-        (name, f"{asked.graph.namespace}/{PLAYED}/{topic.name}")
-        for topic in SLAVE_SIGNALS
-        for name in sorted(asked.bag.counts)
-        if name.endswith(f"/{topic.name}")
-    ]
-    words = ["ros2", "bag", "play", own.bag, "--topics", *(name for name, _ in found)]
-    words += ["--remap", *(f"{name}:={played}" for name, played in found)]
-    offset = start_offset(asked.bag, own.start)
-    words += ["--start-offset", f"{offset:.3f}"] if offset else []
-    words += ["--loop"] if own.loop else []
-    return shlex.join(words)
-
-
 def _planned(each: Sequence[Sequence[str]]) -> list[Replay]:
     """Return the replays that words ask for: all that can be wrong is found before any runs.
 
@@ -212,7 +196,7 @@ def _planned(each: Sequence[Sequence[str]]) -> list[Replay]:
     empty: list[NothingRecordedError] = []
     for words in each:
         try:
-            plan.append(_in_lockstep(replay_arguments(words)))
+            plan.append(_touching(in_lockstep(replay_arguments(words))))
         except NothingRecordedError as error:
             empty.append(error)
     if not plan:
@@ -222,45 +206,12 @@ def _planned(each: Sequence[Sequence[str]]) -> list[Replay]:
     return plan
 
 
-def _expected(asked: Replay) -> float:
-    """Return the time that a replay takes, s; 0 where that is not known."""
-    if asked.own.loop or asked.graph.slave != REPLAY:
-        return asked.graph.duration
-    return _track(asked.own, asked.graph).seconds
-
-
-def _in_lockstep(asked: Replay) -> Replay:
-    """Return a replay without the bag that was read, and with the simulated handle.
-
-    Raises
-    ------
-    ParameterError
-        It asks for what only a graph can do, or for what the graph would refuse.
-    """
-    if asked.own.loop:
-        raise ParameterError("loop = true: not with --lockstep, which plays a bag once")
-    if asked.graph.slave != REPLAY:
-        raise ParameterError("source, slave: not with --lockstep, which replays the slave")
-    if asked.graph.master == REPLAY:
-        raise ParameterError("master = 'replay': not with --lockstep, which simulates the handle")
+def _touching(asked: Replay) -> Replay:
+    """Return a replay with the surface of its bag, without the bag that was read."""
     from haptic_accel.analysis.segments import surface_of
 
-    arguments = replace(asked.graph, master=SIMULATED)
-    graph(arguments)
-    touched = surface_of(asked.bag) if asked.bag else arguments.surface
-    return replace(asked, graph=arguments, bag=None, touched=touched)
-
-
-def _track(own: ReplayArguments, played: GraphArguments) -> Track:
-    """Return what is played of the slave, at the rate of the graph."""
-    rate = played.rate
-    parameters = ReplayParameters(
-        own.bag, rate=played.recording_rate, column=played.recording_column, start=own.start
-    )
-    track = read_track(parameters, SLAVE, rate)
-    if own.duration:
-        track = track.part(slice(round(own.duration * track.rate)))
-    return played_at(track, rate, own.rate)
+    touched = surface_of(asked.bag) if asked.bag else asked.graph.surface
+    return replace(asked, bag=None, touched=touched)
 
 
 def _metrics(bag: str, trial: Trial, track: Track) -> Row:

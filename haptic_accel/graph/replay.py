@@ -18,18 +18,32 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.parameters import Checked, ParameterError, checked, like, parameter, schema
-from haptic_accel.core.topics import MASTER, SLAVE
-from haptic_accel.core.track import SHORTEST
+from haptic_accel.core.topics import MASTER, PLAYED, SLAVE, SLAVE_SIGNALS
+from haptic_accel.core.track import SHORTEST, Track, played_at
 from haptic_accel.core.trial import DEFAULT_RATE
-from haptic_accel.devices.playback import ReplayParameters, bag_rate, is_bag
-from haptic_accel.graph.arguments import PLAYED_TOPICS, REPLAY, GraphArguments, parse_arguments
+from haptic_accel.devices.playback import (
+    ReplayParameters,
+    bag_rate,
+    is_bag,
+    read_track,
+    start_offset,
+)
+from haptic_accel.graph.arguments import (
+    PLAYED_TOPICS,
+    REPLAY,
+    SIMULATED,
+    GraphArguments,
+    parse_arguments,
+)
 from haptic_accel.graph.node_parameters import HIGHEST_RATE
+from haptic_accel.graph.processes import graph
 from haptic_accel.graph.words import described, given_keys, parse_words, unknown_key
 
 if TYPE_CHECKING:
@@ -213,3 +227,59 @@ def _inherited(bag: Bag, given: dict[str, Any]) -> dict[str, Any]:
     except ParameterError as error:
         raise ParameterError(f"{bag.path}: was recorded with {error}") from None
     return found
+
+
+def play_command(asked: Replay) -> str:
+    """Return the line that has `ros2 bag play` publish what the graph waits for."""
+    assert asked.bag is not None
+    own = asked.own
+    found = [
+        (name, f"{asked.graph.namespace}/{PLAYED}/{topic.name}")
+        for topic in SLAVE_SIGNALS
+        for name in sorted(asked.bag.counts)
+        if name.endswith(f"/{topic.name}")
+    ]
+    words = ["ros2", "bag", "play", own.bag, "--topics", *(name for name, _ in found)]
+    words += ["--remap", *(f"{name}:={played}" for name, played in found)]
+    offset = start_offset(asked.bag, own.start)
+    words += ["--start-offset", f"{offset:.3f}"] if offset else []
+    words += ["--loop"] if own.loop else []
+    return shlex.join(words)
+
+
+def expected_seconds(asked: Replay) -> float:
+    """Return the time that a replay takes, s; 0 where that is not known."""
+    if asked.own.loop or asked.graph.slave != REPLAY:
+        return asked.graph.duration
+    return replayed_track(asked.own, asked.graph).seconds
+
+
+def in_lockstep(asked: Replay) -> Replay:
+    """Return a replay with the simulated handle.
+
+    Raises
+    ------
+    ParameterError
+        It asks for what only a graph can do, or for what the graph would refuse.
+    """
+    if asked.own.loop:
+        raise ParameterError("loop = true: not with --lockstep, which plays a bag once")
+    if asked.graph.slave != REPLAY:
+        raise ParameterError("source, slave: not with --lockstep, which replays the slave")
+    if asked.graph.master == REPLAY:
+        raise ParameterError("master = 'replay': not with --lockstep, which simulates the handle")
+    arguments = replace(asked.graph, master=SIMULATED)
+    graph(arguments)
+    return replace(asked, graph=arguments)
+
+
+def replayed_track(own: ReplayArguments, played: GraphArguments) -> Track:
+    """Return what is played of the slave, at the rate of the graph."""
+    rate = played.rate
+    parameters = ReplayParameters(
+        own.bag, rate=played.recording_rate, column=played.recording_column, start=own.start
+    )
+    track = read_track(parameters, SLAVE, rate)
+    if own.duration:
+        track = track.part(slice(round(own.duration * track.rate)))
+    return played_at(track, rate, own.rate)

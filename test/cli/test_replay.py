@@ -27,7 +27,6 @@ import pytest
 
 from bag_maker import write_bag
 from haptic_accel.bags.reading import read_bag
-from haptic_accel.cli.replay import play_command
 from haptic_accel.core import topics
 from haptic_accel.devices.playback import ReplayParameters, read_track
 from haptic_accel.graph.arguments import GraphArguments
@@ -198,20 +197,6 @@ def test_wrong_words_are_refused_in_one_line(tmp_path: Path, words: list[str], n
     places["csv"] = tmp_path / "drag.csv"
     places["csv"].write_text("acceleration\n0.5\n")
     assert named in refusal("replay", *(word.format(**places) for word in words))
-
-
-def test_the_line_for_ros2_bag_play_names_every_topic_the_graph_waits_for() -> None:
-    asked = replay_arguments([f"bag:={DATA / 'text'}", "source:=topics", "loop:=true"])
-    line = play_command(asked)
-    assert line.startswith(f"ros2 bag play {DATA / 'text'} --topics /slave/tool/acceleration ")
-    for topic in topics.SLAVE_SIGNALS:
-        assert f" /{topic.name}:=/played/{topic.name}" in line
-    assert line.endswith("--loop")
-    words = [f"bag:={DATA / 'text'}", "source:=topics", "namespace:=left"]
-    for topic in topics.SLAVE_SIGNALS:
-        assert f" /{topic.name}:=/left/played/{topic.name}" in play_command(
-            replay_arguments(words)
-        )
 
 
 @pytest.mark.quiet

@@ -22,11 +22,12 @@ from pathlib import Path
 
 import pytest
 
+from haptic_accel.core import topics
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.node_parameters import node_schema
 from haptic_accel.graph.processes import graph
-from haptic_accel.graph.replay import described_replay, replay_arguments
+from haptic_accel.graph.replay import described_replay, play_command, replay_arguments
 
 DATA = Path(__file__).parents[1] / "data"
 BAG = f"bag:={DATA / 'text'}"
@@ -100,3 +101,17 @@ def test_a_recording_that_nobody_plays_is_refused() -> None:
         graph(GraphArguments(replay=str(DATA / "text")))
     with pytest.raises(ParameterError, match="replay.file = ''"):
         graph(GraphArguments(slave="replay"))
+
+
+def test_the_line_for_ros2_bag_play_names_every_topic_the_graph_waits_for() -> None:
+    asked = replay_arguments([f"bag:={DATA / 'text'}", "source:=topics", "loop:=true"])
+    line = play_command(asked)
+    assert line.startswith(f"ros2 bag play {DATA / 'text'} --topics /slave/tool/acceleration ")
+    for topic in topics.SLAVE_SIGNALS:
+        assert f" /{topic.name}:=/played/{topic.name}" in line
+    assert line.endswith("--loop")
+    words = [f"bag:={DATA / 'text'}", "source:=topics", "namespace:=left"]
+    for topic in topics.SLAVE_SIGNALS:
+        assert f" /{topic.name}:=/left/played/{topic.name}" in play_command(
+            replay_arguments(words)
+        )
