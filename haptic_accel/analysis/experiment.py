@@ -18,20 +18,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import MILLI, AnalysedTrial
+from haptic_accel.analysis.page import Setting
+from haptic_accel.analysis.writing import signal_table, write_analysis
 from haptic_accel.bags.delivery import Delivery
+from haptic_accel.bags.folder import free_name
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.tables import ResultTable, number
 from haptic_accel.core.topics import ANALYSED
 from haptic_accel.core.trial import Trial
 from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial
+from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 
 EVALUATED = (
     *("nrmse_percent", "bound_percent", "limited_bound_percent"),
@@ -202,3 +207,134 @@ def _worst(delivery: Delivery, count: str) -> tuple[str, float]:
     """Return the kind of force with the largest fraction of a count, and that fraction."""
     shares = {name: each.get(count, 0) / each["due"] for name, each in delivery.deadlines.items()}
     return max(shares.items(), key=itemgetter(1), default=("", 0.0))
+
+
+@dataclass(frozen=True)
+class Run:
+    """An experiment that was run.
+
+    Attributes
+    ----------
+    arguments : GraphArguments
+        What all conditions have in common.
+    done : mapping
+        Arguments of each condition, by its bag.
+    channel : ChannelParameters or None
+        Simulated network, if there was one.
+    lockstep : bool
+    expected : mapping
+        Errors of the conditions of a live run in lockstep, %, by bag, as far as they are known.
+    """
+
+    arguments: GraphArguments
+    done: Mapping[Path, GraphArguments]
+    channel: ChannelParameters | None
+    lockstep: bool
+    expected: Mapping[Path, float]
+
+    @property
+    def seeds(self) -> list[int]:
+        """Seeds of the conditions."""
+        return list(dict.fromkeys(given.seed for given in self.done.values()))
+
+
+def write_experiment(run: Run, analysis: Analysis, folder: Path, *warnings: str) -> Path:
+    """Write the report of an experiment to a folder; return its page."""
+    defaults = asdict(GraphArguments())
+    settings = (
+        {"run": "lockstep" if run.lockstep else "live graph"}
+        | channel_setting(run.channel)
+        | {
+            key: str(value)
+            for key, value in asdict(run.arguments).items()
+            if value != defaults[key] and key not in ("surface", "controller", "record")
+        }
+    )
+    network = run.channel is not None
+    notes = experiment_notes(run.arguments.rig, lockstep=run.lockstep, network=network)
+    return write_analysis(
+        analysis,
+        folder,
+        setting=Setting(
+            "Haptic display of tool contact: the paper's experiment",
+            [*notes, *warnings],
+            {**settings, "all others": "defaults"},
+            beside=beside_lockstep(analysis, run.expected),
+        ),
+        files={
+            f"signals_{trial.name}.csv": signal_table(trial.segment)
+            for trial in analysis.trials
+            if run.done[trial.segment.bag].seed == run.seeds[0]
+        },
+    )
+
+
+def experiment_metrics(run: Run, analysis: Analysis) -> dict[str, Any]:
+    """Return the metrics of an experiment for a JSON file."""
+    return {
+        "lockstep": run.lockstep,
+        "rig": run.arguments.rig,
+        "seeds": run.seeds,
+        "arguments": asdict(run.arguments),
+        "network": asdict(run.channel) if run.channel else None,
+        "conditions": [
+            trial_metrics(trial, run.done[trial.segment.bag].seed, run.lockstep)
+            | ({} if run.lockstep else {BESIDE: run.expected.get(trial.segment.bag)})
+            for trial in analysis.trials
+        ],
+    }
+
+
+# Conditions
+
+
+@dataclass(frozen=True)
+class RecordedCondition:
+    """A condition, and the bag that it is recorded to."""
+
+    bag: Path
+    arguments: GraphArguments
+    channel: ChannelParameters | None
+    lockstep: bool
+
+
+def recorded_conditions(
+    plan: Sequence[GraphArguments],
+    folder: Path,
+    channel: ChannelParameters | None,
+    lockstep: bool,
+) -> list[RecordedCondition]:
+    """Return the conditions with bags of their own."""
+    several = plan[0].seed != plan[-1].seed
+    return [
+        RecordedCondition(
+            folder / f"{Path(each.touched).stem}_{each.controller}{f'_seed{each.seed}' * several}",
+            each,
+            channel,
+            lockstep,
+        )
+        for each in plan
+    ]
+
+
+def set_aside(bag: Path) -> None:
+    """Rename the bag of a condition whose run was interrupted, or whose process was lost."""
+    if bag.exists():
+        folder = bag.parent.parent / "interrupted"
+        folder.mkdir(exist_ok=True)
+        bag.rename(free_name(folder / bag.name))
+
+
+def run_lockstep(condition: RecordedCondition) -> str:
+    """Run and record one condition in lockstep; return a line with its error."""
+    set_aside(condition.bag)
+    start = time.time_ns()
+    trial = lockstep_trial(condition.arguments, channel=condition.channel)
+    record_trial(condition.bag, trial, condition.arguments, start)
+    return condition_line(condition.arguments, trial_error(trial))
+
+
+def condition_line(arguments: GraphArguments, error: float) -> str:
+    """Return the line on a condition that has ended, with its error in %."""
+    name = f"{Path(arguments.touched).stem} / {arguments.controller} / seed {arguments.seed}"
+    return f"{name}: {number(error, 1)} %"

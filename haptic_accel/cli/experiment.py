@@ -21,27 +21,27 @@ import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import click
 
 from haptic_accel.analysis.experiment import (
-    BESIDE,
+    RecordedCondition,
+    Run,
     beside_lockstep,
-    channel_setting,
-    experiment_notes,
+    condition_line,
+    experiment_metrics,
     experiment_warnings,
     lockstep_error,
-    trial_error,
-    trial_metrics,
+    recorded_conditions,
+    run_lockstep,
+    set_aside,
+    write_experiment,
 )
 from haptic_accel.analysis.loading import analyse
 from haptic_accel.analysis.metrics import MILLI
-from haptic_accel.analysis.page import Setting
-from haptic_accel.analysis.writing import signal_table, write_analysis
-from haptic_accel.bags.folder import free_name
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import results_folder, save
@@ -53,7 +53,6 @@ from haptic_accel.cli.workers import Stop, Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.tables import number
 from haptic_accel.graph.arguments import (
     POINTER,
     SIMULATED,
@@ -65,7 +64,6 @@ from haptic_accel.graph.arguments import (
     parse_arguments,
 )
 from haptic_accel.graph.locks import sole_graph
-from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.graph.processes import arrangement, graph
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.graph.words import given_keys
@@ -160,19 +158,20 @@ def experiment(
         folder = results_folder(out, unfinished=UNFINISHED)
         if not lockstep:
             click.echo(arrangement(processes[0]))
-        conditions = _conditions(plan, folder / "bags", channel, lockstep)
+        conditions = recorded_conditions(plan, folder / "bags", channel, lockstep)
 
         def start(
             left: Sequence[RecordedCondition], stop: Stop, show: Show
         ) -> Iterator[tuple[int, str]]:
             if lockstep:
-                return workers.completed(_run_lockstep, left, stop)
+                return workers.completed(run_lockstep, left, stop)
             return _run_live(left, stop, show)
 
         journal = Journal(folder / UNFINISHED)
         found, end = run_study(start, conditions, "conditions", str, journal)
     done = {conditions[index].bag: conditions[index].arguments for index in found}
-    whole = not done or _report(done, arguments, lockstep, channel, folder, json_file, workers)
+    run = Run(arguments, done, channel, lockstep, {})
+    whole = not done or _report(run, folder, json_file, workers)
     if end or not whole:
         raise end or StoppedError
 
@@ -211,59 +210,13 @@ def _channel(
     return ChannelParameters((delay or 0.0) / MILLI, (jitter or 0.0) / MILLI, loss or 0.0)
 
 
-@dataclass(frozen=True)
-class RecordedCondition:
-    """A condition, and the bag that it is recorded to."""
-
-    bag: Path
-    arguments: GraphArguments
-    channel: ChannelParameters | None
-    lockstep: bool
-
-
-def _conditions(
-    plan: Sequence[GraphArguments],
-    folder: Path,
-    channel: ChannelParameters | None,
-    lockstep: bool,
-) -> list[RecordedCondition]:
-    """Return the conditions with bags of their own."""
-    several = plan[0].seed != plan[-1].seed
-    return [
-        RecordedCondition(
-            folder / f"{Path(each.touched).stem}_{each.controller}{f'_seed{each.seed}' * several}",
-            each,
-            channel,
-            lockstep,
-        )
-        for each in plan
-    ]
-
-
-def _set_aside(bag: Path) -> None:
-    """Rename the bag of a condition whose run was interrupted, or whose process was lost."""
-    if bag.exists():
-        folder = bag.parent.parent / "interrupted"
-        folder.mkdir(exist_ok=True)
-        bag.rename(free_name(folder / bag.name))
-
-
-def _run_lockstep(condition: RecordedCondition) -> str:
-    """Run and record one condition in lockstep; return a line with its error."""
-    _set_aside(condition.bag)
-    start = time.time_ns()
-    trial = lockstep_trial(condition.arguments, channel=condition.channel)
-    record_trial(condition.bag, trial, condition.arguments, start)
-    return _line(condition.arguments, trial_error(trial))
-
-
 def _run_live(
     conditions: Sequence[RecordedCondition], stop: Stop, show: Show
 ) -> Iterator[tuple[int, str]]:
     """Run one condition after the other through the graph; yield indices, lines with errors."""
     for index, condition in enumerate(conditions):
         bag, arguments = condition.bag, condition.arguments
-        _set_aside(bag)
+        set_aside(bag)
 
         def asked(index: int = index, started: float = time.monotonic()) -> bool:
             part = (time.monotonic() - started) / (arguments.duration + AROUND)  # noqa: B023
@@ -272,75 +225,27 @@ def _run_live(
 
         run_to_end(Supervisor(graph(replace(arguments, bag=str(bag)))), asked)
         trials = analyse([bag], perceptual=False).trials
-        yield index, _line(arguments, trials[0].metrics["nrmse_percent"] if trials else math.nan)
+        yield (
+            index,
+            condition_line(arguments, trials[0].metrics["nrmse_percent"] if trials else math.nan),
+        )
         if stop():
             return
 
 
-def _line(arguments: GraphArguments, error: float) -> str:
-    name = f"{Path(arguments.touched).stem} / {arguments.controller} / seed {arguments.seed}"
-    return f"{name}: {number(error, 1)} %"
-
-
-def _report(
-    done: Mapping[Path, GraphArguments],
-    arguments: GraphArguments,
-    lockstep: bool,
-    channel: ChannelParameters | None,
-    folder: Path,
-    json_file: Path | None,
-    workers: Workers,
-) -> bool:
+def _report(run: Run, folder: Path, json_file: Path | None, workers: Workers) -> bool:
     """Analyse the bags, print, and write report and JSON; return whether all could be analysed."""
     with stop_on_signal() as stop:
-        analysis = analyse(list(done), spread=partial(workers.map, stop=stop))
-    warnings = list(experiment_warnings(analysis, composed=arguments.composed))
-    expected = {} if lockstep else _in_lockstep(done, workers)
-    beside = beside_lockstep(analysis, expected)
-    notes = experiment_notes(arguments.rig, lockstep=lockstep, network=channel is not None)
-    seeds = list(dict.fromkeys(given.seed for given in done.values()))
-    defaults = asdict(GraphArguments())
-    settings = (
-        {"run": "lockstep" if lockstep else "live graph"}
-        | channel_setting(channel)
-        | {
-            key: str(value)
-            for key, value in asdict(arguments).items()
-            if value != defaults[key] and key not in ("surface", "controller", "record")
-        }
-    )
-    page = write_analysis(
-        analysis,
-        folder,
-        setting=Setting(
-            "Haptic display of tool contact: the paper's experiment",
-            [*notes, *warnings],
-            {**settings, "all others": "defaults"},
-            beside=beside,
-        ),
-        files={
-            f"signals_{trial.name}.csv": signal_table(trial.segment)
-            for trial in analysis.trials
-            if done[trial.segment.bag].seed == seeds[0]
-        },
-    )
-    content = {
-        "lockstep": lockstep,
-        "rig": arguments.rig,
-        "seeds": seeds,
-        "arguments": asdict(arguments),
-        "network": asdict(channel) if channel else None,
-        "conditions": [
-            trial_metrics(trial, done[trial.segment.bag].seed, lockstep)
-            | ({} if lockstep else {BESIDE: expected.get(trial.segment.bag)})
-            for trial in analysis.trials
-        ],
-    }
-    save(content, json_file)
-    if beside:
+        analysis = analyse(list(run.done), spread=partial(workers.map, stop=stop))
+    if not run.lockstep:
+        run = replace(run, expected=_in_lockstep(run.done, workers))
+    warnings = list(experiment_warnings(analysis, composed=run.arguments.composed))
+    page = write_experiment(run, analysis, folder, *warnings)
+    save(experiment_metrics(run, analysis), json_file)
+    if beside := beside_lockstep(analysis, run.expected):
         print_table(beside)
     print_analysis(analysis, None, *warnings, f"report: {page}")
-    return {trial.segment.bag for trial in analysis.trials} == set(done)
+    return {trial.segment.bag for trial in analysis.trials} == set(run.done)
 
 
 def _in_lockstep(done: Mapping[Path, GraphArguments], workers: Workers) -> dict[Path, float]:
