@@ -20,15 +20,14 @@ from __future__ import annotations
 import socket
 import time
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from functools import partial
 from itertools import cycle
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from haptic_accel.core.cdr import pack_diagnostics
-from haptic_accel.core.rivals import Endpoint, rivals
 from haptic_accel.core.topics import BUNDLES, DIAGNOSTICS, SIGNALS, Topic
 from haptic_accel.graph.locks import lock_signal
 from haptic_accel.nodes.bundling import BUNDLES_KEPT, BundleSender, join, participant
@@ -264,3 +263,43 @@ def _full_name(endpoint: TopicEndpointInfo) -> str:
     if endpoint.node_name == _UNKNOWN:
         return "an unknown node"
     return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
+
+
+class Endpoint(NamedTuple):
+    """Publisher of a topic.
+
+    Attributes
+    ----------
+    topic : str
+    node : str
+        Full name of its node, which is not necessarily unique.
+    participant : bytes
+        Globally unique identifier of its process.
+    """
+
+    topic: str
+    node: str
+    participant: bytes
+
+
+def rivals(endpoints: Sequence[Endpoint]) -> str:
+    """Return the names of the publishers if they belong to several senders; otherwise "".
+
+    One node may have one publisher per topic.
+
+    Examples
+    --------
+    >>> one = Endpoint("/slave/servo_cf", "/coupler", b"1")
+    >>> rivals([one, one._replace(topic="/slave/servo_cp")])
+    ''
+    >>> rivals([one, one._replace(participant=b"2")])
+    '/coupler (2 publishers)'
+    >>> rivals([one, Endpoint("/slave/servo_cf", "/evil", b"2")])
+    '/coupler and /evil'
+    """
+    topics = Counter(each.topic for each in endpoints)
+    senders = {(each.participant, each.node) for each in endpoints}
+    if len(senders) < 2 and max(topics.values(), default=0) < 2:
+        return ""
+    nodes = sorted(Counter(each.node for each in endpoints).items())
+    return " and ".join(f"{name} ({n} publishers)" if n > 1 else name for name, n in nodes)

@@ -53,8 +53,7 @@ from haptic_accel.core.process import (
 )
 from haptic_accel.devices import DeviceError
 from haptic_accel.graph.middleware import middleware_defaults
-from haptic_accel.nodes.log_lines import NodeLogger
-from haptic_accel.nodes.standard_streams import unblock_standard_streams
+from haptic_accel.nodes.standard_streams import NodeLogger, unblock_standard_streams
 from haptic_accel.nodes.wires import WIRES
 
 try:

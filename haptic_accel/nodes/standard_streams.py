@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Standard output and error of a node, which no reader of them can hold up."""
+"""Standard output, error and log of a node, which no reader of them can hold up."""
 
 from __future__ import annotations
 
@@ -23,6 +23,11 @@ import stat
 import sys
 from contextlib import suppress
 from typing import Any, cast
+
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+from haptic_accel.core.parameters import printable
 
 STREAMS = ("stdin", "stdout", "stderr")
 """Names of the standard streams, by descriptor."""
@@ -113,3 +118,25 @@ def _replace(descriptor: int, other: int) -> None:
     if other != descriptor:
         os.dup2(other, descriptor)
         os.close(other)
+
+
+class NodeLogger(RcutilsLogger):
+    """A logger that names who logs a line from the stack alone, and escapes control characters.
+
+    rclpy's own asks `inspect`: that resolves the paths of all loaded modules at the first line,
+    25 to 120 ms, and reads every source file from which a line comes. Its filters (``once``) are
+    not offered.
+    """
+
+    def log(self, message: str, severity: Any) -> bool:
+        """Log a message, if its severity is logged at all; return whether it is."""
+        if not self.is_enabled_for(severity):
+            return False
+        frame: Any = sys._getframe(1)
+        while frame.f_globals["__name__"] == RcutilsLogger.__module__:
+            frame = frame.f_back
+        code = frame.f_code
+        rclpy_implementation.rclpy_logging_rcutils_log(
+            severity, self.name, printable(message), code.co_name, code.co_filename, frame.f_lineno
+        )
+        return True

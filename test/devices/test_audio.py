@@ -22,11 +22,14 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from haptic_accel.core.identification.estimate import dft_ratio
 from haptic_accel.core.identification.fit import fit_handle
@@ -36,7 +39,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.trial import run_identification
 from haptic_accel.devices import Device, DeviceError, Sample
-from haptic_accel.devices.audio import AudioActuator, AudioParameters
+from haptic_accel.devices.audio import AudioActuator, AudioParameters, HeldForce
 from haptic_accel.devices.simulated import SimulatedMaster
 from sound_cards import NAME, received, sound_card
 from sound_cards import RATE as CARD_RATE
@@ -340,3 +343,39 @@ def test_without_its_library_it_is_refused_in_one_line() -> None:
     assert done.stdout == (
         "audio: needs sounddevice and PortAudio: pip install 'haptic_accel[audio]'\n"
     )
+
+
+forces = st.lists(
+    st.tuples(st.floats(0.0, 1.0), st.floats(-10.0, 10.0)), max_size=8, unique_by=lambda f: f[0]
+)
+
+
+@given(forces, st.integers(1, 40), st.integers(1, 40))
+def test_the_impulse_is_that_of_the_held_forces(
+    due: list[tuple[float, float]], first: int, second: int
+) -> None:
+    held = HeldForce()
+    for each in due:
+        held.put(*each)
+    means = [held.means(0.0, 2.0 * first, first) * 0.5 / first]
+    means.append(held.means(0.5, 2.0 * second, second) * 0.5 / second)
+    steps = [*sorted(due), (1.0, 0.0)]
+    expected = sum(force * (end - start) for (start, force), (end, _) in pairwise(steps))
+    assert np.concatenate(means).sum() == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_step_within_a_sample_keeps_its_time() -> None:
+    held = HeldForce()
+    held.put(1.25, 4.0)
+    held.put(2.0, -4.0)
+    assert held.means(0.0, 1.0, 3) == pytest.approx([0.0, 3.0, -4.0])
+    assert held.means(3.0, 1.0, 1) == pytest.approx([-4.0])
+
+
+def test_a_late_force_acts_at_once_and_a_replacement_discards_those_to_come() -> None:
+    held = HeldForce()
+    held.put(0.5, 1.0)
+    assert held.means(5.0, 1.0, 1) == pytest.approx([1.0])
+    held.put(7.0, 2.0)
+    held.replace(0.0)
+    assert held.means(6.0, 1.0, 3) == pytest.approx([0.0] * 3)

@@ -64,7 +64,7 @@ from haptic_accel.core.topics import (
 )
 from haptic_accel.graph.files import surface_parameters
 from haptic_accel.materials.folders import preset_file
-from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.graph_node import Endpoint, GraphNode, rivals
 from haptic_accel.nodes.topic_node import message_type, quality
 from observing import Observer
 from running import PATIENCE, Command, wait_until
@@ -436,3 +436,31 @@ def test_no_report_is_lost_beside_those_on_request(domain: int) -> None:
         other.destroy_node()
         node.destroy_node()
         rclpy.shutdown()
+
+
+endpoints = st.lists(
+    st.builds(
+        Endpoint,
+        st.sampled_from(["/servo_cf", "/servo_cp"]),
+        st.sampled_from(["/coupler", "/evil"]),
+        st.sampled_from([b"1", b"2"]),
+    ),
+    max_size=4,
+)
+
+
+@given(endpoints)
+def test_one_node_may_publish_one_of_each_topic_and_nothing_else_is_one_sender(
+    found: list[Endpoint],
+) -> None:
+    senders = {(each.node, each.participant) for each in found}
+    topics = [each.topic for each in found]
+    assert (not rivals(found)) == (len(senders) <= 1 and len(topics) == len(set(topics)))
+
+
+@given(endpoints)
+def test_all_are_named_with_the_number_of_their_publishers(found: list[Endpoint]) -> None:
+    said = rivals(found)
+    for node in {each.node for each in found} if said else ():
+        number = sum(each.node == node for each in found)
+        assert (f"{node} ({number} publishers)" if number > 1 else node) in said

@@ -31,7 +31,9 @@ from haptic_accel.core.actuator.safety import (
 from haptic_accel.core.loop.device_side import (
     ACTUATOR,
     ARM,
+    KEPT,
     SAMPLE_TIMEOUT,
+    ArmWork,
     DeviceSide,
     Taken,
     rig_side,
@@ -236,3 +238,58 @@ def test_a_device_with_a_clock_gets_forces_before_they_are_due() -> None:
     assert (time, list(forces)) == (0.011, [ACTUATOR])
     device.late = 3
     assert part.deadlines == (1, 3)
+
+
+PERIOD = 1e-3
+
+
+def along_x(value: float) -> Vector:
+    return (value, 0.0, 0.0)
+
+
+def test_the_work_on_a_body_is_its_kinetic_energy() -> None:
+    mass, position, velocity = 0.1, 0.0, 0.0
+    work = ArmWork()
+    for tick in range(1000):
+        done = work.until(tick * PERIOD, along_x(position))
+        assert done == pytest.approx(along_x(mass * velocity**2 / 2), abs=1e-12)
+        force = math.sin(0.1 * tick)
+        work.apply(tick * PERIOD, along_x(force))
+        position += velocity * PERIOD + force / mass * PERIOD**2 / 2
+        velocity += force / mass * PERIOD
+
+
+def test_a_late_force_counts_for_what_is_left_of_the_period() -> None:
+    work = ArmWork()
+    work.until(0.0, ZERO)
+    work.apply(0.0, (1.0, 2.0, 0.0))
+    work.apply(0.75 * PERIOD, (5.0, 0.0, 4.0))
+    assert work.until(PERIOD, (8.0, 4.0, -1.0)) == pytest.approx((16.0, 6.0, -1.0))
+    assert work.until(2 * PERIOD, (9.0, 4.0, -1.0)) == pytest.approx((21.0, 6.0, -1.0))
+
+
+def test_a_sample_may_be_read_after_the_next_forces() -> None:
+    work = ArmWork()
+    work.until(0.0, ZERO)
+    work.apply(0.0, along_x(1.0))
+    work.apply(PERIOD, along_x(2.0))
+    assert work.until(PERIOD, along_x(1.0)) == along_x(1.0)
+    assert work.until(2 * PERIOD, along_x(2.0)) == along_x(3.0)
+
+
+def test_a_lost_sample_divides_the_way_by_time() -> None:
+    work = ArmWork()
+    work.until(0.0, ZERO)
+    for tick, force in enumerate((1.0, 2.0)):
+        work.apply(tick * PERIOD, along_x(force))
+    work.until(PERIOD, along_x(math.nan))
+    assert work.until(2 * PERIOD, along_x(2.0)) == pytest.approx(along_x(3.0))
+
+
+def test_forces_without_samples_take_no_memory_without_end() -> None:
+    work = ArmWork()
+    work.until(0.0, ZERO)
+    for tick in range(3 * KEPT):
+        work.apply(tick * PERIOD, along_x(1.0))
+    kept_of_the_way = work.until(3 * KEPT * PERIOD, along_x(3.0))
+    assert kept_of_the_way == pytest.approx(along_x(1.0))

@@ -13,11 +13,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Inverse controller that adapts to the user's grip."""
+"""Inverse controller that adapts to the user's grip, and learns surface and handle."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
@@ -26,8 +29,19 @@ from haptic_accel.core.control.grip_estimation import (
     AdaptationParameters,
     GripEstimator,
 )
+from haptic_accel.core.control.inversion.design import (
+    RIDGE,
+    TRAVEL_CORNERS,
+    Goal,
+    NormalEquations,
+    assumed_sequences,
+    travel_cost,
+)
 from haptic_accel.core.control.inversion.family import InverseFamily, design_family
-from haptic_accel.core.control.learning import Learner
+from haptic_accel.core.control.inversion.toeplitz import improved
+from haptic_accel.core.control.response_estimation import ResponseEstimator
+from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 from haptic_accel.core.parameters import parameter
 
 UNDESCRIBED = 0.2
@@ -117,3 +131,202 @@ class AdaptiveController(InverseController):
             "designs learnt": str(self._learner.estimates),
             "frozen": str(self.frozen).lower(),
         }
+
+
+MEMORY = 2.0
+"""Time constant of forgetting, in excited time, s: some strokes over a surface."""
+
+WINDOW = 0.5
+"""Minimum signal length for one evaluation, s: lines 2 Hz apart."""
+
+WINDOW_PER_MEMORY = 2.0
+"""Minimum ratio of that length to the convolution's, whose equations use these lines."""
+
+LEAST_ACCELERATION = 0.05
+"""Minimum root mean square of the desired acceleration for learning, m/s^2: twice the arm's own
+motion in the handle's acceleration."""
+
+LEAST_FORCE = 0.01
+"""Minimum root mean square of the actuator's force for learning, N."""
+
+LOWEST, CERTAIN = 6.0, 12.0
+"""Frequencies below which the plant is not learnt, and above which it is learnt fully, Hz: the
+hand's own motion is no response to the force."""
+
+PRIOR_WEIGHT = 0.3
+"""Weight of the expected spectrum relative to one evaluation; it matters for the first few."""
+
+EVER_EXPECTED = 5e-3
+"""Fraction of the expected spectrum that always remains, by power."""
+
+CAUTION = 4.0
+"""Ratio of a squared deviation to the variance of the estimated response at which half of the
+deviation is accepted."""
+
+UNRESOLVED = 0.1
+"""Incoherence that few evaluations cannot show."""
+
+NEGLIGIBLE = 1e-2
+"""Relative deviation of the plant that is half accepted even if it is certain."""
+
+INDEPENDENCE = 0.5
+"""Independent evaluations per evaluation: windows overlap by three quarters (Welch 1967)."""
+
+STEPS = 6
+"""Improvement steps per design; the next design continues from the result."""
+
+
+class Learner:
+    """Redesign a bank of inverses for the observed spectrum and plant.
+
+    The spectrum is that of the desired acceleration by Welch's method, divided by the high-pass
+    response. The plant is the model with the estimated grip, times the ratio of measured to
+    expected response to the applied force, line by line. The less certain the ratio is, the closer
+    it is drawn to 1. Without feedback the ratio has no bias. It includes effects without a
+    parameter: a mode of the mount, the describing function of friction, another hand.
+
+    The normal equations differ from the expected ones by the learnt part, which is smooth and
+    needs few lines. A few steps from the last solution solve them for all members of the bank
+    together. `observe` only stores values; `update` does all computations in parts.
+
+    Parameters
+    ----------
+    family : InverseFamily
+        Inverses for the estimated grip, to which the corrections are added.
+    plant : Plant
+        Assumed plant.
+    rate : float
+        Samples per second.
+    goal : Goal
+        Goal of the family.
+
+    Attributes
+    ----------
+    correction : ndarray, shape (k, n)
+        Corrections to add to the family's taps, N per m/s^2.
+    deviation : float
+        Relative difference between the handle's response and the model's over the excited lines.
+    estimates : int
+        Number of redesigns.
+    """
+
+    def __init__(self, family: InverseFamily, plant: Plant, rate: float, goal: Goal) -> None:
+        self._family = family
+        self._handle = plant.handle
+        window = max(WINDOW, WINDOW_PER_MEMORY * goal.memory)
+        self._tool = ResponseEstimator(rate, MEMORY, window, LEAST_ACCELERATION)
+        self._ratio = ResponseEstimator(rate, MEMORY, window, LEAST_FORCE)
+        lines = self._tool.frequency[1:]
+        self._lines = lines
+        self._known = plant.response(lines, rate) / handle_model(plant.handle).response(lines)
+        self._equations = NormalEquations(plant.handle, lines, rate, goal)
+        self._expected = goal.spectrum(lines)
+        self._above = np.clip((lines - LOWEST) / (CERTAIN - LOWEST), 0.0, 1.0)
+        assumed = plant.response(lines, rate)
+        self._assumed_spectra = self._equations.spectra(self._expected, assumed)
+        self._assumed_sequences = assumed_sequences(plant, rate, goal)
+        self._travel_costs = np.array([[travel_cost(corner)] for corner in TRAVEL_CORNERS])
+        self._work: Iterator[bool] = iter(())
+        self.reset()
+
+    def observe(self, desired: float, actuator_force: float, measured: float) -> None:
+        """Store one sample.
+
+        Parameters
+        ----------
+        desired : float
+            Desired acceleration, m/s^2.
+        actuator_force : float
+            Force that drives the handle, N.
+        measured : float
+            Handle acceleration measured when that force took effect, m/s^2; NaN if unknown.
+        """
+        self._tool.observe(desired, desired)
+        self._ratio.observe(actuator_force, measured)
+
+    def update(self, grip: FloatArray) -> bool:
+        """Execute a part of pending computations; return True after a new correction.
+
+        Parameters
+        ----------
+        grip : ndarray, shape (3,)
+            Present estimate of m_h, b_u and k_u.
+        """
+        done = next(self._work, None)
+        if done is not None:
+            return done
+        self._tool.update()
+        if self._ratio.update() and self._tool.weight:
+            self._work = self._redesign(grip)
+        return False
+
+    def reset(self) -> None:
+        """Discard everything learnt."""
+        self._tool.reset()
+        self._ratio.reset()
+        handle = self._handle
+        self._ratio.model[1:] = self._model(np.array([handle.m_h, handle.b_u, handle.k_u]))
+        self._work = iter(())
+        self.correction = np.zeros_like(self._family.basis[:, 0])
+        self.deviation, self.estimates = 0.0, 0
+
+    def _redesign(self, grip: FloatArray) -> Iterator[bool]:
+        """Solve for all members of the bank in parts; yield between them, and finally True."""
+        model = self._model(grip)
+        # Each later evaluation is compared with the model of its time.
+        self._ratio.model[1:] = model
+        yield False
+        ratio = self._certain_ratio()
+        excitation = self._ratio.excitation[1:]
+        self.deviation = float(np.sqrt(excitation @ np.abs(ratio - 1.0) ** 2 / excitation.sum()))
+        yield False
+        learnt = self._equations.spectra(self._spectrum(), model * ratio)
+        yield False
+        sequences = self._assumed_sequences + self._sequences(learnt - self._assumed_spectra)
+        given = self._family.taps(grip)
+        taps = given + self.correction
+        yield False
+        columns = sequences[0] + self._travel_costs * sequences[1]
+        columns[:, 0] *= 1.0 + RIDGE
+        steps = 0
+        for better in improved(columns, sequences[2], taps):
+            if better is not None:
+                taps = better
+                steps += 1
+            yield False
+            if steps == STEPS:
+                break
+        self.correction = taps - given
+        self.estimates += 1
+        yield True
+
+    def _model(self, grip: FloatArray) -> ComplexArray:
+        """Return the response of the plant with a grip, m/s^2 per N, on the lines."""
+        m_h, b_u, k_u = grip.tolist()
+        handle = replace(self._handle, m_h=m_h, b_u=b_u, k_u=k_u)
+        return np.asarray(self._known * handle_model(handle).response(self._lines))
+
+    def _spectrum(self) -> FloatArray:
+        """Return the learnt spectrum of the tool, in the scale of the expected one."""
+        seen = self._tool.excitation[1:] / np.abs(self._equations.passed) ** 2
+        scale = float(self._above @ self._expected) / float(self._above @ seen)
+        weight = self._tool.weight / (self._tool.weight + PRIOR_WEIGHT) * self._above
+        learnt = self._expected + weight * (scale * seen - self._expected)
+        return np.asarray(learnt + EVER_EXPECTED * self._expected)
+
+    def _certain_ratio(self) -> ComplexArray:
+        """Return the ratio of plant to model on the lines, weighted by its certainty."""
+        response, coherence = self._ratio.response[1:], self._ratio.coherence[1:]
+        independent = max(1.0, INDEPENDENCE * self._ratio.weight)
+        unexplained = (1.0 - coherence + UNRESOLVED / independent) / independent
+        variance = np.abs(response) ** 2 * unexplained / np.maximum(coherence, 1e-6)
+        squared = np.abs(response - 1.0) ** 2
+        doubt = CAUTION * variance + NEGLIGIBLE**2
+        return np.asarray(1.0 + self._above * squared / (squared + doubt) * (response - 1.0))
+
+    def _sequences(self, spectra: ComplexArray) -> FloatArray:
+        """Return the first lags of sequences with these spectra, shape (3, n)."""
+        from_zero = np.zeros((len(spectra), len(self._lines) + 1), dtype=np.complex128)
+        from_zero[:, 1:] = spectra
+        lags = np.fft.irfft(from_zero, 2 * len(self._lines))
+        return np.asarray(lags[:, : self._assumed_sequences.shape[1]])

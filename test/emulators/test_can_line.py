@@ -21,7 +21,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.devices.can.protocol import Frame
-from haptic_accel.emulators.slcan import SlcanAdapter, frame_line, parse_frame_line
+from haptic_accel.emulators.can_line import SlcanAdapter, frame_line, parse_frame_line
 
 ids = st.integers(0, 0x7FF)
 frames = st.builds(Frame, ids, st.binary(max_size=8), remote=st.just(False)) | st.builds(

@@ -24,6 +24,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from haptic_accel.core.control.controllers.adaptive import Learner
 from haptic_accel.core.control.filters import high_pass
 from haptic_accel.core.control.inversion.design import (
     TRAVEL_CORNERS,
@@ -35,7 +36,6 @@ from haptic_accel.core.control.inversion.design import (
 from haptic_accel.core.control.inversion.family import InverseFamily, design_family
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.control.inversion.spectrum import TexturePrior
-from haptic_accel.core.control.learning import Learner
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, MountParameters
 
