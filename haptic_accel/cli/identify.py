@@ -26,18 +26,16 @@ from pathlib import Path
 import click
 
 from haptic_accel.analysis import identification_report as report
-from haptic_accel.analysis.identification_recordings import (
+from haptic_accel.analysis.identification import (
     COLUMNS,
     Recordings,
-    named,
-    read_recordings,
-    run_lockstep,
-)
-from haptic_accel.analysis.identification_results import (
     beside_truth,
     evaluate,
     identification_metrics,
+    named,
     parameter_file,
+    read_recordings,
+    run_lockstep,
 )
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Running graphs from a verb: signals, progress, and how a graph ended."""
+"""Running graphs from a verb: signals, keys, progress, and how a graph ended."""
 
 from __future__ import annotations
 
@@ -24,8 +24,10 @@ import select
 import shlex
 import signal
 import sys
+import termios
 import threading
 import time
+import tty
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
@@ -33,9 +35,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.keyboard import on_key
 from haptic_accel.core.parameters import printable
-from haptic_accel.core.process import ENDING, FAILED, INTERRUPTED, WRONG_ARGUMENTS
+from haptic_accel.core.process import ENDING, FAILED, INTERRUPTED, REALTIME, WRONG_ARGUMENTS
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.processes import LINK, RECORDER, SCOPE, Process, arrangement
 from haptic_accel.graph.supervisor import Outcome, Supervisor
@@ -235,3 +236,68 @@ def progress_bar(console: Console | None = None) -> Progress:
         refresh_per_second=2.0,  # drawing takes CPU from the graph that is waited for
         disable=not console.is_terminal,
     )
+
+
+PRIORITY = 42
+"""Real-time priority of the thread that waits for a key, above those of the nodes."""
+
+BACKGROUND_PERIOD = 0.5
+"""Interval between looks while the terminal belongs to another program, s."""
+
+
+@contextmanager
+def on_key(key: bytes, act: Callable[[], None]) -> Iterator[bool]:
+    """Call a function on a separate thread whenever a key is pressed, without Enter.
+
+    Nothing is read where the standard input is no terminal, or another program's. Ctrl-C and the
+    like remain signals. The terminal is as it was before when the context is left.
+
+    Yields
+    ------
+    bool
+        True while keys are read.
+    """
+    if not (sys.stdin and sys.stdin.isatty() and _is_ours(sys.stdin.fileno())):
+        yield False
+        return
+    terminal = sys.stdin.fileno()
+    settings = termios.tcgetattr(terminal)
+    over, end = os.pipe()
+    thread = threading.Thread(target=_follow, args=(terminal, over, key, act), daemon=True)
+    thread.start()
+    try:
+        tty.setcbreak(terminal)
+        yield True
+    finally:
+        os.close(end)
+        thread.join()
+        os.close(over)
+        with suppress(termios.error):  # a terminal that has hung up
+            termios.tcsetattr(terminal, termios.TCSADRAIN, settings)
+
+
+def _follow(terminal: int, over: int, key: bytes, act: Callable[[], None]) -> None:
+    """Read keys until the other end of a pipe is closed, or the terminal is gone."""
+    if os.environ.get(REALTIME) != "no":
+        with suppress(OSError):  # not allowed here
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    while over not in select.select([terminal, over], [], [])[0]:
+        if not _is_ours(terminal):  # to read would suspend us
+            select.select([over], [], [], BACKGROUND_PERIOD)
+            continue
+        try:
+            pressed = os.read(terminal, 1024)
+        except OSError:
+            return
+        if not pressed:
+            return
+        if key in pressed:
+            act()
+
+
+def _is_ours(terminal: int) -> bool:
+    """Return whether keys pressed in a terminal are for this program."""
+    try:
+        return os.tcgetpgrp(terminal) == os.getpgrp()
+    except OSError:
+        return False

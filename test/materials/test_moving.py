@@ -24,8 +24,8 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.surfaces.contact import Contact
 from haptic_accel.core.surfaces.scene import Scene
+from haptic_accel.core.surfaces.tool import Contact
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
 from haptic_accel.materials.scenes import read_scene
 

@@ -26,12 +26,11 @@ from haptic_accel.core.rig.holding import Holding
 from haptic_accel.core.rig.instruments import ArmParameters
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE
 from haptic_accel.core.rig.slave_rig import ToolParameters
-from haptic_accel.core.surfaces.contact import Contact
 from haptic_accel.core.surfaces.material import Material
 from haptic_accel.core.surfaces.scene import Scene
 from haptic_accel.core.surfaces.taps import Tap
 from haptic_accel.core.surfaces.texture import Texture
-from haptic_accel.core.surfaces.tool import VirtualTool
+from haptic_accel.core.surfaces.tool import Contact, VirtualTool
 
 RINGING = 0.25
 """Time for which a texture decays after the contact, s; after it there is no computation."""
