@@ -35,9 +35,8 @@ from haptic_accel.core.control.filters import without_hand_motion
 from haptic_accel.core.control.inversion.bound import bounds
 from haptic_accel.core.control.supervision import supervise
 from haptic_accel.core.decimals import read_decimal
-from haptic_accel.core.evaluation.bands import band_nrmse, bands
 from haptic_accel.core.evaluation.delay import Delay, estimate_delay, shift_back
-from haptic_accel.core.evaluation.metrics import evaluate
+from haptic_accel.core.evaluation.metrics import band_nrmse, bands, evaluate
 from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
 from haptic_accel.core.model import AccelerometerParameters, FloatArray
 from haptic_accel.core.parameters import ParameterError

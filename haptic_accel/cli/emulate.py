@@ -40,7 +40,7 @@ from haptic_accel.devices.simulated import SimulatedDevice, SimulatedMaster, Sim
 from haptic_accel.emulators.can_arm import EmulatedArm
 from haptic_accel.emulators.can_line import BusPort, CanLine, SlcanPort
 from haptic_accel.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, FaultKind, Faults
-from haptic_accel.emulators.loop import run
+from haptic_accel.emulators.pseudo_terminal import run
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.files import parameter_text
 from haptic_accel.graph.processes import graph_parameters, rig_parameters

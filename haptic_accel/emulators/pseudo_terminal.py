@@ -13,14 +13,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pseudo-terminal with a name in the file system, as a USB port has."""
+"""Pseudo-terminal with a name in the file system, as a USB port has; loop that runs emulators."""
 
 from __future__ import annotations
 
 import os
+import select
 import tty
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from time import monotonic
+from typing import Protocol
 
 BUFFER = 4096
 """Maximum number of bytes read at once: the size of a driver's buffer."""
@@ -94,3 +98,29 @@ class PseudoTerminal:
                 self._unsent = data[os.write(self._master, data) :]
                 return True
         return False
+
+
+class Part(Protocol):
+    """Part of an emulator; times are s since its start."""
+
+    due: float
+    """Time of the next step."""
+
+    @property
+    def terminals(self) -> Sequence[PseudoTerminal]:
+        """Ports whose received bytes make a step due at once."""
+
+    def step(self, now: float) -> None:
+        """Execute everything due at a time; may also be called earlier."""
+
+
+def run(parts: Sequence[Part], ended: Callable[[], bool]) -> None:
+    """Step all parts whenever one is due or has received bytes, until `ended`."""
+    start = monotonic()
+    while not ended():
+        terminals = [terminal for part in parts for terminal in part.terminals]
+        due = min(part.due for part in parts)
+        select.select(terminals, [], [], max(0.0, due - (monotonic() - start)))
+        now = monotonic() - start
+        for part in parts:
+            part.step(now)

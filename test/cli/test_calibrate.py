@@ -29,7 +29,7 @@ import yaml
 
 from haptic_accel.core.model import GRAVITY
 from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
-from haptic_accel.emulators.loop import run
+from haptic_accel.emulators.pseudo_terminal import run
 from haptic_accel.emulators.serial_line import EmulatedBoard, SerialLines
 from haptic_accel.graph.files import read_parameter_file
 

@@ -37,7 +37,7 @@ from haptic_accel.devices.simulated import SimulatedSlave, SimulatedSlaveParamet
 from haptic_accel.emulators.can_arm import EmulatedArm
 from haptic_accel.emulators.can_line import CanLine, SlcanPort
 from haptic_accel.emulators.faults import CAN_FAULTS, Faults
-from haptic_accel.emulators.loop import run
+from haptic_accel.emulators.pseudo_terminal import run
 from haptic_accel.emulators.serial_line import EmulatedBoard, SerialLines
 from haptic_accel.graph.files import read_parameter_file
 from haptic_accel.graph.node_parameters import node_parameters

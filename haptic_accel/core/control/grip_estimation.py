@@ -25,7 +25,7 @@ from operator import sub, truediv
 
 import numpy as np
 
-from haptic_accel.core.control.paired_window import PairedWindow
+from haptic_accel.core.control.response_estimation import PairedWindow
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import Checked, parameter

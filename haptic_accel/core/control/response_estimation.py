@@ -18,11 +18,11 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
 
 import numpy as np
 
-from haptic_accel.core.control.paired_window import PairedWindow
 from haptic_accel.core.model import ComplexArray, FloatArray
 
 WINDOW = 0.25
@@ -151,3 +151,75 @@ class ResponseEstimator:
         self.weight, self.excitation, self.output, self.cross = weight, excitation, output, cross
         self.estimates += 1
         yield True
+
+
+MOST_MISSING = 0.02
+"""Maximum fraction of missing samples in a window; they repeat the previous value."""
+
+
+class PairedWindow:
+    """Buffer of cause and effect that reports when a window can be evaluated.
+
+    Parameters
+    ----------
+    length : int
+        Number of samples.
+    hop : int
+        Number of samples from one evaluation to the next.
+    """
+
+    def __init__(self, length: int, hop: int) -> None:
+        self._length, self._hop = length, hop
+        # Filled from its end to its beginning, as in `SampleWindow`.
+        self._pairs = np.zeros((2, 2 * length))
+        self._cause, self._effect = self._pairs
+        self._newest = length
+        # Missing samples in the present part of the window, and in the parts before.
+        self._missing: deque[int] = deque(maxlen=math.ceil(length / hop))
+        self.reset()
+
+    def push(self, cause: float, effect: float) -> bool:
+        """Add a sample of both; return True if the window is due and complete enough.
+
+        Parameters
+        ----------
+        cause : float
+            Finite.
+        effect : float
+            NaN or infinite if unknown.
+        """
+        newest = self._newest - 1
+        if newest < 0:
+            newest = self._moved()
+        if not math.isfinite(effect):
+            self._missing[-1] += 1
+            effect = self._effect[newest + 1]
+        self._newest = newest
+        self._cause[newest] = cause
+        self._effect[newest] = effect
+        self._samples += 1
+        if self._samples % self._hop:
+            return False
+        few = sum(self._missing) <= MOST_MISSING * self._length
+        self._missing.append(0)
+        return self._samples >= self._length and few
+
+    def latest(self) -> tuple[FloatArray, FloatArray]:
+        """Return cause and effect, newest first; views until the next sample."""
+        latest = slice(self._newest, self._newest + self._length)
+        return self._cause[latest], self._effect[latest]
+
+    def reset(self) -> None:
+        """Discard all samples."""
+        self._samples = 0
+        self._missing.clear()
+        self._missing.append(0)
+        self._pairs[:] = 0.0
+        self._newest = self._length
+
+    def _moved(self) -> int:
+        """Move the samples still needed to the end; return the index before them."""
+        kept = self._length - 1
+        place = self._pairs.shape[1] - kept
+        self._pairs[:, place:] = self._pairs[:, :kept]
+        return place - 1

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Accelerometer, converters and encoders of the simulated rig."""
+"""Accelerometer, converters, encoders and release detection of the simulated rig."""
 
 from __future__ import annotations
 
@@ -106,3 +106,39 @@ class ArmParameters(Checked):
         """Return the readings of an arm that moves along x and z."""
         position = (self.encoded(x), 0.0, self.encoded(z))
         return Sample(position, (v_x, 0.0, v_z), acceleration)
+
+
+PUT_BACK_AFTER = 0.2
+"""Time without force and without commands after which an arm returns to its start, s. It is longer
+than the coupler takes to release both arms when one stops sending."""
+
+
+class Holding:
+    """Detect the release of an arm from the commands of its motors.
+
+    A coupling with zero force repeats its commands, and thus holds the arm.
+
+    Examples
+    --------
+    >>> holding = Holding()
+    >>> holding.command(free=True)
+    >>> holding.ends(0.15), holding.ends(0.15), holding.ends(0.15)
+    (False, True, False)
+    """
+
+    def __init__(self) -> None:
+        self._free = True
+        self._silence = math.inf  # not held yet
+
+    def command(self, *, free: bool) -> None:
+        """Record a command; `free` if its force is zero."""
+        self._free = free
+        self._silence = 0.0
+
+    def ends(self, seconds: float) -> bool:
+        """Advance to a time; return True, once, when the arm has been released."""
+        self._silence += seconds
+        if not (self._free and PUT_BACK_AFTER < self._silence < math.inf):
+            return False
+        self._silence = math.inf
+        return True

@@ -60,8 +60,7 @@ from haptic_accel.core.model import (
 )
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.rig.exploration import TABLE_STEP, Exploration, ExplorationParameters
-from haptic_accel.core.rig.holding import Holding
-from haptic_accel.core.rig.instruments import Accelerometer, ArmParameters, Quantizer
+from haptic_accel.core.rig.instruments import Accelerometer, ArmParameters, Holding, Quantizer
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE, clock_step
 
 STOP_STEPS = 5

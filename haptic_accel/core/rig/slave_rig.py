@@ -26,8 +26,7 @@ import numpy as np
 
 from haptic_accel.core.model import AccelerometerParameters, FloatArray, Sample, Vector
 from haptic_accel.core.parameters import Checked, parameter
-from haptic_accel.core.rig.holding import Holding
-from haptic_accel.core.rig.instruments import Accelerometer, ArmParameters
+from haptic_accel.core.rig.instruments import Accelerometer, ArmParameters, Holding
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE, clock_step
 from haptic_accel.core.rig.surface import (
     PROFILE_POINTS,

@@ -22,8 +22,7 @@ from dataclasses import dataclass, field
 
 from haptic_accel.core.model import ZERO, Sample, Vector
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.holding import Holding
-from haptic_accel.core.rig.instruments import ArmParameters
+from haptic_accel.core.rig.instruments import ArmParameters, Holding
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.material import Material

@@ -23,7 +23,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from haptic_accel.core.control.response_estimation import ResponseEstimator
+from haptic_accel.core.control.response_estimation import PairedWindow, ResponseEstimator
 from haptic_accel.core.model import FloatArray
 
 
@@ -137,3 +137,39 @@ def test_too_small_an_input_teaches_nothing() -> None:
     assert estimator.weight == 0.0
     feed(estimator, 10 * small, 10 * small)
     assert estimator.estimates > 0
+
+
+def test_it_is_due_each_hop_once_it_is_full() -> None:
+    window = PairedWindow(12, 4)
+    due = [place for place in range(1, 25) if window.push(place, -place)]
+    assert due == [12, 16, 20, 24]
+    cause, effect = window.latest()
+    assert cause.tolist() == [*range(24, 12, -1)]
+    assert effect.tolist() == [*range(-24, -12)]
+
+
+@pytest.mark.parametrize("unknown", [math.nan, math.inf, -math.inf])
+def test_a_missing_sample_repeats_the_one_before(unknown: float) -> None:
+    window = PairedWindow(2, 1)
+    window.push(1.0, 5.0)
+    window.push(2.0, unknown)
+    assert window.latest()[1].tolist() == [5.0, 5.0]
+
+
+def test_a_window_with_too_many_gaps_is_not_due_until_they_have_passed() -> None:
+    window = PairedWindow(100, 50)
+    for _ in range(97):
+        assert not window.push(0.0, 0.0)
+    assert [window.push(0.0, math.nan) for _ in range(3)] == [False, False, False]  # 3 %
+    due = [place for place in range(1, 101) if window.push(0.0, 0.0)]
+    assert due == [100]
+
+
+def test_a_window_that_is_reset_forgets_all() -> None:
+    window = PairedWindow(2, 1)
+    window.push(1.0, 1.0)
+    window.push(1.0, math.nan)
+    window.reset()
+    assert not window.latest()[1].any()
+    assert not window.push(1.0, 1.0)
+    assert window.push(1.0, 1.0)

@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.model import FloatArray, Vector
-from haptic_accel.core.rig.holding import PUT_BACK_AFTER
+from haptic_accel.core.rig.instruments import PUT_BACK_AFTER
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.material import Material
 from haptic_accel.core.surfaces.scene import Scene, SceneObject

@@ -39,7 +39,7 @@ from haptic_accel.devices.simulated import SimulatedSlave, SimulatedSlaveParamet
 from haptic_accel.emulators.can_arm import EmulatedArm
 from haptic_accel.emulators.can_line import BusPort, CanLine, CanPort, SlcanPort
 from haptic_accel.emulators.faults import CAN_FAULTS, Faults
-from haptic_accel.emulators.loop import run
+from haptic_accel.emulators.pseudo_terminal import run
 from running import wait_until
 
 RATE = 200.0  # Hz

@@ -24,7 +24,7 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.devices.serial.protocol import Identity
-from haptic_accel.emulators.loop import run
+from haptic_accel.emulators.pseudo_terminal import run
 from haptic_accel.emulators.serial_line import EmulatedBoard, SerialLines
 
 HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, 2.75, "handle-1")

@@ -30,14 +30,18 @@ from haptic_accel.core.control.grip_estimation import (
     GripEstimator,
 )
 from haptic_accel.core.control.inversion.design import (
+    DEFAULT_GOAL,
     RIDGE,
     TRAVEL_CORNERS,
     Goal,
+    InverseBank,
     NormalEquations,
     assumed_sequences,
+    caused_motion,
+    design_basis,
+    extension,
     travel_cost,
 )
-from haptic_accel.core.control.inversion.family import InverseFamily, design_family
 from haptic_accel.core.control.inversion.toeplitz import improved
 from haptic_accel.core.control.response_estimation import ResponseEstimator
 from haptic_accel.core.handle.plant import Plant
@@ -330,3 +334,57 @@ class Learner:
         from_zero[:, 1:] = spectra
         lags = np.fft.irfft(from_zero, 2 * len(self._lines))
         return np.asarray(lags[:, : self._assumed_sequences.shape[1]])
+
+
+@dataclass(frozen=True)
+class InverseFamily:
+    """Inverses of all grips for each of `TRAVEL_CORNERS`.
+
+    Attributes
+    ----------
+    sections : ndarray, shape (2, 6)
+        Extension, independent of the grip.
+    basis : ndarray, shape (k, 4, n)
+        Taps to multiply by m_h, b_u, k_u and 1, and to add.
+    motion : ndarray, shape (k, n)
+        As in `InverseBank`; assumed to be equal for all grips.
+    """
+
+    sections: FloatArray
+    basis: FloatArray
+    motion: FloatArray
+
+    def taps(self, grip: FloatArray) -> FloatArray:
+        """Return the taps for a grip.
+
+        Parameters
+        ----------
+        grip : ndarray, shape (3,)
+            m_h, b_u and k_u: kg, N s/m, N/m.
+
+        Returns
+        -------
+        ndarray, shape (k, n)
+        """
+        return np.asarray(np.append(grip, 1.0) @ self.basis)
+
+    def bank(self, grip: FloatArray) -> InverseBank:
+        """Return the inverses for a grip."""
+        return InverseBank(self.sections, self.taps(grip), self.motion)
+
+
+def design_family(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> InverseFamily:
+    """Design the inverse for all grips of one actuator.
+
+    Parameters, errors
+        As for `design_inverse`; the plant has the middle one of the expected grips.
+
+    Returns
+    -------
+    InverseFamily
+    """
+    basis = design_basis(plant, rate, goal)
+    handle = plant.handle
+    own = np.array([handle.m_h, handle.b_u, handle.k_u, 1.0]) @ basis
+    sections = extension(goal.high_pass_frequency, rate)
+    return InverseFamily(sections, basis, caused_motion(plant, rate, own))

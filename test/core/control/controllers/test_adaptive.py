@@ -21,12 +21,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from haptic_accel.core.control.controllers.adaptive import AdaptiveController, AdaptiveParameters
+from haptic_accel.core.control.controllers.adaptive import (
+    AdaptiveController,
+    AdaptiveParameters,
+    InverseFamily,
+    design_family,
+)
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.grip_estimation import LARGEST
 from haptic_accel.core.control.inversion.design import Goal, design_bank, design_inverse
-from haptic_accel.core.control.inversion.family import InverseFamily, design_family
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters

@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from haptic_accel.core.control.controllers.adaptive import Learner
+from haptic_accel.core.control.controllers.adaptive import InverseFamily, Learner, design_family
 from haptic_accel.core.control.filters import high_pass
 from haptic_accel.core.control.inversion.design import (
     TRAVEL_CORNERS,
@@ -33,7 +33,6 @@ from haptic_accel.core.control.inversion.design import (
     design_inverse,
     extension,
 )
-from haptic_accel.core.control.inversion.family import InverseFamily, design_family
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.control.inversion.spectrum import TexturePrior
 from haptic_accel.core.handle.plant import Plant

@@ -26,8 +26,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.evaluation.bands import BAND_EDGES, band_nrmse, bands
-from haptic_accel.core.evaluation.metrics import nrmse
+from haptic_accel.core.evaluation.metrics import BAND_EDGES, band_nrmse, bands, nrmse
 from haptic_accel.core.model import FloatArray
 
 RATE = 1000.0
