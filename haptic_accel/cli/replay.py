@@ -17,16 +17,15 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
-import time
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import click
 
+from haptic_accel.analysis.replay import COLUMNS, PlayedCondition, play, progress, touching
 from haptic_accel.cli import options
 from haptic_accel.cli.output import make_folder, save
 from haptic_accel.cli.running import run_shown
@@ -35,12 +34,9 @@ from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.tables import Column, ResultTable, Row
-from haptic_accel.core.track import Track
-from haptic_accel.core.trial import Trial
+from haptic_accel.core.tables import ResultTable
 from haptic_accel.devices.playback import NothingRecordedError
 from haptic_accel.graph.arguments import PLAYED_TOPICS, GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.graph.processes import graph
 from haptic_accel.graph.replay import (
     Replay,
@@ -50,20 +46,7 @@ from haptic_accel.graph.replay import (
     in_lockstep,
     play_command,
     replay_arguments,
-    replayed_track,
 )
-
-COLUMNS = (
-    Column("bag", "bag", value=lambda row: Path(row["bag"]).name),
-    Column("surface", "surface"),
-    Column("controller", "controller"),
-    Column("after_samples", "after\nsamples"),
-    Column("nrmse_percent", "NRMSE\n%", digits=2),
-    Column("slope_actual_on_desired", "slope\na on d", digits=3),
-    Column("slope_desired_on_actual", "slope\nd on a", digits=3),
-    Column("r2", "R²", digits=3),
-)
-"""Columns of the table; the slopes are of actual on desired, and the reverse."""
 
 
 @options.verb(
@@ -124,16 +107,6 @@ def replay(
     run_shown(processes, expected=expected_seconds(asked) if sys.stdout.isatty() else 0.0)
 
 
-@dataclass(frozen=True)
-class PlayedCondition:
-    """A bag, the graph that it is played through, and the bag of the result."""
-
-    own: ReplayArguments
-    graph: GraphArguments
-    touched: str
-    out: Path | None
-
-
 def _play(
     plan: Sequence[Replay],
     controllers: Sequence[str],
@@ -159,7 +132,7 @@ def _play(
         for controller in controllers or [asked.graph.controller]
     ]
     journal = None if out else beside(json_file)
-    found, end = run_side_by_side(workers, _played, conditions, "conditions", _line, journal)
+    found, end = run_side_by_side(workers, play, conditions, "conditions", progress, journal)
     done = [*found.values()]
     print_table(ResultTable.of(COLUMNS, done, left=3, title="Replayed in lockstep"))
     for bag, lost in {row["bag"]: row["lost"] for row in done}.items():
@@ -168,23 +141,6 @@ def _play(
     save({"lockstep": True, "conditions": done}, json_file)
     if end:
         raise end
-
-
-def _played(condition: PlayedCondition) -> Row:
-    """Play a bag through a controller; record the result if a bag is given for it."""
-    start = time.time_ns()
-    track = replayed_track(condition.own, condition.graph)
-    trial = lockstep_trial(condition.graph, track=track)
-    trial = replace(trial, surface=condition.touched)
-    metrics = _metrics(condition.own.bag, trial, track)
-    if condition.out:
-        shutil.rmtree(condition.out, ignore_errors=True)  # that of a lost process
-        record_trial(condition.out, trial, condition.graph, start)
-    return metrics
-
-
-def _line(row: Row) -> str:
-    return f"{Path(row['bag']).name} / {row['controller']}: {row['nrmse_percent']:.2f} %"
 
 
 def _planned(each: Sequence[Sequence[str]]) -> list[Replay]:
@@ -196,7 +152,7 @@ def _planned(each: Sequence[Sequence[str]]) -> list[Replay]:
     empty: list[NothingRecordedError] = []
     for words in each:
         try:
-            plan.append(_touching(in_lockstep(replay_arguments(words))))
+            plan.append(touching(in_lockstep(replay_arguments(words))))
         except NothingRecordedError as error:
             empty.append(error)
     if not plan:
@@ -204,33 +160,6 @@ def _planned(each: Sequence[Sequence[str]]) -> list[Replay]:
     for none in empty:
         print(f"skipped: {none}", file=sys.stderr)
     return plan
-
-
-def _touching(asked: Replay) -> Replay:
-    """Return a replay with the surface of its bag, without the bag that was read."""
-    from haptic_accel.analysis.segments import surface_of
-
-    touched = surface_of(asked.bag) if asked.bag else asked.graph.surface
-    return replace(asked, bag=None, touched=touched)
-
-
-def _metrics(bag: str, trial: Trial, track: Track) -> Row:
-    """Return the metrics of a bag played through a controller."""
-    try:
-        evaluation = trial.evaluate()
-    except ValueError as error:
-        raise ParameterError(f"{bag}: {error}") from None
-    return {
-        "bag": bag,
-        "surface": trial.surface,
-        "controller": trial.controller,
-        **asdict(evaluation),
-        "seconds": trial.seconds,
-        "rate_hz": trial.rate,
-        "latency_samples": trial.latency,
-        "after_samples": trial.after,
-        "lost": int(track.lost.sum()),
-    }
 
 
 def _name(asked: Replay, controller: str) -> str:
