@@ -32,8 +32,7 @@ import numpy as np
 from haptic_accel.core.model import FloatArray, Vector, vector
 from haptic_accel.core.parameters import ParameterError, shown, suggestion
 from haptic_accel.core.rig.slave_rig import ToolParameters
-from haptic_accel.core.surfaces.material import Material
-from haptic_accel.core.surfaces.scene import Scene, SceneObject
+from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
 from haptic_accel.core.surfaces.tool import Contact
 from haptic_accel.materials.moving_check import check_mjcf, compiled, specification

@@ -25,8 +25,7 @@ from typing import Any
 
 from haptic_accel.core.document import Document, read_yaml_document
 from haptic_accel.core.parameters import Specification, own_schema
-from haptic_accel.core.surfaces.material import Material
-from haptic_accel.core.surfaces.scene import Scene, SceneObject
+from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
 from haptic_accel.core.surfaces.taps import Mode, TapModel
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel

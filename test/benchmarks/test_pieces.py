@@ -40,8 +40,7 @@ from haptic_accel.core.coupling.position_position import (
 )
 from haptic_accel.core.model import Vector
 from haptic_accel.core.rig.slave_rig import ToolParameters
-from haptic_accel.core.surfaces.material import Material
-from haptic_accel.core.surfaces.scene import Scene, SceneObject
+from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
 from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.core.surfaces.tool import VirtualTool

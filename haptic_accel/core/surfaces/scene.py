@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Scenes: objects with shape, material and pose."""
+"""Scenes: objects with shape, material and pose; materials of their surfaces."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.core.model import ZERO, FloatArray, Vector
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.surfaces.material import Material
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.surfaces.shapes import Shape
+from haptic_accel.core.surfaces.taps import TapModel
+from haptic_accel.core.surfaces.texture import TextureModel
 
 MOST_STEPS = 1000
 """Maximum number of steps along a ray; a ray that needs more passes close to a surface."""
@@ -213,3 +214,39 @@ def _turn(axis: int, angle: float) -> FloatArray:
     matrix[[first, second], [first, second]] = cosine
     matrix[first, second], matrix[second, first] = -sine, sine
     return matrix
+
+
+@dataclass(frozen=True)
+class Material(Checked):
+    """Material of an object: stiffness, friction, texture and taps.
+
+    Attributes
+    ----------
+    name : str
+    texture : TextureModel, optional
+        Acceleration of a sliding tool.
+    tap : TapModel, optional
+        Acceleration after an impact.
+
+    Raises
+    ------
+    ParameterError
+        A value is out of range, or friction is above static friction.
+    """
+
+    name: str = "material"
+    stiffness: float = parameter(2000.0, "stiffness of the contact", "N/m", 1.0, 10e3)
+    damping: float = parameter(5.0, "damping of the contact", "N s/m", 0.0, 100.0)
+    static_friction: float = parameter(0.4, "friction coefficient of a tool that sticks", "", 0, 2)
+    friction: float = parameter(0.3, "friction coefficient of a tool that slides", "", 0, 2)
+    texture: TextureModel | None = None
+    tap: TapModel | None = None
+
+    def __post_init__(self) -> None:
+        """Check each value, and that sliding friction is not above static friction."""
+        super().__post_init__()
+        if self.friction > self.static_friction:
+            raise ParameterError(
+                f"friction = {self.friction}: must be at most static_friction,"
+                f" {self.static_friction}"
+            )

@@ -25,8 +25,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.instruments import ArmParameters, Holding
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE
 from haptic_accel.core.rig.slave_rig import ToolParameters
-from haptic_accel.core.surfaces.material import Material
-from haptic_accel.core.surfaces.scene import Scene
+from haptic_accel.core.surfaces.scene import Material, Scene
 from haptic_accel.core.surfaces.taps import Tap
 from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.core.surfaces.tool import Contact, VirtualTool

@@ -27,10 +27,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from haptic_accel.core.model import Vector
-from haptic_accel.core.surfaces.material import Material
 from haptic_accel.core.surfaces.proxy import SKIN, Proxy
 from haptic_accel.core.surfaces.sampled_shapes import DistanceGrid
-from haptic_accel.core.surfaces.scene import Scene, SceneObject
+from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
 
 few = settings(deadline=None, max_examples=20)

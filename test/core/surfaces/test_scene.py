@@ -27,8 +27,7 @@ from scipy.spatial.transform import Rotation
 
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.surfaces.material import Material
-from haptic_accel.core.surfaces.scene import Scene, SceneObject
+from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Box, Plane, Sphere
 
 few = settings(deadline=None, max_examples=30)

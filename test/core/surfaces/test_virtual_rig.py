@@ -26,8 +26,7 @@ import pytest
 from haptic_accel.core.model import FloatArray, Vector
 from haptic_accel.core.rig.instruments import PUT_BACK_AFTER
 from haptic_accel.core.rig.slave_rig import ToolParameters
-from haptic_accel.core.surfaces.material import Material
-from haptic_accel.core.surfaces.scene import Scene, SceneObject
+from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Plane
 from haptic_accel.core.surfaces.taps import Mode, TapModel
 from haptic_accel.core.surfaces.texture import TextureModel
