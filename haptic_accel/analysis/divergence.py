@@ -43,6 +43,7 @@ from haptic_accel.graph.arguments import (
     GraphArguments,
     check_lockstep,
 )
+from haptic_accel.graph.former_names import current_arguments
 from haptic_accel.graph.lockstep import lockstep_trial, replayed_track
 
 COUNTED_BEFORE = "deadlines missed"
@@ -147,6 +148,7 @@ def _arguments(bag: Bag) -> GraphArguments:
     known = bag.facts.get("arguments")
     if not isinstance(known, Mapping) or "latency" not in known:
         raise ParameterError(f"{bag.path}: does not state the arguments of its graph")
+    known = current_arguments(known)
     arguments = GraphArguments(**{k: v for k, v in known.items() if k in schema(GraphArguments)})
     with located(bag.path):
         check_lockstep(arguments, "to be compared with lockstep", (SIMULATED, VIRTUAL, REPLAY))

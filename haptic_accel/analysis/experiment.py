@@ -308,7 +308,7 @@ def recorded_conditions(
     several = plan[0].seed != plan[-1].seed
     return [
         RecordedCondition(
-            folder / f"{Path(each.touched).stem}_{each.controller}{f'_seed{each.seed}' * several}",
+            folder / f"{Path(each.surface).stem}_{each.controller}{f'_seed{each.seed}' * several}",
             each,
             channel,
             lockstep,
@@ -336,5 +336,5 @@ def run_lockstep(condition: RecordedCondition) -> str:
 
 def condition_line(arguments: GraphArguments, error: float) -> str:
     """Return the line on a condition that has ended, with its error in %."""
-    name = f"{Path(arguments.touched).stem} / {arguments.controller} / seed {arguments.seed}"
+    name = f"{Path(arguments.surface).stem} / {arguments.controller} / seed {arguments.seed}"
     return f"{name}: {number(error, 1)} %"

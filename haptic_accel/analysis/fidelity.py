@@ -35,7 +35,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import crossfaded
 from haptic_accel.core.tables import ResultTable, Row
 from haptic_accel.core.trial import DEFAULT_RATE, GripChange, Trial
-from haptic_accel.graph.arguments import RECORDING, SURFACES, GraphArguments
+from haptic_accel.graph.arguments import SURFACES, GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 from haptic_accel.materials.recordings import read_recording
@@ -149,7 +149,7 @@ def inputs(recordings: Sequence[str], rates: Sequence[float]) -> list[GraphArgum
             f" {len(recordings)} recordings"
         )
     return [
-        GraphArguments(surface=RECORDING, recording=file, recording_rate=rate)
+        GraphArguments(surface=file, recording_rate=rate)
         for file, rate in zip(recordings, every, strict=True)
     ]
 
@@ -206,7 +206,7 @@ def _given(case: GraphArguments, around: GraphArguments, seed: int = 0) -> Graph
 
 
 def _name(given: GraphArguments) -> str:
-    return Path(given.recording).stem or given.surface
+    return Path(given.surface).stem
 
 
 def _rig(around: GraphArguments) -> str:
@@ -276,7 +276,7 @@ def _recordings(wanted: Wanted) -> Iterator[Case]:
     for around in dict.fromkeys((wanted.on(), wanted.on("paper"))):
         for given, rms in product(wanted.inputs, RECORDING_RMS):
             samples = read_recording(
-                given.recording, given.recording_rate, around.rate, given.recording_column
+                given.surface, given.recording_rate, around.rate, given.recording_column
             )
             samples = crossfaded(samples - np.mean(samples), around.rate)
             condition, name = f"recordings, {_rig(around)}", f"{_name(given)}, {rms:g} m/s^2"

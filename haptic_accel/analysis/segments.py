@@ -42,14 +42,15 @@ from haptic_accel.core.trial import RigParameters
 from haptic_accel.graph.arguments import (
     PLAYED_TOPICS,
     POINTER,
-    RECORDING,
     REPLAY,
     SCENE,
     SIMULATED,
     VIRTUAL,
 )
+from haptic_accel.graph.former_names import current_arguments
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import rig_parameters
+from haptic_accel.materials.folders import is_recording
 
 RINGING = 0.2
 """Decay time of handle and tool after a change, s: eight times Table I's 2 m_h / b_u."""
@@ -340,9 +341,7 @@ class _Known:
 
 def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list[str]) -> _Known:
     """Return the description of a bag's graph from its facts."""
-    arguments, parameters = (
-        _mapping(recorded.facts.get(name)) for name in ("arguments", "parameters")
-    )
+    arguments, parameters = _arguments(recorded), _mapping(recorded.facts.get("parameters"))
     nodes = {name: _mapping(parameters.get(name)) for name, _ in _CONDITIONS}
     if not recorded.facts:
         problems.append(
@@ -370,7 +369,8 @@ def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list
     pair: tuple[str, ...] = (recorded.path.name,)
     if arguments:
         seed = arguments.get("seed", nodes["slave_device"].get("seed", ""))
-        source = next((str(arguments[key]) for key in _SOURCES if arguments.get(key)), "")
+        surface = str(arguments.get("surface", ""))
+        source = str(arguments.get("replay") or (surface if is_recording(surface) else ""))
         pair = (f"seed {seed}", *([Path(source).name] if source else []))
     seed = arguments.get("seed")
     user = seed if isinstance(seed, int) and seed >= 0 else 0
@@ -387,7 +387,7 @@ def surface_of(recorded: Bag) -> str:
 
     An operator's host does not know the surface at the robot.
     """
-    arguments = _mapping(recorded.facts.get("arguments"))
+    arguments = _arguments(recorded)
     slave = _mapping(_mapping(recorded.facts.get("parameters")).get("slave_device"))
     if arguments.get("side") == OPERATOR:
         return UNKNOWN
@@ -397,9 +397,9 @@ def surface_of(recorded: Bag) -> str:
     if arguments.get("slave") == PLAYED_TOPICS:
         return "played topics"
     if arguments.get("slave") == VIRTUAL:
-        return Path(str(slave.get(SCENE, arguments.get("scene", UNKNOWN)))).stem
-    if asked == RECORDING:
-        return RECORDING
+        return Path(str(slave.get(SCENE, asked or UNKNOWN))).stem
+    if is_recording(asked):
+        return "recording"
     return str(slave.get(f"{_SURFACE}name") or Path(asked).stem or UNKNOWN)
 
 
@@ -424,8 +424,8 @@ def run_of(recorded: Bag) -> str:
     return found
 
 
-_SOURCES = ("replay", "recording")
-"""Arguments with the name of the recording played by a slave."""
+def _arguments(recorded: Bag) -> dict[str, Any]:
+    return current_arguments(_mapping(recorded.facts.get("arguments")))
 
 
 def _mapping(value: Any) -> dict[str, Any]:

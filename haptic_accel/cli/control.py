@@ -50,9 +50,10 @@ class ControlArguments(NamespaceArguments):
     frozen: str = _switch("freeze the grip estimate of the adaptive controller")
     reset: bool = parameter(False, "restart all controllers, and forget the grip estimate")
     surface: str = parameter(
-        KEEP, "surface under the simulated tool: plywood, text, vinyl, or a .yaml file"
+        KEEP,
+        "surface under the tool: plywood, text, vinyl, or a .yaml file; with slave:=virtual a"
+        " scene: workshop, or a .yaml file",
     )
-    scene: str = parameter(KEEP, "scene that the virtual tool touches: workshop, or a .yaml file")
     grip: str = parameter(KEEP, "grip of the simulated hand", choices=(KEEP, *POSTURES))
     arm: bool = parameter(False, "allow forces again where a device refuses them until armed")
     engage: str = _switch("couple the arms")
@@ -68,7 +69,7 @@ def control(arguments: ControlArguments) -> None:
     """Change a graph while it runs; prints what changed, from what to what.
 
     Switches to another controller, freezes or resets the adaptation, changes the simulated
-    surface, scene or grip, disengages or engages the arms.
+    surface or grip, disengages or engages the arms.
     """
     if replace(arguments, namespace="") == ControlArguments():
         settings = [name for name in schema(ControlArguments) if name != "namespace"]
@@ -119,8 +120,6 @@ def _requests(arguments: ControlArguments) -> Iterator[Request]:
         yield make.set_parameters("compensator", compensator)
     if arguments.surface != KEEP:
         yield make.set_surface(arguments.surface)
-    if arguments.scene != KEEP:
-        yield make.set_scene(arguments.scene)
     if arguments.grip != KEEP:
         yield make.set_grip(arguments.grip)
     if arguments.reset:

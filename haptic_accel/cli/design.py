@@ -37,10 +37,11 @@ from haptic_accel.core.control.inversion.spectrum import ToolSpectrum, measured_
 from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tables import Column, ResultTable
-from haptic_accel.graph.arguments import RECORDING, GraphArguments, parse_arguments
+from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters
 from haptic_accel.graph.words import given_keys
+from haptic_accel.materials.folders import is_recording
 from haptic_accel.materials.recordings import read_recording
 
 SHOWN = (10.0, 15.0, 20.0, 30.0, 50.0, 80.0, 120.0, 200.0, 300.0, 400.0)
@@ -63,7 +64,7 @@ DRAWN = 10.0
 @verb(
     "haptic-accel design controller:=feedback rate:=4000",
     "haptic-accel design controller:=inverse params_file:=handle.yaml",
-    "haptic-accel design surface:=recording recording:=drag.csv recording_rate:=1000",
+    "haptic-accel design surface:=drag.csv recording_rate:=1000",
 )
 @words(GraphArguments)
 @json_option
@@ -71,7 +72,7 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
     """Design a controller for compensator.plant and print the prediction.
 
     Tracking error and its lower bound, force, travel, gain and phase, and margins of the
-    feedback. With surface:=recording the spectrum of the recording replaces the expected one.
+    feedback. With surface:=FILE the spectrum of a recording replaces the expected one.
     """
     arguments = parse_arguments(words)
     name = arguments.controller if "controller" in given_keys(words) else DESIGNED[0]
@@ -84,9 +85,9 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
     loop = Loop(arguments.rate, around.high_pass_frequency, plant, actuator.travel)
     parameters: InverseParameters = options[name]
     spectrum: ToolSpectrum = parameters.texture
-    if arguments.surface == RECORDING:
+    if is_recording(arguments.surface):
         samples = read_recording(
-            arguments.recording, arguments.recording_rate, loop.rate, arguments.recording_column
+            arguments.surface, arguments.recording_rate, loop.rate, arguments.recording_column
         )
         spectrum = measured_spectrum(samples, loop.rate)
     else:

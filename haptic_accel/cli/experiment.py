@@ -74,9 +74,6 @@ NETWORK = "Network between two hosts, in lockstep"
 PAPER_CONTROLLERS = ("none", "constant", "dynamic")
 """The paper's conditions."""
 
-RECORDED = "surface:=recording"
-"""Word that a recording implies."""
-
 DURATION = 10.0
 """Default length of a condition, s."""
 
@@ -137,10 +134,8 @@ def experiment(
 
     Prints Table II beside the paper's, and writes a report with its figures 9, 10 and 11.
     surface and controller restrict the conditions; duration is that of one condition, 10 s by
-    default. A recording takes the place of the surfaces.
+    default. surface:=FILE.csv puts a recording in place of the surfaces.
     """
-    if "recording" in given_keys(words):
-        words = [*(word for word in words if word != RECORDED), RECORDED]
     given = given_keys(words)
     arguments = _checked(parse_arguments(words), given, seeds, lockstep)
     channel = _channel(delay, jitter, loss, lockstep)

@@ -31,6 +31,7 @@ from haptic_accel.cli.lazy import write_examples
 from haptic_accel.cli.output import check_writable
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.parameters import Checked, schema, suggestion
+from haptic_accel.graph.former_names import current_words
 from haptic_accel.graph.words import described, group, parse_words
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -115,7 +116,8 @@ class Verb(click.Command):
         more = [f"{name}:={value}" for name, value in given.items() if value is not None]
         for each in self.params:
             if isinstance(each, Words):
-                words = [*ctx.params[each.name], *more]
+                known = [name for kind in each.kinds for name in schema(kind)]
+                words = current_words([*ctx.params[each.name], *more], known)
                 parsed = each.name == "arguments"
                 ctx.params[each.name] = parse_words(words, *each.kinds) if parsed else words
         return super().invoke(ctx)

@@ -35,6 +35,7 @@ from haptic_accel.graph.namespaces import NamespaceArguments
 from haptic_accel.graph.node_parameters import NODES, PASSIVE, node_schema
 from haptic_accel.graph.words import parse_words
 from haptic_accel.links.parameters import LinkNodeParameters, check_peer
+from haptic_accel.materials.folders import is_recording
 
 AVERAGE_GRIP = "average"
 """Grip of Table I."""
@@ -48,11 +49,11 @@ SIMULATED = "simulated"
 POINTER = "pointer"
 """Name of the simulated master whose hand the live page leads."""
 
-RECORDING = "recording"
-"""Name of the surface that plays a recorded acceleration."""
-
 SURFACES = ("plywood", "text", "vinyl")
 """The paper's surfaces."""
+
+WORKSHOP = "workshop"
+"""Scene under the virtual slave where none is named."""
 
 LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
 """Severities of messages in ROS 2."""
@@ -65,6 +66,9 @@ CRTK = "crtk"
 
 SCENE = f"{VIRTUAL}.scene"
 """Parameter of `slave_device`: file of the scene."""
+
+RECORDING = f"{SIMULATED}.recording.file"
+"""Parameter of `slave_device`: file of the recorded acceleration."""
 
 PLAYED_TOPICS = "topics"
 """Name for the topics that `ros2 bag play` publishes in place of a slave device."""
@@ -106,15 +110,10 @@ class ConditionArguments(Checked):
         "master_device.simulated.grip.posture", text="grip of the simulated hand on the handle"
     )
     surface: str = parameter(
-        "plywood",
-        "surface under the simulated slave: plywood, text, vinyl, recording, or a .yaml file",
-    )
-    scene: str = parameter(
-        "workshop", "scene that the tool of slave:=virtual touches: workshop, or a .yaml file"
-    )
-    recording: str = sets(
-        "slave_device.simulated.recording.file",
-        text="CSV or WAV file of a tool acceleration in m/s^2, with surface:=recording",
+        SURFACES[0],
+        f"surface under the tool: {', '.join(SURFACES)}, a .yaml file, or a .csv or .wav file of"
+        " its acceleration in m/s^2; with slave:=virtual a scene, workshop by default, or a .yaml"
+        " file",
     )
     recording_rate: float = sets(
         "slave_device.simulated.recording.rate",
@@ -245,14 +244,12 @@ class GraphArguments(
         unwatched = self.master.startswith(CRTK) or self.slave.startswith(CRTK)
         if self.respawn or self.slave == PLAYED_TOPICS or unwatched:
             object.__setattr__(self, "composed", False)
-        unused, how = ("surface", "without") if self.slave == VIRTUAL else ("scene", "with")
-        if (given := getattr(self, unused)) != schema(ConditionArguments)[unused][0]:
-            raise ParameterError(f"{unused} = {given!r}: must come {how} slave:={VIRTUAL}")
-
-    @property
-    def touched(self) -> str:
-        """Surface or scene under the slave's tool, by name or file."""
-        return self.scene if self.slave == VIRTUAL else self.surface
+        if self.slave == VIRTUAL and self.surface == SURFACES[0]:
+            object.__setattr__(self, "surface", WORKSHOP)
+        if is_recording(self.surface) and self.slave != SIMULATED:
+            raise ParameterError(
+                f"surface = {self.surface!r}: a recording must come with slave:={SIMULATED}"
+            )
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,8 @@
 
 from __future__ import annotations
 
-import logging
 import re
 from collections.abc import Iterator, Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,19 +27,29 @@ import yaml
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.document import Document, read_yaml_document
 from haptic_accel.core.parameters import checked, shown
-from haptic_accel.graph.former_names import current_names, warning_of
+from haptic_accel.graph.former_names import current_names, warn_once, warning_of
 from haptic_accel.graph.node_parameters import NODES, USE_SIM_TIME, check_clock, node_schema
-from haptic_accel.materials.folders import preset_file
+from haptic_accel.materials.folders import config_folder, is_recording, preset_file
 
 SURFACE = "simulated.surface."
 """Prefix of the slave device's parameters of a surface."""
-
-_LOG = logging.getLogger(__name__)
 
 _PARAMETERS = "ros__parameters"
 
 _WILDCARDS = ("**", "*")
 """Last parts of keys that name no node, but any."""
+
+
+def surface_file(surface: str) -> Path:
+    """Return the parameter file of a surface; recordings have a smooth one in common.
+
+    Raises
+    ------
+    ParameterError
+        There is no such surface.
+    """
+    file = preset_file("surface", surface)
+    return config_folder() / "recording.yaml" if is_recording(surface) else file
 
 
 def surface_parameters(surface: str) -> dict[str, Any]:
@@ -59,7 +67,7 @@ def surface_parameters(surface: str) -> dict[str, Any]:
     ParameterError
         There is none, or its file is wrong.
     """
-    given = read_parameter_file(preset_file("surface", surface))["slave_device"]
+    given = read_parameter_file(surface_file(surface))["slave_device"]
     return {
         name: checked(name, given.get(name, default), default, specification)
         for name, (default, specification) in node_schema("slave_device").items()
@@ -113,17 +121,11 @@ def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, d
             if namespace is None or _holds(key, f"{namespace}/{executable}"):
                 values[executable] |= known
     if warning := warning_of(given):
-        _warn(f"{shown(str(path))}: {warning}")
+        warn_once(f"{shown(str(path))}: {warning}")
     if namespace is not None:
         for executable in NODES:
             _check_reached(content, f"{namespace}/{executable}")
     return values
-
-
-@cache
-def _warn(line: str) -> None:
-    """Log a warning once, however often a file is read."""
-    _LOG.warning("%s", line)
 
 
 def check_reached(path: Path, node: str) -> None:

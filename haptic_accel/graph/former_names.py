@@ -13,11 +13,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Names that parameters of nodes had before 0.2, which are read in 0.2 for the last time."""
+"""Names of parameters and arguments before 0.2, which are read in 0.2 for the last time.
+
+Those in bags are read for good.
+"""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping
+from functools import cache
 from typing import Any
 
 from haptic_accel.core.parameters import ParameterError, shown
@@ -27,6 +32,14 @@ FORMER = {
     **{"crtk_serial.arm.": "crtk.", "crtk_serial.handle.": "serial."},
 }
 """Beginnings of former names, and of those in their place."""
+
+FORMER_WORDS = ("recording", "scene")
+"""Former arguments whose value is that of ``surface`` now."""
+
+RECORDED = "surface:=recording"
+"""Word that came with a recording."""
+
+_LOG = logging.getLogger(__name__)
 
 
 def current_names(values: Mapping[str, Any]) -> dict[str, str]:
@@ -58,6 +71,46 @@ def warning_of(names: Iterable[str]) -> str:
     begun = {old for name in names for old in FORMER if name.startswith(old)}
     text = ", ".join(f"{old}* is {new}* now" for old, new in FORMER.items() if old in begun)
     return text and f"{text}; the former names are read until the next release"
+
+
+def current_words(words: Iterable[str], known: Iterable[str]) -> list[str]:
+    """Return ``key:=value`` words with the former ones as they are now, after a warning of them.
+
+    Parameters
+    ----------
+    words : iterable of str
+    known : iterable of str
+        Keys of today.
+    """
+    words = list(words)
+    unknown = set(FORMER_WORDS).difference(known) if "surface" in known else ()
+    former = [word for word in words if word.partition(":=")[0] in unknown]
+    for word in former:
+        key = word.partition(":=")[0]
+        warn_once(f"{key}:= is surface:= now; the former word is read until the next release")
+    now = [f"surface:={value}" for word in former if (value := word.partition(":=")[2])]
+    dropped = [*former, *([RECORDED] if now else [])]
+    return [*(word for word in words if word not in dropped), *now]
+
+
+def current_arguments(recorded: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments in a bag, which may be an older one, by their names of today."""
+    now = dict(recorded)
+    if "config" in now:
+        now.setdefault("params_file", now["config"])
+    if recorded.get("slave") == "virtual" and "scene" in recorded:
+        now["surface"] = recorded["scene"]
+    elif recorded.get("surface") == "recording":
+        now["surface"] = recorded.get("recording")
+    if not now.get("surface"):
+        now.pop("surface", None)
+    return now
+
+
+@cache
+def warn_once(line: str) -> None:
+    """Log a warning once, however often its cause is read."""
+    _LOG.warning("%s", line)
 
 
 def _current(name: str) -> str:

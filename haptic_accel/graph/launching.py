@@ -41,6 +41,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from haptic_accel.core.parameters import suggestion
 from haptic_accel.core.process import EMERGENCY
 from haptic_accel.core.topics import JOINT_STATE_RATE
+from haptic_accel.graph.former_names import FORMER_WORDS, current_words
 from haptic_accel.graph.frames import Frame, description, frames_at_rest
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.namespaces import NamespaceArguments
@@ -76,10 +77,16 @@ def launched(
 
     def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         _check_spelling([name for name, _, _ in arguments], context)
-        given = {name: LaunchConfiguration(name).perform(context) for name, _, _ in arguments}
+        defaults = {name: default for name, default, _ in arguments}
+        given = {name: LaunchConfiguration(name).perform(context) for name in defaults}
         NamespaceArguments(given["namespace"])  # refuses it as it was typed
         given["namespace"] = _pushed(given["namespace"], context)
-        found = processes([f"{name}:={value}" for name, value in given.items()])
+        given = {name: value for name, value in given.items() if value != defaults[name]}
+        if "surface" in defaults:
+            around = context.launch_configurations
+            given |= {name: around[name] for name in FORMER_WORDS if name in around}
+        words = [f"{name}:={value}" for name, value in given.items()]
+        found = processes(current_words(words, defaults))
         lock = ExitStack()
         lock.enter_context(sole_graph(found[0].namespace))
         if line := arrangement(found):
@@ -105,7 +112,7 @@ def _check_spelling(names: Sequence[str], context: LaunchContext) -> None:
     if file not in {Path(word).name for word in sys.argv}:
         return  # included by another launch file, whose arguments they are
     for key in given_keys(sys.argv):
-        if key not in names and (key in MOVED or suggestion(key, names)):
+        if key not in (*names, *FORMER_WORDS) and (key in MOVED or suggestion(key, names)):
             raise unknown_key(key, names)
 
 

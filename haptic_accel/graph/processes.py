@@ -18,7 +18,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -37,9 +37,9 @@ from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.simulated import played
 from haptic_accel.graph import arguments as names
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.graph.files import parameter_text, read_parameter_file
+from haptic_accel.graph.files import parameter_text, read_parameter_file, surface_file
 from haptic_accel.graph.node_parameters import NODES, PASSIVE, SAFETY, node_parameters, node_schema
-from haptic_accel.materials.folders import config_folder, preset_file
+from haptic_accel.materials.folders import config_folder, is_recording, preset_file
 
 RESPAWN_DELAY = 1.0
 """Time before a process that has failed is started again, s."""
@@ -62,12 +62,12 @@ it, those of one of two hosts."""
 
 
 LEFT_TO_FILES = (
-    *("grip", "topics", "recording", "recording_rate", "recording_column"),
+    *("grip", "topics", "recording_rate", "recording_column"),
     *("replay", "replay_speed", "replay_loop", "replay_start"),
 )
 """Arguments that set no parameter at their default, so that a file may."""
 
-PATHS = ("bag", "keys", "recording", "replay")
+PATHS = ("bag", "keys", "replay")
 """Arguments that name files or folders, which nodes are given as absolute paths."""
 
 Arguments: TypeAlias = GraphArguments | IdentifyArguments
@@ -130,7 +130,8 @@ def graph(arguments: GraphArguments) -> list[Process]:
     values = graph_parameters(arguments)
     options = _checked_options(values)
     _check_side(arguments)
-    _check_recording(arguments, options["slave_device"])
+    if arguments.slave == names.SIMULATED:  # refuses a recording that cannot be played
+        played(options["slave_device"][names.SIMULATED].recording, arguments.rate)
     _check_replay(arguments, options)
     _check_devices(arguments, options)
     if arguments.record:
@@ -288,8 +289,8 @@ def rig_parameters(values: Values) -> RigParameters:
 def _files(arguments: Arguments) -> list[Path]:
     """Return the parameter files in the order in which they count."""
     paths = [_defaults_file(), preset_file("rig", arguments.rig)]
-    if isinstance(arguments, GraphArguments):
-        paths.append(preset_file("surface", arguments.surface))
+    if isinstance(arguments, GraphArguments) and arguments.slave != names.VIRTUAL:
+        paths.append(surface_file(arguments.surface))
     if arguments.params_file:
         paths.append(Path(arguments.params_file).absolute())
     return paths
@@ -320,12 +321,14 @@ def _own_parameters(arguments: Arguments) -> Values:
     own["coupler"] |= {**listeners, "compensated": "compensator" in own}
     if "restamper" in own:
         own["restamper"] |= listeners
-    if arguments.slave == names.VIRTUAL:
-        if "slave_device" in own:
-            own["slave_device"][names.SCENE] = str(preset_file("scene", arguments.scene))
-        if arguments.record:
-            topics = filter(None, (arguments.topics, CONTACT_FORCE.name))
-            own[RECORDER]["topics"] = ",".join(topics)
+    is_virtual = arguments.slave == names.VIRTUAL
+    if "slave_device" in own and is_virtual:
+        own["slave_device"][names.SCENE] = str(preset_file("scene", arguments.surface))
+    elif "slave_device" in own and is_recording(arguments.surface):
+        own["slave_device"][names.RECORDING] = _absolute(arguments.surface)
+    if is_virtual and arguments.record:
+        topics = filter(None, (arguments.topics, CONTACT_FORCE.name))
+        own[RECORDER]["topics"] = ",".join(topics)
     return own
 
 
@@ -390,20 +393,6 @@ def _check_bag(arguments: Arguments) -> None:
         if first := next(missing, None):
             first.mkdir()
             first.rmdir()
-
-
-def _check_recording(arguments: GraphArguments, slave: Mapping[str, Any]) -> None:
-    """Refuse a recording without a surface to play it, and the reverse, and unusable files."""
-    if arguments.surface != names.RECORDING or arguments.slave != names.SIMULATED:
-        if arguments.recording:
-            raise ParameterError(
-                f"recording = '{arguments.recording}': must come with surface:=recording"
-                " slave:=simulated"
-            )
-        return
-    if not arguments.recording:
-        raise ParameterError("recording = '': must be a CSV or WAV file")
-    played(slave[names.SIMULATED].recording, arguments.rate)
 
 
 def _absolute(path: str) -> str:

@@ -39,12 +39,15 @@ from haptic_accel.graph.arguments import (
     PLAYED_TOPICS,
     REPLAY,
     SIMULATED,
+    VIRTUAL,
     GraphArguments,
     parse_arguments,
 )
+from haptic_accel.graph.former_names import current_arguments
 from haptic_accel.graph.node_parameters import HIGHEST_RATE
 from haptic_accel.graph.processes import graph
 from haptic_accel.graph.words import described, given_keys, parse_words, unknown_key
+from haptic_accel.materials.folders import is_recording
 
 if TYPE_CHECKING:
     from haptic_accel.bags.reading import Bag
@@ -132,9 +135,9 @@ def replay_arguments(words: Iterable[str]) -> Replay:
         from haptic_accel.bags.reading import read_bag
 
         bag = read_bag(Path(own.bag))
+    given = {"slave": PLAYED_TOPICS if own.source == PLAYED_TOPICS else REPLAY, **given}
     inherited = _inherited(bag, given) if bag else {}
-    slave = PLAYED_TOPICS if own.source == PLAYED_TOPICS else REPLAY
-    values: dict[str, Any] = {"slave": slave, **inherited, **given}
+    values: dict[str, Any] = {**inherited, **given}
     _check_source(own, values, bag)
     values |= {
         # Also where `ros2 bag play` plays it: the recording must name what was played.
@@ -157,7 +160,7 @@ def described_replay() -> list[tuple[str, str, str]]:
             rest.append((name, "", f"{text}; empty as in the bag, or {default or 'none'}"))
         elif name == "slave":
             rest.append((name, "", f"{text}; empty by source"))
-        elif name not in (*REPLAYED, *ONE_HOST, "recording"):
+        elif name not in (*REPLAYED, *ONE_HOST):
             rest.append((name, default, text))
     return [*described(ReplayArguments), *rest]
 
@@ -218,10 +221,14 @@ def _inherited(bag: Bag, given: dict[str, Any]) -> dict[str, Any]:
     recorded = bag.facts.get("arguments")
     if not isinstance(recorded, dict):
         return {}
-    recorded = {"params_file": recorded.get("config", ""), **recorded}  # its name until 0.2.0
+    recorded = current_arguments(recorded)
     found = {name: recorded[name] for name in INHERITED if name in recorded.keys() - given}
     if found.get("master") == REPLAY:
         del found["master"]
+    slave = given["slave"]
+    is_other = VIRTUAL in (slave, recorded.get("slave")) and slave != recorded.get("slave")
+    if is_other or (is_recording(str(recorded.get("surface", ""))) and slave != SIMULATED):
+        found.pop("surface", None)
     try:
         GraphArguments(**found)
     except ParameterError as error:

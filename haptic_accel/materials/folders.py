@@ -41,6 +41,11 @@ def config_folder() -> Path:
     return share_folder() / "config"
 
 
+def is_recording(surface: str) -> bool:
+    """Return whether a surface is a recording by its name: a file that is no ``.yaml``."""
+    return Path(surface).suffix not in ("", ".yaml")
+
+
 def preset_file(kind: str, name: str, beside: Path = Path()) -> Path:
     """Return a file of the package by name, or a file of the user.
 
@@ -49,7 +54,8 @@ def preset_file(kind: str, name: str, beside: Path = Path()) -> Path:
     kind : str
         One of rig, surface, scene or texture.
     name : str
-        Name of a file in ``config/<kind>s``, or a path ending in ``.yaml`` or ``.npz``.
+        Name of a file in ``config/<kind>s``, or a path ending in ``.yaml`` or ``.npz``; as a
+        surface also that of a recording.
     beside : Path
         Folder for relative paths; default: the current one.
 
@@ -62,6 +68,11 @@ def preset_file(kind: str, name: str, beside: Path = Path()) -> Path:
     if name in known:
         return known[name]
     path = beside / name
-    if path.suffix in (".yaml", ".npz") and os.path.isfile(path):
+    played = kind == "surface" and is_recording(name)
+    if (played or path.suffix in (".yaml", ".npz")) and os.path.isfile(path):
         return path.absolute()
-    raise ParameterError(f"{kind} = {name!r}: must be one of {', '.join(known)}, or a .yaml file")
+    files = ".yaml, .csv or .wav" if kind == "surface" else ".yaml"
+    argument = "surface" if kind == "scene" else kind
+    raise ParameterError(
+        f"{argument} = {name!r}: must be one of {', '.join(known)}, or a {files} file"
+    )

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from haptic_accel.core.document import Document, read_yaml_document
-from haptic_accel.core.parameters import Specification, own_schema
+from haptic_accel.core.parameters import ParameterError, Specification, own_schema
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
 from haptic_accel.core.surfaces.taps import Mode, TapModel
@@ -42,6 +42,9 @@ ANGLE = Specification("roll, pitch and yaw", "rad", -2 * math.pi, 2 * math.pi)
 
 FILES: Mapping[str, Any] = {"heights": read_heights, "mesh": read_mesh}
 """Readers of shapes in separate files, relative to the scene's, by name."""
+
+KEYS = ("start", "materials", "objects", "mujoco")
+"""Keys of a file."""
 
 _PLACED = ("shape", "material", "position", "rotation")
 """Keys of an object in addition to those of its shape."""
@@ -66,7 +69,7 @@ def read_scene(path: Path) -> Scene:
         the value and the allowed values.
     """
     file = read_yaml_document(path)
-    file.check_keys("start", "materials", "objects", "mujoco")
+    file.check_keys(*KEYS)
     materials = {name: _material(name, each) for name, each in file.get("materials", {}).members()}
     if "mujoco" in file:
         return _moving(file, materials)
@@ -74,6 +77,14 @@ def read_scene(path: Path) -> Scene:
     if not objects:
         file.refuse("objects: must be one at least", "objects")
     return Scene(tuple(objects), file.get("start").vector(PLACE), path.stem)
+
+
+def is_scene(name: str) -> bool:
+    """Return whether a name is that of a scene, or of a file that holds one, not a surface."""
+    try:
+        return not read_yaml_document(preset_file("scene", name)).mapping().keys().isdisjoint(KEYS)
+    except ParameterError:
+        return False
 
 
 def _moving(file: Document, materials: Mapping[str, Material]) -> Scene:

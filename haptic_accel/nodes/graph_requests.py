@@ -25,10 +25,10 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.arguments import RECORDING, SCENE, SIMULATED
+from haptic_accel.graph.arguments import SCENE, SIMULATED
 from haptic_accel.graph.files import surface_parameters
-from haptic_accel.materials.folders import preset_file
-from haptic_accel.materials.scenes import read_scene
+from haptic_accel.materials.folders import is_recording, preset_file
+from haptic_accel.materials.scenes import is_scene, read_scene
 from haptic_accel.nodes.service_client import Request
 
 POSTURE = f"{SIMULATED}.grip.posture"
@@ -51,26 +51,17 @@ def set_controller(name: str) -> Request:
 
 
 def set_surface(name: str) -> Request:
-    """Put another surface, by name or file, under the simulated slave's tool.
+    """Put another surface or scene, by name or file, under the slave's tool.
 
     Raises
     ------
     ParameterError
-        There is no such surface, or it cannot be chosen while the graph runs.
+        There is none, its file is wrong, or it cannot be chosen while the graph runs.
     """
-    if name == RECORDING:
-        raise ParameterError(f"surface = '{RECORDING}': must be chosen when the graph starts")
-    return set_parameters("slave_device", surface_parameters(name))
-
-
-def set_scene(name: str) -> Request:
-    """Put another scene, by name or file, under the virtual slave's tool.
-
-    Raises
-    ------
-    ParameterError
-        There is no such scene, or its file is wrong.
-    """
+    if is_recording(name):
+        raise ParameterError(f"surface = {name!r}: must be chosen when the graph starts")
+    if not is_scene(name):
+        return set_parameters("slave_device", surface_parameters(name))
     file = preset_file("scene", name)
     read_scene(file)
     return set_parameters("slave_device", {SCENE: str(file)})

@@ -27,7 +27,6 @@ from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import DEVICES
-from haptic_accel.graph.arguments import RECORDING
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.nodes import graph_requests as requests
 from haptic_accel.nodes.emergency_stop import STOP_SERVICES, release
@@ -55,10 +54,9 @@ SWITCHES = ("engage", "estop")
 
 def choices() -> dict[str, list[str]]:
     """Return what can be chosen for each action of `REQUESTS`."""
-    surfaces = sorted(path.stem for path in (config_folder() / "surfaces").glob("*.yaml"))
     return {
         "controller": list(CONTROLLERS),
-        "surface": [name for name in surfaces if name != RECORDING],
+        "surface": sorted(path.stem for path in (config_folder() / "surfaces").glob("*.yaml")),
         "grip": list(POSTURES),
         "record": list(requests.RECORDER_ACTIONS),
     }

@@ -51,7 +51,7 @@ LIMITS = """
         ("paper", "adaptive", ("surface:=text", "composed:=false")),
         ("paper", "inverse", ("surface:=vinyl", "params_file:=limits.yaml")),
         ("paper", "dynamic", ("surface:=text", "coupling:=passive")),
-        ("ideal", "dynamic", ("slave:=virtual", "scene:=workshop")),
+        ("ideal", "dynamic", ("slave:=virtual", "surface:=workshop")),
     ],
 )
 def test_the_live_graph_gives_the_signals_of_lockstep_bit_for_bit(

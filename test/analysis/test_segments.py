@@ -220,6 +220,7 @@ def test_ages_and_warnings_are_those_of_the_segment(tmp_path: Path) -> None:
         ({"slave": "replay", "replay": "/bags/monday.mcap"}, "replay of monday"),
         ({"slave": "topics"}, "played topics"),
         ({"surface": "recording", "recording": "plate.csv"}, "recording"),
+        ({"surface": "plate.csv"}, "recording"),
         ({"surface": "/home/me/my_wood.yaml"}, "plywood"),
     ],
 )

@@ -156,7 +156,7 @@ def test_another_scene_comes_under_the_tool_while_the_graph_runs(
     (tmp_path / "mat.yaml").write_text(MAT)
     graph = haptic_accel("teleop", "slave:=virtual", "rate:=500", "bag:=bag")
     graph.wait_for("engaged")
-    status, said = ask("control", f"scene:={tmp_path / 'mat.yaml'}")
+    status, said = ask("control", f"surface:={tmp_path / 'mat.yaml'}")
     assert (status, said.split()[:2]) == (0, ["slave_device:", SCENE])
     assert said.endswith(str(tmp_path / "mat.yaml"))
 
@@ -177,9 +177,8 @@ def test_another_scene_comes_under_the_tool_while_the_graph_runs(
 @pytest.mark.parametrize(
     ("word", "named"),
     [
-        ("scene:=cave", "scene = 'cave': must be one of workshop, or a .yaml file"),
         ("surface:=jelly", "surface = 'jelly': must be one of plywood"),
-        ("surface:=recording", "surface = 'recording': must be chosen when the graph starts"),
+        ("surface:=drag.csv", "surface = 'drag.csv': must be chosen when the graph starts"),
         ("surface:=mine.yaml", "simulated.surface.friction = -1: must be from 0 to 2"),
         ("grip:=fist", "grip = 'fist': must be one of keep, average, pinch, hook"),
         ("engage:=perhaps", "engage = 'perhaps': must be one of keep, true, false"),

@@ -54,7 +54,7 @@ def test_what_is_felt_can_be_a_recording(haptic_accel: Start, tmp_path: Path) ->
     rows = "\n".join(str((-1) ** (index // 5)) for index in range(2000))  # 100 Hz
     (tmp_path / "drag.csv").write_text(f"acceleration\n{rows}\n")
     command = haptic_accel(
-        *("design", "surface:=recording", "recording:=drag.csv", "recording_rate:=1000"),
+        *("design", "surface:=drag.csv", "recording_rate:=1000"),
         *("--json", "figures.json"),
     )
     assert command.end() == 0, command.text

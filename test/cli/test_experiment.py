@@ -239,8 +239,7 @@ def test_a_recording_is_the_input_of_all_controllers(haptic_accel: Start, tmp_pa
     command = haptic_accel(
         "experiment",
         "--lockstep",
-        "surface:=recording",
-        "recording:=mine.csv",
+        "surface:=mine.csv",
         "recording_rate:=1000",
         "duration:=2",
         *("--json", "figures.json"),

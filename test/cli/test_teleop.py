@@ -440,8 +440,7 @@ def test_a_recorded_surface_is_played(haptic_accel: Start, tmp_path: Path) -> No
     write_recording(tmp_path / "vinyl.csv", "vinyl")
     command = haptic_accel(
         "teleop",
-        "surface:=recording",
-        "recording:=vinyl.csv",
+        "surface:=vinyl.csv",
         f"recording_rate:={RATE}",
         "duration:=2",
         "bag:=bag",
@@ -466,9 +465,8 @@ def test_a_recorded_surface_is_played(haptic_accel: Start, tmp_path: Path) -> No
         (["master:=omni"], ["master", "omni", "simulated"]),
         (["params_file:=nowhere.yaml"], ["params_file", "nowhere.yaml"]),
         (["params_file:=."], ["params_file"]),
-        (["surface:=recording"], ["recording"]),
-        (["recording:=a.csv"], ["recording", "a.csv", "surface:=recording"]),
-        (["surface:=recording", "recording:=no.csv", "recording_rate:=1000"], ["no.csv"]),
+        (["surface:=no.csv", "recording_rate:=1000"], ["surface", "no.csv", ".csv or .wav"]),
+        (["surface:=no.csv", "slave:=virtual"], ["surface", "no.csv", "slave:=simulated"]),
         (["speed:=3"], ["speed", "controller"]),
         (["rate:=500", "rate:=600"], ["rate", "twice"]),
         (["dynamic"], ["dynamic", "key:=value"]),

@@ -19,9 +19,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.arguments import GraphArguments, parse_arguments
-from haptic_accel.graph.words import described
+from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
+from haptic_accel.graph.former_names import current_arguments, warn_once
+from haptic_accel.graph.words import described, parse_words
 
 
 def test_no_words_are_the_defaults() -> None:
@@ -72,12 +73,57 @@ def test_any_value_of_a_number_is_read_or_refused_by_name(key: str, value: str) 
         assert getattr(arguments, key) == float(value)
 
 
-def test_the_virtual_slave_touches_a_scene_and_no_other_does() -> None:
-    with pytest.raises(
-        ParameterError, match=r"scene = 'mine\.yaml': must come with slave:=virtual"
-    ):
-        parse_arguments(["scene:=mine.yaml"])
-    with pytest.raises(ParameterError, match="surface = 'text': must come without slave:=virtual"):
-        parse_arguments(["slave:=virtual", "surface:=text"])
-    assert parse_arguments(["slave:=virtual", "scene:=mine.yaml"]).touched == "mine.yaml"
-    assert parse_arguments(["surface:=text"]).touched == "text"
+def test_the_virtual_slave_touches_a_scene() -> None:
+    assert parse_arguments(["slave:=virtual"]).surface == "workshop"
+    assert parse_arguments(["slave:=virtual", "surface:=mine.yaml"]).surface == "mine.yaml"
+    assert parse_arguments(["surface:=text"]).surface == "text"
+
+
+def test_a_recording_is_for_the_simulated_slave() -> None:
+    assert parse_arguments(["surface:=drag.csv"]).surface == "drag.csv"
+    with pytest.raises(ParameterError, match=r"surface = 'drag\.wav': .* slave:=simulated"):
+        parse_arguments(["surface:=drag.wav", "slave:=serial"])
+
+
+@pytest.mark.parametrize(
+    ("former", "now", "key"),
+    [
+        ("surface:=recording recording:=drag.csv", "surface:=drag.csv", "recording"),
+        ("recording:=drag.csv surface:=recording", "surface:=drag.csv", "recording"),
+        ("recording:= surface:=text", "surface:=text", "recording"),
+        ("slave:=virtual scene:=mine.yaml", "slave:=virtual surface:=mine.yaml", "scene"),
+    ],
+)
+def test_former_words_are_read_with_one_warning(
+    former: str, now: str, key: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    warn_once.cache_clear()
+    for _ in range(2):
+        assert parse_arguments(former.split()) == parse_arguments(now.split())
+    assert caplog.messages == [
+        f"{key}:= is surface:= now; the former word is read until the next release"
+    ]
+
+
+def test_a_former_word_beside_the_one_in_its_place_is_refused() -> None:
+    with pytest.raises(ParameterError, match="surface: given twice"):
+        parse_arguments(["surface:=text", "recording:=drag.csv"])
+    with pytest.raises(ParameterError, match="scene: no such argument"):
+        parse_words(["scene:=workshop"], IdentifyArguments)
+
+
+@pytest.mark.parametrize(
+    ("recorded", "surface"),
+    [
+        ({"surface": "text", "scene": "workshop", "recording": ""}, "text"),
+        ({"slave": "virtual", "surface": "plywood", "scene": "mine.yaml"}, "mine.yaml"),
+        ({"slave": "virtual", "surface": "workshop"}, "workshop"),
+        ({"surface": "recording", "recording": "drag.csv"}, "drag.csv"),
+        ({"slave": "replay", "surface": "recording", "recording": ""}, "plywood"),
+        ({"surface": "drag.csv"}, "drag.csv"),
+    ],
+)
+def test_what_older_bags_call_otherwise_is_read(recorded: dict[str, str], surface: str) -> None:
+    now = current_arguments(recorded)
+    known = {name: value for name, value in now.items() if name in schema(GraphArguments)}
+    assert GraphArguments(**known).surface == surface

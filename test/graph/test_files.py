@@ -75,14 +75,14 @@ def test_the_default_file_says_what_the_code_does() -> None:
             assert value == expected, name
 
 
-@pytest.mark.parametrize("surface", ["plywood", "text", "vinyl", "recording"])
+@pytest.mark.parametrize("surface", ["plywood", "text", "vinyl"])
 def test_every_surface_has_its_own_name_and_is_allowed(surface: str) -> None:
     values = read_parameter_file(preset_file("surface", surface))
     _, slaves = node_parameters("slave_device", values["slave_device"])
     assert slaves["simulated"].surface.name == surface
 
 
-@pytest.mark.parametrize("surface", ["plywood", "text", "vinyl", "recording"])
+@pytest.mark.parametrize("surface", ["plywood", "text", "vinyl"])
 def test_a_surface_file_leaves_nothing_of_the_surface_before(surface: str) -> None:
     # `ros2 param load` changes what the file names and nothing else.
     named = read_parameter_file(preset_file("surface", surface))["slave_device"]

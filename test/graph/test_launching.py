@@ -140,6 +140,11 @@ def test_a_replay_declares_its_own_arguments_and_those_of_the_graph() -> None:
             lambda words: graph(parse_arguments(words)),
         ),
         (
+            "teleop",
+            {"slave": "virtual", "scene": "workshop"},  # a former word
+            lambda words: graph(parse_arguments(words)),
+        ),
+        (
             "identify",
             {"grip": "pinch", "trials": "1"},
             lambda words: identification_graph(parse_words(words, IdentifyArguments)),

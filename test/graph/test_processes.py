@@ -217,9 +217,9 @@ def test_a_scene_is_checked_before_anything_starts_and_its_force_is_recorded(
     assert Path(scene) == config_folder() / "scenes" / "workshop.yaml"
     Path("mine.yaml").write_text("objects: {box: {shape: box, material: wood}}")
     with pytest.raises(ParameterError, match=r"mine\.yaml:1: objects\.box\.material = 'wood'"):
-        graph(parse_arguments(["slave:=virtual", "scene:=mine.yaml"]))
-    with pytest.raises(ParameterError, match="scene = 'cave': must be one of workshop"):
-        graph(parse_arguments(["slave:=virtual", "scene:=cave"]))
+        graph(parse_arguments(["slave:=virtual", "surface:=mine.yaml"]))
+    with pytest.raises(ParameterError, match="surface = 'cave': must be one of workshop"):
+        graph(parse_arguments(["slave:=virtual", "surface:=cave"]))
 
 
 def test_a_sweep_beyond_half_the_rate_is_refused() -> None:

@@ -22,8 +22,10 @@ from pathlib import Path
 
 import pytest
 
+from bagging import of_trial, write_bag
 from haptic_accel.core import topics
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.trial import run_trial
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.node_parameters import node_schema
 from haptic_accel.graph.processes import graph
@@ -42,6 +44,27 @@ def test_the_bag_s_arguments_hold_but_for_those_given() -> None:
     assert asked.graph.rate == 1000.0
     assert asked.graph.slave == "replay"
     assert asked.graph.replay == str(DATA / "text")
+
+
+@pytest.mark.parametrize(
+    ("recorded", "words", "surface"),
+    [
+        ({"slave": "virtual", "surface": "workshop"}, [], "plywood"),
+        ({"slave": "virtual", "scene": "mine.yaml", "surface": "plywood"}, [], "plywood"),
+        ({"slave": "virtual", "scene": "mine.yaml"}, ["slave:=virtual"], "mine.yaml"),
+        ({"surface": "drag.csv"}, [], "plywood"),
+        ({"surface": "recording", "recording": "drag.csv"}, [], "plywood"),
+        ({"surface": "recording", "recording": "drag.csv"}, ["slave:=simulated"], "drag.csv"),
+    ],
+)
+def test_a_scene_or_a_recording_holds_for_a_slave_that_takes_it(
+    tmp_path: Path, recorded: dict[str, str], words: list[str], surface: str
+) -> None:
+    written = of_trial(run_trial(duration=1.0))
+    written.facts["arguments"] |= recorded
+    write_bag(tmp_path / "old", written)
+    words = [f"bag:={tmp_path / 'old'}", "master:=replay", *words]
+    assert replay_arguments(words).graph.surface == surface
 
 
 def test_rate_is_the_speed_and_sampling_rate_the_graph_s() -> None:

@@ -30,7 +30,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.surfaces.shapes import Box, Plane, Sphere
 from haptic_accel.core.surfaces.taps import Tap
 from haptic_accel.materials.folders import preset_file
-from haptic_accel.materials.scenes import read_scene, read_taps
+from haptic_accel.materials.scenes import is_scene, read_scene, read_taps
 
 SCENE = """start: [0.0, 0.0, 0.01]
 materials:
@@ -71,6 +71,13 @@ def test_a_scene_has_what_its_file_says(file: Path) -> None:
     assert (material.name, material.stiffness, material.friction) == ("wood", 3000.0, 0.2)
     assert material.texture is None
     assert [mode.frequency for mode in material.tap.modes] == [150.0]
+
+
+def test_a_scene_is_told_from_a_surface(file: Path) -> None:
+    assert is_scene("workshop")
+    assert is_scene(str(file))
+    names = ["plywood", "cave", str(preset_file("surface", "text"))]
+    assert not any(map(is_scene, names))
 
 
 def test_the_workshop_has_a_plane_a_box_and_a_sphere() -> None:
