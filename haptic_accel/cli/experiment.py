@@ -68,8 +68,9 @@ from haptic_accel.graph.processes import arrangement, graph
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.graph.words import given_keys
 
-NETWORK = "Network between two hosts, in lockstep"
-"""Beginning of the help of the options that describe it."""
+network_option = partial(
+    click.option, cls=options.GroupedOption, heading="Network between two hosts, in lockstep"
+)
 
 PAPER_CONTROLLERS = ("none", "constant", "dynamic")
 """The paper's conditions."""
@@ -99,20 +100,17 @@ AROUND = 4.0
     default=1,
     help="Number of users and pieces of material, in lockstep.",
 )
-@click.option(
-    "--delay", type=click.FloatRange(0.0, 1e4), metavar="MS", help=f"{NETWORK}: one-way delay, ms."
+@network_option(
+    "--delay", type=click.FloatRange(0.0, 1e4), metavar="MS", help="One-way delay, ms."
 )
-@click.option(
+@network_option(
     "--jitter",
     type=click.FloatRange(0.0, 1e4),
     metavar="MS",
-    help=f"{NETWORK}: largest deviation of the delay, ms.",
+    help="Largest deviation of the delay, ms.",
 )
-@click.option(
-    "--loss",
-    type=click.FloatRange(0.0, 1.0),
-    metavar="SHARE",
-    help=f"{NETWORK}: share of packets lost.",
+@network_option(
+    "--loss", type=click.FloatRange(0.0, 1.0), metavar="SHARE", help="Share of packets lost."
 )
 @options.workers_options
 @options.json_option

@@ -20,7 +20,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar, cast
 
@@ -60,14 +60,17 @@ class Words(click.Argument):
         self.kinds = kinds
         self.describe = describe or (lambda: [line for kind in kinds for line in described(kind)])
 
-    def write(self, formatter: click.HelpFormatter) -> None:
-        """Write what every key means, under the headings of their groups if there are several."""
+    def write(self, formatter: click.HelpFormatter, also: Iterable[str] = ()) -> None:
+        """Write which keys are options also, and what every key means, group by group."""
         groups: dict[str, list[tuple[str, str]]] = {}
         for name, default, text in self.describe():
             kind = next(kind for kind in self.kinds if name in schema(kind))
             lines = groups.setdefault(group(kind, name), [])
             lines.append((name, f"{text} (default: {default or 'empty'})"))
+        keys = ", ".join(name for name in also if any(name in schema(kind) for kind in self.kinds))
         with formatter.section("Arguments, each as key:=value"):
+            if keys:
+                formatter.write_text(f"Also as --key VALUE: {keys}.")
             for heading, lines in groups.items():
                 with formatter.section(heading) if len(groups) > 1 else nullcontext():
                     formatter.write_dl(lines)
@@ -85,7 +88,20 @@ class Words(click.Argument):
 
 
 class WordOption(click.Option):
-    """An option that means the same as the word ``name:=VALUE``."""
+    """An option that means the same as the word ``name:=VALUE``, without a line in the help."""
+
+
+class GroupedOption(click.Option):
+    """An option under a heading of its own in the help, behind those that have none.
+
+    Parameters
+    ----------
+    heading : str
+    """
+
+    def __init__(self, *declarations: Any, heading: str, **settings: Any) -> None:
+        super().__init__(*declarations, **settings)
+        self.heading = heading
 
 
 class Verb(click.Command):
@@ -122,11 +138,23 @@ class Verb(click.Command):
                 ctx.params[each.name] = parse_words(words, *each.kinds) if parsed else words
         return super().invoke(ctx)
 
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options, those with a heading behind the others."""
+        sections: dict[str, list[tuple[str, str]]] = {"Options": []}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record and isinstance(parameter, click.Option):
+                sections.setdefault(getattr(parameter, "heading", "Options"), []).append(record)
+        for heading, records in sections.items():
+            with formatter.section(heading):
+                formatter.write_dl(records)
+
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the words and the examples."""
+        also = [str(each.name) for each in self.params if isinstance(each, WordOption)]
         for parameter in self.params:
             if isinstance(parameter, Words):
-                parameter.write(formatter)
+                parameter.write(formatter, also)
         write_examples(formatter, self.examples)
 
 
@@ -196,14 +224,15 @@ def workers_options(verb: F) -> F:
 
         return verb(*given, workers=Workers(jobs, executor), **settings)
 
-    jobs = click.option(
+    beside = partial(click.option, cls=GroupedOption, heading="Trials side by side")
+    jobs = beside(
         "--jobs",
         type=click.IntRange(1, 1024),
         default=len(os.sched_getaffinity(0)),
         show_default="number of cores",
         help="Number of trials that run side by side, without ROS; results do not depend on it.",
     )
-    executor = click.option(
+    executor = beside(
         "--executor",
         default="",
         show_default=False,
@@ -246,7 +275,7 @@ def word_options(names: Iterable[str]) -> Callable[[F], F]:
         for name in reversed([*names]):
             option = f"--{name.replace('_', '-')}"
             text = f"The same as {name}:=VALUE."
-            verb = click.option(option, cls=WordOption, metavar="VALUE", help=text)(verb)
+            verb = click.option(option, cls=WordOption, hidden=True, help=text)(verb)
         return verb
 
     return declare

@@ -49,6 +49,15 @@ from verbs import refusal, status_of
 DATA = Path(__file__).parents[1] / "data"
 
 
+def every_verb() -> Iterator[tuple[str, ...]]:
+    """Yield the words that call each verb, those of groups too."""
+    for verb in command_line.verbs:
+        yield (verb,)
+        below = command_line.groups.get(verb)
+        if below:
+            yield from ((verb, kind) for kind in below.list_commands(click.Context(below)))
+
+
 @pytest.mark.parametrize("verb", ["teleop", "experiment"])
 def test_help_lists_every_argument_with_default_and_unit(
     verb: str, capsys: pytest.CaptureFixture[str]
@@ -95,6 +104,31 @@ def test_help_has_the_arguments_in_groups(
         assert set(re.findall(r"^    (\w+)", found[heading], re.MULTILINE)) >= set(names)
 
 
+@pytest.mark.parametrize("verb", list(every_verb()), ids=" ".join)
+def test_help_begins_with_no_more_than_twenty_words(
+    verb: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert status_of(*verb, "--help") == 0
+    text = capsys.readouterr().out
+    _, options = text.split("\nOptions:\n")
+    first = re.findall(r"^  -", options.partition("\n\n")[0], re.MULTILINE)
+    for group in text.split("Arguments, each as key:=value:\n")[1:]:
+        own, *_ = re.split(r"\n\n(?=  \S|\S)", group.partition(":\n")[2] or group)
+        first += re.findall(r"^    ?\w+ ", own, re.MULTILINE)
+    assert 0 < len(first) <= 20
+
+
+def test_options_for_one_purpose_have_a_heading(capsys: pytest.CaptureFixture[str]) -> None:
+    assert status_of("experiment", "--help") == 0
+    sections = re.split(r"^(\S.*):$", capsys.readouterr().out, flags=re.MULTILINE)
+    found = dict(zip(sections[1::2], sections[2::2], strict=True))
+    assert "--delay" in found["Network between two hosts, in lockstep"]
+    assert "--executor" in found["Trials side by side"]
+    assert not re.search("--(delay|executor|rig) ", found["Options"])
+    words = found["Arguments, each as key:=value"]
+    assert "  Also as --key VALUE: rig, rate, grip, recording_rate.\n" in words
+
+
 @pytest.mark.parametrize("width", [60, 90])
 def test_help_is_as_wide_as_the_terminal(
     width: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -129,15 +163,6 @@ def test_wrong_words_are_answered_in_one_line_with_the_nearest(
     # click punctuates its messages differently from version to version.
     found, expected = (re.sub(r"[':.(]", "", text) for text in (refusal(*words), message))
     assert found.startswith(expected)
-
-
-def every_verb() -> Iterator[tuple[str, ...]]:
-    """Yield the words that call each verb, those of groups too."""
-    for verb in command_line.verbs:
-        yield (verb,)
-        below = command_line.groups.get(verb)
-        if below:
-            yield from ((verb, kind) for kind in below.list_commands(click.Context(below)))
 
 
 def command_of(words: Sequence[str]) -> click.Command:
