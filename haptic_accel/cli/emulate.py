@@ -58,6 +58,9 @@ TIMEOUTS = {
 }
 """Parameters of the CAN driver: the emulator shares its machine with the graph, and may stall."""
 
+WATCHDOG = 0.5
+"""Time-out of the axes' watchdogs, s."""
+
 SLCAN_OPTIONS = '{"sleep_after_open": 0}'
 """Options of python-can, which waits two seconds for adapters that restart when opened."""
 
@@ -117,13 +120,6 @@ class EmulateSerialArguments(EmulationArguments):
 
     faults: str = faults_argument(SERIAL_FAULTS, "the hand begins to explore")
     fault_board: str = parameter(MASTER, "board with the faults", choices=SIDES)
-    master_gravity: float = parameter(
-        0.0,
-        "acceleration added to the samples of the handle, to calibrate it",
-        unit="m/s^2",
-        low=-10.0,
-        high=10.0,
-    )
 
 
 @dataclass(frozen=True)
@@ -135,9 +131,6 @@ class EmulateCanArguments(EmulationArguments):
     )
     rate: float = parameter(
         500.0, "rate of estimates and of the virtual rig", unit="Hz", low=50.0, high=1000.0
-    )
-    watchdog: float = parameter(
-        0.5, "time-out of the axes' watchdogs; 0 for none", unit="s", low=0.0, high=10.0
     )
     interface: str = parameter(
         "", "python-can interface, with both arms on one bus; empty for two slcan adapters"
@@ -167,11 +160,7 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
     from haptic_accel.nodes.scheduling import ask_for_realtime, sharpen_timers
 
     folder = arguments.made_folder("serial")
-    gravity = {MASTER: arguments.master_gravity, SLAVE: 0.0}
-    boards = [
-        _board(rig, side, folder / side, devices[side], faults[side], gravity[side])
-        for side in SIDES
-    ]
+    boards = [_board(rig, side, folder / side, devices[side], faults[side]) for side in SIDES]
     arms = CoupledArms(boards, list(devices.values()), PositionPositionCoupling(rig.coupling))
     _announce("boards", "serial", folder, {side: {"port": str(folder / side)} for side in SIDES})
     sharpen_timers()
@@ -203,7 +192,7 @@ def emulate_can(arguments: EmulateCanArguments) -> None:
             parameters[side],
             _simulated(rig, side, rate, arguments.seed),
             rate=rate,
-            watchdog=arguments.watchdog,
+            watchdog=WATCHDOG,
             seed=arguments.seed + place,
         )
         for place, side in enumerate(SIDES)
@@ -246,7 +235,6 @@ def _board(
     port: Path,
     device: SimulatedDevice,
     faults: Faults,
-    gravity: float,
 ) -> EmulatedBoard:
     """Return the board of one side; only the master's has an actuator."""
     from haptic_accel.devices.serial.protocol import FIRMWARE, Identity, axes_bits
@@ -257,7 +245,7 @@ def _board(
     sensor = getattr(rig, side).accelerometer
 
     def measure(time: float) -> float:
-        return device.read(time).acceleration + gravity
+        return device.read(time).acceleration
 
     def drive(time: float, current: float) -> None:
         device.write(time, actuator_force=current * actuator.force_constant)

@@ -178,9 +178,8 @@ def show(model: str, out: Path | None, json_file: Path | None) -> None:
     "--force", type=click.FloatRange(0), required=True, metavar="N", help="Normal force."
 )
 @click.option("--seconds", type=click.FloatRange(0.1, 600), default=5.0, help="Duration.")
-@click.option("--seed", type=click.IntRange(0), default=0, help="Seed of the noise.")
 @_new_file
-def render(model: str, speed: float, force: float, seconds: float, seed: int, out: Path) -> None:
+def render(model: str, speed: float, force: float, seconds: float, out: Path) -> None:
     """Write the acceleration of a texture as a sound file.
 
     Full scale is 5 g, as that of recordings that are read.
@@ -189,7 +188,7 @@ def render(model: str, speed: float, force: float, seconds: float, seed: int, ou
 
     check_writable(out, "out")
     found = read_texture(preset_file("texture", model))
-    texture = Texture(found, found.rate, seed, FULL_SCALE)
+    texture = Texture(found, found.rate, 0, FULL_SCALE)
     # The speed's low-pass has settled after a tenth of a second.
     before, samples = round(0.2 * found.rate), round(seconds * found.rate)
     constant = np.ones(before + samples)

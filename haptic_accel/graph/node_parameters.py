@@ -189,9 +189,6 @@ class IdentifierNodeParameters(SweepParameters):
         low=1,
         high=100,
     )
-    travel_share: float = parameter(
-        0.95, "fraction of the free travel at which a trial is ended", low=0, high=1.0, above=True
-    )
 
 
 @dataclass(frozen=True)

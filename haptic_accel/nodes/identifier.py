@@ -39,6 +39,9 @@ LOOK_PERIOD = 0.1
 START_TIMEOUT = 30.0
 """Time allowed for the device and the recorder to start, and for the release of a stop, s."""
 
+TRAVEL_SHARE = 0.95
+"""Fraction of the free travel at which a trial is ended."""
+
 FAREWELLS, FAREWELL_PAUSE = 3, 0.01
 """Zero forces sent at the end, and the time after each, s: best effort may lose one of them."""
 
@@ -65,7 +68,7 @@ class Identifier(GraphNode):
         self._period = NANOSECONDS / p.rate
         actuator = self.options[ACTUATOR]
         self._travel = TravelEstimator(actuator, p.rate)
-        self._most_travel = p.travel_share * actuator.travel
+        self._most_travel = TRAVEL_SHARE * actuator.travel
         self._widest = 0.0
         self._pending = deque([0.0], maxlen=p.latency + 1)
         self._origin: int | None = None

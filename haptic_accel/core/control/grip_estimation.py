@@ -62,6 +62,9 @@ INSIDE = 0.95
 PERSISTENT = 20
 """Number of successive evaluations at a bound after which it is reported."""
 
+LEAST_FORCE = 0.02
+"""Minimum root mean square of the actuator's force within the band for an update, N."""
+
 PULL = 1e-4
 """Weight of the assumed grip relative to the excitation. It determines what a texture with a
 single frequency cannot, as mass and stiffness are indistinguishable there."""
@@ -97,13 +100,6 @@ class AdaptationParameters(Checked):
         "s",
         0.05,
         100.0,
-    )
-    least_force: float = parameter(
-        0.02,
-        "minimum root mean square of the actuator's force within the band for an update",
-        "N",
-        0.0,
-        10.0,
     )
 
 
@@ -152,7 +148,7 @@ class GripEstimator:
         self._of_force = filters[4]
         self._window = PairedWindow(self._length, self._hop)
         self._kept = math.exp(-self._hop / rate / parameters.memory)
-        self._least_energy = rows * parameters.least_force**2
+        self._least_energy = rows * LEAST_FORCE**2
         self._work: Iterator[bool] = iter(())
         self.reset()
 
