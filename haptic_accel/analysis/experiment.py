@@ -37,6 +37,7 @@ from haptic_accel.core.topics import ANALYSED
 from haptic_accel.core.trial import Trial
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial, record_trial
+from haptic_accel.materials.folders import is_recording
 
 EVALUATED = (
     *("nrmse_percent", "bound_percent", "limited_bound_percent"),
@@ -241,13 +242,16 @@ class Run:
 def write_experiment(run: Run, analysis: Analysis, folder: Path, *warnings: str) -> Path:
     """Write the report of an experiment to a folder; return its page."""
     defaults = asdict(GraphArguments())
+    by_trial = ["controller", "record"]
+    if not is_recording(run.arguments.surface):
+        by_trial.append("surface")
     settings = (
         {"run": "lockstep" if run.lockstep else "live graph"}
         | channel_setting(run.channel)
         | {
             key: str(value)
             for key, value in asdict(run.arguments).items()
-            if value != defaults[key] and key not in ("surface", "controller", "record")
+            if value != defaults[key] and key not in by_trial
         }
     )
     network = run.channel is not None

@@ -242,12 +242,14 @@ def test_a_recording_is_the_input_of_all_controllers(haptic_accel: Start, tmp_pa
         "surface:=mine.csv",
         "recording_rate:=1000",
         "duration:=2",
-        *("--json", "figures.json"),
+        *("--json", "figures.json", "--out", "report"),
     )
     assert command.end() == 0, command.text
     conditions = figures(tmp_path / "figures.json")
     assert [c["controller"] for c in conditions] == ["none", "constant", "dynamic"]
     assert {c["surface"] for c in conditions} == {"recording"}
+    page = (tmp_path / "report" / "index.html").read_text()
+    assert '<th scope="row">surface</th><td class="words">mine.csv</td>' in page
 
 
 def test_an_experiment_needs_a_hand_that_moves_by_itself() -> None:

@@ -421,9 +421,7 @@ def test_a_recorded_acceleration_is_played(haptic_accel: Start, tmp_path: Path) 
     with wave.open(str(tmp_path / "tone.wav"), "wb") as file:
         file.setparams((1, 2, rate, 0, "NONE", ""))
         file.writeframes(struct.pack(f"<{len(samples)}h", *(samples * 3276.7).astype(int)))
-    command = haptic_accel(
-        "teleop", "surface:=recording", "recording:=tone.wav", "duration:=3", "bag:=bag"
-    )
+    command = haptic_accel("teleop", "surface:=tone.wav", "duration:=3", "bag:=bag")
     assert command.end() == 0, command.text
     messages = read(tmp_path / "bag")["/slave/tool/acceleration"]
     signal_ = np.array([message.accel.linear.z for message in messages])
