@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bagging import BagContent, of_trial, write_bag
+from bag_maker import BagContent, of_trial, write_bag
 from haptic_accel.analysis import bands, compare, groups, load, signals, spectra, trials
 from haptic_accel.analysis.comparison import RUNS
 from haptic_accel.analysis.loading import analyse

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bagging import of_trial, write_bag
+from bag_maker import of_trial, write_bag
 from haptic_accel.analysis.divergence import find_divergence
 from haptic_accel.core import topics
 from haptic_accel.core.due_forces import PAST_TICK

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bagging import BagContent, facts, write_bag
+from bag_maker import BagContent, facts, write_bag
 from haptic_accel.analysis.segments import SETTLING, UNKNOWN, Cut, cut
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics

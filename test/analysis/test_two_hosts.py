@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bagging import START, BagContent, facts, write_bag
+from bag_maker import START, BagContent, facts, write_bag
 from haptic_accel.analysis.loading import analyse
 from haptic_accel.analysis.segments import high_passed
 from haptic_accel.analysis.summary import summary

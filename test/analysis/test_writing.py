@@ -29,7 +29,7 @@ import pytest
 from page_content import Page
 from PIL import Image
 
-from bagging import of_trial, write_bag
+from bag_maker import of_trial, write_bag
 from haptic_accel import __version__
 from haptic_accel.analysis import load
 from haptic_accel.analysis.loading import Analysis

@@ -26,8 +26,9 @@ import pytest
 from backports import zstd
 from hypothesis import given
 from hypothesis import strategies as st
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
+from bag_maker import STRING, Message, write_messages
 from damaged import CHUNKS, MAGIC, without_checksums, write_small_bag
 from fuzzing import accepted, fuzz_few, measured, mutated
 from haptic_accel.bags.expanding import ALWAYS, LARGEST
@@ -38,15 +39,8 @@ ZEROS = bytes(1 << 26)
 
 
 def small_bag(path: Path, storage: StoragePlugin, mode: CompressionMode, data: bytes) -> Path:
-    writer = Writer(path, version=9, storage_plugin=storage)
-    writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        text = writer.add_connection(
-            "/text", "std_msgs/msg/String", msgdef="string data\n", rihs01="x"
-        )
-        for number in range(10):
-            writer.write(text, number, data)
-    return path
+    messages = (Message("/text", STRING, number, data) for number in range(10))
+    return write_messages(path, messages, storage=storage, compression=mode)
 
 
 @pytest.mark.parametrize("storage", StoragePlugin)

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -26,9 +26,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
+from bag_maker import (
+    CHANGED,
+    NANOSECONDS,
+    Message,
+    change_bytes,
+    diagnostics_bytes,
+    vector_bytes,
+    write_messages,
+)
 from haptic_accel.bags.reading import Change, read_bag
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import (
@@ -37,55 +45,16 @@ from haptic_accel.core.topics import (
     SIGNALS,
     TOOL_ACCELERATION,
     VECTORS,
+    Topic,
 )
 
-TYPES = get_typestore(Stores.ROS2_JAZZY)
-MESSAGES = TYPES.types
-NS = 1_000_000_000
 
-Row = tuple[str, str, int, Any]
-"""Topic, type, time of receipt in ns, message."""
-
-
-def stamp(moment: int) -> Any:
-    return MESSAGES["builtin_interfaces/msg/Time"](*divmod(moment, NS))
-
-
-def stamped(kind: str, moment: int, frame: str, vector: Sequence[float]) -> Any:
-    """Make a message of one of the graph's types, its vector where `VECTORS` says."""
-    header = MESSAGES["std_msgs/msg/Header"](stamp(moment), frame)
-    first = MESSAGES["geometry_msgs/msg/Vector3"](*vector)
-    rest = MESSAGES["geometry_msgs/msg/Vector3"](7.0, 8.0, 9.0)
-    if kind.endswith("PoseStamped"):
-        point = MESSAGES["geometry_msgs/msg/Point"](*vector)
-        turn = MESSAGES["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-        body = MESSAGES["geometry_msgs/msg/Pose"](point, turn)
-    else:
-        body = MESSAGES[kind.replace("Stamped", "")](first, rest)
-    return MESSAGES[kind](header, body)
-
-
-def write(
-    path: Path,
-    rows: Sequence[Row],
-    *,
-    storage: StoragePlugin = StoragePlugin.MCAP,
-    compression: CompressionMode = CompressionMode.NONE,
-    facts: dict[str, str] | None = None,
-    little_endian: bool = True,
-) -> None:
-    writer = Writer(path, version=9, storage_plugin=storage)
-    writer.set_compression(compression, CompressionFormat.ZSTD)
-    writer.compression_mode = compression
-    for key, value in (facts or {}).items():
-        writer.set_custom_data(key, value)
-    with writer:
-        connections: dict[str, Any] = {}
-        for topic, kind, received, message in rows:
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=TYPES)
-            data = TYPES.serialize_cdr(message, kind, little_endian=little_endian)
-            writer.write(connections[topic], received, data)
+def vector(
+    topic: Topic, stamp: int, received: int, number: float = 0.0, graph: str = ""
+) -> Message:
+    """Make a message of one of a graph's topics."""
+    data = vector_bytes(topic.type, stamp, topic.frame, (0.0, 0.0, number))
+    return Message(f"{graph}/{topic.name}", topic.type, received, data)
 
 
 FORMATS = [
@@ -101,7 +70,7 @@ FORMATS = [
 samples = st.lists(
     st.tuples(
         st.sampled_from(SIGNALS),
-        st.integers(0, 2**31 * NS - 1),
+        st.integers(0, 2**31 * NANOSECONDS - 1),
         st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9),
         st.tuples(*[st.floats(allow_nan=False)] * 3),
     ),
@@ -119,13 +88,18 @@ def test_what_was_written_is_read(
     namespace: str,
 ) -> None:
     written = [
-        (f"{namespace}/{topic.name}", topic.type, 10**18 + n, stamped(topic.type, at, frame, v))
+        Message(
+            f"{namespace}/{topic.name}",
+            topic.type,
+            10**18 + n,
+            vector_bytes(topic.type, at, frame, v, little_endian=little_endian),
+        )
         for n, (topic, at, frame, v) in enumerate(rows)
     ]
     with TemporaryDirectory() as folder:
         path = Path(folder) / "bag"
         storage, compression = form
-        write(path, written, storage=storage, compression=compression, little_endian=little_endian)
+        write_messages(path, written, storage=storage, compression=compression)
         recorded = read_bag(path)
     assert recorded.problems == []
     assert sum(recorded.counts.values()) == len(rows)
@@ -140,14 +114,11 @@ def test_what_was_written_is_read(
 
 
 def test_of_topics_that_are_not_asked_for_only_the_stamps_are_kept(tmp_path: Path) -> None:
-    rows = [
-        (f"/{topic.name}", topic.type, 10**18, stamped(topic.type, 5, "a", (1.0, 2.0, 3.0)))
-        for topic in (TOOL_ACCELERATION, MASTER_POSITION)
-    ]
-    write(tmp_path / "bag", rows)
+    rows = [vector(topic, 5, 10**18, 3.0) for topic in (TOOL_ACCELERATION, MASTER_POSITION)]
+    write_messages(tmp_path / "bag", rows)
     found = read_bag(tmp_path / "bag", [TOOL_ACCELERATION.name]).signals
     tool, position = found[TOOL_ACCELERATION.name], found[MASTER_POSITION.name]
-    assert (tool.stamps.tolist(), tool.values.tolist()) == ([5], [[1.0, 2.0, 3.0]])
+    assert (tool.stamps.tolist(), tool.values.tolist()) == ([5], [[0.0, 0.0, 3.0]])
     assert (position.stamps.tolist(), position.values.shape) == ([5], (0, 3))
 
 
@@ -155,10 +126,7 @@ def test_of_topics_that_are_not_asked_for_only_the_stamps_are_kept(tmp_path: Pat
 def long_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a bag of 9000 numbered samples: several chunks of a mebibyte or less."""
     path = tmp_path_factory.mktemp("bags") / "long"
-    kind = TOOL_ACCELERATION.type
-    topic = f"/{TOOL_ACCELERATION.name}"
-    write(path, [(topic, kind, n, stamped(kind, n, "tool", (0, 0, n))) for n in range(9000)])
-    return path
+    return write_messages(path, (vector(TOOL_ACCELERATION, n, n, n) for n in range(9000)))
 
 
 @settings(max_examples=60)
@@ -208,56 +176,33 @@ def test_without_metadata_the_messages_are_read_all_the_same(
 
 
 def test_splits_are_read_in_their_order(tmp_path: Path) -> None:
-    kind, topic = TOOL_ACCELERATION.type, f"/{TOOL_ACCELERATION.name}"
     for number in (10, 9, 2):
-        write(tmp_path / f"p{number}", [(topic, kind, 0, stamped(kind, number, "", (0, 0, 0)))])
+        write_messages(tmp_path / f"p{number}", [vector(TOOL_ACCELERATION, number, 0)])
         target = tmp_path / "bag" / f"bag_{number}.mcap"
         target.parent.mkdir(exist_ok=True)
         (tmp_path / f"p{number}" / f"p{number}.mcap").rename(target)
     assert read_bag(tmp_path / "bag").signals[TOOL_ACCELERATION.name].stamps.tolist() == [2, 9, 10]
 
 
-CHANGED = "rcl_interfaces/msg/ParameterEvent"
+def reported(received: int, name: str, message: str, topic: str = "/diagnostics") -> Message:
+    """Make diagnostics with the status of a node."""
+    data = diagnostics_bytes(received, name, message, {"ticks": "3"})
+    return Message(topic, DIAGNOSTICS.type, received, data)
 
 
-def reported(name: str, message: str) -> Any:
-    """Return diagnostics with the status of a node."""
-    make: Callable[[str], Any] = MESSAGES.__getitem__
-    pair = make("diagnostic_msgs/msg/KeyValue")("ticks", "3")
-    status = make("diagnostic_msgs/msg/DiagnosticStatus")(1, name, message, "/coupler", [pair])
-    return make(DIAGNOSTICS.type)(make("std_msgs/msg/Header")(stamp(5), ""), [status])
-
-
-def changed(node: str, controller: str) -> Any:
-    """Return the event of a controller that was set."""
-    make: Callable[[str], Any] = MESSAGES.__getitem__
-    empty = np.array([], dtype=np.int64)
-    value = make("rcl_interfaces/msg/ParameterValue")(
-        type=4,
-        bool_value=False,
-        integer_value=0,
-        double_value=0.0,
-        string_value=controller,
-        byte_array_value=np.array([], dtype=np.uint8),
-        bool_array_value=np.array([], dtype=np.bool_),
-        integer_array_value=empty,
-        double_array_value=empty.astype(float),
-        string_array_value=[],
-    )
-    parameter = make("rcl_interfaces/msg/Parameter")("controller", value)
-    return make(CHANGED)(stamp(6), node, [], [parameter], [])
+def changed(received: int, node: str, controller: str) -> Message:
+    """Make the event of a controller that was set."""
+    data = change_bytes(received, node, "controller", controller)
+    return Message("/parameter_events", CHANGED, received, data)
 
 
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 def test_facts_diagnostics_and_changes_are_read(tmp_path: Path, storage: StoragePlugin) -> None:
-    write(
+    write_messages(
         tmp_path / "bag",
-        [
-            ("/diagnostics", DIAGNOSTICS.type, 5, reported("coupler: coupling", "alone")),
-            ("/parameter_events", CHANGED, 6, changed("/x/compensator", "inverse")),
-        ],
+        [reported(5, "coupler: coupling", "alone"), changed(6, "/x/compensator", "inverse")],
         storage=storage,
-        facts={
+        custom={
             "haptic_accel.version": "0.2.0",
             "haptic_accel.arguments": json.dumps({"rate": 1000.0}),
             "other": "kept out",
@@ -281,15 +226,14 @@ def test_facts_diagnostics_and_changes_are_read(tmp_path: Path, storage: Storage
     ids=["now", "until 0.2.0"],
 )
 def test_of_two_graphs_in_a_bag_one_speaks(tmp_path: Path, topic: str, name: str) -> None:
-    kind, tool = TOOL_ACCELERATION.type, TOOL_ACCELERATION.name
-    write(
+    write_messages(
         tmp_path / "bag",
         [
-            (topic, DIAGNOSTICS.type, 1, reported(name, "ours")),
-            (f"/left/{tool}", kind, 2, stamped(kind, 1, "", (0, 0, 1))),
-            ("/diagnostics", DIAGNOSTICS.type, 3, reported("right/coupler: coupling", "theirs")),
-            ("/parameter_events", CHANGED, 4, changed("/right/compensator", "none")),
-            ("/parameter_events", CHANGED, 5, changed("/left/compensator", "inverse")),
+            reported(1, name, "ours", topic),
+            vector(TOOL_ACCELERATION, 1, 2, graph="/left"),
+            reported(3, "right/coupler: coupling", "theirs"),
+            changed(4, "/right/compensator", "none"),
+            changed(5, "/left/compensator", "inverse"),
         ],
     )
     recorded = read_bag(tmp_path / "bag")
@@ -298,14 +242,14 @@ def test_of_two_graphs_in_a_bag_one_speaks(tmp_path: Path, topic: str, name: str
 
 
 def test_another_graph_and_another_type_are_named_and_left_out(tmp_path: Path) -> None:
-    kind, topic = TOOL_ACCELERATION.type, TOOL_ACCELERATION.name
-    other = next(k for k in VECTORS if k.endswith("WrenchStamped"))
-    write(
+    topic = TOOL_ACCELERATION.name
+    other = next(kind for kind in VECTORS if kind.endswith("WrenchStamped"))
+    write_messages(
         tmp_path / "bag",
         [
-            (f"/left/{topic}", kind, 1, stamped(kind, 1, "", (0, 0, 1))),
-            (f"/right/{topic}", kind, 2, stamped(kind, 2, "", (0, 0, 2))),
-            ("/left/master/measured_cp", other, 3, stamped(other, 3, "", (0, 0, 3))),
+            vector(TOOL_ACCELERATION, 1, 1, graph="/left"),
+            vector(TOOL_ACCELERATION, 2, 2, graph="/right"),
+            vector(replace(MASTER_POSITION, type=other), 3, 3, graph="/left"),
         ],
     )
     recorded = read_bag(tmp_path / "bag")
@@ -318,19 +262,14 @@ def test_another_graph_and_another_type_are_named_and_left_out(tmp_path: Path) -
 
 def test_a_malformed_message_is_named_and_the_others_are_read(tmp_path: Path) -> None:
     topic = SIGNALS[0]
-    path = tmp_path / "bag"
-    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        connection = writer.add_connection(f"/{topic.name}", topic.type, typestore=TYPES)
-        for n in range(4):
-            message = stamped(topic.type, n, "frame", (float(n), 0.0, 0.0))
-            data = bytes(TYPES.serialize_cdr(message, topic.type))
-            writer.write(connection, n, data[:9] if n == 2 else data)
-    recorded = read_bag(path)
+    rows = [vector(topic, n, n, n) for n in range(4)]
+    rows[2] = rows[2]._replace(data=rows[2].data[:9])
+    recorded = read_bag(write_messages(tmp_path / "bag", rows))
     assert recorded.problems == [f"/{topic.name}: malformed messages are not read"]
     signal = recorded.signals[topic.name]
     assert signal.stamps.tolist() == [0, 1, 3]
     assert signal.received.tolist() == [0, 1, 3]
-    assert signal.values[:, 0].tolist() == [0.0, 1.0, 3.0]
+    assert signal.values[:, 2].tolist() == [0.0, 1.0, 3.0]
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no bag at all"])
@@ -355,12 +294,11 @@ def test_a_folder_without_messages_is_refused(tmp_path: Path, name: str) -> None
 def test_a_pipe_in_place_of_a_compressed_file_is_missing_and_others_are_read(
     tmp_path: Path,
 ) -> None:
-    kind, topic = TOOL_ACCELERATION.type, f"/{TOOL_ACCELERATION.name}"
-    rows = [(topic, kind, 1, stamped(kind, 1, "", (0, 0, 1)))]
-    write(tmp_path / "bag", rows, compression=CompressionMode.FILE)
+    row = vector(TOOL_ACCELERATION, 1, 1)
+    write_messages(tmp_path / "bag", [row], compression=CompressionMode.FILE)
     (file,) = (tmp_path / "bag").glob("*.zstd")
     file.rename(file.with_name("other.mcap.zstd"))
     os.mkfifo(file)
     bag = read_bag(tmp_path / "bag")
     assert bag.problems == [f"{file.name} is missing"]
-    assert bag.counts == {topic: 1}
+    assert bag.counts == {row.topic: 1}

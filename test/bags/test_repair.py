@@ -30,12 +30,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.rosbag2 import StoragePlugin
 
-from damaged import CHUNK, MAGIC, SAMPLES, content, flip, without_checksums, write_small_bag
+from bag_maker import START, STRING, Message, record_messages, write_messages
+from damaged import (
+    CHUNK,
+    MAGIC,
+    SAMPLES,
+    content,
+    flip,
+    without_checksums,
+    write_bag_with_an_empty_chunk,
+    write_small_bag,
+)
 from haptic_accel.bags.definitions import connection
-from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.bags.recording_options import RecordingOptions
@@ -44,8 +52,6 @@ from haptic_accel.core.parameters import ParameterError
 from reading import Row, with_mcap, with_rosbags
 
 FACTS = {"haptic_accel.version": "1.2.3"}
-TOPICS = [connection(n + 1, f"/topic_{n}", "std_msgs/msg/String", []) for n in range(2)]
-START = 1_700_000_000_000_000_000
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
 """A bag is asked for its content, not for the time that a disk takes to confirm it."""
 
@@ -73,21 +79,18 @@ def copy_what_is_there(source: str, target: str) -> None:
 
 def killed(folder: Path, options: RecordingOptions, count: int) -> tuple[Path, list[Row]]:
     """Return a bag as it is on the disk while it is recorded, and what was flushed by then."""
-    written: list[Row] = []
-    flushed = 0
-    files = BagFiles(folder / "bag", options, FACTS)
-    for topic in TOPICS:
-        files.add(topic)
-    for number in range(count):
-        topic = TOPICS[number % 2]
-        files.write(topic, START + number, bytes([number % 256]) * 50)
-        written.append((topic.topic, START + number, bytes([number % 256]) * 50))
-        if number % FLUSHED == FLUSHED - 1:
-            files.flush()
-            flushed = number + 1
+    messages = [
+        Message(f"/topic_{number % 2}", STRING, START + number, bytes([number % 256]) * 50)
+        for number in range(count)
+    ]
+    flush_after = range(FLUSHED - 1, count, FLUSHED)
+    files = record_messages(
+        folder / "bag", messages, options=options, custom=FACTS, flush_after=flush_after
+    )
     shutil.copytree(folder / "bag", folder / "killed" / "bag", copy_function=copy_what_is_there)
     files.close()
-    return folder / "killed" / "bag", written[:flushed]
+    flushed = messages[: flush_after[-1] + 1]
+    return folder / "killed" / "bag", [(one.topic, one.received, one.data) for one in flushed]
 
 
 def state(bag: Path) -> dict[str, bytes]:
@@ -144,9 +147,8 @@ def test_without_metadata_a_bag_is_put_together_from_its_files(memory: Path) -> 
     metadata = read_metadata(bag)
     assert with_rosbags(bag)[: len(flushed)] == flushed
     assert metadata.custom == FACTS  # closed files carry it too
-    assert [topic.type_description_hash for topic in metadata.topics] == [
-        topic.digest for topic in TOPICS
-    ]
+    digest = connection(1, "/said", STRING, []).digest
+    assert [topic.type_description_hash for topic in metadata.topics] == [digest, digest]
 
 
 def test_what_is_no_mcap_file_at_all_is_set_aside(memory: Path) -> None:
@@ -160,27 +162,18 @@ def test_what_is_no_mcap_file_at_all_is_set_aside(memory: Path) -> None:
 
 
 def test_a_whole_bag_stays_as_it_is(memory: Path) -> None:
-    files = BagFiles(memory / "bag", RecordingOptions(), FACTS)
-    files.add(TOPICS[0])
-    files.write(TOPICS[0], START, b"x")
-    files.close()
+    record_messages(memory / "bag", [Message("/said", STRING, START, b"x")]).close()
     before = state(memory / "bag")
     assert repair(memory / "bag").repairs == []
     assert state(memory / "bag") == before
 
 
 def test_a_chunk_without_messages_becomes_none(memory: Path) -> None:
-    types = get_typestore(Stores.ROS2_JAZZY)
-    with Writer(memory / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        topic = writer.add_connection("/said", "std_msgs/msg/String", typestore=types)
-        assert writer.storage
-        writer.storage.close_chunk()  # type: ignore[attr-defined]
-        writer.write(topic, START, b"one")
-    (memory / "bag" / "bag.mcap").rename(memory / "bag" / "bag_0.mcap")
-    with (memory / "bag" / "bag_0.mcap").open("rb") as stream:
+    file = write_bag_with_an_empty_chunk(memory / "bag", Message("/said", STRING, START, b"one"))
+    with file.open("rb") as stream:
         before = make_reader(stream).get_summary()
     done = repair(memory / "bag")
-    with (memory / "bag" / "bag_0.mcap").open("rb") as stream:
+    with file.open("rb") as stream:
         after = make_reader(stream).get_summary()
     assert before
     assert after
@@ -325,7 +318,7 @@ def test_what_is_no_file_is_not_read(memory: Path, name: str, kind: str) -> None
 
 
 def test_a_bag_of_another_form_is_refused_and_stays(tmp_path: Path) -> None:
-    Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3).open()
+    write_messages(tmp_path / "bag", [], storage=StoragePlugin.SQLITE3)
     before = state(tmp_path / "bag")
     with pytest.raises(ParameterError, match=r"must be a bag of \.mcap files.*bag\.db3$"):
         repair(tmp_path / "bag")

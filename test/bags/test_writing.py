@@ -24,6 +24,7 @@ import pytest
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from bag_maker import STRING, vector_bytes
 from haptic_accel.bags.definitions import UndefinedTypeError
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import BagWriter
@@ -32,22 +33,12 @@ from reading import with_rosbags
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 ACCEL = "geometry_msgs/msg/AccelStamped"
-STRING = "std_msgs/msg/String"
 PERIOD = 1_000_000
 """Period of 1 kHz, ns."""
 
 
 def serialised(value: float, stamp: int = 0) -> bytes:
-    message = TYPES.types[ACCEL]
-    header = TYPES.types["std_msgs/msg/Header"]
-    time = TYPES.types["builtin_interfaces/msg/Time"]
-    accel = TYPES.types["geometry_msgs/msg/Accel"]
-    vector = TYPES.types["geometry_msgs/msg/Vector3"]
-    made = message(
-        header(time(*divmod(stamp, 1_000_000_000)), "slave_tool"),
-        accel(vector(0.0, 0.0, value), vector(0.0, 0.0, 0.0)),
-    )
-    return bytes(TYPES.serialize_cdr(made, ACCEL))
+    return vector_bytes(ACCEL, stamp, "slave_tool", (0.0, 0.0, value))
 
 
 def writer(path: Path, capacity: int = 100_000) -> BagWriter:

@@ -28,7 +28,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from bagging import BagContent, of_trial, write_bag
+from bag_maker import BagContent, of_trial, write_bag
 from browsing import chromium
 from haptic_accel.analysis import load
 from haptic_accel.analysis.page import write_page

@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bag_maker import write_bag
+from bag_maker import BagContent, write_bag
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
 from haptic_accel.devices.playback import ReplayParameters, read_track
@@ -43,6 +43,11 @@ TOLERANCE = 1e-6
 """Tolerance of figures, as a part of them and of 1. One machine gives the same bits every time,
 and other kernels of its BLAS the same figures within 1e-15; another mathematical library or
 processor may round otherwise. What a change of behaviour does is far larger."""
+
+
+def bag_of(path: Path, topic: topics.Topic, samples: int) -> Path:
+    """Return a bag that holds one signal, of zeros."""
+    return write_bag(path, BagContent({topic.name: np.zeros((samples, 3))}, arms=False))
 
 
 def test_golden_bags_give_their_golden_figures_and_the_same_ones_again(tmp_path: Path) -> None:
@@ -112,8 +117,8 @@ def test_bags_of_the_same_name_are_not_written_over_each_other(tmp_path: Path) -
 def test_bags_in_which_nothing_was_recorded_are_named_and_skipped(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    empty = write_bag(tmp_path / "empty", {topics.TOOL_ACCELERATION: np.zeros((0, 3))}, 1000.0)
-    other = write_bag(tmp_path / "other", {topics.MASTER_POSITION: np.zeros((300, 3))}, 1000.0)
+    empty = bag_of(tmp_path / "empty", topics.TOOL_ACCELERATION, 0)
+    other = bag_of(tmp_path / "other", topics.MASTER_POSITION, 300)
     words = [empty, DATA / "text", other, DATA / "plywood", "--lockstep"]
     assert status_of("replay", *words, "--json", tmp_path / "metrics.json") == 0
     skipped = capsys.readouterr().err.splitlines()
@@ -191,9 +196,7 @@ def test_a_terminal_shows_how_far_a_replay_is(
 )
 def test_wrong_words_are_refused_in_one_line(tmp_path: Path, words: list[str], named: str) -> None:
     places = {name: DATA / name for name in ("text", "plywood")}
-    places["no_tool"] = write_bag(
-        tmp_path / "no_tool", {topics.MASTER_POSITION: np.zeros((300, 3))}, 1000.0
-    )
+    places["no_tool"] = bag_of(tmp_path / "no_tool", topics.MASTER_POSITION, 300)
     places["csv"] = tmp_path / "drag.csv"
     places["csv"].write_text("acceleration\n0.5\n")
     assert named in refusal("replay", *(word.format(**places) for word in words))

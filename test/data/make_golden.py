@@ -32,7 +32,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
-from bag_maker import write_bag
+from bag_maker import BagContent, write_bag
 from haptic_accel.core import topics
 from haptic_accel.core.control.compensation import Compensation
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
@@ -50,6 +50,9 @@ FIGURES = FOLDER / "golden.json"
 SURFACES = ("plywood", "text")
 TOPICS = (*SLAVE_SIGNALS, topics.HANDLE_ACCELERATION)
 CONTROLLERS = ("none", "constant", "dynamic", "inverse")
+PRESENTED = 1_255_392_000_000_000_000
+"""First stamp: 13 October 2009, when the paper was presented; ns."""
+
 SKIPPED, KEPT = 1.0, 1.1
 """s; after the first second the tool drags over the surface."""
 
@@ -60,8 +63,10 @@ def main() -> None:
         for bag in bags:
             arguments = GraphArguments(surface=bag.name, rig="paper")
             shutil.rmtree(bag, ignore_errors=True)
-            said = {"haptic_accel.arguments": json.dumps(asdict(arguments))}
-            write_bag(bag, samples(arguments), arguments.rate, custom=said, compressed=True)
+            stated = {"arguments": asdict(arguments)}
+            signals = {topic.name: rows for topic, rows in samples(arguments).items()}
+            recorded = BagContent(signals, arguments.rate, stated, arms=False, start=PRESENTED)
+            write_bag(bag, recorded, compressed=True)
     words = ["replay", *bags, "--lockstep", "--controllers", ",".join(CONTROLLERS)]
     assert status_of(*words, "--json", FIGURES) == 0
     content = json.loads(FIGURES.read_text(encoding="utf-8"))

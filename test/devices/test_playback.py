@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import struct
 import wave
@@ -28,7 +27,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bag_maker import START, write_bag
+from bag_maker import START, BagContent, write_bag
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.parameters import ParameterError
@@ -60,9 +59,16 @@ def rows(samples: int = SAMPLES) -> Rows:
     }
 
 
+def recorded(path: Path, signals: Rows | None = None, **others: Any) -> Path:
+    """Return a bag of signals, those of `rows` unless told which."""
+    found = rows() if signals is None else signals
+    named = {topic.name: vectors for topic, vectors in found.items()}
+    return write_bag(path, BagContent(named, RATE, arms=False, **others))
+
+
 @pytest.fixture
 def bag(tmp_path: Path) -> Path:
-    return write_bag(tmp_path / "bag", rows(), RATE)
+    return recorded(tmp_path / "bag")
 
 
 def opened(kind: type[Device], bag: Path, rate: float = RATE, **fields: Any) -> Device:
@@ -102,7 +108,8 @@ def test_every_sample_of_the_bag_comes_back_bit_by_bit(
 
 
 def test_lost_samples_hold_the_one_before_and_are_counted_and_told(tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "bag", rows(), RATE, lost={100, 101, 300})
+    lost = {topic.name: {100, 101, 300} for topic in rows()}
+    bag = recorded(tmp_path / "bag", dropped=lost)
     device = opened(ReplaySlave, bag)
     played = play(device)
     expected = rows()[topics.TOOL_ACCELERATION][99, 2]
@@ -114,12 +121,10 @@ def test_lost_samples_hold_the_one_before_and_are_counted_and_told(tmp_path: Pat
 def test_it_plays_from_where_the_arms_were_coupled(tmp_path: Path) -> None:
     forces = np.zeros((SAMPLES, 3))
     forces[250:] = 0.2
-    coupled = {place for place in range(SAMPLES) if place < 200}
-    bag = write_bag(
+    bag = recorded(
         tmp_path / "bag",
         rows() | {topics.SLAVE_ARM_FORCE: forces},
-        RATE,
-        lost_of={topics.SLAVE_ARM_FORCE: coupled},
+        dropped={topics.SLAVE_ARM_FORCE.name: range(200)},
     )
     tool = rows()[topics.TOOL_ACCELERATION]
     assert play(opened(ReplaySlave, bag))[0].acceleration == tool[200, 2]
@@ -163,10 +168,9 @@ def test_another_rate_or_speed_is_told(bag: Path, rate: float, speed: float) -> 
 
 
 def test_the_bag_s_own_word_on_its_rate_counts(tmp_path: Path) -> None:
-    said = {"haptic_accel.arguments": json.dumps({"rate": 999.0})}
-    bag = write_bag(tmp_path / "bag", rows(), RATE, custom=said)
+    bag = recorded(tmp_path / "bag", facts={"arguments": {"rate": 999.0}})
     assert bag_rate(read_bag(bag)) == 999.0
-    assert bag_rate(read_bag(write_bag(tmp_path / "other", rows(), RATE))) == RATE
+    assert bag_rate(read_bag(recorded(tmp_path / "other"))) == RATE
 
 
 def test_a_file_of_a_bag_will_do_and_so_will_a_bag_without_motion(
@@ -175,7 +179,7 @@ def test_a_file_of_a_bag_will_do_and_so_will_a_bag_without_motion(
     (file,) = bag.glob("*.mcap")
     assert play(opened(ReplaySlave, file)) == play(opened(ReplaySlave, bag))
     only = {topics.TOOL_ACCELERATION: rows()[topics.TOOL_ACCELERATION]}
-    still = opened(ReplaySlave, write_bag(tmp_path / "still", only, RATE))
+    still = opened(ReplaySlave, recorded(tmp_path / "still", only))
     assert {sample.position for sample in play(still)} == {(0.0, 0.0, 0.0)}
     assert "arm stands still" in still.remark
 
@@ -204,15 +208,15 @@ def no_file(path: Path) -> Path:
 
 def no_tool(path: Path) -> Path:
     only = {topics.MASTER_POSITION: rows()[topics.MASTER_POSITION]}
-    return write_bag(path.with_name("no_tool"), only, RATE)
+    return recorded(path.with_name("no_tool"), only)
 
 
 def no_rate(path: Path) -> Path:
-    return write_bag(path.with_name("one"), rows(1), RATE)
+    return recorded(path.with_name("one"), rows(1))
 
 
 def too_short(path: Path) -> Path:
-    return write_bag(path.with_name("short"), rows(50), RATE)
+    return recorded(path.with_name("short"), rows(50))
 
 
 def empty_folder(path: Path) -> Path:
@@ -277,8 +281,7 @@ def test_a_force_between_a_tick_s_time_and_a_late_tick_shifts_no_sample(bag: Pat
 
 
 def test_stamps_and_not_arrivals_count(tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "bag", rows(), RATE, delay=lambda place: place * 777_000)
-    assert play(opened(ReplaySlave, bag)) == play(
-        opened(ReplaySlave, write_bag(tmp_path / "prompt", rows(), RATE))
-    )
+    bag = recorded(tmp_path / "bag", delay=lambda place: place * 777_000)
+    prompt = recorded(tmp_path / "prompt")
+    assert play(opened(ReplaySlave, bag)) == play(opened(ReplaySlave, prompt))
     assert read_bag(bag).signals[topics.TOOL_ACCELERATION.name].stamps[0] == START

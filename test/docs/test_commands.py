@@ -26,7 +26,7 @@ from shutil import copytree
 import click
 import pytest
 
-from bagging import of_trial, write_bag
+from bag_maker import of_trial, write_bag
 from haptic_accel.cli.commands import command_line
 from haptic_accel.cli.lazy import LazyGroup
 from haptic_accel.cli.options import Verb, Words

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import pytest
 
-from bagging import of_trial, write_bag
+from bag_maker import of_trial, write_bag
 from haptic_accel.core import topics
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import run_trial

@@ -26,7 +26,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bag_maker import NANOSECONDS, write_bag
+from bag_maker import NANOSECONDS, BagContent, write_bag
 from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.topics import Topic
@@ -58,12 +58,12 @@ def bag(tmp_path: Path) -> Path:
     samples = round(SECONDS * RATE)
     turn = np.linspace(0.0, 2 * np.pi, samples)
     path = 0.01 * np.column_stack([1 - np.cos(turn), np.zeros(samples), -np.sin(turn)])
-    rows: dict[Topic, np.ndarray] = {
-        topics.TOOL_ACCELERATION: np.column_stack([np.zeros((samples, 2)), tool_acceleration()]),
-        topics.SLAVE_POSITION: path,
-        topics.SLAVE_VELOCITY: np.gradient(path, axis=0) * RATE,
+    signals = {
+        topics.TOOL_ACCELERATION.name: tool_acceleration(),
+        topics.SLAVE_POSITION.name: path,
+        topics.SLAVE_VELOCITY.name: np.gradient(path, axis=0) * RATE,
     }
-    return write_bag(tmp_path / "played", rows, RATE)
+    return write_bag(tmp_path / "played", BagContent(signals, RATE, arms=False))
 
 
 def desired_by_sample(recorded: Bag) -> dict[int, float]:

@@ -13,71 +13,313 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bags written by hand: what every topic carries, sample by sample."""
+"""The maker of bags with content that a test knows, written without a graph.
+
+`BagContent` and `write_bag` make a bag as a graph records it. Below them, `write_messages` writes
+any messages in any form that rosbags has, and `record_messages` in the recorder's own.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+import json
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
+from rosbags.interfaces import Connection
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from haptic_accel.bags.definitions import connection
+from haptic_accel.bags.facts import PREFIX
+from haptic_accel.bags.files import BagFiles
+from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.core import topics
 from haptic_accel.core.cdr import StampedVector
-from haptic_accel.core.topics import Topic
+from haptic_accel.core.topics import ACTUATOR_AXIS, Topic
+from haptic_accel.core.trial import Trial
 
-START = 1_255_392_000_000_000_000
-"""13 October 2009, when the paper was presented; ns."""
+START = 1_700_000_000_000_000_000
+"""First stamp, ns."""
 
 NANOSECONDS = 1_000_000_000
 
+STRING = "std_msgs/msg/String"
+CHANGED = "rcl_interfaces/msg/ParameterEvent"
+TEXT = 4
+"""Of rcl_interfaces/msg/ParameterType."""
 
-def write_bag(
-    bag: Path,
-    rows: Mapping[Topic, np.ndarray],
-    rate: float,
+_TYPES = get_typestore(Stores.ROS2_JAZZY)
+
+FloatArray = npt.NDArray[np.float64]
+
+
+class Message(NamedTuple):
+    """A recorded message: its topic with the slash, its type, when it came in ns, its bytes."""
+
+    topic: str
+    kind: str
+    received: int
+    data: bytes
+
+
+def vector_bytes(
+    kind: str,
+    stamp: int,
+    frame: str,
+    vector: Sequence[float],
     *,
-    lost: Collection[int] = (),
-    lost_of: Mapping[Topic, Collection[int]] | None = None,
-    delay: Callable[[int], int] = lambda place: 0,
+    little_endian: bool = True,
+) -> bytes:
+    """Return a stamped message of a vector, packed by rosbags instead of by the package.
+
+    What else there is in the message is not zero.
+    """
+    kinds: Any = _TYPES.types
+    if kind.endswith("PoseStamped"):
+        point = kinds["geometry_msgs/msg/Point"](*vector)
+        turn = kinds["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+        body = kinds["geometry_msgs/msg/Pose"](point, turn)
+    else:
+        first = kinds["geometry_msgs/msg/Vector3"](*vector)
+        rest = kinds["geometry_msgs/msg/Vector3"](7.0, 8.0, 9.0)
+        body = kinds[kind.replace("Stamped", "")](first, rest)
+    message = kinds[kind](_header(stamp, frame), body)
+    return bytes(_TYPES.serialize_cdr(message, kind, little_endian=little_endian))
+
+
+def diagnostics_bytes(stamp: int, node: str, message: str, values: Mapping[str, str]) -> bytes:
+    """Return diagnostics with the status of one node."""
+    kinds: Any = _TYPES.types
+    pairs = [kinds["diagnostic_msgs/msg/KeyValue"](*pair) for pair in values.items()]
+    status = kinds["diagnostic_msgs/msg/DiagnosticStatus"](0, node, message, "", pairs)
+    array = kinds[topics.DIAGNOSTICS.type](_header(stamp, ""), [status])
+    return bytes(_TYPES.serialize_cdr(array, topics.DIAGNOSTICS.type))
+
+
+def change_bytes(stamp: int, node: str, name: str, text: str) -> bytes:
+    """Return the event of a parameter of a node, with its slash, that was set to a text."""
+    kinds: Any = _TYPES.types
+    value = kinds["rcl_interfaces/msg/ParameterValue"](
+        type=TEXT,
+        bool_value=False,
+        integer_value=0,
+        double_value=0.0,
+        string_value=text,
+        byte_array_value=np.empty(0, np.uint8),
+        bool_array_value=np.empty(0, bool),
+        integer_array_value=np.empty(0, np.int64),
+        double_array_value=np.empty(0),
+        string_array_value=[],
+    )
+    parameter = kinds["rcl_interfaces/msg/Parameter"](name, value)
+    event = kinds[CHANGED](_time(stamp), node, [], [parameter], [])
+    return bytes(_TYPES.serialize_cdr(event, CHANGED))
+
+
+def write_messages(
+    bag: Path,
+    messages: Iterable[Message],
+    *,
+    declared: Mapping[str, str] | None = None,
+    storage: StoragePlugin = StoragePlugin.MCAP,
+    compression: CompressionMode = CompressionMode.NONE,
     custom: Mapping[str, str] | None = None,
-    compressed: bool = False,
 ) -> Path:
-    """Write signals as an MCAP bag; return its folder.
+    """Write messages in their order by rosbags; return the bag's folder.
 
     Parameters
     ----------
-    rows : mapping
-        Vectors of each topic, shape (n, 3).
-    rate : float
-        Of the samples, Hz; the first has the stamp `START`.
-    lost, lost_of : collections
-        Samples that are left out of all topics, and of one.
-    delay : callable
-        From a sample's stamp to when it was recorded, ns.
+    declared : mapping
+        Types of topics that are in the bag also if no message is.
+    storage, compression
+        The bag's form.
     custom : mapping
-        Of the bag's own data.
-    compressed : bool
-        With zstd.
+        The bag's custom data.
     """
-    types: Any = get_typestore(Stores.ROS2_JAZZY)
-    writer = Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP)
-    if compressed:
-        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    bag.parent.mkdir(parents=True, exist_ok=True)
+    writer = Writer(bag, version=9, storage_plugin=storage)
+    writer.set_compression(compression, CompressionFormat.ZSTD)
     for key, text in (custom or {}).items():
         writer.set_custom_data(key, text)
     with writer:
-        connections = {
-            topic: writer.add_connection(f"/{topic.name}", topic.type, typestore=types)
-            for topic in rows
-        }
-        for place in range(max(len(vectors) for vectors in rows.values())):
-            stamp = START + round(place * NANOSECONDS / rate)
-            for topic, vectors in rows.items():
-                if place in lost or place in (lost_of or {}).get(topic, ()):
-                    continue
-                message = StampedVector(topic).pack(stamp, tuple(vectors[place].tolist()))
-                writer.write(connections[topic], stamp + delay(place), message)
+        connections: dict[str, Connection] = {}
+
+        def connected(topic: str, kind: str) -> Connection:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=_TYPES)
+            return connections[topic]
+
+        for topic, kind in (declared or {}).items():
+            connected(topic, kind)
+        for message in messages:
+            data = message.data
+            writer.write(connected(message.topic, message.kind), message.received, data)
     return bag
+
+
+def record_messages(
+    bag: Path,
+    messages: Sequence[Message],
+    *,
+    options: RecordingOptions | None = None,
+    custom: Mapping[str, str] | None = None,
+    flush_after: Collection[int] = (),
+) -> BagFiles:
+    """Write messages as the recorder does; return its files, which are open still.
+
+    Parameters
+    ----------
+    flush_after : collection
+        Places of messages after which all so far is brought to the disk, which ends a chunk.
+    """
+    files = BagFiles(bag, options or RecordingOptions(), custom or {})
+    kinds = {message.topic: message.kind for message in messages}
+    added = {
+        topic: connection(number, topic, kind, [])
+        for number, (topic, kind) in enumerate(kinds.items(), start=1)
+    }
+    for each in added.values():
+        files.add(each)
+    for place, message in enumerate(messages):
+        files.write(added[message.topic], message.received, message.data)
+        if place in flush_after:
+            files.flush()
+    return files
+
+
+@dataclass
+class BagContent:
+    """Content of a bag to write.
+
+    Attributes
+    ----------
+    signals : mapping
+        By topic; of shape (n, 3), or (n,) along the actuator's axis.
+    rate : float
+        Of the samples, Hz.
+    facts : mapping
+        What the recorder stores of its run.
+    changes : sequence
+        Moments in s with node, parameter and text.
+    diagnostics : sequence
+        Moments in s with node, message and values.
+    gap : tuple of float
+        When the arms let go, and were taken again, s.
+    arms : bool
+        Whether there are forces on the master's arm, as while arms are coupled.
+    dropped : mapping
+        Places of the samples that are not written, by topic.
+    start : int
+        First stamp, ns.
+    delay : callable
+        From a sample's place to how long after its stamp it was recorded, ns.
+    """
+
+    signals: Mapping[str, FloatArray]
+    rate: float = 1000.0
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    changes: Sequence[tuple[float, str, str, str]] = ()
+    diagnostics: Sequence[tuple[float, str, str, dict[str, str]]] = ()
+    gap: tuple[float, float] | None = None
+    arms: bool = True
+    dropped: Mapping[str, Collection[int]] = field(default_factory=dict)
+    start: int = START
+    delay: Callable[[int], int] = lambda place: 0
+
+
+def facts(controller: str, surface: str, *, seed: int = 0, rate: float = 1000.0) -> dict[str, Any]:
+    """Return what the recorder stores of a graph, as far as it is looked at."""
+    return {
+        "version": "0.1.0",
+        "arguments": {
+            "controller": controller,
+            "surface": surface,
+            "seed": seed,
+            "rate": rate,
+            "grip": "average",
+        },
+        "parameters": {
+            "compensator": {"controller": controller, "high_pass_frequency": 15.0},
+            "slave_device": {"simulated.surface.name": surface},
+        },
+        "host": {"python": "3.12"},
+    }
+
+
+def of_trial(trial: Trial, *, seed: int = 0) -> BagContent:
+    """Return the content of a bag that holds a trial."""
+    return BagContent(
+        {
+            topics.TOOL_ACCELERATION.name: trial.tool_acceleration,
+            topics.DESIRED_ACCELERATION.name: trial.desired_acceleration,
+            topics.HANDLE_ACCELERATION.name: trial.handle_acceleration,
+            topics.ACTUATOR_FORCE.name: trial.actuator_force,
+        },
+        trial.rate,
+        facts(trial.controller, trial.surface, seed=seed, rate=trial.rate),
+    )
+
+
+def write_bag(path: Path, content: BagContent, *, compressed: bool = False) -> Path:
+    """Write a bag, with chunks compressed if wanted; return its folder."""
+    known = {topic.name: topic for topic in topics.SIGNALS}
+    signals = {known[name]: values for name, values in content.signals.items()}
+    if content.arms:
+        longest = max((len(values) for values in signals.values()), default=0)
+        signals[topics.MASTER_ARM_FORCE] = np.ones(longest)
+    messages = [
+        message
+        for topic, values in signals.items()
+        for message in _samples(topic, values, content)
+    ]
+    for seconds, node, name, text in content.changes:
+        moment = _moment(content, seconds)
+        data = change_bytes(moment, f"/{node}", name, text)
+        messages.append(Message("/parameter_events", CHANGED, moment, data))
+    for seconds, node, said, values in content.diagnostics:
+        moment = _moment(content, seconds)
+        data = diagnostics_bytes(moment, node, said, values)
+        messages.append(Message("/diagnostics", topics.DIAGNOSTICS.type, moment, data))
+    return write_messages(
+        path,
+        sorted(messages, key=lambda message: message.received),
+        declared={f"/{topic.name}": topic.type for topic in signals},
+        compression=CompressionMode.STORAGE if compressed else CompressionMode.NONE,
+        custom={
+            PREFIX + name: values if isinstance(values, str) else json.dumps(values)
+            for name, values in content.facts.items()
+        },
+    )
+
+
+def _samples(topic: Topic, values: FloatArray, content: BagContent) -> Iterable[Message]:
+    if values.ndim == 1:
+        along = values
+        values = np.zeros((len(along), 3))
+        values[:, ACTUATOR_AXIS] = along
+    message = StampedVector(topic)
+    dropped = set(content.dropped.get(topic.name, ()))
+    gap = content.gap if topic is topics.MASTER_ARM_FORCE else None
+    for place, (x, y, z) in enumerate(values.tolist()):
+        seconds = place / content.rate
+        if place in dropped or (gap and gap[0] <= seconds < gap[1]):
+            continue
+        stamp = _moment(content, seconds)
+        data = message.pack(stamp, (x, y, z))
+        yield Message(f"/{topic.name}", topic.type, stamp + content.delay(place), data)
+
+
+def _moment(content: BagContent, seconds: float) -> int:
+    return content.start + round(seconds * NANOSECONDS)
+
+
+def _time(moment: int) -> Any:
+    return _TYPES.types["builtin_interfaces/msg/Time"](*divmod(moment, NANOSECONDS))
+
+
+def _header(moment: int, frame: str) -> Any:
+    return _TYPES.types["std_msgs/msg/Header"](_time(moment), frame)

@@ -20,11 +20,11 @@ from __future__ import annotations
 import random
 from pathlib import Path
 
+from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from haptic_accel.bags.definitions import connection
+from bag_maker import START, Message, diagnostics_bytes, record_messages
 from haptic_accel.bags.facts import custom_data, facts_text
-from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.reading import Bag
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core.cdr import StampedVector
@@ -34,39 +34,50 @@ MAGIC = b"\x89MCAP0\r\n"
 CHUNKS, MESSAGE_INDEXES = 6, 7
 """Kinds of records."""
 
-START = 1_700_000_000_000_000_000
 PERIOD = 1_000_000
 """Period of the samples, ns."""
 
 SAMPLES, CHUNK = 60, 20
 """Samples of each signal, and those between two flushes, each of which ends a chunk."""
 
-_TYPES = get_typestore(Stores.ROS2_JAZZY)
-
 
 def write_small_bag(bag: Path, profile: str = "none") -> Path:
     """Write the bag; return its file, beside which there is metadata.yaml only."""
-    options = RecordingOptions(storage_preset_profile=profile)
-    facts = custom_data(facts_text({"surface": "vinyl", "latency": 1}, {"coupler": {"k_m": 2.5}}))
-    files = BagFiles(bag, options, facts)
-    signals = [
-        (connection(number, f"/{topic.name}", topic.type, []), StampedVector(topic))
-        for number, topic in enumerate(SIGNALS, start=1)
-    ]
-    diagnostics = connection(len(SIGNALS) + 1, "/diagnostics", DIAGNOSTICS.type, [])
-    for topic in (*(topic for topic, _ in signals), diagnostics):
-        files.add(topic)
     numbers = random.Random("bag")
+    packed = [StampedVector(topic) for topic in SIGNALS]
+    messages: list[Message] = []
+    flush_after: list[int] = []
     for sample in range(SAMPLES):
         stamp = START + sample * PERIOD
-        for topic, message in signals:
+        for topic, message in zip(SIGNALS, packed, strict=True):
             vector = (numbers.gauss(), numbers.gauss(), numbers.gauss())
-            files.write(topic, stamp, message.pack(stamp, vector))
+            data = message.pack(stamp, vector)
+            messages.append(Message(f"/{topic.name}", topic.type, stamp, data))
         if sample % CHUNK == CHUNK - 1:
-            files.write(diagnostics, stamp, _diagnosis(sample))
-            files.flush()
-    files.close()
+            said = diagnostics_bytes(0, "coupler", "OK", {"ticks": str(sample)})
+            messages.append(Message("/diagnostics", DIAGNOSTICS.type, stamp, said))
+            flush_after.append(len(messages) - 1)
+    record_messages(
+        bag,
+        messages,
+        options=RecordingOptions(storage_preset_profile=profile),
+        custom=custom_data(
+            facts_text({"surface": "vinyl", "latency": 1}, {"coupler": {"k_m": 2.5}})
+        ),
+        flush_after=flush_after,
+    ).close()
     return bag / f"{bag.name}_0.mcap"
+
+
+def write_bag_with_an_empty_chunk(bag: Path, message: Message) -> Path:
+    """Write a bag of one message, before which there is a chunk of none; return its file."""
+    with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        types = get_typestore(Stores.ROS2_JAZZY)
+        topic = writer.add_connection(message.topic, message.kind, typestore=types)
+        assert writer.storage
+        writer.storage.close_chunk()  # type: ignore[attr-defined]
+        writer.write(topic, message.received, message.data)
+    return (bag / f"{bag.name}.mcap").rename(bag / f"{bag.name}_0.mcap")
 
 
 def without_checksums(file: Path) -> None:
@@ -104,12 +115,3 @@ def flip(content: bytes, bit: int) -> bytes:
     flipped = bytearray(content)
     flipped[bit // 8] ^= 1 << bit % 8
     return bytes(flipped)
-
-
-def _diagnosis(ticks: int) -> bytes:
-    kinds = _TYPES.types
-    pair = kinds["diagnostic_msgs/msg/KeyValue"]("ticks", str(ticks))
-    status = kinds["diagnostic_msgs/msg/DiagnosticStatus"](0, "coupler", "OK", "/coupler", [pair])
-    header = kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](0, 0), "")
-    message = kinds[DIAGNOSTICS.type](header, [status])
-    return bytes(_TYPES.serialize_cdr(message, DIAGNOSTICS.type))
