@@ -117,6 +117,7 @@ def test_a_node_that_has_just_started_is_not_released() -> None:
     run = Run(age=0.0)
     assert not run.stop.is_settled(run.now)
     run.stop.stop()
+    assert run.stop.release(run.now, ALONE) == "has just started: ask again in a second"
     assert not run.released(ALONE, 0.9 * SETTLING)
     assert run.released(ALONE, 0.2 * SETTLING)
     assert run.stop.is_settled(run.now)

@@ -224,6 +224,10 @@ def test_an_old_force_reaches_no_device() -> None:
         part.command(ARM, moment * NANOSECONDS, (0.0, 0.0, 0.5))
         part.begin(1)
         part.apply()
+    # Nor is one of the future, once its time has come.
+    clock.now = 1.2 * MAX_AGE
+    part.begin(round(clock.now * RATE))
+    part.apply()
     assert device.written == []
     assert part.safety.diagnostics()["arm force outdated"] == "2"
 
@@ -231,13 +235,15 @@ def test_an_old_force_reaches_no_device() -> None:
 def test_a_device_with_a_clock_gets_forces_before_they_are_due() -> None:
     device, clock = Slow(), Clock()
     part = clocked(device, clock, ahead=[ACTUATOR])
+    device.late = 7
+    part.command(ARM, 9e6, ZERO)  # the arms engage: those before do not count
     part.begin(10)
     clock.now = 0.0101
     part.command(ACTUATOR, 10e6, along_actuator(0.1))
     ((time, forces),) = device.written
     assert (time, list(forces)) == (0.011, [ACTUATOR])
-    device.late = 3
-    assert part.deadlines == (1, 3)
+    device.late += 3
+    assert part.deadlines == (2, 3)
 
 
 PERIOD = 1e-3
