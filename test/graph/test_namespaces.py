@@ -89,9 +89,15 @@ def test_two_graphs_run_side_by_side_and_do_not_mix(
     status, line = ask("estop", "release:=true", "namespace:=right")
     assert status == 0, line
     observer.wait_for_state(stopped["right"], state=False)
-    assert ask("estop")[0] == 0  # of all
+    status, line = ask("estop")
+    assert (status, line.startswith("emergency stop: all 4 devices are without")) == (0, True), (
+        line
+    )
     for topic in stopped.values():
         observer.wait_for_state(topic, state=True)
+    assert ask("estop", "release:=true", "namespace:=left")[0] == 0
+    observer.wait_for_state(stopped["left"], state=False)
+    observer.wait_for_state(stopped["right"], state=True)
 
     for graph in graphs.values():
         assert graph.end(signal.SIGINT) == 0, graph.text
