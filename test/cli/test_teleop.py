@@ -20,11 +20,9 @@ from __future__ import annotations
 import os
 import re
 import signal
-import struct
 import subprocess
 import sys
 import time
-import wave
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
@@ -39,7 +37,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from haptic_accel.analysis import load
 from haptic_accel.analysis.summary import summary
 from haptic_accel.bags.reading import read_bag
-from haptic_accel.core.process import CUT_SHORT
+from haptic_accel.core.process import CUT_SHORT, module_command
 from haptic_accel.core.topics import DIAGNOSTICS, MASTER_STOPPED, SIGNALS, TOPICS, reporter
 from haptic_accel.nodes.device_node import STALL
 from observing import Observer
@@ -106,40 +104,8 @@ def check_complete(messages: Mapping[str, list[Any]], seconds: float) -> None:
             assert len(found.intersection(taken)) > LEAST_ARRIVED * len(taken), topic
 
 
-@pytest.mark.parametrize("rig", ["ideal", pytest.param("paper", marks=pytest.mark.slow)])
-def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
-    haptic_accel: Start, tmp_path: Path, domain: int, rig: str
-) -> None:
-    command = haptic_accel(
-        "teleop", f"rig:={rig}", "duration:=3", "bag:=bag", "controller:=constant"
-    )
-    assert command.end() == 0, command.text
-    messages = read(tmp_path / "bag")
-    assert set(messages) == {
-        "/parameter_events",
-        "/rosout",
-        *(f"/{device}/transition_event" for device in ("master_device", "slave_device")),
-        *(f"/{topic.name.lstrip('/')}" for topic in TOPICS),
-    }
-    assert messages[DIAGNOSTICS.name]
-    check_complete(messages, 3.0)
-    for topic in SIGNALS:
-        found = messages[f"/{topic.name}"]
-        stamps = [stamp_of(message) for message in found]
-        assert found[0].header.frame_id == topic.frame
-        # The last is the zero force of closing; a sample that the coupler lost counts again.
-        assert np.all(np.diff(stamps[:-1]) >= 0), topic
-    assert nodes_of(domain) == {}
-
-
-def test_force_follows_the_desired_acceleration_sample_by_sample(
-    haptic_accel: Start, tmp_path: Path
-) -> None:
-    command = haptic_accel(
-        "teleop", "duration:=2", "bag:=bag", "controller:=constant", "surface:=text"
-    )
-    assert command.end() == 0, command.text
-    messages = read(tmp_path / "bag")
+def check_followed(messages: Mapping[str, list[Any]]) -> None:
+    """Assert that each force is the constant gain's answer to the desired acceleration."""
     desired = {
         stamp_of(message): message.accel.linear.z
         for message in messages["/compensator/desired_acceleration"]
@@ -148,7 +114,6 @@ def test_force_follows_the_desired_acceleration_sample_by_sample(
         stamp_of(message): message.wrench.force.z
         for message in messages["/master/handle/servo_cf"]
     }
-    check_complete(messages, 2.0)
     both = desired.keys() & forces.keys()
     assert len(both) > LEAST_ARRIVED * len(desired)
     # Table I: the constant gain is the 0.128 kg of handle and hand. The actuator's limits, which
@@ -158,6 +123,43 @@ def test_force_follows_the_desired_acceleration_sample_by_sample(
     limited = np.abs(force - wanted) > 1e-12
     assert np.all(np.abs(force[limited]) < np.abs(wanted[limited]))
     assert limited.mean() < 0.5
+
+
+def check_reported_evenly(bag: Path) -> None:
+    """Assert that the coupler's reports, beside its steps, come as the compensator's do."""
+    reports = read_bag(bag).diagnostics
+    coupler, compensator = (
+        np.diff([each.received for each in reports if each.node == node]).max()
+        for node in ("coupler", "compensator")
+    )
+    assert coupler < 2 * compensator
+
+
+@pytest.mark.parametrize("rig", ["ideal", pytest.param("paper", marks=pytest.mark.slow)])
+def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
+    haptic_accel: Start, tmp_path: Path, domain: int, rig: str
+) -> None:
+    words = ("duration:=4", "bag:=bag", "controller:=constant", "surface:=text")
+    command = haptic_accel("teleop", f"rig:={rig}", *words)
+    assert command.end() == 0, command.text
+    messages = read(tmp_path / "bag")
+    assert set(messages) == {
+        "/parameter_events",
+        "/rosout",
+        *(f"/{device}/transition_event" for device in ("master_device", "slave_device")),
+        *(f"/{topic.name.lstrip('/')}" for topic in TOPICS),
+    }
+    assert messages[DIAGNOSTICS.name]
+    check_complete(messages, 4.0)
+    check_followed(messages)
+    check_reported_evenly(tmp_path / "bag")
+    for topic in SIGNALS:
+        found = messages[f"/{topic.name}"]
+        stamps = [stamp_of(message) for message in found]
+        assert found[0].header.frame_id == topic.frame
+        # The last is the zero force of closing; a sample that the coupler lost counts again.
+        assert np.all(np.diff(stamps[:-1]) >= 0), topic
+    assert nodes_of(domain) == {}
 
 
 def test_every_topic_comes_at_the_rate_asked_for(haptic_accel: Start, observer: Observer) -> None:
@@ -185,19 +187,6 @@ def test_diagnostics_come_from_every_node(haptic_accel: Start, observer: Observe
     assert int(values["recorder"]["dropped"]) == 0
     assert values["compensator"]["controller"] == "dynamic"
     assert command.end(signal.SIGINT) == 0, command.text
-
-
-def test_the_coupler_reports_as_evenly_as_the_compensator(
-    haptic_accel: Start, tmp_path: Path
-) -> None:
-    command = haptic_accel("teleop", "duration:=8", "bag:=bag")
-    assert command.end() == 0, command.text
-    reports = read_bag(tmp_path / "bag").diagnostics
-    coupler, compensator = (
-        np.diff([each.received for each in reports if each.node == node]).max()
-        for node in ("coupler", "compensator")
-    )
-    assert coupler < 2 * compensator
 
 
 def test_ctrl_c_ends_cleanly_and_the_bag_is_whole(
@@ -250,9 +239,8 @@ def test_a_pause_of_a_simulated_world_counts_as_a_real_handle_would_feel_it(
     ("process", "words"),
     [
         ("composed", []),
-        ("compensator", [APART]),
         pytest.param("recorder", [], marks=pytest.mark.slow),
-        *(pytest.param(n, [APART], marks=pytest.mark.slow) for n in sorted(EXECUTABLES)[1:]),
+        *(pytest.param(n, [APART], marks=pytest.mark.slow) for n in sorted(EXECUTABLES)),
     ],
 )
 def test_a_process_that_dies_ends_the_graph_and_is_named(
@@ -304,20 +292,6 @@ def test_middleware_that_aborts_after_a_failure_hides_none(
     monkeypatch.setenv("fail", "once")
     command = start("-c", ABORTING)
     assert command.end() == -signal.SIGABRT, command.text
-
-
-def test_arms_are_let_go_when_one_falls_silent_and_coupled_again(
-    haptic_accel: Start, domain: int
-) -> None:
-    command = haptic_accel("teleop", "record:=false", APART)
-    command.wait_for("engaged")
-    slave = nodes_of(domain)["slave_device"]
-    os.kill(slave, signal.SIGSTOP)
-    command.wait_for("let go: waiting for the position of slave")
-    so_far = len(command.lines)
-    os.kill(slave, signal.SIGCONT)
-    command.wait_for("engaged", after=so_far)
-    assert command.end(signal.SIGINT) == 0, command.text
 
 
 def test_a_node_that_stalls_is_named_in_diagnostics(
@@ -394,45 +368,6 @@ def realtime_is_allowed() -> bool:
     return command.returncode == 0
 
 
-def test_what_lies_in_the_working_directory_is_not_taken_for_a_module(
-    haptic_accel: Start, tmp_path: Path
-) -> None:
-    (tmp_path / "haptic_accel").mkdir()  # as after `git clone` and `cd ..`
-    (tmp_path / "queue.py").write_text("raise SystemExit('mine')")
-    command = haptic_accel("teleop", "bag:=bag", "duration:=1", "rate:=250")
-    assert command.end() == 0, command.text
-
-
-def test_with_a_process_for_each_node_the_graph_does_the_same(
-    haptic_accel: Start, tmp_path: Path, domain: int
-) -> None:
-    command = haptic_accel("teleop", APART, "bag:=bag", "duration:=2", "controller:=constant")
-    command.wait_for("engaged")
-    assert set(nodes_of(domain)) == EXECUTABLES
-    assert command.end() == 0, command.text
-    messages = read(tmp_path / "bag")
-    check_complete(messages, 2.0)
-    assert max(m.wrench.force.z for m in messages["/master/handle/servo_cf"]) > 0.1
-
-
-def test_a_recorded_acceleration_is_played(haptic_accel: Start, tmp_path: Path) -> None:
-    rate, tone = 8000, 100.0
-    samples = np.sin(2 * np.pi * tone * np.arange(2 * rate) / rate)
-    with wave.open(str(tmp_path / "tone.wav"), "wb") as file:
-        file.setparams((1, 2, rate, 0, "NONE", ""))
-        file.writeframes(struct.pack(f"<{len(samples)}h", *(samples * 3276.7).astype(int)))
-    command = haptic_accel("teleop", "surface:=tone.wav", "duration:=3", "bag:=bag")
-    assert command.end() == 0, command.text
-    messages = read(tmp_path / "bag")["/slave/tool/acceleration"]
-    signal_ = np.array([message.accel.linear.z for message in messages])
-    played = signal_[np.flatnonzero(signal_)[0] :][:1000]
-    # A tenth of full scale, which is the 5 g of the paper's accelerometer; a little more in
-    # the loop's short fade, where the tone meets itself.
-    assert np.std(played) == pytest.approx(0.1 * 5 * 9.80665 / 2**0.5, rel=0.05)
-    spectrum = np.abs(np.fft.rfft(played))
-    assert np.argmax(spectrum) * 1000 / len(played) == pytest.approx(tone, abs=2)
-
-
 @pytest.mark.slow
 def test_a_recorded_surface_is_played(haptic_accel: Start, tmp_path: Path) -> None:
     write_recording(tmp_path / "vinyl.csv", "vinyl")
@@ -505,18 +440,6 @@ def test_a_bag_that_is_there_is_refused_before_anything_starts(here: Path) -> No
     assert list((here / "bag").iterdir()) == []
 
 
-def test_a_parameter_file_reaches_the_nodes(haptic_accel: Start, tmp_path: Path) -> None:
-    (tmp_path / "mine.yaml").write_text(
-        "compensator: {ros__parameters: {actuator: {peak_force: 0.05}}}"
-    )
-    command = haptic_accel(
-        "teleop", "params_file:=mine.yaml", "controller:=constant", "duration:=2", "bag:=bag"
-    )
-    assert command.end() == 0, command.text
-    messages = read(tmp_path / "bag")["/master/handle/servo_cf"]
-    assert max(abs(message.wrench.force.z) for message in messages) == 0.05
-
-
 @pytest.mark.parametrize(
     ("node", "parameter", "named"),
     [
@@ -537,6 +460,24 @@ def test_a_node_by_itself_refuses_wrong_parameters(
     assert command.end() == 2, command.text
     assert len(command.lines) == 1, command.text
     assert all(name in command.text for name in [node, *named]), command.text
+
+
+@pytest.mark.quiet
+def test_what_lies_in_the_working_directory_is_not_taken_for_a_module(
+    start: Start, tmp_path: Path
+) -> None:
+    (tmp_path / "haptic_accel").mkdir()  # as after `git clone` and `cd ..`
+    (tmp_path / "queue.py").write_text("raise SystemExit('mine')")
+    for module, refused in {
+        "cli.main": ["teleop", "rate:=-1"],
+        "nodes.recorder": ["--fast"],
+        "nodes.composed": ["--fast"],
+    }.items():
+        _, *words = module_command(f"haptic_accel.{module}")
+        command = start(*words, *refused)
+        assert command.end() == 2, command.text
+        assert len(command.lines) == 1, command.text
+        assert "mine" not in command.text
 
 
 @pytest.mark.parametrize(
@@ -565,9 +506,3 @@ def test_a_node_by_itself_refuses_wrong_command_lines(
     assert command.end() == 2, command.text
     assert len(command.lines) == 1, command.text
     assert named in command.text
-
-
-def test_a_node_takes_a_whole_number_for_a_real_one(start: Start) -> None:
-    command = start("-m", "haptic_accel.nodes.coupler", "--ros-args", "-p", "k_m:=300")
-    command.wait_for("waiting for the position of master and slave")
-    assert command.end(signal.SIGINT) == 0, command.text

@@ -92,7 +92,9 @@ def test_nodes_and_graphs_refuse_to_send_what_another_sends(
     second = start("-m", "haptic_accel.nodes.coupler")
     assert second.end() == 2, second.text
     assert second.lines[-1].startswith(f"coupler: ROS domain {domain}: {said}"), second.text
-    elsewhere = start("-m", "haptic_accel.nodes.coupler", "--ros-args", "-r", "__ns:=/left")
+    # A whole number will do for a real one.
+    words = ("--ros-args", "-r", "__ns:=/left", "-p", "k_m:=300")
+    elsewhere = start("-m", "haptic_accel.nodes.coupler", *words)
     elsewhere.wait_for("waiting")
     for words in (["teleop"], ["identify", "--out", "a"], ["experiment", "--out", "b"]):
         refused = haptic_accel(*words)

@@ -67,7 +67,7 @@ from haptic_accel.materials.folders import preset_file
 from haptic_accel.nodes.graph_node import Endpoint, GraphNode, rivals
 from haptic_accel.nodes.topic_node import message_type, quality
 from observing import Observer
-from running import PATIENCE, Command, wait_until
+from running import PATIENCE, Command, nodes_of, wait_until
 
 numbers = st.floats(allow_nan=False)
 frames = st.text(st.characters(codec="ascii", exclude_characters="\0"))
@@ -368,11 +368,13 @@ def test_no_timer_waits_for_a_clock_that_was_set_back(
 
 
 def test_messages_that_are_malformed_are_refused_and_counted_and_the_graph_goes_on(
-    haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
+    haptic_accel: Callable[..., Command], observer: Observer, domain: int, tmp_path: Path
 ) -> None:
     # A process takes no messages of signals that its own nodes send.
     graph = haptic_accel("teleop", "bag:=bag", "composed:=false")
     graph.wait_for("engaged")
+    nodes = ("master_device", "slave_device", "compensator", "coupler", "recorder")
+    assert set(nodes_of(domain)) == set(nodes)
     sent = {
         observer.node.create_publisher(message_type(topic), topic.name, quality(topic)): pieces
         for topics, pieces in ((SIGNALS, GARBAGE), (STATES, GARBAGE[:3]))
@@ -385,7 +387,7 @@ def test_messages_that_are_malformed_are_refused_and_counted_and_the_graph_goes_
                 publisher.handle.publish_raw(data)
         return int(observer.status(node)["messages malformed"]) >= len(GARBAGE)
 
-    for node in ("master_device", "slave_device", "compensator", "coupler", "recorder"):
+    for node in nodes:
         wait_until(partial(all_refused, node), f"counted by {node}")
     for publisher in sent:  # while there are two, nothing of either is taken
         observer.node.destroy_publisher(publisher)
