@@ -133,16 +133,24 @@ def test_a_driver_is_offered_where_its_arm_is(install: Install) -> None:
     assert "slave = 'lab': must be one of" in text
 
 
-def test_a_driver_runs_with_its_parameters(
-    install: Install, haptic_accel: Callable[..., Command], tmp_path: Path
+def test_a_driver_runs_with_its_parameters_and_changes_those_it_is_described_to_change(
+    install: Install, haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
 ) -> None:
-    install("lab", "lab_arm:LabMaster")
+    def felt() -> float:
+        found = observer.collect((HANDLE_ACCELERATION,), 3)[HANDLE_ACCELERATION.name]
+        return float(found[-1].accel.linear.z)
+
+    install("lab", "lab_arm:Described")
     (tmp_path / "lab.yaml").write_text("master_device: {ros__parameters: {lab.bias: 7.0}}")
-    words = "master:=lab", "params_file:=lab.yaml", "rate:=200.0", "duration:=0.5", "bag:=bag"
+    words = "master:=lab", "params_file:=lab.yaml", "rate:=200.0", "record:=false"
     graph = haptic_accel("teleop", *words)
-    assert graph.end() == 0, graph.text
-    recorded = read_bag(tmp_path / "bag").signals[HANDLE_ACCELERATION.name].values
-    assert recorded[-1].tolist() == [0.0, 0.0, 7.0]
+    graph.wait_for("engaged")
+    assert felt() == 7.0
+    value = Parameter("lab.bias", value=8.0).to_parameter_msg()
+    request = SetParameters.Request(parameters=[value])
+    (result,) = observer.call(SetParameters, "master_device/set_parameters", request).results
+    assert result.successful, result.reason
+    assert felt() == 8.0
 
 
 def test_a_driver_is_built_with_the_parameters_that_it_is_described_to_have(
@@ -157,20 +165,6 @@ def test_a_driver_is_built_with_the_parameters_that_it_is_described_to_have(
     assert graph.end() == 0, graph.text
     recorded = read_bag(tmp_path / "bag").signals[HANDLE_ACCELERATION.name].values
     assert recorded[-1].tolist() == [0.0, 0.0, 7.0]
-
-
-def test_a_parameter_is_changed_as_the_driver_is_described(
-    install: Install, haptic_accel: Callable[..., Command], observer: Observer
-) -> None:
-    install("lab", "lab_arm:Described")
-    graph = haptic_accel("teleop", "master:=lab", "rate:=200.0", "record:=false")
-    graph.wait_for("engaged")
-    value = Parameter("lab.bias", value=7.0).to_parameter_msg()
-    request = SetParameters.Request(parameters=[value])
-    (result,) = observer.call(SetParameters, "master_device/set_parameters", request).results
-    assert result.successful, result.reason
-    felt = observer.collect((HANDLE_ACCELERATION,), 3)[HANDLE_ACCELERATION.name]
-    assert felt[-1].accel.linear.z == 7.0
 
 
 @pytest.mark.parametrize(

@@ -72,8 +72,8 @@ def arm(somebody: Command) -> Iterator[CrtkArm]:
     arm.close()
 
 
-def test_an_arm_is_read_and_pushed_and_left_without_force(
-    arm: CrtkArm, observer: Observer
+def test_an_arm_is_read_and_pushed_left_without_force_and_missed(
+    arm: CrtkArm, somebody: Command, observer: Observer
 ) -> None:
     acting = forces(observer)
     sample = arm.read(0.0)
@@ -94,6 +94,12 @@ def test_an_arm_is_read_and_pushed_and_left_without_force(
     while acting[-1] != NONE:
         assert time.monotonic() < deadline, acting[-5:]
         observer.executor.spin_once(timeout_sec=0.01)
+    arm.open()
+    assert "measured_cp" not in arm.problem
+    somebody.end(signal.SIGINT)
+    wait_until(lambda: arm.read(0.0) is None, "no sample")
+    assert arm.problem == f"crtk: no {NAMESPACE}/measured_cp for 1 s"
+    assert arm.arm() is False
 
 
 def test_who_relies_on_the_arm_s_own_watchdog_is_told() -> None:
@@ -108,16 +114,6 @@ def test_an_arm_is_enabled_when_it_is_opened(start: Callable[..., Command]) -> N
     arm.open()
     wait_until(lambda: arm.read(0.0) is not None and not arm.problem, "enabled")
     arm.close()
-
-
-def test_an_arm_that_falls_silent_is_a_problem_and_gives_no_sample(
-    arm: CrtkArm, somebody: Command
-) -> None:
-    assert "measured_cp" not in arm.problem
-    somebody.end(signal.SIGINT)
-    wait_until(lambda: arm.read(0.0) is None, "no sample")
-    assert arm.problem == f"crtk: no {NAMESPACE}/measured_cp for 1 s"
-    assert arm.arm() is False
 
 
 def test_an_arm_that_is_not_there_is_named(domain: int) -> None:
