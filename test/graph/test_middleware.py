@@ -96,8 +96,11 @@ def udp_addresses(pid: int) -> set[str]:
     return {row[1].split(":")[0] for row in rows if row[9] in inodes}
 
 
-def test_every_socket_is_bound_to_the_machine_and_no_memory_is_shared(
-    start: Callable[..., Command], observer: Observer, monkeypatch: pytest.MonkeyPatch
+def test_every_socket_is_bound_to_the_machine_where_plain_ros_nodes_find_the_graph(
+    start: Callable[..., Command],
+    observer: Observer,
+    domain: int,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     for variable in VARIABLES:
         monkeypatch.delenv(variable, raising=False)
@@ -107,24 +110,11 @@ def test_every_socket_is_bound_to_the_machine_and_no_memory_is_shared(
     assert udp_addresses(pid) == {LOOPBACK}
     assert "/dev/shm/fast" not in Path(f"/proc/{pid}/maps").read_text()
     threads = [path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/comm")]
-    assert not [name for name in threads if "shm" in name]
-
-
-@pytest.mark.parametrize("reach", ["LOCALHOST", "SUBNET"])
-def test_plain_ros_nodes_find_the_graph(
-    start: Callable[..., Command],
-    observer: Observer,
-    domain: int,
-    monkeypatch: pytest.MonkeyPatch,
-    reach: str,
-) -> None:
-    start("-m", "haptic_accel.nodes.coupler")
-    observer.status("coupler")
-    for variable in PROFILES_FILES:
-        monkeypatch.delenv(variable, raising=False)
-    monkeypatch.setenv(DISCOVERY_RANGE, reach)
-    plain = Observer(domain)
-    try:
-        plain.status("coupler")
-    finally:
-        plain.close()
+    assert not [name for name in threads if "shm" in name], "no memory is shared"
+    for reach in ("LOCALHOST", "SUBNET"):
+        monkeypatch.setenv(DISCOVERY_RANGE, reach)
+        plain = Observer(domain)
+        try:
+            plain.status("coupler")
+        finally:
+            plain.close()

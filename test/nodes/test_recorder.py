@@ -17,8 +17,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -37,7 +35,6 @@ from std_srvs.srv import Trigger
 
 from haptic_accel.bags.metadata import Metadata, read_metadata
 from haptic_accel.bags.reading import read_bag
-from haptic_accel.bags.repair import repair
 from haptic_accel.core.topics import DEVICES, TOPICS
 from haptic_accel.graph.files import parameter_text
 from observing import Observer
@@ -143,49 +140,17 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
     assert len(with_rosbags(tmp_path / "bag")) == len(with_mcap(tmp_path / "bag"))
 
 
-def test_a_bag_that_is_removed_fails_the_run_in_one_line(
-    haptic_accel: Start, tmp_path: Path
-) -> None:
-    graph = haptic_accel("teleop", "rig:=ideal", "surface:=vinyl", "bag:=bag")
-    graph.wait_for("engaged")
-    shutil.rmtree(tmp_path / "bag")
-    graph.wait_for("bag_0.mcap was removed while it was recorded")
-    assert graph.end(signal.SIGINT) == 1, graph.text
-    said = [line for line in graph.lines if line.startswith("[recorder] [WARN]")]
-    assert sum("bag_0.mcap was removed" in line for line in said) == 1, graph.text
-    assert "removed while it was recorded: 0 messages are saved" in graph.text
-
-
-def test_after_kill_9_the_bag_is_repaired_and_says_what_was_run(
-    haptic_accel: Start, domain: int, tmp_path: Path
-) -> None:
-    graph = haptic_accel("teleop", "rate:=250", "rig:=ideal", "surface:=text", "bag:=bag")
-    graph.wait_for("engaged")
-    file = tmp_path / "bag" / "bag_0.mcap"
-    wait_until(lambda: file.stat().st_size > 500_000, "a second of recording")
-    wait_until(lambda: b"/rosout" in file.read_bytes(), "the topic on the disk")
-    os.kill(nodes_of(domain)["recorder"], signal.SIGKILL)
-    assert graph.end() == 1
-    done = repair(tmp_path / "bag")
-    rows = with_rosbags(tmp_path / "bag")
-    assert rows == with_mcap(tmp_path / "bag")
-    assert len(rows) == done.messages > 0
-    assert "/rosout" in counts(read_metadata(tmp_path / "bag"))
-    bag = read_bag(tmp_path / "bag")
-    assert bag.problems == []
-    assert bag.facts["arguments"]["surface"] == "text"
-
-
-@pytest.mark.parametrize("own", ["", "/left"])
 def test_of_the_graphs_in_other_namespaces_nothing_is_recorded(
-    start: Start, observer: Observer, tmp_path: Path, own: str
+    start: Start, observer: Observer, tmp_path: Path
 ) -> None:
     def node(name: str, namespace: str, *words: str) -> Command:
         place = ("-r", f"__ns:={namespace}") if namespace else ()
         return start("-m", f"haptic_accel.nodes.{name}", "--ros-args", *place, *words)
 
-    recorder = node("recorder", own, "-p", "bag:=bag")
-    recorder.wait_for("recording to")
+    bags = {"": tmp_path / "bag", "/left": tmp_path / "left"}
+    recorders = [node("recorder", own, "-p", f"bag:={bag}") for own, bag in bags.items()]
+    for recorder in recorders:
+        recorder.wait_for("recording to")
     couplers = [node("coupler", namespace) for namespace in ("", "/left", "/right")]
     for coupler in couplers:
         coupler.wait_for("waiting for the position of master and slave")
@@ -193,15 +158,17 @@ def test_of_the_graphs_in_other_namespaces_nothing_is_recorded(
     for namespace in ("", "/left", "/right"):
         service = f"{namespace}/coupler/set_parameters"
         observer.call(SetParameters, service, SetParameters.Request(parameters=[stiffer]))
-    for each in (*couplers, recorder):
+    for each in (*couplers, *recorders):
         assert each.end(signal.SIGINT) == 0, each.text
-    bag, below = tmp_path / "bag", own[1:] and f"{own[1:]}."
-    names = {log.name for log in messages_of(bag, "/rosout")}
-    assert names == {f"{below}coupler", f"{below}recorder"}
-    assert {event.node for event in messages_of(bag, "/parameter_events")} == {f"{own}/coupler"}
-    reports = {array.status[0].name for array in messages_of(bag, "/diagnostics")}
-    assert f"{own}/coupler: coupling".lstrip("/") in reports
-    assert not any("right" in name for name in reports)
+    for own, bag in bags.items():
+        below = own[1:] and f"{own[1:]}."
+        names = {log.name for log in messages_of(bag, "/rosout")}
+        assert names == {f"{below}coupler", f"{below}recorder"}
+        changed = {event.node for event in messages_of(bag, "/parameter_events")}
+        assert changed == {f"{own}/coupler"}
+        reports = {array.status[0].name for array in messages_of(bag, "/diagnostics")}
+        assert f"{own}/coupler: coupling".lstrip("/") in reports
+        assert not any("right" in name for name in reports)
 
 
 @pytest.mark.quiet
