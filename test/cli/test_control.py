@@ -203,6 +203,7 @@ def test_nothing_to_change_is_refused() -> None:
     assert "control" in refusal("control")
 
 
+@pytest.mark.quiet
 def test_without_a_graph_it_says_so(ask: Ask) -> None:
     status, line = ask("control", "reset:=true", "namespace:=/nowhere")
     assert status == 1

@@ -73,6 +73,7 @@ def test_the_graph_runs_through_serial_ports(
     assert boards.end(signal.SIGINT) == 0, boards.text
 
 
+@pytest.mark.quiet
 def test_a_node_without_its_board_says_so(start: Start) -> None:
     given = ("-p", "device:=serial", "-p", "serial.port:=/dev/none")
     node = start("-m", "haptic_accel.nodes.slave_device", "--ros-args", *given)

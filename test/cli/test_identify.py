@@ -16,7 +16,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -31,7 +30,7 @@ from haptic_accel.core.model import POSTURES
 from haptic_accel.core.trial import run_identification
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters
-from running import Command, nodes_of, wait_until
+from running import Command
 from verbs import status_of
 
 Start = Callable[..., Command]
@@ -204,21 +203,10 @@ def test_a_stop_takes_the_force_off_and_keeps_the_recording(
 def test_an_emergency_stop_ends_the_run(haptic_accel: Start, tmp_path: Path) -> None:
     command = haptic_accel("identify", "rig:=ideal", "--out", "found")
     command.wait_for("repeat 1 of 3")
-    assert haptic_accel("estop").end() in (0, 1)  # the coupler that would confirm is not there
+    haptic_accel("estop")  # waits for a coupler, which is not there to confirm
     assert command.end() == 1, command.text
     assert "emergency stop: force taken off" in command.text
     assert forces(tmp_path / "found" / "bags" / "average")[-1] == 0.0
-
-
-def test_a_killed_identifier_ends_the_run_in_a_clear_failure(
-    haptic_accel: Start, domain: int
-) -> None:
-    command = haptic_accel("identify", "rig:=ideal", "--out", "found")
-    command.wait_for("repeat 1 of 3")
-    os.kill(nodes_of(domain)["identifier"], signal.SIGKILL)
-    assert command.end() == 1, command.text
-    assert "identifier ended with status -9" in command.text
-    wait_until(lambda: not nodes_of(domain), "nodes gone")
 
 
 @pytest.mark.parametrize(

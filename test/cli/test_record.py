@@ -17,19 +17,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
 
-from running import Command
 from verbs import refusal
-
-
-def test_without_a_graph_it_says_so(haptic_accel: Callable[..., Command]) -> None:
-    command = haptic_accel("record", "status", "namespace:=/nowhere")
-    assert command.end() == 1, command.text
-    (line,) = command.lines
-    assert line == "haptic-accel: /nowhere/recorder: does not answer; is the graph running?"
 
 
 @pytest.mark.parametrize(

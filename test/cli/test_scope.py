@@ -83,6 +83,7 @@ def test_wrong_arguments_are_named_before_anything_starts(words: list[str], name
     assert refusal("scope", *words).startswith(named)
 
 
+@pytest.mark.quiet
 def test_an_address_for_others_is_printed_with_its_token(
     haptic_accel: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:

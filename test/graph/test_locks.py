@@ -96,8 +96,8 @@ def test_nodes_and_graphs_refuse_to_send_what_another_sends(
     words = ("--ros-args", "-r", "__ns:=/left", "-p", "k_m:=300")
     elsewhere = start("-m", "haptic_accel.nodes.coupler", *words)
     elsewhere.wait_for("waiting")
-    for words in (["teleop"], ["identify", "--out", "a"], ["experiment", "--out", "b"]):
-        refused = haptic_accel(*words)
+    verbs = (["teleop"], ["identify", "--out", "a"], ["experiment", "--out", "b"])
+    for refused in [haptic_accel(*words) for words in verbs]:
         assert refused.end() == 2, refused.text
         (line,) = refused.lines
         assert said in line
