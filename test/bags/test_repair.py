@@ -22,7 +22,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -41,6 +40,7 @@ from damaged import (
     flip,
     without_checksums,
     write_bag_with_an_empty_chunk,
+    write_cut_off_bag,
     write_small_bag,
 )
 from haptic_accel.bags.definitions import connection
@@ -71,12 +71,6 @@ def memory() -> Iterator[Path]:
         yield Path(folder)
 
 
-def copy_what_is_there(source: str, target: str) -> None:
-    """Copy a file unless it was temporary and has been renamed since the folder was listed."""
-    with suppress(FileNotFoundError):
-        shutil.copy2(source, target)
-
-
 def killed(folder: Path, options: RecordingOptions, count: int) -> tuple[Path, list[Row]]:
     """Return a bag as it is on the disk while it is recorded, and what was flushed by then."""
     messages = [
@@ -84,13 +78,11 @@ def killed(folder: Path, options: RecordingOptions, count: int) -> tuple[Path, l
         for number in range(count)
     ]
     flush_after = range(FLUSHED - 1, count, FLUSHED)
-    files = record_messages(
+    bag = write_cut_off_bag(
         folder / "bag", messages, options=options, custom=FACTS, flush_after=flush_after
     )
-    shutil.copytree(folder / "bag", folder / "killed" / "bag", copy_function=copy_what_is_there)
-    files.close()
     flushed = messages[: flush_after[-1] + 1]
-    return folder / "killed" / "bag", [(one.topic, one.received, one.data) for one in flushed]
+    return bag, [(one.topic, one.received, one.data) for one in flushed]
 
 
 def state(bag: Path) -> dict[str, bytes]:

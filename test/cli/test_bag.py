@@ -16,32 +16,27 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import pytest
 
-from haptic_accel.bags.definitions import connection
+from bag_maker import NANOSECONDS, START, STRING, Message, record_messages
+from damaged import write_cut_off_bag
 from haptic_accel.bags.facts import custom_data, facts_text
-from haptic_accel.bags.files import BagFiles
-from haptic_accel.bags.recording_options import RecordingOptions
 from verbs import status_of
 
-START = 1_700_000_000_000_000_000
 FACTS = custom_data(facts_text({"surface": "vinyl", "bag": ""}, {"coupler": {"k_m": 250.0}}))
 
 
 @pytest.fixture
 def bag(tmp_path: Path) -> Path:
-    """Return a bag with two messages half a second apart."""
-    files = BagFiles(tmp_path / "bag", RecordingOptions(), FACTS)
-    topic = connection(1, "/said", "std_msgs/msg/String", [])
-    files.add(topic)
-    files.write(topic, START, b"one")
-    files.write(topic, START + 500_000_000, b"two")
-    files.flush()
-    shutil.copytree(tmp_path / "bag", tmp_path / "killed")
-    files.close()
+    """Return a bag with two messages half a second apart; beside it one that was cut off."""
+    messages = [
+        Message("/said", STRING, START, b"one"),
+        Message("/said", STRING, START + NANOSECONDS // 2, b"two"),
+    ]
+    write_cut_off_bag(tmp_path / "killed", messages, custom=FACTS, flush_after=[1])
+    record_messages(tmp_path / "bag", messages, custom=FACTS).close()
     return tmp_path / "bag"
 
 

@@ -22,7 +22,7 @@ any messages in any form that rosbags has, and `record_messages` in the recorder
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -296,7 +296,7 @@ def write_bag(path: Path, content: BagContent, *, compressed: bool = False) -> P
     )
 
 
-def _samples(topic: Topic, values: FloatArray, content: BagContent) -> Iterable[Message]:
+def _samples(topic: Topic, values: FloatArray, content: BagContent) -> Iterator[Message]:
     if values.ndim == 1:
         along = values
         values = np.zeros((len(along), 3))

@@ -13,12 +13,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A small bag of every kind of message that is read, and what was written into it."""
+"""Bags to damage: a small one of every kind of message that is read, and what is done to it."""
 
 from __future__ import annotations
 
 import random
+import shutil
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -67,6 +71,34 @@ def write_small_bag(bag: Path, profile: str = "none") -> Path:
         flush_after=flush_after,
     ).close()
     return bag / f"{bag.name}_0.mcap"
+
+
+def write_cut_off_bag(
+    bag: Path,
+    messages: Sequence[Message],
+    *,
+    options: RecordingOptions | None = None,
+    custom: Mapping[str, str] | None = None,
+    flush_after: Collection[int] = (),
+) -> Path:
+    """Write a bag as a recorder leaves it that is killed after the last message.
+
+    Parameters are those of `record_messages`.
+    """
+    with TemporaryDirectory(dir=bag.parent) as folder:
+        recorded = Path(folder) / bag.name
+        files = record_messages(
+            recorded, messages, options=options, custom=custom, flush_after=flush_after
+        )
+        shutil.copytree(recorded, bag, copy_function=_copy_what_is_there)
+        files.close()
+    return bag
+
+
+def _copy_what_is_there(source: str, target: str) -> None:
+    """Copy a file unless it was temporary and has been renamed since the folder was listed."""
+    with suppress(FileNotFoundError):
+        shutil.copy2(source, target)
 
 
 def write_bag_with_an_empty_chunk(bag: Path, message: Message) -> Path:
