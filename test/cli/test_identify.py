@@ -22,11 +22,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rosbags.rosbag2 import Reader
-from rosbags.typesys import Stores, get_typestore
 
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import POSTURES
+from haptic_accel.core.topics import ACTUATOR_AXIS, ACTUATOR_FORCE
 from haptic_accel.core.trial import run_identification
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters
@@ -127,14 +127,8 @@ SHORT = ("--duration", "1", "--trials", "1")
 
 def forces(bag: Path) -> np.ndarray:
     """Return the actuator's forces in a bag, N."""
-    types = get_typestore(Stores.ROS2_JAZZY)
-    with Reader(bag) as reader:
-        wanted = [c for c in reader.connections if c.topic == "/master/handle/servo_cf"]
-        messages = [
-            types.deserialize_cdr(data, connection.msgtype)
-            for connection, _, data in reader.messages(connections=wanted)
-        ]
-    return np.array([message.wrench.force.z for message in messages])  # type: ignore[attr-defined]
+    values: np.ndarray = read_bag(bag).signals[ACTUATOR_FORCE.name].values
+    return values[:, ACTUATOR_AXIS]
 
 
 @pytest.mark.slow

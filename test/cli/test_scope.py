@@ -20,22 +20,15 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
-import socket
 from collections.abc import Callable
 
 import aiohttp
 import pytest
 
-from running import Command, nodes_of
+from running import Command, free_port, nodes_of
 from verbs import refusal
 
 Start = Callable[..., Command]
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 async def first_frames(address: str) -> int:

@@ -31,8 +31,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rosbags.rosbag2 import Reader
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from haptic_accel.analysis import load
 from haptic_accel.analysis.summary import summary
@@ -41,6 +39,7 @@ from haptic_accel.core.process import CUT_SHORT, module_command
 from haptic_accel.core.topics import DIAGNOSTICS, MASTER_STOPPED, SIGNALS, TOPICS, reporter
 from haptic_accel.nodes.device_node import STALL
 from observing import Observer
+from reading import deserialised
 from recordings import RATE, dragged_over, write_recording
 from running import Command, nodes_of, wait_until
 from verbs import refusal
@@ -70,22 +69,6 @@ LEAST_TAKEN = 1 / 10
 
 LEAST_ARRIVED = 0.8
 """Share of the samples taken that every signal must have, also beside missed ticks."""
-
-
-def read(bag: Path) -> dict[str, list[Any]]:
-    """Return a bag's messages by topic, after checking what a bag must have."""
-    types = get_typestore(Stores.ROS2_JAZZY)
-    messages: dict[str, list[Any]] = {}
-    with Reader(bag) as reader:
-        for connection in reader.connections:
-            # The definition in the file must by itself describe the type.
-            described = get_types_from_msg(connection.msgdef.data, connection.msgtype)
-            assert connection.msgtype in described
-            assert connection.digest.startswith("RIHS01_")
-            messages[connection.topic] = []
-        for connection, _, data in reader.messages():
-            messages[connection.topic].append(types.deserialize_cdr(data, connection.msgtype))
-    return messages
 
 
 def check_complete(messages: Mapping[str, list[Any]], seconds: float) -> None:
@@ -142,7 +125,7 @@ def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
     words = ("duration:=4", "bag:=bag", "controller:=constant", "surface:=text")
     command = haptic_accel("teleop", f"rig:={rig}", *words)
     assert command.end() == 0, command.text
-    messages = read(tmp_path / "bag")
+    messages = deserialised(tmp_path / "bag")
     assert set(messages) == {
         "/parameter_events",
         "/rosout",
@@ -205,7 +188,7 @@ def test_ctrl_c_ends_cleanly_and_the_bag_is_whole(
     assert command.lines[-1] == f"next: haptic-accel analyze {tmp_path / 'bag'}"
     for device in ("master_device", "slave_device"):
         command.wait_for(rf"\[{device}\].* \d+ of \d+ forces missed their deadline")
-    read(tmp_path / "bag")
+    assert deserialised(tmp_path / "bag")
 
 
 def test_a_pause_of_a_simulated_world_counts_as_a_real_handle_would_feel_it(
@@ -379,7 +362,8 @@ def test_a_recorded_surface_is_played(haptic_accel: Start, tmp_path: Path) -> No
         "bag:=bag",
     )
     assert command.end() == 0, command.text
-    messages = read(tmp_path / "bag")["/slave/tool/acceleration"]
+    topic = "/slave/tool/acceleration"
+    messages = deserialised(tmp_path / "bag", [topic])[topic]
     played = np.trim_zeros([message.accel.linear.z for message in messages])
     assert np.std(played) == pytest.approx(dragged_over("vinyl").std(), rel=0.2)
 

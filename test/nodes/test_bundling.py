@@ -29,7 +29,6 @@ from pathlib import Path
 import pytest
 import rclpy
 from rclpy.qos import QoSProfile
-from rosbags.rosbag2 import Reader
 from std_msgs.msg import UInt8MultiArray
 
 from haptic_accel.core.bundles import BUNDLE_PERIOD
@@ -46,6 +45,7 @@ from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.timing import CATCH_UP
 from haptic_accel.nodes.topic_node import message_type, quality
 from observing import Observer
+from reading import with_rosbags
 from running import Command, StallWatch, nodes_of, wait_until
 
 Start = Callable[..., Command]
@@ -63,12 +63,11 @@ Heard = dict[str, list[bytes]]
 def recorded(bag: Path) -> Heard:
     """Return the messages of the signals in a bag, in order, and check their order of time."""
     found: Heard = {f"/{topic.name}": [] for topic in SIGNALS}
-    with Reader(bag) as reader:
-        times = []
-        for connection, received, data in reader.messages():
-            times.append(received)
-            if connection.topic in found:
-                found[connection.topic].append(bytes(data))
+    rows = with_rosbags(bag)
+    for topic, _, data in rows:
+        if topic in found:
+            found[topic].append(data)
+    times = [received for _, received, _ in rows]
     assert times == sorted(times)
     return found
 

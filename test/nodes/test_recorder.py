@@ -20,7 +20,6 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from lifecycle_msgs.srv import ChangeState
@@ -28,8 +27,6 @@ from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.interfaces import QosDurability, QosReliability
-from rosbags.rosbag2 import Reader
-from rosbags.typesys import Stores, get_typestore
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -38,7 +35,7 @@ from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.topics import DEVICES, TOPICS
 from haptic_accel.graph.files import parameter_text
 from observing import Observer
-from reading import with_mcap, with_rosbags
+from reading import deserialised, with_mcap, with_rosbags
 from running import Command, limit_size, nodes_of, wait_until
 
 Start = Callable[..., Command]
@@ -52,14 +49,6 @@ def asked(observer: Observer, verb: str) -> str:
     response = observer.call(Trigger, f"recorder/{verb}", Trigger.Request())
     assert response.success, response.message
     return str(response.message)
-
-
-def messages_of(bag: Path, topic: str) -> list[Any]:
-    """Return the messages of a topic."""
-    types = get_typestore(Stores.ROS2_JAZZY)
-    with Reader(bag) as reader:
-        found = [one for one in reader.connections if one.topic == topic]
-        return [types.deserialize_cdr(data, c.msgtype) for c, _, data in reader.messages(found)]
 
 
 def counts(metadata: Metadata) -> dict[str, int]:
@@ -124,7 +113,9 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
     expected = topics | events | {"/parameter_events", "/rosout", "/named", "/found/wanted"}
     assert set(counts(metadata)) == expected
     assert counts(metadata)["/slave_device/transition_event"] == 4
-    assert "recorder" in {log.name for log in messages_of(tmp_path / "bag", "/rosout")}
+    assert "recorder" in {
+        log.name for log in deserialised(tmp_path / "bag", ["/rosout"])["/rosout"]
+    }
     (named,) = (topic for topic in metadata.topics if topic.name == "/named")
     assert [qos.durability for qos in named.offered_qos_profiles] == [
         QosDurability.TRANSIENT_LOCAL
@@ -162,11 +153,12 @@ def test_of_the_graphs_in_other_namespaces_nothing_is_recorded(
         assert each.end(signal.SIGINT) == 0, each.text
     for own, bag in bags.items():
         below = own[1:] and f"{own[1:]}."
-        names = {log.name for log in messages_of(bag, "/rosout")}
+        found = deserialised(bag)
+        names = {log.name for log in found["/rosout"]}
         assert names == {f"{below}coupler", f"{below}recorder"}
-        changed = {event.node for event in messages_of(bag, "/parameter_events")}
+        changed = {event.node for event in found["/parameter_events"]}
         assert changed == {f"{own}/coupler"}
-        reports = {array.status[0].name for array in messages_of(bag, "/diagnostics")}
+        reports = {array.status[0].name for array in found["/diagnostics"]}
         assert f"{own}/coupler: coupling".lstrip("/") in reports
         assert not any("right" in name for name in reports)
 

@@ -22,7 +22,6 @@ import json
 import os
 import re
 import signal
-import socket
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -39,7 +38,7 @@ from browsing import LISTEN, chromium
 from haptic_accel.core.process import REALTIME
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
 from haptic_accel.scope.server import METRICS_PERIOD
-from running import PATIENCE, Command, nodes_of, reserved_domain, use_domain, wait_until
+from running import PATIENCE, Command, free_port, nodes_of, reserved_domain, use_domain, wait_until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -47,12 +46,6 @@ if TYPE_CHECKING:
     from observing import Observer
 
 pytestmark = pytest.mark.live
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 class Shared:

@@ -17,10 +17,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
+from typing import Any
 
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from haptic_accel.bags.metadata import read_metadata
 
@@ -34,6 +37,25 @@ def with_rosbags(bag: Path) -> list[Row]:
         rows = [(c.topic, time, bytes(data)) for c, time, data in reader.messages()]
         assert reader.message_count == len(rows)
     return rows
+
+
+def deserialised(bag: Path, topics: Collection[str] = ()) -> dict[str, list[Any]]:
+    """Return a bag's messages by topic as rosbags unpacks them, of all topics unless told which.
+
+    The definition of each type in the file must by itself describe it.
+    """
+    types = get_typestore(Stores.ROS2_JAZZY)
+    messages: dict[str, list[Any]] = {}
+    with Reader(bag) as reader:
+        wanted = [each for each in reader.connections if not topics or each.topic in topics]
+        for connection in wanted:
+            described = get_types_from_msg(connection.msgdef.data, connection.msgtype)
+            assert connection.msgtype in described
+            assert connection.digest.startswith("RIHS01_")
+            messages[connection.topic] = []
+        for connection, _, data in reader.messages(wanted) if wanted else ():
+            messages[connection.topic].append(types.deserialize_cdr(data, connection.msgtype))
+    return messages
 
 
 def with_mcap(bag: Path) -> list[Row]:

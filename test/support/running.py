@@ -25,6 +25,7 @@ import re
 import resource
 import select
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -221,6 +222,13 @@ def reserved_domain() -> Iterator[int]:
                         os.kill(pid, signal.SIGKILL)
             return
     raise AssertionError("no ROS domain is free")
+
+
+def free_port() -> int:
+    """Return a TCP port of this machine that nobody has."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def open_ports(domain: int) -> Iterator[int]:
