@@ -29,7 +29,6 @@ from hypothesis import strategies as st
 from bag_maker import NANOSECONDS, BagContent, write_bag
 from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.core import topics
-from haptic_accel.core.topics import Topic
 from haptic_accel.nodes.restamper import LEAD, LISTENING, StampShift
 from running import BAG_PLAYER, Command
 
