@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 from scipy import signal
 
+from haptic_accel.analysis.input_family import MEMBERS, member
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import FloatArray, HandleParameters, held
@@ -272,6 +273,15 @@ def _taps(wanted: Wanted) -> Iterator[Case]:
         yield _played(wanted.on(), "taps", f"taps, {peak:g} m/s^2", taps, peak)
 
 
+def _inputs(wanted: Wanted) -> Iterator[Case]:
+    around = wanted.on()
+    for number in range(MEMBERS):
+        made = member(number, DURATION, around.rate, wanted.seed)
+        half = "reported" if made.reported else "developed with"
+        condition = f"family of inputs, {half}, {_rig(around)}"
+        yield Case(condition, made.name, "Table I", around, recording=made.acceleration)
+
+
 def _recordings(wanted: Wanted) -> Iterator[Case]:
     for around in dict.fromkeys((wanted.on(), wanted.on("paper"))):
         for given, rms in product(wanted.inputs, RECORDING_RMS):
@@ -319,6 +329,7 @@ CONDITIONS: dict[str, Callable[[Wanted], Iterator[Case]]] = {
     "textures": _textures,
     "taps": _taps,
     "modes": _modes,
+    "inputs": _inputs,
     "recordings": _recordings,
 }
 """Trials of each condition, without controllers, by name."""

@@ -98,8 +98,9 @@ def fidelity(
 
     Conditions are surfaces (both rigs, also at 4 kHz), granted (more delay granted), hands, wide
     (unusual hands), grips (that change), textures, taps, modes (of a handle that the controllers
-    do not know), and recordings (scaled); surfaces, hands and grips by default. Prints errors
-    beside the lowest that a causal linear filter could reach, without limits and within them.
+    do not know), inputs (a family of 200) and recordings (scaled); surfaces, hands and grips by
+    default. Prints errors beside the lowest that a causal linear filter could reach, without
+    limits and within them.
     """
     names = [one_of(CONDITIONS)(name) for name in conditions] or DEFAULT_CONDITIONS
     if "recordings" in names and not recordings:

@@ -84,8 +84,9 @@ class AdaptiveController(InverseController):
         """Return the force for the desired acceleration."""
         # The force applied one sample ago, and the acceleration measured then.
         self._estimator.observe(self._applied, measured_acceleration)
-        self._learner.observe(desired_acceleration, self._applied, measured_acceleration)
-        return super().force(desired_acceleration, measured_acceleration)
+        extended = self._extension.process(desired_acceleration)
+        self._learner.observe(desired_acceleration, extended, self._applied, measured_acceleration)
+        return self._driven(extended, desired_acceleration)
 
     def applied(self, actuator_force: float) -> None:
         """Store the force that drives the handle: the applied one minus friction compensation."""
@@ -160,6 +161,16 @@ hand's own motion is no response to the force."""
 PRIOR_WEIGHT = 0.3
 """Weight of the expected spectrum relative to one evaluation; it matters for the first few."""
 
+TEXTURED = 4.0, 8.0
+"""Frequencies below which the spectrum is that of slow motion, and above which that of the
+texture, Hz."""
+
+SLOW = 2.5
+"""Frequency up to which a hand moves the tool, Hz: strokes to and fro (assumed)."""
+
+SLOW_LINES = 2
+"""Number of lines that show the slow motion: 2 and 4 Hz."""
+
 EVER_EXPECTED = 5e-3
 """Fraction of the expected spectrum that always remains, by power."""
 
@@ -183,11 +194,17 @@ STEPS = 6
 class Learner:
     """Redesign a bank of inverses for the observed spectrum and plant.
 
-    The spectrum is that of the desired acceleration by Welch's method, divided by the high-pass
-    response. The plant is the model with the estimated grip, times the ratio of measured to
-    expected response to the applied force, line by line. The less certain the ratio is, the closer
-    it is drawn to 1. Without feedback the ratio has no bias. It includes effects without a
-    parameter: a mode of the mount, the describing function of friction, another hand.
+    The spectrum is that of the extended desired acceleration by Welch's method, divided by the
+    response of high-pass and extension. (The desired acceleration itself has too little power
+    below the high-pass: what leaks there from above would look like a large slow motion.) The
+    plant is the model with the estimated grip, times the ratio of measured to expected response
+    to the applied force, line by line. The less certain the ratio is, the closer it is drawn to 1.
+    Without feedback the ratio has no bias. It includes effects without a parameter: a mode of the
+    mount, the describing function of friction, another hand.
+
+    Slow motion of the tool is not felt, but needs most of the travel. Its density is learnt as one
+    number, as its peak is narrower than the lines. It is expected by all members of the bank but
+    the first: only where travel is short, tracking is given up for it.
 
     The normal equations differ from the expected ones by the learnt part, which is smooth and
     needs few lines. A few steps from the last solution solve them for all members of the bank
@@ -228,24 +245,32 @@ class Learner:
         self._above = np.clip((lines - LOWEST) / (CERTAIN - LOWEST), 0.0, 1.0)
         assumed = plant.response(lines, rate)
         self._assumed_spectra = self._equations.spectra(self._expected, assumed)
+        self._textured = np.clip((lines - TEXTURED[0]) / (TEXTURED[1] - TEXTURED[0]), 0.0, 1.0)
         self._assumed_sequences = assumed_sequences(plant, rate, goal)
+        moving = replace(goal, spectrum=lambda lines: goal.spectrum(lines) + slow_motion(lines))
+        self._slow_sequences = assumed_sequences(plant, rate, moving) - self._assumed_sequences
         self._travel_costs = np.array([[travel_cost(corner)] for corner in TRAVEL_CORNERS])
+        self._giving = np.arange(len(TRAVEL_CORNERS))[:, np.newaxis] > 0  # travel for tracking
         self._work: Iterator[bool] = iter(())
         self.reset()
 
-    def observe(self, desired: float, actuator_force: float, measured: float) -> None:
+    def observe(
+        self, desired: float, extended: float, actuator_force: float, measured: float
+    ) -> None:
         """Store one sample.
 
         Parameters
         ----------
         desired : float
             Desired acceleration, m/s^2.
+        extended : float
+            The same after the extension of the inverse, m/s^2.
         actuator_force : float
             Force that drives the handle, N.
         measured : float
             Handle acceleration measured when that force took effect, m/s^2; NaN if unknown.
         """
-        self._tool.observe(desired, desired)
+        self._tool.observe(desired, extended)
         self._ratio.observe(actuator_force, measured)
 
     def update(self, grip: FloatArray) -> bool:
@@ -284,16 +309,18 @@ class Learner:
         excitation = self._ratio.excitation[1:]
         self.deviation = float(np.sqrt(excitation @ np.abs(ratio - 1.0) ** 2 / excitation.sum()))
         yield False
-        learnt = self._equations.spectra(self._spectrum(), model * ratio)
+        power, slow = self._spectrum()
+        learnt = self._equations.spectra(power, model * ratio)
         yield False
         sequences = self._assumed_sequences + self._sequences(learnt - self._assumed_spectra)
         given = self._family.taps(grip)
         taps = given + self.correction
         yield False
-        columns = sequences[0] + self._travel_costs * sequences[1]
+        each = sequences[:, np.newaxis] + self._slow_sequences[:, np.newaxis] * slow * self._giving
+        columns = each[0] + self._travel_costs * each[1]
         columns[:, 0] *= 1.0 + RIDGE
         steps = 0
-        for better in improved(columns, sequences[2], taps):
+        for better in improved(columns, each[2], taps):
             if better is not None:
                 taps = better
                 steps += 1
@@ -310,13 +337,18 @@ class Learner:
         handle = replace(self._handle, m_h=m_h, b_u=b_u, k_u=k_u)
         return np.asarray(self._known * handle_model(handle).response(self._lines))
 
-    def _spectrum(self) -> FloatArray:
-        """Return the learnt spectrum of the tool, in the scale of the expected one."""
-        seen = self._tool.excitation[1:] / np.abs(self._equations.passed) ** 2
-        scale = float(self._above @ self._expected) / float(self._above @ seen)
-        weight = self._tool.weight / (self._tool.weight + PRIOR_WEIGHT) * self._above
-        learnt = self._expected + weight * (scale * seen - self._expected)
-        return np.asarray(learnt + EVER_EXPECTED * self._expected)
+    def _spectrum(self) -> tuple[FloatArray, float]:
+        """Return the learnt spectrum of the tool and the density of its slow motion.
+
+        Both have the scale of the expected spectrum.
+        """
+        seen = self._tool.output[1:] / np.abs(self._equations.extended) ** 2
+        seen *= float(self._above @ self._expected) / float(self._above @ seen)
+        weight = self._tool.weight / (self._tool.weight + PRIOR_WEIGHT)
+        more, shape = (seen - self._expected)[:SLOW_LINES], slow_motion(self._lines[:SLOW_LINES])
+        slow = weight * max(0.0, float(more @ shape) / float(shape @ shape))
+        learnt = self._expected + weight * self._textured * (seen - self._expected)
+        return np.asarray(learnt + EVER_EXPECTED * self._expected), slow
 
     def _certain_ratio(self) -> ComplexArray:
         """Return the ratio of plant to model on the lines, weighted by its certainty."""
@@ -334,6 +366,11 @@ class Learner:
         from_zero[:, 1:] = spectra
         lags = np.fft.irfft(from_zero, 2 * len(self._lines))
         return np.asarray(lags[:, : self._assumed_sequences.shape[1]])
+
+
+def slow_motion(frequency: FloatArray) -> FloatArray:
+    """Return the spectrum of a tool that a hand moves, with density 1 at 0 Hz."""
+    return np.asarray(1.0 / (1.0 + (frequency / SLOW) ** 6))
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,11 @@ class InverseController(Controller):
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the force for the desired acceleration."""
-        force = self._excursion.process(self._extension.process(desired_acceleration))
+        return self._driven(self._extension.process(desired_acceleration), desired_acceleration)
+
+    def _driven(self, extended: float, desired_acceleration: float) -> float:
+        """Return the force for the desired acceleration, given after the extension, too."""
+        force = self._excursion.process(extended)
         self.friction_force = self._friction.force(force, desired_acceleration)
         return force + self.friction_force
 

@@ -355,8 +355,8 @@ class NormalEquations:
 
     Attributes
     ----------
-    passed : ndarray, shape (n,)
-        Response of the high-pass.
+    passed, extended : ndarray, shape (n,)
+        Response of the high-pass, alone and with the extension after it.
     """
 
     def __init__(
@@ -364,7 +364,7 @@ class NormalEquations:
     ) -> None:
         self.passed = high_pass_response(goal.high_pass_frequency, frequency, rate)
         sections = extension(goal.high_pass_frequency, rate)
-        self._extended = self.passed * section_response(sections, frequency, rate)
+        self.extended = self.passed * section_response(sections, frequency, rate)
         self._moved = np.abs(travel_response(handle, frequency)) ** 2
         self._delay = np.exp(-2j * np.pi * goal.granted_delay / rate * frequency)
 
@@ -389,10 +389,10 @@ class NormalEquations:
             the right side from the third.
         """
         # All in terms of the convolution's input, with this power:
-        squared = np.abs(self._extended) ** 2
+        squared = np.abs(self.extended) ** 2
         driven = power * squared
         force = FORCE_COST**2 * (driven + UNEXPECTED_DENSITY**2 * squared)
-        wanted = power * (response * self._extended).conj() * self.passed * self._delay * target
+        wanted = power * (response * self.extended).conj() * self.passed * self._delay * target
         return np.stack([driven * np.abs(response) ** 2 + force, driven * self._moved, wanted])
 
 

@@ -39,8 +39,8 @@ def improved(
     ----------
     columns : ndarray, shape (k, n)
         First column of each matrix.
-    right : ndarray, shape (n,)
-        Right side, common to all.
+    right : ndarray, shape (k, n) or (n,)
+        Right side of each, or of all.
     starts : ndarray, shape (k, n)
         Initial solutions.
 
@@ -71,7 +71,8 @@ def improved(
     residuals = right - np.fft.irfft(spectra, size)[:, :length]
     yield None
     spectra = np.fft.rfft(right) / circulants
-    least = np.finfo(float).eps ** 2 * (np.fft.irfft(spectra, length) @ right)
+    expected = np.fft.irfft(spectra, length)
+    least = np.finfo(float).eps ** 2 * _products(expected, np.broadcast_to(right, columns.shape))
     yield None
     solutions, directions = starts, np.zeros_like(starts)
     before = np.full(count, np.inf)

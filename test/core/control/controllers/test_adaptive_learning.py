@@ -34,7 +34,7 @@ from haptic_accel.core.control.inversion.design import (
     extension,
 )
 from haptic_accel.core.control.inversion.prediction import predict
-from haptic_accel.core.control.inversion.spectrum import TexturePrior
+from haptic_accel.core.control.inversion.spectrum import TexturePrior, ToolSpectrum
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, MountParameters
 
@@ -49,7 +49,7 @@ def family() -> InverseFamily:
     return design_family(PLANT, RATE, GOAL)
 
 
-def texture(seconds: float, spectrum: TexturePrior, seed: int = 1) -> FloatArray:
+def texture(seconds: float, spectrum: ToolSpectrum, seed: int = 1) -> FloatArray:
     """Return noise with a spectrum, m/s^2, periodic."""
     count = round(seconds * RATE)
     frequency = np.fft.rfftfreq(count, 1.0 / RATE)
@@ -68,14 +68,20 @@ def answer(plant: Plant, force: FloatArray) -> FloatArray:
     return np.asarray(np.fft.irfft(response * np.fft.rfft(force), len(force)))
 
 
-def learn(plant: Plant, spectrum: TexturePrior, seconds: float = 6.0) -> Learner:
-    """Return a learner that has watched a plant, whose force is not that of any controller."""
-    desired = signal.sosfilt(high_pass(15.0, RATE), texture(seconds, spectrum))
-    force = texture(seconds, TexturePrior(), seed=2)
-    learner = Learner(family(), PLANT, RATE, GOAL)
-    for values in zip(desired.tolist(), force.tolist(), answer(plant, force), strict=True):
+def watch(learner: Learner, tool: FloatArray, force: FloatArray, measured: FloatArray) -> None:
+    """Let a learner observe a tool, and a force that is not that of any controller."""
+    desired = signal.sosfilt(high_pass(15.0, RATE), tool)
+    extended = signal.sosfilt(extension(15.0, RATE), desired)
+    for values in np.stack([desired, extended, force, measured], axis=1).tolist():
         learner.observe(*values)
         learner.update(GRIP)
+
+
+def learn(plant: Plant, spectrum: ToolSpectrum, seconds: float = 6.0) -> Learner:
+    """Return a learner that has watched a plant."""
+    force = texture(seconds, TexturePrior(), seed=2)
+    learner = Learner(family(), PLANT, RATE, GOAL)
+    watch(learner, texture(seconds, spectrum), force, answer(plant, force))
     return learner
 
 
@@ -120,14 +126,34 @@ def test_it_learns_a_mode_that_nobody_told_of(frequency: float, damping: float) 
     assert error(taps + learner.correction[0], plant, spectrum) < 20.0
 
 
+def swaying(frequency: FloatArray) -> FloatArray:
+    """Return the spectrum of a texture under a hand that moves to and fro at up to 2 Hz."""
+    slow = 0.5 / (1.0 + (frequency / 2.0) ** 8)
+    return np.asarray(TexturePrior()(frequency) + slow)
+
+
+def test_slow_motion_needs_less_travel_where_travel_is_short() -> None:
+    learner = learn(PLANT, swaying)
+    given = family().taps(GRIP)
+    filters = [
+        [InverseFilter(extension(15.0, RATE), taps, RATE, GOAL) for taps in bank]
+        for bank in (given, given + learner.correction)
+    ]
+    before, after = ([predict(each, PLANT, swaying) for each in bank] for bank in filters)
+    assert after[0].nrmse_percent < before[0].nrmse_percent + 0.5
+    for corner, old, new in zip(TRAVEL_CORNERS[1:4], before[1:4], after[1:4], strict=True):
+        goal = replace(GOAL, spectrum=swaying, travel_corner=corner)
+        best_known = predict(design_inverse(PLANT, RATE, goal), PLANT, swaying)
+        assert new.travel_rms < old.travel_rms / 5
+        assert new.travel_rms == pytest.approx(best_known.travel_rms, rel=0.15)
+        assert new.nrmse_percent < best_known.nrmse_percent + 3.0
+
+
 def test_noise_that_no_force_explains_is_no_plant() -> None:
-    desired = signal.sosfilt(high_pass(15.0, RATE), texture(4.0, TexturePrior()))
     force = texture(4.0, TexturePrior(), seed=2)
     learner = Learner(family(), PLANT, RATE, GOAL)
     measured = answer(PLANT, force) + texture(4.0, TexturePrior(), seed=3)
-    for values in zip(desired.tolist(), force.tolist(), measured.tolist(), strict=True):
-        learner.observe(*values)
-        learner.update(GRIP)
+    watch(learner, texture(4.0, TexturePrior()), force, measured)
     taps = family().taps(GRIP)[0]
     assert error(taps + learner.correction[0], PLANT, TexturePrior()) < 5.0
 
@@ -136,7 +162,7 @@ def test_noise_that_no_force_explains_is_no_plant() -> None:
 def test_silence_teaches_nothing(scale: float) -> None:
     learner = Learner(family(), PLANT, RATE, GOAL)
     for value in (scale * texture(2.0, TexturePrior())).tolist():
-        learner.observe(value, value, -value)
+        learner.observe(value, value, value, -value)
         assert not learner.update(GRIP)
     assert not learner.estimates
     assert not learner.correction.any()
@@ -146,7 +172,7 @@ def test_missing_and_huge_samples_leave_it_finite() -> None:
     learner = Learner(family(), PLANT, RATE, GOAL)
     for index, value in enumerate(texture(2.0, TexturePrior()).tolist()):
         measured = np.nan if index % 100 == 0 else 1e4 * value
-        learner.observe(value, value, measured)
+        learner.observe(value, value, value, measured)
         learner.update(GRIP)
     assert learner.estimates
     assert np.isfinite(learner.correction).all()
@@ -167,7 +193,7 @@ def test_it_fits_every_rate_and_memory(rate: float, memory: float) -> None:
     learner = Learner(design_family(plant, rate, goal), plant, rate, goal)
     white = np.random.default_rng(1).standard_normal(round(2.5 * rate))
     for value in white.tolist():
-        learner.observe(value, 0.1 * value, value)
+        learner.observe(value, value, 0.1 * value, value)
         learner.update(GRIP)
     assert learner.estimates
     assert np.isfinite(learner.correction).all()

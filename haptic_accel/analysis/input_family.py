@@ -1,0 +1,236 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Family of tool accelerations that span the recordings of tools on surfaces.
+
+A member is a spectrum in an envelope: each of `SPECTRA` occurs with each of `ENVELOPES`. The
+ranges are those of published recordings and of machines:
+
+- textures have their power between 20 and 400 Hz, with peaks that depend on speed (Romano and
+  Kuchenbecker, IEEE Trans. Haptics 5(2), 2012; Culbertson, Lopez Delgado and Kuchenbecker, Haptics
+  Symposium 2014: autoregressive models of the orders 12 to 20 for 100 materials);
+- rotating tools have lines at 20 to 200 Hz (1,200 to 12,000 revolutions per minute) and their
+  harmonics (ISO 28927);
+- taps ring at 60 to 450 Hz for 3 to 20 ms (Okamura, Cutkosky and Dennerlein, IEEE/ASME Trans.
+  Mechatronics 6(3), 2001); isolated ones have crest factors of 16;
+- strokes of the hand last 0.3 to 1.2 s, and pressing four times as hard with twice the speed
+  changes the level by about 20 dB.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from scipy import signal
+
+from haptic_accel.core.model import FloatArray
+
+MEMBERS = 200
+"""Number of members."""
+
+RMS = 0.3, 6.0
+"""Range of the root mean square of a member, m/s^2; log-uniform."""
+
+CREST = 16.0
+"""Maximum ratio of peak to root mean square."""
+
+FADING_IN = 0.2
+"""Time of fading in at the start, s."""
+
+SWAYING = 0.3, 0.7, 1.6, 2.7
+"""Frequencies of the hand's slow motion, Hz."""
+
+Random: TypeAlias = np.random.Generator
+
+
+class Member(NamedTuple):
+    """Member of the family.
+
+    Attributes
+    ----------
+    name : str
+        Spectrum, envelope, number and root mean square.
+    acceleration : ndarray, shape (n,)
+        Tool acceleration, m/s^2.
+    reported : bool
+        True for the half on which controllers are only measured; the other half serves to
+        develop them.
+    """
+
+    name: str
+    acceleration: FloatArray
+    reported: bool
+
+
+def member(number: int, seconds: float, rate: float, seed: int = 0) -> Member:
+    """Return one member of the family.
+
+    Parameters
+    ----------
+    number : int
+        From 0 to `MEMBERS` - 1. Consecutive members have different spectra.
+    seconds, rate : float
+        Duration, s, and samples per second.
+    seed : int
+        Seed of the ranges and of the noise.
+
+    Examples
+    --------
+    >>> found = member(3, 4.0, 1000.0)
+    >>> found.name, found.reported
+    ('lines, taps, 3: 2.5 m/s^2', True)
+    """
+    random = np.random.default_rng((seed, number))
+    spectra, envelopes = list(SPECTRA), list(ENVELOPES)
+    spectrum = spectra[number % len(spectra)]
+    envelope = envelopes[number // len(spectra) % len(envelopes)]
+    time = np.arange(round(seconds * rate)) / rate
+    found = SPECTRA[spectrum](random, time, rate)
+    found = ENVELOPES[envelope](random, time, found / np.std(found))
+    rms = math.exp(random.uniform(*np.log(RMS)))
+    found *= np.minimum(time / FADING_IN, 1.0)
+    found *= rms / np.sqrt(np.mean(found**2))
+    found = np.clip(found, -CREST * rms, CREST * rms)
+    return Member(f"{spectrum}, {envelope}, {number}: {rms:.2g} m/s^2", found, bool(number % 2))
+
+
+def _log_uniform(random: Random, low: float, high: float) -> float:
+    return math.exp(random.uniform(math.log(low), math.log(high)))
+
+
+def _noise(random: Random, time: FloatArray, low: float, high: float, rate: float) -> FloatArray:
+    band = signal.butter(2, [low, min(high, 0.45 * rate)], "band", fs=rate, output="sos")
+    return np.asarray(signal.sosfilt(band, random.standard_normal(len(time))))
+
+
+def _band(random: Random, time: FloatArray, rate: float) -> FloatArray:
+    """Return noise in a band."""
+    low = _log_uniform(random, 5.0, 60.0)
+    return _noise(random, time, low, max(2.0 * low, _log_uniform(random, 60.0, 480.0)), rate)
+
+
+def _low(random: Random, time: FloatArray, rate: float) -> FloatArray:
+    """Return noise whose power falls from a corner at 8 to 40 Hz: a scratch of a rough surface."""
+    corner = _log_uniform(random, 8.0, 40.0)
+    low_pass = signal.butter(1, min(corner * 1.5, 0.4 * rate), fs=rate, output="sos")
+    return np.asarray(signal.sosfilt(low_pass, _noise(random, time, corner / 2, 480.0, rate)))
+
+
+def _autoregressive(random: Random, time: FloatArray, rate: float) -> FloatArray:
+    """Return noise through two to five resonances, as of a texture's autoregressive model."""
+    found = np.zeros(len(time))
+    for _ in range(int(random.integers(2, 6))):
+        peak = _log_uniform(random, 20.0, 400.0)
+        width = _log_uniform(random, 0.1, 0.8)
+        edges = peak * (1.0 - width / 2), peak * (1.0 + width / 2)
+        part = _noise(random, time, *edges, rate)
+        found += part / np.std(part) * _log_uniform(random, 0.2, 1.0)
+    return found
+
+
+def _lines(random: Random, time: FloatArray, rate: float) -> FloatArray:
+    """Return a line with harmonics whose frequency wanders by a percent, in noise."""
+    frequency = _log_uniform(random, 20.0, 200.0)
+    wander = np.cumsum(random.standard_normal(len(time))) * math.sqrt(1.0 / rate)
+    phase = 2 * np.pi * np.cumsum(frequency * (1.0 + 0.01 * np.tanh(wander))) / rate
+    found = random.uniform(0.05, 0.5) * _noise(random, time, 20.0, 400.0, rate)
+    found /= max(1e-9, float(np.std(found))) / 0.2
+    for harmonic in range(1, int(min(6.0, 450.0 / frequency)) + 1):
+        found += np.sin(harmonic * phase + random.uniform(0.0, 6.28)) / harmonic ** random.uniform(
+            0.5, 2.0
+        )
+    return found
+
+
+def _chatter(random: Random, time: FloatArray, rate: float) -> FloatArray:
+    """Return bursts of a line at 40 to 300 Hz, as of stick and slip, in noise."""
+    frequency = _log_uniform(random, 40.0, 300.0)
+    beat = _noise(random, time, 0.5, 4.0, rate)
+    bursts = np.maximum(beat / np.std(beat), 0.0)
+    line = (
+        np.sign(np.sin(2 * np.pi * frequency * time))
+        * np.abs(np.sin(2 * np.pi * frequency * time)) ** 0.5
+    )
+    ground = _noise(random, time, 20.0, 400.0, rate)
+    return np.asarray(bursts * line + 0.2 * ground / np.std(ground))
+
+
+def _steady(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
+    """Return a signal as it is."""
+    return found
+
+
+def _strokes(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
+    """Return strokes to and fro, with pauses between some of them."""
+    level, begin = np.zeros(len(time)), 0.0
+    while begin < time[-1]:
+        length = random.uniform(0.3, 1.2)
+        inside = (time >= begin) & (time < begin + length)
+        level[inside] = np.sin(np.pi * (time[inside] - begin) / length) ** 0.5
+        begin += length + random.choice([0.02, 0.3])
+    return found * level
+
+
+def _steps(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
+    """Return a signal whose level changes by 20 dB within 20 ms every half to one and a half s."""
+    level, loud, begin = np.ones(len(time)), True, 0.0
+    while begin < time[-1]:
+        level[time >= begin] = 1.0 if loud else 0.1
+        loud, begin = not loud, begin + random.uniform(0.5, 1.5)
+    width = max(1, int(0.02 / (time[1] - time[0])))
+    return found * np.convolve(level, np.ones(width) / width, mode="same")
+
+
+def _taps(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
+    """Return a signal with taps up to 16 times as large."""
+    found = 0.3 * found
+    begin = 0.3
+    while begin < time[-1]:
+        since = np.maximum(time - begin, 0.0)
+        ringing = np.sin(2 * np.pi * _log_uniform(random, 60.0, 450.0) * since)
+        found = found + random.uniform(2.0, CREST) * ringing * np.exp(
+            -since / random.uniform(3e-3, 20e-3)
+        )
+        begin += random.uniform(0.3, 0.9)
+    return found
+
+
+def _drift(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
+    """Return a signal on the slow motion of the hand, below 3 Hz."""
+    phases = random.uniform(0.0, 6.28, 4)
+    slow = sum(np.sin(2 * np.pi * f * time + p) for f, p in zip(SWAYING, phases, strict=True))
+    return np.asarray(found + random.uniform(0.3, 1.0) * slow)
+
+
+SPECTRA: dict[str, Callable[[Random, FloatArray, float], FloatArray]] = {
+    "band": _band,
+    "low": _low,
+    "autoregressive": _autoregressive,
+    "lines": _lines,
+    "chatter": _chatter,
+}
+"""Functions from time, s, and rate, Hz, to a stationary signal, by name."""
+
+ENVELOPES: dict[str, Callable[[Random, FloatArray, FloatArray], FloatArray]] = {
+    "taps": _taps,
+    "steady": _steady,
+    "strokes": _strokes,
+    "steps": _steps,
+    "drift": _drift,
+}
+"""Functions from time, s, and a signal of unit level to one with an envelope, by name."""
