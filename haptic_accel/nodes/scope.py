@@ -123,8 +123,8 @@ class Scope(GraphNode):
         self._shown: dict[str, Inbox] = {}
         self._reported = (time.monotonic(), 0, 0, 0)
         self._commands = Commands(self, [f"{arm}_device" for arm in arms]) if p.control else None
-        self._follow_messages(topics.DIAGNOSTICS, self._take_diagnostics)
-        self._follow_messages(PARAMETER_EVENTS, self._take_parameters)
+        self._follow_messages(topics.DIAGNOSTICS, self._receive_diagnostics)
+        self._follow_messages(PARAMETER_EVENTS, self._receive_parameters)
         self.listen_state(topics.COUPLER_STOPPED, partial(self._stop.__setitem__, "asked"))
         for arm in arms:
             stopped = topics.DEVICES[f"{arm}_device"].stopped

@@ -49,7 +49,7 @@ class StoppedNode:
         return name
 
     def inbox(self, topic: Topic) -> Any:
-        return SimpleNamespace(take_states=lambda: _taken(self.words))
+        return SimpleNamespace(drain_states=lambda: _taken(self.words))
 
     def publisher(self, topic: Topic) -> Any:
         return SimpleNamespace(publish=lambda message: self._tell(message.data))
@@ -66,7 +66,7 @@ class StoppedNode:
             self.answers.append(response.success)
 
         return SimpleNamespace(
-            take=lambda: ((SetBool.Request(data=each), answer) for each in _taken(self.waiting))
+            drain=lambda: ((SetBool.Request(data=each), answer) for each in _taken(self.waiting))
         )
 
     def states(self, inbox: Any) -> list[bool]:
