@@ -284,7 +284,7 @@ def _pieces(desired: FloatArray, actual: FloatArray, rate: float) -> tuple[float
     samples = round(PIECE * rate)
     whole = estimate_delay(desired, actual, rate, LONGEST).seconds
     if math.isnan(whole):
-        raise ValueError("no delay stands out")
+        raise ValueError("no delay was found")
     base = round(whole * rate) / rate
     desired, actual = shift_back(desired, actual, rate, base)
     delays: list[float] = []

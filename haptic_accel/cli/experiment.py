@@ -175,7 +175,7 @@ def _checked(
     """Return the arguments with the duration of a condition; refuse those that cannot be run."""
     check_both_arms(arguments)
     if arguments.master == POINTER:
-        raise ParameterError(f"master = '{POINTER}': not for an experiment, which nobody leads")
+        raise ParameterError(f"master = '{POINTER}': an experiment has no user to move it")
     if "duration" not in given:
         arguments = replace(arguments, duration=DURATION)
     elif arguments.duration < 1:
@@ -188,7 +188,7 @@ def _checked(
         check_lockstep(arguments, "with --lockstep")
     for key in given:
         if key in ("bag", "record"):
-            raise ParameterError(f"{key}: not for an experiment, which records in its folder")
+            raise ParameterError(f"{key}: set by an experiment, which records to its own folder")
     return arguments
 
 

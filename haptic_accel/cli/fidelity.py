@@ -77,8 +77,8 @@ from haptic_accel.graph.processes import graph
     metavar="HZ",
     help="Sampling rate of each CSV file, or once for all, Hz.",
 )
-@click.option("--hands", type=click.IntRange(0, 1000), default=50, help="Number of random hands.")
-@click.option("--seed", default=1, help="Seed of the random hands.")
+@click.option("--hands", type=click.IntRange(0, 1000), default=50, help="Number of hand models.")
+@click.option("--seed", default=1, help="Seed of hand parameters and of inputs.")
 @workers_options
 @json_option
 def fidelity(

@@ -137,7 +137,7 @@ def _play(
     print_table(ResultTable.of(COLUMNS, done, left=3, title="Replayed in lockstep"))
     for bag, lost in {row["bag"]: row["lost"] for row in done}.items():
         if lost:
-            print(f"{bag}: {lost} samples are missing and hold the one before")
+            print(f"{bag}: {lost} missing samples repeat the previous one")
     save({"lockstep": True, "conditions": done}, json_file)
     if end:
         raise end

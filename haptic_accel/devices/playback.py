@@ -223,7 +223,7 @@ def _remark(parameters: ReplayParameters, found: track.Track, rate: float) -> st
     if parameters.speed != 1.0:
         words.append(f"at {parameters.speed:g} times the speed: frequencies change as much")
     if lost := int(found.lost.sum()):
-        words.append(f"{lost} samples are missing and hold the one before")
+        words.append(f"{lost} missing samples repeat the previous one")
     if not found.position.any():
         words.append("without motion, the arm stands still")
     return ", ".join(words)

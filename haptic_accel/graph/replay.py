@@ -72,7 +72,7 @@ class ReplayArguments(Checked):
     start: float = like(ReplayParameters, "start")
     duration: float = parameter(
         0.0,
-        "time of the recording to replay; 0 for all of it, or with loop:=true until stopped",
+        "duration to replay; 0: whole recording, or until stopped with loop:=true",
         unit="s",
         low=0.0,
         high=1e5,

@@ -154,4 +154,4 @@ def test_a_handle_that_does_not_follow_is_named(tmp_path: Path) -> None:
     write_bag(tmp_path / "desk", replace(there, signals=signals))
     write_bag(tmp_path / "robot", robot())
     problems = analyse([tmp_path], perceptual=False).problems
-    assert any("no delay stands out" in line for line in problems["desk"])
+    assert any("no delay was found" in line for line in problems["desk"])

@@ -160,7 +160,7 @@ def shift_back(
     if abs(fraction) < WHOLE:
         return desired, actual
     if len(actual) <= 2 * FRACTION_EDGE:
-        raise ValueError(f"{len(actual)} samples: too few to shift by a fraction of one")
+        raise ValueError(f"{len(actual)} samples: too few for a fractional shift")
     inner = slice(FRACTION_EDGE, -FRACTION_EDGE)
     return desired[inner], _advanced(actual, fraction)[inner]
 

@@ -67,7 +67,7 @@ def approximate_model(
 
     low, high = band
     if not 0 < low < high < np.inf:
-        raise ParameterError(f"band = {low:g} to {high:g} Hz: must rise from above 0")
+        raise ParameterError(f"band = {low:g} to {high:g} Hz: must satisfy 0 < low < high")
     frequency = np.geomspace(low, high, _LINES)
     wanted = handle_model(handle).response(frequency)
     if not np.isfinite(wanted).all() or (wanted == 0).any():

@@ -302,7 +302,7 @@ def _check_band(rate: float, band: Band) -> None:
     low, high = band
     if not 0 < low < high < rate / 2:
         raise ParameterError(
-            f"band = {low:g} to {high:g} Hz: must rise from above 0 to below half the rate,"
+            f"band = {low:g} to {high:g} Hz: must satisfy 0 < low < high < half the rate,"
             f" {rate / 2:g} Hz"
         )
 

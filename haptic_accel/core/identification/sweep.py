@@ -62,7 +62,7 @@ class SweepParameters(Checked):
     )
     repeats: int = parameter(
         3,
-        "number of repeats of the sweep in a trial, of which the first is dropped (paper)",
+        "number of sweeps in a trial; the first is not evaluated (value of the paper)",
         low=3,
         high=100,
     )

@@ -52,5 +52,5 @@ def test_it_is_close_for_any_hand(m_h: float, k_u: float, b_u: float) -> None:
 
 
 def test_what_cannot_be_approximated_is_refused() -> None:
-    with pytest.raises(ParameterError, match="^band = 200 to 15 Hz: must rise from above 0$"):
+    with pytest.raises(ParameterError, match="^band = 200 to 15 Hz: must satisfy 0 < low < high$"):
         approximate_model(TABLE_I, (200.0, 15.0))

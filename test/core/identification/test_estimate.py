@@ -162,7 +162,7 @@ def test_force_outside_the_band_is_no_force() -> None:
 
 @pytest.mark.parametrize("band", [(0.0, 100.0), (100.0, 10.0), (10.0, 500.0), (math.nan, 1.0)])
 def test_an_impossible_band_is_refused(band: tuple[float, float]) -> None:
-    message = "must rise from above 0 to below half the rate, 500 Hz$"
+    message = "must satisfy 0 < low < high < half the rate, 500 Hz$"
     for estimate in (dft_ratio, h1):
         with pytest.raises(ParameterError, match=message):
             estimate(*recording(), RATE, band)
