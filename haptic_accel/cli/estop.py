@@ -30,7 +30,7 @@ from haptic_accel.core.parameters import parameter
 from haptic_accel.graph.namespaces import NamespaceArguments
 from haptic_accel.graph.stop_signal import Signalled, age, own_domain, stop_senders
 
-PATIENCE = 2.5
+TIMEOUT = 2.5
 """Time-out for the devices to be found and to confirm, s, before the graph is joined anew."""
 
 ATTEMPTS = 3
@@ -75,17 +75,17 @@ def estop(signalled: Signalled | None, arguments: StopArguments) -> None:
     quick = f"{reached} signalled after {done.after:.2f} s, " if done.processes else ""
     from haptic_accel.nodes.emergency_stop import stop_devices
 
-    line = _answer(arguments.namespace, stop_devices, PATIENCE)
+    line = _answer(arguments.namespace, stop_devices, TIMEOUT)
     print(f"emergency stop: {line} ({quick}confirmed after {age():.2f} s)")
 
 
-def _answer(namespace: str, request: Callable[..., Any], patience: float) -> str:
+def _answer(namespace: str, request: Callable[..., Any], timeout: float) -> str:
     """Join a graph until all devices answer a request; return the line on their answers."""
     from haptic_accel.cli.joining import connected
 
     for _ in range(ATTEMPTS):
         with connected(namespace, ANSWERING_TIME, ANSWERING_TIME) as client:
-            line, missing = asyncio.run(request(client, patience))
+            line, missing = asyncio.run(request(client, timeout))
         if not missing:
             return str(line)
     names = " and ".join(sorted(missing))

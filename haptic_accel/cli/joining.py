@@ -31,13 +31,13 @@ from haptic_accel.cli.ending import StoppedError
 from haptic_accel.graph.middleware import middleware_defaults
 from haptic_accel.nodes.service_client import RequestError, ServiceClient
 
-PATIENCE = 5.0
+TIMEOUT = 5.0
 """Time-out for a node to be found, and to answer, s."""
 
 
 @contextmanager
 def connected(
-    namespace: str, finding: float = PATIENCE, answering: float = PATIENCE
+    namespace: str, finding: float = TIMEOUT, answering: float = TIMEOUT
 ) -> Iterator[ServiceClient]:
     """Join the graph of a namespace while the context is entered.
 

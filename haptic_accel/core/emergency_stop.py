@@ -58,11 +58,11 @@ class EmergencyStop:
     Examples
     --------
     >>> stop = EmergencyStop(now=0.0)
-    >>> stop.heard(True, now=10.0)
+    >>> stop.receive(True, now=10.0)
     True
     >>> stop.release(now=11.0, publishers=["/button"])
     '/button published true on the topic, or may have: let it publish false, or end it'
-    >>> stop.heard(False, now=12.0), stop.stopped
+    >>> stop.receive(False, now=12.0), stop.stopped
     (False, True)
     >>> stop.release(now=12.0, publishers=["/button"]), stop.stopped
     ('', False)
@@ -91,14 +91,14 @@ class EmergencyStop:
         self._followed |= not self.stopped
         self.stopped = True
 
-    def heard(self, stop: bool, now: float) -> bool:
+    def receive(self, stop: bool, now: float) -> bool:
         """Handle a stop message; return whether it is new."""
         self._wanted = stop
         if stop:
             self._heard = now
         return stop and self.stop()
 
-    def coupler_said(self, stopped: bool, now: float) -> bool:
+    def receive_coupler(self, stopped: bool, now: float) -> bool:
         """Handle the state of the graph's coupler; return whether it is a new stop."""
         self._coupler_stopped, self._coupler_heard = stopped, now
         return stopped and self.stop()

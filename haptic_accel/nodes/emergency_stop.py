@@ -49,8 +49,8 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 ANSWER_TIME = 1.0
 """Time in which a device must answer to a release, s."""
 
-LEAST_LOOK = 0.5
-"""Time for which graphs to be stopped are looked for, s."""
+SEARCH_TIME = 0.5
+"""Time for which graphs to be stopped are searched for, s."""
 
 AGAIN = "stopped again meanwhile"
 """Reason against a release that came before the effect of a stop."""
@@ -92,7 +92,7 @@ class NodeStop:
         now = time.monotonic()
         messages = [each for inbox in self._inboxes for each in inbox.drain_states()]
         for message in messages:
-            self._stop.heard(message, now)
+            self._stop.receive(message, now)
         requests = list(self._requests.drain())
         requested = any(request.data for request, _ in requests)
         if requested:
@@ -154,7 +154,7 @@ class DeviceStop(NodeStop):
     def follow(self) -> bool:
         """Process the state of the coupler, too."""
         for stopped in self._node.states(self._coupler):
-            self._stop.coupler_said(stopped, time.monotonic())
+            self._stop.receive_coupler(stopped, time.monotonic())
         return super().follow()
 
     def _obey(self) -> None:
@@ -231,14 +231,14 @@ class CouplerStop(NodeStop):
         return True
 
 
-async def stop_devices(client: ServiceClient, patience: float) -> tuple[str, set[str]]:
+async def stop_devices(client: ServiceClient, timeout: float) -> tuple[str, set[str]]:
     """Publish the stop.
 
     Parameters
     ----------
     client : ServiceClient
         In the namespace of the graph; in none to stop the graphs of all namespaces.
-    patience : float
+    timeout : float
         Time-out for the devices to be found and to confirm, s.
 
     Returns
@@ -250,7 +250,7 @@ async def stop_devices(client: ServiceClient, patience: float) -> tuple[str, set
     node.create_publisher(Bool, EMERGENCY_STOP.name, LATCHED).publish(Bool(data=True))
     answers: dict[str, bool] = {}
     asked: set[str] = set()
-    looked = time.monotonic() + LEAST_LOOK
+    searched = time.monotonic() + SEARCH_TIME
 
     def take(device: str, message: Bool) -> None:
         answers[device] = message.data
@@ -264,9 +264,9 @@ async def stop_devices(client: ServiceClient, patience: float) -> tuple[str, set
             if device not in answers:
                 answers[device] = False
                 node.create_subscription(Bool, name, partial(take, device), LATCHED)
-        return bool(asked) and all(map(answers.get, asked)) and time.monotonic() >= looked
+        return bool(asked) and all(map(answers.get, asked)) and time.monotonic() >= searched
 
-    await client.until(is_confirmed, patience)
+    await client.until(is_confirmed, timeout)
     confirmed = {device for device in asked if answers[device]}
     count = {1: "the device is", 2: "both devices are"}
     line = count.get(len(confirmed), f"all {len(confirmed)} devices are") + " without force"
@@ -289,13 +289,13 @@ def _devices(node: Node) -> Iterator[tuple[str, str]]:
                 yield f"{namespace}/{device}".removeprefix("/"), f"{namespace}/{arm.stopped.name}"
 
 
-async def release(client: ServiceClient, patience: float = 0.0) -> tuple[str, set[str]]:
+async def release(client: ServiceClient, timeout: float = 0.0) -> tuple[str, set[str]]:
     """Ask the coupler for the release, or the devices if it does not answer.
 
     Parameters
     ----------
     client : ServiceClient
-    patience : float
+    timeout : float
         Time for which a refused release is requested again, s: the reason may just have gone.
 
     Returns
@@ -308,7 +308,7 @@ async def release(client: ServiceClient, patience: float = 0.0) -> tuple[str, se
     RequestError
         The release is refused.
     """
-    deadline = time.monotonic() + patience
+    deadline = time.monotonic() + timeout
     while True:
         for services in (STOP_SERVICES[:1], DEVICE_SERVICES):
             answers = await client.answers(SetBool, services, SetBool.Request(data=False))

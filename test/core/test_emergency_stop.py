@@ -37,9 +37,9 @@ class Run:
         self.now = 100.0
         self.stop = EmergencyStop(self.now - age)
 
-    def heard(self, *words: bool) -> None:
+    def receive(self, *words: bool) -> None:
         for word in words:
-            self.stop.heard(word, self.now)
+            self.stop.receive(word, self.now)
 
     def released(self, publishers: list[str], seconds: float = 0.0) -> bool:
         """Let time pass and ask for the release; return whether it was granted."""
@@ -52,46 +52,46 @@ class Run:
 def test_only_what_is_new_is_said_to_be() -> None:
     run = Run()
     assert not run.stop.stopped
-    assert run.stop.heard(True, run.now)
-    assert not run.stop.heard(True, run.now)
-    assert not run.stop.coupler_said(True, run.now)
+    assert run.stop.receive(True, run.now)
+    assert not run.stop.receive(True, run.now)
+    assert not run.stop.receive_coupler(True, run.now)
     assert not run.stop.stop()
     assert run.stop.stopped
 
 
 def test_a_stop_that_is_played_with_its_release_stays() -> None:
     run = Run()
-    run.heard(False, True, False, True, False)
+    run.receive(False, True, False, True, False)
     assert run.stop.stopped
     run.now += 1000.0
-    run.heard(False)
+    run.receive(False)
     assert run.stop.stopped
     assert run.released(["/rosbag2_player"])
 
 
 def test_the_stop_of_a_sender_that_has_gone_can_be_released() -> None:
     run = Run()
-    run.heard(True)
+    run.receive(True)
     assert run.released(ALONE, 1.01 * RECENT)
 
 
 def test_the_stop_of_a_sender_that_repeats_it_is_not_released() -> None:
     run = Run()
     for _ in range(30):
-        run.heard(True)
+        run.receive(True)
         assert not run.released(ALONE, 0.1)
-    run.heard(True, False)  # of two senders
+    run.receive(True, False)  # of two senders
     assert not run.released(ALONE, 0.1)
 
 
 def test_a_stop_that_was_said_once_and_never_withdrawn_is_not_released() -> None:
     run = Run()
-    run.heard(True)
+    run.receive(True)
     assert not run.released(BUTTON, LATER)
     assert run.stop.release(run.now, ["/a", "/b"]).startswith(
         "/a and /b published true on the topic"
     )
-    run.heard(False)
+    run.receive(False)
     assert run.stop.stopped, "what withdraws a stop releases nothing"
     assert run.released(BUTTON)
 
@@ -104,12 +104,12 @@ def test_a_stop_by_request_has_no_reason_on_the_topic() -> None:
 
 def test_the_coupler_withdraws_its_own_stop_or_goes() -> None:
     run = Run()
-    run.stop.coupler_said(True, run.now)
+    run.stop.receive_coupler(True, run.now)
     assert not run.released(ALONE, 0.99 * COUPLER_SILENCE)
-    run.stop.coupler_said(False, run.now)
+    run.stop.receive_coupler(False, run.now)
     assert run.stop.stopped
     assert run.released(ALONE)
-    run.stop.coupler_said(True, run.now)
+    run.stop.receive_coupler(True, run.now)
     assert run.released(ALONE, 1.01 * COUPLER_SILENCE)
 
 
@@ -131,15 +131,15 @@ def test_a_stop_that_began_elsewhere_is_followed_and_not_counted_as_begun_here()
     assert run.released(ALONE)
     run.stop.stop()
     run.stop.follow()
-    run.heard(True)
+    run.receive(True)
     assert run.stop.began == 1
 
 
 EVENTS: dict[str, Callable[[Run], object]] = {
-    "true": lambda run: run.heard(True),
-    "false": lambda run: run.heard(False),
-    "coupler stopped": lambda run: run.stop.coupler_said(True, run.now),
-    "coupler free": lambda run: run.stop.coupler_said(False, run.now),
+    "true": lambda run: run.receive(True),
+    "false": lambda run: run.receive(False),
+    "coupler stopped": lambda run: run.stop.receive_coupler(True, run.now),
+    "coupler free": lambda run: run.stop.receive_coupler(False, run.now),
     "request": lambda run: run.stop.stop(),
     "time": lambda run: setattr(run, "now", run.now + LATER),
 }
@@ -162,5 +162,5 @@ def test_whatever_is_said_only_a_release_ends_a_stop(events: list[str], button: 
 @pytest.mark.parametrize("age", [0.0, SETTLING])
 def test_a_stop_is_heard_at_any_age(age: float) -> None:
     run = Run(age)
-    run.heard(True)
+    run.receive(True)
     assert run.stop.stopped
