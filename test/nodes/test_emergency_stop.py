@@ -240,9 +240,9 @@ def test_devices_are_released_without_a_coupler(coupler: dict[str, Answer]) -> N
 def test_a_release_that_is_refused_is_asked_for_again_for_a_while() -> None:
     graph = Graph(estop=refuse)
     with pytest.raises(RequestError, match="emergency stop is not released: estop: not now"):
-        asyncio.run(release(graph.client, patience=0.05))
+        asyncio.run(release(graph.client, timeout=0.05))
     graph.asked.clear()
     answers = iter([refuse, refuse, accept])
     graph.services["estop"] = lambda content: next(answers)(content)
-    assert asyncio.run(release(graph.client, patience=5.0)) == ("done", set())
+    assert asyncio.run(release(graph.client, timeout=5.0)) == ("done", set())
     assert graph.asked == ["estop"] * 3
