@@ -49,6 +49,9 @@ RMS = 0.3, 6.0
 CREST = 16.0
 """Maximum ratio of peak to root mean square."""
 
+HIGHEST = 0.45
+"""Maximum frequency of a member, as a fraction of the rate."""
+
 FADING_IN = 0.2
 """Time of fading in at the start, s."""
 
@@ -114,7 +117,9 @@ def _log_uniform(random: Random, low: float, high: float) -> float:
 
 
 def _noise(random: Random, time: FloatArray, low: float, high: float, rate: float) -> FloatArray:
-    band = signal.butter(2, [low, min(high, 0.45 * rate)], "band", fs=rate, output="sos")
+    highest = HIGHEST * rate
+    edges = [min(low, 0.8 * highest), min(high, highest)]
+    band = signal.butter(2, edges, "band", fs=rate, output="sos")
     return np.asarray(signal.sosfilt(band, random.standard_normal(len(time))))
 
 
@@ -150,7 +155,7 @@ def _lines(random: Random, time: FloatArray, rate: float) -> FloatArray:
     phase = 2 * np.pi * np.cumsum(frequency * (1.0 + 0.01 * np.tanh(wander))) / rate
     found = random.uniform(0.05, 0.5) * _noise(random, time, 20.0, 400.0, rate)
     found /= max(1e-9, float(np.std(found))) / 0.2
-    for harmonic in range(1, int(min(6.0, 450.0 / frequency)) + 1):
+    for harmonic in range(1, int(min(6.0, min(450.0, HIGHEST * rate) / frequency)) + 1):
         found += np.sin(harmonic * phase + random.uniform(0.0, 6.28)) / harmonic ** random.uniform(
             0.5, 2.0
         )
@@ -159,7 +164,7 @@ def _lines(random: Random, time: FloatArray, rate: float) -> FloatArray:
 
 def _chatter(random: Random, time: FloatArray, rate: float) -> FloatArray:
     """Return bursts of a line at 40 to 300 Hz, as of stick and slip, in noise."""
-    frequency = _log_uniform(random, 40.0, 300.0)
+    frequency = min(_log_uniform(random, 40.0, 300.0), HIGHEST * rate)
     beat = _noise(random, time, 0.5, 4.0, rate)
     bursts = np.maximum(beat / np.std(beat), 0.0)
     line = (
@@ -202,7 +207,8 @@ def _taps(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
     begin = 0.3
     while begin < time[-1]:
         since = np.maximum(time - begin, 0.0)
-        ringing = np.sin(2 * np.pi * _log_uniform(random, 60.0, 450.0) * since)
+        frequency = min(_log_uniform(random, 60.0, 450.0), HIGHEST / (time[1] - time[0]))
+        ringing = np.sin(2 * np.pi * frequency * since)
         found = found + random.uniform(2.0, CREST) * ringing * np.exp(
             -since / random.uniform(3e-3, 20e-3)
         )

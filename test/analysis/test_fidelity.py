@@ -19,7 +19,8 @@ from __future__ import annotations
 
 import pytest
 
-from haptic_accel.analysis.fidelity import SPREAD, Case, hand, run_case
+from haptic_accel.analysis.fidelity import CONDITIONS, SPREAD, Case, Wanted, hand, run_case
+from haptic_accel.analysis.input_family import member
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.graph.arguments import GraphArguments
 
@@ -53,3 +54,24 @@ def test_hands_lie_within_their_spread_and_are_the_same_again() -> None:
         assert high * 0.9 < max(factors) <= high
     assert hand(5, 7) == hands[7]
     assert hand(6, 7) != hands[7]
+
+
+@pytest.mark.slow
+def test_slow_motion_of_the_hand_is_learnt_as_such() -> None:
+    # Noise from 17 Hz on, under a hand that moves to and fro: travel of 3.6 mm is too little for
+    # both. A filter that knows the spectrum and stays within it has 2.5 %.
+    moved = member(70, 8.0, 1000.0)
+    arguments = GraphArguments(rig="ideal", controller="adaptive")
+    row = run_case(Case("inputs", moved.name, "Table I", arguments, recording=moved.acceleration))
+    assert row["limited_bound_percent"] < 3.0
+    assert row["nrmse_by_2_s_percent"][-1] < 10.0
+
+
+def test_the_family_of_inputs_is_measured_by_halves() -> None:
+    cases = list(CONDITIONS["inputs"](Wanted((), "", 500.0, 0, 0)))
+    halves = {case.condition for case in cases}
+    assert halves == {
+        "family of inputs, developed with, ideal, 0.5 kHz",
+        "family of inputs, reported, ideal, 0.5 kHz",
+    }
+    assert len({case.input for case in cases}) == 200
