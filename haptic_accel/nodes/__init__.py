@@ -19,7 +19,7 @@ import os
 
 from haptic_accel.core.process import BLAS_THREADS
 
-# A node computes on one thread. BLAS's own would spin while they wait for each other, and where
-# the spinning one is real-time and the other is not, the other may never get a core.
+# A node computes on one thread. Threads of BLAS spin while they wait for each other, and a
+# spinning real-time thread may keep the others from a core for ever.
 for _variable in BLAS_THREADS:
     os.environ.setdefault(_variable, "1")

@@ -37,23 +37,23 @@ _shared: dict[tuple[Any, str], BundleSender] = {}
 
 
 def participant(endpoint: Any) -> bytes:
-    """Return the globally unique identifier of the process that an endpoint is in."""
+    """Return the globally unique identifier of an endpoint's process."""
     return bytes(endpoint.endpoint_gid)[:12]
 
 
 def owner(endpoint: Any) -> tuple[bytes, str]:
-    """Return the process and the full name of the node that an endpoint is of."""
+    """Return an endpoint's process and the full name of its node."""
     return participant(endpoint), f"{endpoint.node_namespace}/{endpoint.node_name}"
 
 
 def join(node: Node, offer: Callable[[], Publisher]) -> BundleSender:
-    """Return the bundles that a node shares with the others of its process and namespace.
+    """Return the bundles that all nodes of a process and namespace share.
 
     Parameters
     ----------
     node : Node
     offer : callable
-        Creates a publisher of the node for them, if it is the first.
+        Creates the publisher of the bundles for their first node.
     """
     place = _place(node)
     if place not in _shared:
@@ -71,7 +71,7 @@ class BundleSender:
     Parameters
     ----------
     node : Node
-        Node that publishes them; without it the others' signals are in no bundle.
+        Node that publishes the bundles; once it is destroyed, bundling stops.
     publisher : Publisher
 
     Attributes
@@ -99,7 +99,7 @@ class BundleSender:
             self.flush()
 
     def flush(self) -> None:
-        """Publish what was collected."""
+        """Publish collected messages."""
         if data := self._bundle.flush():
             self._publish(data)
 
@@ -108,7 +108,7 @@ class BundleSender:
             self.flush()
 
     def leave(self, node: Node) -> None:
-        """Publish what was collected, before a node is destroyed."""
+        """Publish collected messages before a node is destroyed."""
         self.flush()
         if node is self._node:
             self.listening = int

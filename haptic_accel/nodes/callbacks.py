@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Guarded callbacks: an exception in one is counted and logged, and does not end the node."""
+"""Guarded callbacks, whose exceptions are counted and logged, and do not end the node."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ Entity = TypeVar("Entity")
 
 
 def refused(response: Any, reason: str) -> Any:
-    """Return a new response with the reason of a refusal in it, where its type has a field for it.
+    """Return a new response, with the reason of a refusal if its type has a field for reasons.
 
-    It says no by itself: what tells of success is false by default.
+    By default it is a refusal: fields for success are false.
     """
     for name in REASONS:
         if hasattr(response, name):
@@ -49,21 +49,20 @@ def refused(response: Any, reason: str) -> Any:
 class CallbackGuard:
     """Calls the callbacks of one node's services, subscriptions, timers and events.
 
-    What they raise is counted, and the first failure of each kind is logged. A service answers in
-    any case.
+    Exceptions are counted, and the first failure of each kind is logged. A service always answers.
 
-    What a sender can reach must not end a node, and with it the graph. Still allowed to end it:
+    No sender may end a node, and thus the graph. Only two kinds of error end a node:
 
-    - An error of a node's own loop, `work`: the node has lost its way, and closing it leaves no
-      force. What comes from outside is checked before it gets there (`Inbox`, `Samples`).
-    - An error at the start, or of the bag that is recorded.
+    - An error in the node's own loop, `work`: closing the node removes its forces. Messages are
+      checked before `work` takes them (`Inbox`, `Samples`).
+    - An error at the start, or in writing a bag.
 
-    A device that fails is closed without force, and its node goes on.
+    A failed device is closed without force; the node continues.
 
     Parameters
     ----------
     log, explain : callable
-        Called with a line for each kind of failure, and with where it comes from.
+        Called with a line for each kind of failure, and with its traceback.
 
     Attributes
     ----------
@@ -97,7 +96,7 @@ class CallbackGuard:
         return entity
 
     def service(self, service: Service) -> Service:
-        """Return a service that is guarded, and answers where its callback fails."""
+        """Return a guarded service, which answers even if its callback fails."""
         callback, send = service.callback, service.send_response
         if hasattr(callback, "guard"):
             return service
@@ -112,7 +111,7 @@ class CallbackGuard:
         def answer(response: Any, header: Any) -> None:
             try:
                 send(response, header)
-            except Exception as error:  # of a response that ROS cannot convert, for one
+            except Exception as error:  # for example, ROS cannot convert a response
                 reason = self.note(name, error)
                 try:
                     send(refused(service.srv_type.Response(), reason), header)
@@ -124,7 +123,7 @@ class CallbackGuard:
         return service
 
     def note(self, name: str, error: Exception) -> str:
-        """Count a failure, and log the first of its kind; return it in one line."""
+        """Count a failure, log the first of its kind, and return it in one line."""
         self.failed[name] += 1
         reason = shown(f"{type(error).__name__}: {' '.join(str(error).split())}")
         if (name, type(error)) not in self._kinds:

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Executable `compensator`: from the tool's acceleration to the force of the actuator."""
+"""Executable `compensator`: the actuator's force from the tool's acceleration."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ import time
 from collections.abc import Iterable
 from typing import Any
 
-# Loaded now, so that it is there when other nodes see this one: designing a filter needs it.
+# Loaded before other nodes see this node, because designing a filter needs it.
 import scipy.signal  # noqa: F401
 from std_srvs.srv import Trigger
 
@@ -42,7 +42,7 @@ FROZEN = "adaptive.frozen"
 class Compensator(GraphNode):
     """Computes one actuator force from each sample of the tool, and publishes it first.
 
-    It is computed with the handle's acceleration of the tick before, which is waited for a little.
+    The controller briefly waits for the handle's acceleration of the previous tick.
     """
 
     task = "compensation"
@@ -52,7 +52,7 @@ class Compensator(GraphNode):
     def __init__(self) -> None:
         super().__init__("compensator", ("controller", FROZEN))
         p = self.parameters
-        # All of them: designing one takes longer than a force may wait.
+        # All at once: designing a controller must not delay a force.
         self._compensation = Compensation(
             p, p.rate, self.options, tuple(CONTROLLERS), latency=p.latency
         )
@@ -81,7 +81,7 @@ class Compensator(GraphNode):
         return self._arrivals.polled(found=came and not self.part.waiting)
 
     def publish(self, felt: Iterable[Caused], offset: int) -> None:
-        """Publish forces, whose stamps are by an offset in ns behind system time."""
+        """Publish forces; system time is their stamps plus an offset in ns."""
         for stamp, desired, force in felt:
             self._send_force(stamp + offset, along_actuator(force))
             self._send_desired(stamp + offset, along_actuator(desired))

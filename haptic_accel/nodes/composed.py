@@ -13,10 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Executable `composed`: all nodes of a host with both arms but the recorder in one process.
+"""Executable `composed`: all nodes for both arms, except the recorder, in one process.
 
-They hand signals to each other without messages, in the order of lockstep; but a fault in one node
-ends all. The recorder stays apart, so that writing delays no force.
+The nodes exchange signals without messages, in lockstep order, but a fault in one node ends all.
+The recorder is a separate process, so that writing delays no force.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from haptic_accel.nodes.slave_device import SlaveDevice
 
 def main() -> None:
     """Run the nodes."""
-    # The order of lockstep: both arms are sampled first, the one that is held before the other;
-    # what they cause is due at the next tick.
+    # The order of lockstep: the master is sampled first, then the slave; the resulting forces are
+    # due at the next tick.
     run("composed", MasterDevice, SlaveDevice, Coupler, Compensator, join=join)
 
 

@@ -13,9 +13,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Executable `composed_master`: the nodes of the master's host, as in `composed`, but the link.
+"""Executable `composed_master`: the master host's nodes, as in `composed`, without the link.
 
-The link stays apart: it is the only process that the network reaches.
+The link is separate, as the only process that the network reaches.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from haptic_accel.nodes.scheduling import run
 
 def main() -> None:
     """Run the nodes."""
-    # The arm is sampled first; what it and the peer's sample cause is due at the next tick.
+    # The arm is sampled first; the resulting forces are due at the next tick.
     run("composed_master", MasterDevice, HalfCoupler, Compensator, join=join)
 
 

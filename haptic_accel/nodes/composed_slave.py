@@ -13,9 +13,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Executable `composed_slave`: the nodes of the slave's host, as in `composed`, but the link.
+"""Executable `composed_slave`: the slave host's nodes, as in `composed`, without the link.
 
-The link stays apart: it is the only process that the network reaches.
+The link is separate, as the only process that the network reaches.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from haptic_accel.nodes.slave_device import SlaveDevice
 
 def main() -> None:
     """Run the nodes."""
-    # The arm is sampled first; what it causes is due at the next tick.
+    # The arm is sampled first; its forces are due at the next tick.
     run("composed_slave", SlaveDevice, HalfCoupler, join=join)
 
 

@@ -40,7 +40,7 @@ from haptic_accel.nodes.timing import CATCH_UP
 
 
 class Coupler(CouplingNode):
-    """Couples both arms: the samples of a tick give the forces on both."""
+    """Computes the forces on both arms from the samples of a tick."""
 
     def __init__(self) -> None:
         super().__init__((*schema(CouplingParameters), *schema(PassiveParameters)))
@@ -109,7 +109,7 @@ class Coupler(CouplingNode):
         return came and not self.part.waiting
 
     def publish(self, tools: Iterable[Tool], pulls: Iterable[Pull], offset: int) -> None:
-        """Publish forces; the samples of the tool are the slave device's."""
+        """Publish forces; the slave device publishes the tool's samples."""
         for arm, stamp, force in pulls:
             self.forces[arm].send(stamp + offset, force)
 

@@ -48,12 +48,12 @@ class SynchronizedSignal:
     ----------
     samples : Samples
     flowing : bool
-        Its samples come, so that positions wait for theirs.
+        The signal arrives, so positions wait for it.
 
     Attributes
     ----------
     value : tuple of float
-        At the last position for which `at` was true.
+        Sample of the last stamp for which `at` was true.
     """
 
     def __init__(self, samples: Samples, *, flowing: bool) -> None:
@@ -73,7 +73,7 @@ class SynchronizedSignal:
         """Advance to a stamp; return True if its sample is available, lost, or not expected."""
         while self._waiting and self._waiting[0][0] <= stamp:
             self._stamp, self.value = self._waiting.popleft()
-        # A later one shows that this one is lost; then the one before stands for it.
+        # A later sample shows a loss; the previous sample replaces the lost one.
         return self._stamp == stamp or bool(self._waiting) or not self.flowing
 
     def clear(self) -> None:
@@ -88,9 +88,9 @@ class MotionSynchronizer:
     ----------
     positions : Samples
     velocities : Samples or None
-        None where velocities are not needed, and count as zero.
+        None if velocities are not needed; they are then zero.
     work : Samples or None
-        Work of the arm's force, where it is needed.
+        Work of the arm's force, if needed.
 
     Attributes
     ----------
@@ -143,8 +143,8 @@ class MotionSynchronizer:
 class CouplingNode(GraphNode):
     """Couples arms while an `Engagement` allows it.
 
-    Services release the arms and engage them again: `estop` stops their devices as well,
-    `~/engage` acts on the arms alone.
+    Services release the arms and engage them again: `estop` also stops the devices, `~/engage`
+    does not.
 
     Parameters
     ----------
@@ -156,8 +156,8 @@ class CouplingNode(GraphNode):
     part : Coupling
         Set by a subclass.
     sides : mapping of str to DeviceSide
-        Devices that share the loop of this process; none if it has none. Then the loop takes their
-        samples and forces through the part, and calls `receive`, `step`, `reply` and `publish`.
+        Devices in this process; empty if there are none. With devices, a loop passes samples and
+        forces through `part`, and calls `receive`, `step`, `reply` and `publish`.
     """
 
     part: CouplingPart | HalfCouplingPart
@@ -173,7 +173,7 @@ class CouplingNode(GraphNode):
         self.sides: Mapping[str, DeviceSide] = {}
         self._arrivals = ArrivalKeeper(self.parameters.rate)
         self._aside = False
-        # Until the first message only: each costs the compensator a little.
+        # Until the first message only: each message slows the compensator.
         self._first_force: Inbox | None = None
         if self.parameters.compensated:
             self._first_force = self.inbox(topics.ACTUATOR_FORCE)
@@ -186,7 +186,7 @@ class CouplingNode(GraphNode):
 
     @abstractmethod
     def couple(self) -> bool:
-        """Send the forces of every complete sample; return True if none waits."""
+        """Send forces of all complete samples; return True if no sample waits."""
 
     def receive(self, offset: int) -> None:
         """Receive the peer's packets before a tick; do nothing without a peer.
@@ -222,21 +222,21 @@ class CouplingNode(GraphNode):
         return self._arrivals.polled(found=self.couple())
 
     def stop_forces(self) -> None:
-        """Stop all, and release the arms."""
+        """Stop all devices, release arms."""
         self.engagement.stop.stop()
         self.follow_stop()
 
     def missing(self) -> str:
-        """Return what prevents engaging, or has failed since; empty for nothing."""
+        """Return the reason not to engage, or a later failure; empty for none."""
         return self.engagement.missing(time.monotonic(), self.listeners)
 
     @property
     def listeners(self) -> int:
-        """Number of subscribers to an arm's force, the smaller one of both arms."""
+        """Number of subscribers to an arm's force, the smaller of both arms."""
         return 0 if self._aside else min(force.listeners for force in self.forces.values())
 
     def step(self) -> None:
-        """Engage, release, or end, by the present state."""
+        """Engage, release or end according to the state."""
         if not self.sides:
             self.couple()
         self._step_aside(self.engagement.aside(time.monotonic()))
@@ -247,7 +247,7 @@ class CouplingNode(GraphNode):
             if self.engagement.compensated:
                 self._first_force.leave()
                 self._first_force = None
-                return  # that took a while: engaging waits for the next call
+                return  # leaving took time: engage at the next call
         decision = self.part.poll(time.monotonic(), self.listeners)
         if decision.release:
             self._let_go()
@@ -272,7 +272,7 @@ class CouplingNode(GraphNode):
                 force.withdraw() if aside else force.offer()
 
     def follow_stop(self) -> None:
-        """React at once to a change of the emergency stop, whoever requested it."""
+        """React at once to any change of the emergency stop."""
         if self._stop.follow():
             self.step()
             self.report()

@@ -13,10 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""CRTK's side of a device node: queries, motion commands and operating state of its arm.
+"""CRTK interface of a device node: queries, motion commands and operating state of the arm.
 
-The graph itself needs none of it, and so it costs nothing until somebody asks: queries are
-published while they have subscribers, commands are looked for while they have publishers.
+The graph itself does not use CRTK, which costs nothing until it is used: queries are published
+while they have subscribers, commands are polled while they have publishers.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ STATE_COMMAND_AGE = 1.0
 
 
 class Queries:
-    """Joint state, force and set-points of an arm, published while somebody subscribes.
+    """Joint state, force and set-points of an arm, published while they have subscribers.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Queries:
     Attributes
     ----------
     asked : bool
-        Somebody subscribed when `poll` was called last.
+        True if the last `poll` found a subscriber.
     """
 
     def __init__(self, node: GraphNode, arm: ArmTopics) -> None:
@@ -112,7 +112,7 @@ class Queries:
         force : tuple of float
             Force of the arm's motors at that time, N.
         set_point : tuple of float or None
-            Position at which the arm is held, m; None if it is not.
+            Position at which the arm is held, m; or None.
         joints : callable
             Returns the joints for sample and force.
         """
@@ -150,7 +150,7 @@ class MotionSynchronizer:
     arm : ArmTopics
     parameters : PositionServoParameters
     limits : ArmLimits
-        Positions have the largest age of forces.
+        Positions have the maximum age of forces.
 
     Attributes
     ----------
@@ -158,9 +158,9 @@ class MotionSynchronizer:
     positions : Inbox
         Commands of `servo_cp`.
     expected : bool
-        Somebody published when `poll` was called last.
+        True if the last `poll` found a publisher.
     refused : int
-        Number of positions that were out of date, or not finite.
+        Number of outdated or non-finite positions.
     """
 
     def __init__(
@@ -184,7 +184,7 @@ class MotionSynchronizer:
         self.expected = any(inbox.senders for inbox in inboxes)
 
     def receive(self, position: Vector) -> bool:
-        """Process commands with the arm at a position, m; return True if one frees it."""
+        """Process commands at an arm position, m; return True if the arm is freed."""
         for stamp, goal in self.positions.drain_vectors():
             if self._valid(stamp, goal):
                 self.servo.set_point = goal
@@ -204,9 +204,9 @@ class MotionSynchronizer:
 
 
 class OperatingState:
-    """CRTK's state of an arm, and the commands that change it by the managed node's transitions.
+    """CRTK state of an arm, whose commands cause transitions of the managed node.
 
-    Both need CRTK's own messages; whether the arm is homed or busy is published without them, too.
+    States and commands need CRTK's messages; "homed" and "busy" are published without these.
 
     Parameters
     ----------
@@ -214,9 +214,9 @@ class OperatingState:
     arm : ArmTopics
     safety : SafetyLayer
     fault : callable
-        Returns what is wrong with the device; empty for nothing.
+        Returns the device's fault; empty for none.
     rearm : callable
-        Allows forces again after a fault; returns why not, if so.
+        Allows forces again after a fault; returns any refusal.
     """
 
     def __init__(
@@ -247,7 +247,7 @@ class OperatingState:
 
     @property
     def state(self) -> str:
-        """State by CRTK's names."""
+        """CRTK state name."""
         if self._fault() not in ("", self._known_fault):
             return FAULT
         if self._node.state == ACTIVE:
@@ -257,7 +257,7 @@ class OperatingState:
         return PAUSED if self._pausing and self._node.state == INACTIVE else DISABLED
 
     def report(self, *, busy: bool = False, again: bool = False) -> None:
-        """Publish the state if it changed; unchanged, too, with `again`."""
+        """Publish the state if it changed, with `again` in any case."""
         homed = self._node.state in (INACTIVE, ACTIVE)
         starting = self._node.state == ACTIVE and not self._safety.active
         current = self.state, homed, busy or starting
@@ -275,7 +275,7 @@ class OperatingState:
             self._state.publish(message)
 
     def _receive(self, command: Any) -> None:
-        """Execute a recent command, or one without a stamp; a recorded one is ignored."""
+        """Execute a command with a recent stamp or none; log any other as outdated."""
         sent = command.header.stamp
         stamp = sent.sec * NANOSECONDS + sent.nanosec
         if stamp and abs(time.time_ns() - stamp) > STATE_COMMAND_AGE * NANOSECONDS:

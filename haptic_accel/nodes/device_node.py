@@ -56,10 +56,10 @@ def steady_now() -> float:
 class DeviceNode(ManagedNode):
     """Samples a device on the machine's sampling grid, publishes, and applies commands when due.
 
-    At each tick it takes a sample, applies the forces that are due, those caused by the samples
-    `latency` ticks before, and then publishes. What comes later is applied on arrival. Every
-    command passes a safety layer. Once configured, the node samples and publishes,
-    which needs no force and shows whether all is well; forces are allowed only while it is active.
+    At each tick the node takes a sample, applies the due forces, caused by the samples `latency`
+    ticks before, and then publishes. Late forces are applied on arrival. Every command passes a
+    safety layer. A configured node samples and publishes without forces, which shows any faults;
+    forces are allowed only in the active state.
 
     Parameters
     ----------
@@ -72,11 +72,11 @@ class DeviceNode(ManagedNode):
     ----------
     arm : str
     side : DeviceSide
-        Its part of the loop.
+        Device in the loop.
     offset : int
         System time minus steady time at the last tick, ns.
     rate_keeper : RateKeeper
-        Ticks of its loop.
+        Ticks of the loop.
     """
 
     task = "sampling"
@@ -105,7 +105,7 @@ class DeviceNode(ManagedNode):
         self._reported_unread = 0
         self._reported_deadlines = 0, 0
         self._acceleration, self._position, self._velocity = (
-            # What makes the felt force goes first.
+            # The input of the felt force is first.
             self.sender(topic)
             for topic in (arm.acceleration, arm.position, arm.velocity)
         )
@@ -117,7 +117,7 @@ class DeviceNode(ManagedNode):
         if arm.actuator_force:
             self._inboxes[ACTUATOR] = self.inbox(arm.actuator_force)
         self._senders = dict.fromkeys(self._inboxes, 0)
-        # The newest is enough; of more, none may hold up a tick.
+        # The newest set-point is enough; others may not delay a tick.
         self._points = (
             self.inbox(topics.HAND_SET_POINT, depth=1) if self._kind.description.pointed else None
         )
@@ -158,7 +158,7 @@ class DeviceNode(ManagedNode):
             if self.device.hang_warning:
                 self.get_logger().warning(self.device.hang_warning)
             self.side.start(self.device)
-        except Exception as error:  # rclpy would keep it to itself
+        except Exception as error:  # rclpy would not show it
             self._failure = error
             if not self._starting:  # otherwise the process ends with this line
                 self.get_logger().error(str(error))
@@ -248,7 +248,7 @@ class DeviceNode(ManagedNode):
         return self._warning(), {**values, **counts}
 
     def _warning(self) -> str:
-        """Return current problems, and those since the last report."""
+        """Return current problems and those since the last report."""
         stall = self.rate_keeper.pop_longest_gap(self.arm)
         unread = self.side.unread
         new, self._reported_unread = unread - self._reported_unread, unread
@@ -285,7 +285,7 @@ class DeviceNode(ManagedNode):
         """Configure and activate; raise the error that prevents it."""
         self._starting = True
         if self.trigger_configure() != Outcome.SUCCESS:
-            self.destroy_node()  # nobody else can, of a node that was never made
+            self.destroy_node()  # the caller gets no node to destroy
             assert self._failure
             raise self._failure
         self._starting = False
@@ -326,7 +326,7 @@ class DeviceNode(ManagedNode):
 
     @property
     def received(self) -> int:
-        """Number of kinds of forces that come as messages, not from the loop of this process."""
+        """Number of kinds of forces that come as messages, not from this process's loop."""
         return sum([not inbox.fed for inbox in self._inboxes.values()])
 
     def publish(self, taken: Taken) -> None:
@@ -369,7 +369,7 @@ class DeviceNode(ManagedNode):
             if inbox.fed:
                 continue
             taken = inbox.drain_vectors()
-            # After they are taken: who sent any of them is found by now.
+            # Checked after taking messages, whose senders are known by now.
             if inbox.senders != self._senders[kind]:
                 self._note_rivals(kind)
             if self._senders[kind] > 1:
@@ -387,13 +387,13 @@ class DeviceNode(ManagedNode):
             self.side.refuse(kind)
 
     def _unstamped(self, kind: str) -> int:
-        """Return the stamp for a force without one: that of now, or none, for it to be refused."""
+        """Return a stamp for an unstamped force: the present time, or none to refuse the force."""
         if kind == ARM and self.options[SAFETY].arm.zero_stamp:
             return self.rate_keeper.time(self.side.tick) + self.offset
         return 0
 
     def follow_stop(self) -> None:
-        """Stop on anybody's request; withdrawing a request does not release the stop."""
+        """Stop on any request; withdrawing the request does not release the stop."""
         self._stop.follow()
         if not self._settled and self._stop.settled:
             self._settled = True
@@ -440,7 +440,7 @@ class DeviceNode(ManagedNode):
         return str(self._failure or (self.side.sampling and self.device.problem) or "")
 
     def _log_news(self) -> None:
-        """Log news of the safety layer, each once; look who sends commands and who asks."""
+        """Log new events of the safety layer; look for command senders and subscribers."""
         for look in (self._motions.poll, self._queries.poll, self._operating.report):
             look()
         self._work_asked = self._work_sender.listeners > 0

@@ -33,7 +33,7 @@ from haptic_accel.core.emergency_stop import EmergencyStop
 from haptic_accel.core.topics import COUPLER_STOPPED, DEVICES, EMERGENCY_STOP, STOPS, Topic
 from haptic_accel.nodes.service_client import Answers, RequestError, ServiceClient, Services
 
-if TYPE_CHECKING:  # a command that stops must not wait for what a node loads
+if TYPE_CHECKING:  # a stop command must not wait for imports of nodes
     from haptic_accel.core.coupling.engagement import Engagement
     from haptic_accel.nodes.graph_node import GraphNode
 
@@ -66,16 +66,16 @@ class NodeStop:
     ----------
     node : GraphNode
     stop : EmergencyStop
-        Its stop, which others may set, too.
+        Stop of the node, set by others, too.
     state : Topic
-        Topic of its state, true while stopped.
+        Topic of the state, true while stopped.
     service : str
-        Service that stops and releases it.
+        Service that stops and releases.
     """
 
     def __init__(self, node: GraphNode, stop: EmergencyStop, state: Topic, service: str) -> None:
         self._node, self._stop = node, stop
-        # Without a namespace the graph's own topic is that of all graphs.
+        # Without a namespace, the graph uses the topic of all graphs.
         found = {(node.resolve_topic_name(it.name), it.latched): it for it in STOPS}
         self._inboxes = [node.inbox(topic) for topic in found.values()]
         self._names = {name for name, _ in found}
@@ -84,7 +84,7 @@ class NodeStop:
         self._followed = False
 
     def tell(self) -> None:
-        """Publish whether the node is stopped; to be called once a second at least."""
+        """Publish whether the node is stopped; call it at least once a second."""
         self._publish(Bool(data=self._stop.stopped))
 
     def follow(self) -> bool:
@@ -115,15 +115,15 @@ class NodeStop:
 
     @abstractmethod
     def _obey(self) -> None:
-        """Act upon a stop, which may not be new."""
+        """Act upon a stop, new or repeated."""
 
     @abstractmethod
     def _release(self, answer: Answer, now: float) -> None:
-        """Act upon the release of the node's own stop, and answer the request for it."""
+        """Act upon the release of the node's own stop, and answer the request."""
 
 
 class DeviceStop(NodeStop):
-    """Emergency stop of a device, which follows the coupler, but is released by itself.
+    """Emergency stop of a device, which follows the coupler but is released separately.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ class DeviceStop(NodeStop):
     state : Topic
         As for `NodeStop`.
     take_off : callable
-        Remove all forces, and publish the state; called for every stop, whether or not new.
+        Removes all forces and publishes the state; called for every stop, new or repeated.
     released : callable
         Called after each release.
     """
@@ -167,7 +167,7 @@ class DeviceStop(NodeStop):
 
 @dataclass(frozen=True)
 class _Release:
-    """A release that devices were asked for, and the function that answers who asked for it."""
+    """Release requested from the devices, and the function that answers the requester."""
 
     answer: Answer
     devices: Answers
@@ -175,17 +175,17 @@ class _Release:
 
 
 class CouplerStop(NodeStop):
-    """Emergency stop of the coupler: its state over all nodes, those of the devices, its release.
+    """Emergency stop of the coupler, which follows devices and forwards releases to them.
 
-    The service `estop` stops at once. A release is passed on to the devices, and answered when
-    they have: all are released, or none.
+    The service `estop` stops at once. A release is forwarded to the devices, and answered after
+    all devices answer: all are released, or none.
 
     Parameters
     ----------
     node : GraphNode
         As for `NodeStop`.
     engagement : Engagement
-        Engagement of the arms of this host, with the stop.
+        Engagement of this host's arms, with the stop.
     """
 
     def __init__(self, node: GraphNode, engagement: Engagement) -> None:
@@ -214,7 +214,7 @@ class CouplerStop(NodeStop):
         self._releases.append(_Release(answer, devices, now + ANSWER_TIME))
 
     def _is_answered(self, release: _Release, now: float) -> bool:
-        """Answer once all devices have, or time is over; stop all again if one refuses."""
+        """Answer after all devices, or at the time-out; stop all if a device refuses."""
         refused, silent = release.devices.refusals, release.devices.silent
         if now >= release.deadline:
             refused += [f"{name}: no answer within {ANSWER_TIME:g} s" for name in silent]
@@ -223,7 +223,7 @@ class CouplerStop(NodeStop):
         if silent and not refused:
             return False
         if refused:
-            self._stop.follow()  # no new stop: a peer that was released stays so
+            self._stop.follow()  # no new stop: a released peer stays released
         devices = release.devices.asked
         released = f"{' and '.join(devices)} take forces again" if devices else "no device"
         message = "; ".join(refused) or f"released: {released}"
@@ -237,14 +237,14 @@ async def stop_devices(client: ServiceClient, timeout: float) -> tuple[str, set[
     Parameters
     ----------
     client : ServiceClient
-        In the namespace of the graph; in none to stop the graphs of all namespaces.
+        In the graph's namespace; without a namespace to stop all graphs.
     timeout : float
         Time-out for the devices to be found and to confirm, s.
 
     Returns
     -------
     tuple
-        A line on the devices that confirm, and the full names of those that do not.
+        A line on the confirming devices, and the full names of the others.
     """
     node = client.node
     node.create_publisher(Bool, EMERGENCY_STOP.name, LATCHED).publish(Bool(data=True))
@@ -256,7 +256,7 @@ async def stop_devices(client: ServiceClient, timeout: float) -> tuple[str, set[
         answers[device] = message.data
 
     def is_confirmed() -> bool:
-        # Anew each time: that an arm is elsewhere is known when its coupler has been found.
+        # Repeated, because a coupler that was found may reveal an arm on a peer host.
         devices = dict(_devices(node))
         asked.clear()
         asked.update(devices)
@@ -274,7 +274,7 @@ async def stop_devices(client: ServiceClient, timeout: float) -> tuple[str, set[
 
 
 def _devices(node: Node) -> Iterator[tuple[str, str]]:
-    """Yield the full names of the devices that must confirm, and of the topics where they do."""
+    """Yield the full names of devices that must confirm and of their confirmation topics."""
     namespaces = {node.get_namespace().rstrip("/")}
     if namespaces == {""}:
         states = [f"/{arm.stopped.name}" for arm in DEVICES.values()]
@@ -290,13 +290,13 @@ def _devices(node: Node) -> Iterator[tuple[str, str]]:
 
 
 async def release(client: ServiceClient, timeout: float = 0.0) -> tuple[str, set[str]]:
-    """Ask the coupler for the release, or the devices if it does not answer.
+    """Ask the coupler for the release, or the devices if there is no answer.
 
     Parameters
     ----------
     client : ServiceClient
     timeout : float
-        Time for which a refused release is requested again, s: the reason may just have gone.
+        Time to repeat a refused release, s, as the reason of the refusal may disappear.
 
     Returns
     -------

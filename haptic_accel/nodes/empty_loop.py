@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""An empty loop on the sampling grid: the ticks that this machine can hold, whatever the nodes do.
+"""Empty loop on the sampling grid, which measures the machine's lateness without any node.
 
 ``python -m haptic_accel.nodes.empty_loop RATE SECONDS`` runs it with the priority of a node, and
 prints its result as JSON.

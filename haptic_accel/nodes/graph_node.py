@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Base of all nodes: their signals, the senders of these, and diagnostics."""
+"""Base of all nodes: signals, their publishers, and diagnostics."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class GraphNode(TopicNode):
     task : str
         Subject of its diagnostics.
     contested_in_loop : int
-        Number of samples that the loop of this process did not pass on, as others published them.
+        Number of samples withheld by this process's loop, as other nodes published the signal.
     """
 
     task: str
@@ -79,10 +79,10 @@ class GraphNode(TopicNode):
         self._refused_before: Counter[str] = Counter()
         super().__init__(executable, changeable)
         self._gathered = b""
-        # As `publish` does, which asks first what it got.
+        # As in `publish`, without its type check.
         self._publish_diagnostics: Any = self.publisher(DIAGNOSTICS).handle.publish_raw
-        # Each in its turn: together they take longer than a period has left. By one timer, as of
-        # several that are due at once the executor serves any first.
+        # In turns, as all parts together take longer than a period has left. One timer keeps the
+        # order: the executor serves several due timers in any order.
         parts = (self._gather_diagnostics, self._report_gathered, self.repeat_states)
         turns = cycle(parts)
         self.create_timer(DIAGNOSTICS_PERIOD / len(parts), lambda: next(turns)())
@@ -99,7 +99,7 @@ class GraphNode(TopicNode):
         self._locks.append(lock_signal(self.context.get_domain_id(), name))
         if topic not in SIGNALS:
             return Sender(self, topic)
-        # Found by others before the signal is, which shows them that the signal is in it.
+        # Other nodes must find the bundles first, to know that the signal is in them.
         self._bundles = join(self, partial(self.publisher, BUNDLES, BUNDLES_KEPT))
         return Sender(self, topic, self._bundles)
 
@@ -127,7 +127,7 @@ class GraphNode(TopicNode):
         self._sole[topic.name] = inbox
 
     def rivals(self, *inboxes: Inbox | Publishers) -> str:
-        """Return who publishes to inboxes unless it is one sender; then an empty text.
+        """Return the senders to inboxes if there are several; otherwise an empty text.
 
         Publishers are counted, as node names are not unique: one node that publishes once to each
         inbox is one sender.
@@ -156,9 +156,9 @@ class GraphNode(TopicNode):
         return sorted(map(_full_name, found))
 
     def states(self, inbox: Inbox) -> list[bool]:
-        """Return the values of a state: true by anyone, false by a publisher that is alone.
+        """Return values of a state: true from any publisher, false from a sole publisher.
 
-        A recording that is played may stop the graph, but must not release the stop.
+        A played recording may stop the graph, but must not release the stop.
         """
         return [state for state in inbox.drain_states() if state or inbox.senders < 2]
 
@@ -170,7 +170,7 @@ class GraphNode(TopicNode):
         self.report()
 
     def destroy_node(self) -> None:
-        """Destroy the node, with its last messages sent; its signals may have another sender."""
+        """Send the last messages and destroy the node; others may then send its signals."""
         if self._bundles:
             self._bundles.leave(self)
             self._bundles = None
@@ -187,8 +187,8 @@ class GraphNode(TopicNode):
         return "", {}
 
     def report(self) -> None:
-        """Publish the node's diagnostics, and what else is published once a second."""
-        self._report_gathered()  # what it warns of is in no later report
+        """Publish all that the node publishes once a second, such as diagnostics."""
+        self._report_gathered()  # later reports lack its warnings
         self._gather_diagnostics()
         self._report_gathered()
         self.repeat_states()
@@ -197,7 +197,7 @@ class GraphNode(TopicNode):
         """Publish latched states again, for subscribers without their history."""
 
     def _report_gathered(self) -> None:
-        """Publish the diagnostics that were gathered, each once."""
+        """Publish gathered diagnostics, each once."""
         if self._gathered:
             self._publish_diagnostics(self._gathered)
             self._gathered = b""
@@ -237,10 +237,10 @@ class GraphNode(TopicNode):
         return counts
 
     def _look_for_rivals(self) -> None:
-        """Log once where a signal has several publishers, and once that it has one again."""
+        """Log once if a signal has several publishers, and once if it has one again."""
         for name, inbox in self._sole.items():
             found = self.rivals(inbox)
-            # Who they are is known a moment after that there are several.
+            # The publishers' names are known shortly after their number.
             settled = found == self._rivals.get(name, "")
             self._rivals[name] = found
             if settled and bool(found) != (name in self._told):

@@ -56,7 +56,7 @@ def set_surface(name: str) -> Request:
     Raises
     ------
     ParameterError
-        There is none, its file is wrong, or it cannot be chosen while the graph runs.
+        The surface is unknown, its file is wrong, or a running graph cannot take it.
     """
     if is_recording(name):
         raise ParameterError(f"surface = {name!r}: must be chosen when the graph starts")
@@ -78,5 +78,5 @@ def engage(value: bool) -> Request:
 
 
 def trigger(service: str) -> Request:
-    """Call a service that needs nothing but its name."""
+    """Call a service whose request has no fields."""
     return Request(Trigger, service, Trigger.Request())

@@ -15,7 +15,7 @@
 
 """Executable `half_coupler`: the half of the coupling at this host's arm.
 
-Its datagrams go to and come from the link of this host, which carries them to the peer's.
+It exchanges datagrams with this host's link, which exchanges them with the peer's link.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ MOST_TOLD = 20
 
 
 class HalfCoupler(CouplingNode):
-    """Couples the arm of this host to that of the peer.
+    """Couples this host's arm to the peer's arm.
 
-    On the master's host the tool's acceleration is played, one sample at each tick of the
-    grid on which devices sample, and with its stamp, as if the slave's device were here.
+    On the master's host it publishes the tool's acceleration, one sample at each tick of the
+    sampling grid, stamped with that tick, as if the slave device were here.
     """
 
     def __init__(self) -> None:
@@ -84,16 +84,16 @@ class HalfCoupler(CouplingNode):
         return self._here
 
     def start_anew(self) -> None:
-        """Forget the samples that wait."""
+        """Discard waiting samples."""
         self._motions.clear()
 
     def close(self) -> None:
-        """Leave the arm without force, and the path to the link to others."""
+        """Leave the arm without force, and release the path to the link."""
         super().close()
         self._local.close()
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:
-        """Return what is wrong with the peer or missing, and the values of network and law."""
+        """Return the peer's faults, missing inputs, and values of network and coupling law."""
         now, system = time.monotonic(), time.time_ns()
         half, playout = self._end.half, self._endpoint.playout
         values = {
@@ -116,7 +116,7 @@ class HalfCoupler(CouplingNode):
         return "; ".join(filter(None, (self.missing(), *problems))), values
 
     def work(self) -> float:
-        """Exchange packets, play what is due, and couple the samples that came."""
+        """Exchange packets, publish due samples, and couple received samples."""
         self.receive(offset=0)
         if self._here.due(time.monotonic()):
             self.step()
@@ -127,17 +127,17 @@ class HalfCoupler(CouplingNode):
         return min(self._look_due, following)
 
     def receive(self, offset: int) -> None:
-        """Take the peer's packets that came."""
+        """Receive the peer's packets."""
         self.part.offset = offset
         self.part.receive(self._local.drain(), time.monotonic(), time.time_ns())
 
     def reply(self) -> None:
-        """Send the packet that is due for the peer, if one is."""
+        """Send any due packet to the peer."""
         if data := self.part.packet(time.monotonic(), time.time_ns()):
             self._local.send(data)
 
     def publish(self, tools: Iterable[Tool], pulls: Iterable[Pull], offset: int) -> None:
-        """Publish what was played, and forces, each with the peer's position."""
+        """Publish played samples, and forces with the peer's position."""
         for tool in tools:
             self._send_tool(tool.stamp + offset, along_actuator(tool.acceleration))
         for arm, stamp, force in pulls:
@@ -145,7 +145,7 @@ class HalfCoupler(CouplingNode):
             self._send_peer_position(stamp + offset, self._end.set_point[0])
 
     def step(self) -> None:
-        """Engage, release, or end, as things are now; say what is wrong with the peer."""
+        """Engage, release or end according to the state; log faults of the peer."""
         super().step()
         problems = self._endpoint.problems(time.time_ns(), time.monotonic())
         for kind, line in problems.items():
@@ -154,7 +154,7 @@ class HalfCoupler(CouplingNode):
                 self.get_logger().warning(line)
 
     def couple(self) -> bool:
-        """Send the force of every sample that is complete; return if none waits."""
+        """Send forces for all complete samples; return True if no sample waits."""
         if self._tools:
             for stamp, acceleration in self._tools.drain():
                 self.part.put_tool(Tool(stamp, acceleration[ACTUATOR_AXIS]))
@@ -166,11 +166,11 @@ class HalfCoupler(CouplingNode):
         return came and not self._motions.waiting
 
     def _play(self) -> float:
-        """Play the tool's sample of each tick that has come; return the time of the next, s."""
+        """Play the tool's sample of each due tick; return the time of the next tick, s."""
         if self._ticks is None:
             return math.inf
         while (tick := self._ticks.due()) is not None:
-            # Its own time: ticks that are served late, several in a row, keep the pace.
+            # The nominal time of the tick, even if several ticks are served late.
             moment = self._ticks.time(tick)
             self.part.begin(moment / NANOSECONDS, system_time(moment))
             self.publish(self.part.tools(), (), offset=0)

@@ -47,12 +47,11 @@ FAREWELLS, FAREWELL_PAUSE = 3, 0.01
 
 
 class Identifier(GraphNode):
-    """Every sample of the handle causes the next force of the sweep.
+    """Sends the next force of the sweep for each sample of the handle.
 
-    Which force it is follows from the sample's stamp, so that the sweep keeps its time where a
-    sample is lost. The actuator's travel is estimated all along; where it comes near its stops,
-    the handle sends no acceleration, a clock is set, or at an emergency stop, the force is taken
-    off and the run fails.
+    The sample's stamp determines the force, so that a lost sample does not shift the sweep. The
+    force is removed and the run fails if the actuator's estimated travel comes near the stops, the
+    handle sends no acceleration, a clock is set, or an emergency stop is requested.
     """
 
     task = "identification"
@@ -83,7 +82,7 @@ class Identifier(GraphNode):
         self.create_timer(LOOK_PERIOD, self._look)
 
     def work(self) -> float:
-        """Answer the samples that came."""
+        """Answer the received samples."""
         came = False
         for moment, acceleration in self._samples.drain():
             came = True
@@ -96,7 +95,7 @@ class Identifier(GraphNode):
             self._fail("handle_acceleration: a clock was set, force taken off")
 
     def close(self) -> None:
-        """Leave the actuator without force, and raise what went wrong, if anything."""
+        """Leave the actuator without force, and raise the run's failure, if any."""
         for _ in range(FAREWELLS):
             self._sender.send(time.time_ns(), ZERO)
             time.sleep(FAREWELL_PAUSE)
@@ -119,7 +118,7 @@ class Identifier(GraphNode):
         if not math.isfinite(measured):
             self._fail("handle_acceleration: not a finite number, force taken off")
             return
-        # Until now the actuator was driven by the force of the latency and one sample ago.
+        # Until now the actuator had the force from latency plus one samples ago.
         travel = abs(self._travel.observe(self._pending[0], measured))
         self._widest = max(self._widest, travel)
         if travel > self._most_travel:
@@ -167,7 +166,7 @@ class Identifier(GraphNode):
         self.get_logger().info(line)
 
     def _missing(self) -> str:
-        """Return what the sweep waits for; empty when all is there."""
+        """Return the condition that the sweep waits for."""
         if not self._allowed:
             return f"waiting for {topics.MASTER_STOPPED.name}: false"
         there, expected = self._sender.listeners, self.parameters.listeners
@@ -192,7 +191,7 @@ class Identifier(GraphNode):
             self._fail(f"handle_acceleration: silent for {now - self._received:.2g} s")
 
     def _fail(self, failure: str) -> None:
-        """Take the force off and end."""
+        """Remove the force and end."""
         if not self.finished.done():
             self._sender.send(time.time_ns(), ZERO)
             self._failure = failure

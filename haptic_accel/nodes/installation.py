@@ -38,7 +38,7 @@ TIMER_SLACK = Path("/proc/self/timerslack_ns")
 
 @dataclass(frozen=True)
 class Installation:
-    """Properties of the installation, as a node of the graph meets it.
+    """Properties of the installation for a node of the graph.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Installation:
 
 
 def describe_installation() -> Installation:
-    """Join the domain for `ANNOUNCEMENT`, with the environment of a node, and look around."""
+    """Describe the installation; join the domain for `ANNOUNCEMENT`, as a node would."""
     os.environ.update(middleware_defaults(os.environ))
     sharpen_timers()
     wheels = [

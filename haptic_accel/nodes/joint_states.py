@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Joint states of the arms; positions as the joints that their description has, for displays."""
+"""Joint states of the arms for displays: positions as the joints of their description."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def joint_state(stamp: int, frame: str = "", **fields: Any) -> JointState:
 
 
 class JointStates:
-    """Publishes an arm's position now and then, while somebody subscribes.
+    """Publishes an arm's position at a low rate while it has subscribers.
 
     Parameters
     ----------

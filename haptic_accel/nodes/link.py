@@ -15,7 +15,7 @@
 
 """Executable `link`: carries datagrams between the half couplers of two hosts, and nothing else.
 
-It is no node of the graph, whose topics stay on their machine. What it carries it does not read.
+The link is no ROS node, since topics stay on their machine. It does not read the datagrams.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ _logger = logging.getLogger("link")
 
 
 class Carrier(Protocol):
-    """Way of datagrams to and from the peer host."""
+    """Transport of datagrams between the hosts."""
 
     def send(self, datagram: bytes) -> None:
         """Send a datagram, or drop it."""
@@ -86,8 +86,8 @@ def carry(
 ) -> None:
     """Carry datagrams both ways until the process has to end.
 
-    Those from the peer are carried by a thread of its own, so that each direction sleeps until
-    something comes. The coupler gets a line about what is wrong, or the note if nothing is.
+    A separate thread carries the peer's datagrams, so that each direction sleeps until a datagram
+    comes. The coupler gets a line on a fault, or the note if there is none.
 
     Raises
     ------
@@ -137,12 +137,12 @@ def _run(signals: Signals) -> None:
     namespace, level, parameters = _given(sys.argv[1:])
     logging.addLevelName(logging.WARNING, "WARN")
     logging.basicConfig(format=_FORMAT, level=level.upper())
-    logging.raiseExceptions = False  # nobody may be left to read it
+    logging.raiseExceptions = False  # there may be no reader
     key = read_key(parameters.keys) if parameters.keys and parameters.transport == UDP else b""
     way = _way(parameters, namespace, signals)
     if way is None:
         return
-    # The name of this machine could have led elsewhere.
+    # This machine's name might resolve elsewhere.
     check_peer(way.peer, parameters.transport, parameters.keys, insecure=parameters.insecure)
     hints = advice(way, parameters.side, parameters.transport)
     hearing = Hearing(f"peer {way.host}", hints, parameters.keys, time.monotonic())
@@ -163,9 +163,9 @@ def _run(signals: Signals) -> None:
 
 
 def _way(parameters: LinkNodeParameters, namespace: str, signals: Signals) -> Route | None:
-    """Return the way to the peer as soon as there is one; None if the process has to end before.
+    """Return the transport to the peer once available; None if the process has to end before.
 
-    A robot may be switched on before its network is.
+    A robot may start before its network.
     """
     said = ""
     while not signals.ended():

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Loop of one host by the machine's clock, and the nodes that report it."""
+"""Loop of one host by the machine's clock, with reports by its nodes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from haptic_accel.nodes.timing import (
     wake_time,
 )
 
-if TYPE_CHECKING:  # a device alone starts without what a compensator loads
+if TYPE_CHECKING:  # a device alone needs no import of a compensator
     from haptic_accel.nodes.compensator import Compensator
     from haptic_accel.nodes.coupling_node import CouplingNode
     from haptic_accel.nodes.device_node import DeviceNode
@@ -42,7 +42,7 @@ FAILURES = DeviceError, OSError
 
 
 def join(nodes: Sequence[Any]) -> LoopRunner:
-    """Return the loop of nodes that share a process: devices in the order of sampling, others."""
+    """Return the loop of a process's nodes: devices in sampling order, then others."""
     devices = [node for node in nodes if hasattr(node, "side")]
     coupler = next((node for node in nodes if hasattr(node, "sides")), None)
     others = (node for node in nodes if node not in devices and node is not coupler)
@@ -52,12 +52,12 @@ def join(nodes: Sequence[Any]) -> LoopRunner:
 class LoopRunner:
     """Steps a `HostLoop` on the machine's sampling grid, and lets the nodes publish afterwards.
 
-    In one process it holds all parts; where each node has its own, one of a device alone.
+    In one process the loop contains all nodes; in separate processes, one device.
 
     Parameters
     ----------
     devices : sequence of DeviceNode
-        In the order in which they are sampled.
+        Devices in sampling order.
     coupler : CouplingNode, optional
     compensator : Compensator, optional
     """
@@ -86,7 +86,7 @@ class LoopRunner:
         self._offset = 0
 
     def begin(self) -> None:
-        """Start at the next tick; earlier ones do not count as missed."""
+        """Start at the next tick; earlier ticks are not missed."""
         times = [FORCES_TIME + RECEIVING_TIME * each.received for each in self._devices.values()]
         self._keeper = RateKeeper(self._rate, lead=wake_time() + sum(times))
         self._arrivals = {arm: ArrivalKeeper(self._rate) for arm in self._devices}
@@ -95,7 +95,7 @@ class LoopRunner:
             device.rate_keeper = self._keeper
 
     def work(self) -> float:
-        """Serve a tick whose time has come; return the steady time of the next call, s."""
+        """Serve a due tick; return the steady time of the next call, s."""
         if self._rests():
             self._idle = True
             return math.inf
@@ -110,7 +110,7 @@ class LoopRunner:
         )
 
     def _serve_due(self) -> float:
-        """Serve what is due; return the steady time at which to go on, s."""
+        """Serve due work; return the steady time of the next work, s."""
         tick = self._keeper.due()
         if tick is not None:
             self._serve(tick)
@@ -138,7 +138,7 @@ class LoopRunner:
         self._finish()
 
     def _finish(self) -> None:
-        """Send and publish what the last step did, after all forces that were due."""
+        """Send and publish the results of the last step, after all due forces."""
         loop, offset = self._loop, self._offset
         if self._coupler:
             self._coupler.reply()
@@ -148,7 +148,7 @@ class LoopRunner:
             device = self._devices[arm]
             try:
                 device.publish(taken)
-            except FAILURES as error:  # of a driver that is asked for more than its sample
+            except FAILURES as error:  # the driver may fail to give further values
                 device.fail(error)
         if self._coupler:
             self._coupler.publish(loop.tools, loop.pulls, offset)

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A managed node, which ROS 2 calls a lifecycle node, on this package's base."""
+"""Managed node (lifecycle node of ROS 2) on this package's base."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
 
 
 class ManagedNode(LifecycleNodeMixin, GraphNode):
-    """A graph node with the states of ROS 2's lifecycle, and its services.
+    """Graph node with the states and services of ROS 2's lifecycle.
 
     Parameters
     ----------
@@ -53,8 +53,8 @@ class ManagedNode(LifecycleNodeMixin, GraphNode):
     def destroy_node(self) -> None:
         """Destroy the node and its state machine.
 
-        The state machine keeps the middleware running, and rclpy would leave it until the process
-        ends: the middleware's threads would then use libraries that are being torn down.
+        rclpy would keep the state machine, and thus the middleware, until the process ends: the
+        middleware's threads would then use libraries that are being unloaded.
         """
         super().destroy_node()
         self._state_machine.destroy_when_not_in_use()
@@ -63,7 +63,7 @@ class ManagedNode(LifecycleNodeMixin, GraphNode):
         self, request: ChangeState.Request, response: ChangeState.Response
     ) -> Any:
         """Change the state as requested; rclpy would end the node for an impossible transition."""
-        # By number or, which goes first, by name.
+        # By name or, without a name, by number.
         possible = {name: n for n, name, *_ in self._state_machine.available_transitions}
         wanted = request.transition
         if wanted.label in possible if wanted.label else wanted.id in possible.values():

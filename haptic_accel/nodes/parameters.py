@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parameters of a node: those of its schema, checked as they are given and as they are set."""
+"""Parameters of a node by its schema, checked at the start and at each change."""
 
 from __future__ import annotations
 
@@ -86,8 +86,8 @@ class ParameterNode(SupervisedNode):
         self._guard = CallbackGuard(
             lambda line: self.get_logger().error(line), lambda text: self.get_logger().debug(text)
         )
-        # Values of the command line and of files must be seen before they are
-        # declared: a wrong name must not be lost, nor a wrong value be reported by ROS.
+        # Values of the command line and of files are checked before declaration: ROS would ignore
+        # a wrong name, and itself report a wrong value.
         super().__init__(executable, automatically_declare_parameters_from_overrides=True)
         self._schema = node_schema(executable)
         self._changeable = changeable
@@ -112,9 +112,9 @@ class ParameterNode(SupervisedNode):
         """
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Set parameters, all or none; those that have the value already need not be changeable.
+        """Set parameters, all or none; a fixed parameter may be set to its present value.
 
-        The type of a value may be another one than its parameter's, as `_as_meant` has it.
+        The type of a value may differ from its parameter's type; see `_as_meant`.
         """
         try:
             new = [each for each in map(self._checked, parameter_list) if not self._holds(each)]
@@ -146,7 +146,7 @@ class ParameterNode(SupervisedNode):
             return SetParametersResult(successful=False, reason=reason)
 
     def _checked(self, parameter: Parameter) -> Parameter:
-        """Return a parameter with its value in the type that the schema demands."""
+        """Return a parameter with its value in the type of the schema."""
         name, value = parameter.name, parameter.value
         if name == USE_SIM_TIME:
             check_clock(value)
@@ -159,7 +159,7 @@ class ParameterNode(SupervisedNode):
         return Parameter(name, value=checked(name, value, default, specification))
 
     def _holds(self, parameter: Parameter) -> bool:
-        """Return whether a parameter has its value already; refuse another one of a fixed one."""
+        """Return whether a parameter has its value already; refuse to change a fixed one."""
         value = self.get_parameter(parameter.name).value
         if parameter.value == value:
             return True
@@ -194,7 +194,7 @@ class ParameterNode(SupervisedNode):
             self.get_logger().warning(warning)
         for name, now in names.items():
             self.undeclare_parameter(name)
-            # A file may give every node (/**) what only some of them have.
+            # A file may set in all nodes (/**) what only some have.
             if not any(now in node_schema(executable) for executable in NODES):
                 raise ParameterError(f"{name}: no such parameter")
         return {now: given[name] for name, now in names.items()}
@@ -202,7 +202,7 @@ class ParameterNode(SupervisedNode):
     def _declare(self, given: dict[str, Any]) -> None:
         """Declare all parameters with their descriptors and checked values.
 
-        They are read-only but for those that can be changed while the node runs.
+        All are read-only except those that can be changed while the node runs.
         """
         for name, (default, specification) in self._schema.items():
             value = checked(name, given.get(name, default), default, specification)
@@ -223,12 +223,12 @@ def _parameter_files() -> Iterator[Path]:
 
 
 def _parameter(message: ParameterMessage) -> Parameter:
-    """Return a parameter as it came in a request.
+    """Return the parameter in a request's message.
 
     Raises
     ------
     ParameterError
-        Its type is unknown, or is not that of its value.
+        The type is unknown, or not the value's type.
     """
     name, kind = shown(message.name), message.value.type
     try:
@@ -238,7 +238,7 @@ def _parameter(message: ParameterMessage) -> Parameter:
 
 
 def _as_meant(value: Any, default: Any) -> Any:
-    """Return a value in the type that its file has.
+    """Convert a value to its type in the file.
 
     ``ros2 param load`` passes on 9e-06 as text, and the text 0.6 as a number.
     """

@@ -92,7 +92,7 @@ TRANSITIONS = tuple(
 
 
 def _reporter(diagnostics: bytes) -> str:
-    """Return the node that a diagnostic message is of, "left/node"; empty without a status."""
+    """Return the node of a diagnostic message, "left/node"; empty without a status."""
     frame = unpack_text(diagnostics, STAMP_BYTES.stop)
     # Behind the frame, aligned to 4 bytes: number of statuses, level of the first, its name.
     number = STAMP_BYTES.stop + 4 + (len(frame.encode()) + 4) // 4 * 4
@@ -177,7 +177,7 @@ class Recorder(GraphNode):
             (waiting > MUCH_WAITING * writer.capacity, f"{waiting} messages wait for the disk"),
             (free < LITTLE_SPACE, f"{free / 1e6:.0f} MB are left on the disk"),
         )
-        # After a failure, said once, the rest grows with every message.
+        # After a failure, other warnings would change with every message.
         warning = files.failure or "; ".join(text for is_given, text in warnings if is_given)
         if warning and warning != self._reported:
             self.get_logger().warning(warning)
@@ -224,7 +224,7 @@ class Recorder(GraphNode):
         return put_own
 
     def _drain(self) -> None:
-        """Read the received messages, and write earlier ones in the order of time."""
+        """Read the received messages, and write earlier messages in time order."""
         taken = [
             (received, (put, data))
             for inbox, put, unpack in self._sources
@@ -241,9 +241,9 @@ class Recorder(GraphNode):
             put(data, received)
 
     def _subscribe(self, kind: Any, name: str, put: Put, profile: QoSProfile) -> None:
-        # Losses on the way show in the stamps. The middleware's own event (message lost) is no
-        # help: of 5000 messages of which 95 came, Fast DDS reported 5, and with the events
-        # executor of the wheels taking the event can hang for ever.
+        # The stamps reveal lost messages. The middleware's event (message lost) is no help: when
+        # 95 of 5000 messages came, Fast DDS reported 5, and taking the event can hang for ever
+        # with the wheels' events executor.
         self.create_subscription(kind, name, lambda data: put(data), profile, raw=True)
 
     def _look_for_topics(self) -> None:
@@ -261,7 +261,7 @@ class Recorder(GraphNode):
                 self.get_logger().warning(f"{name}: is not recorded: {problem}")
 
     def _is_found(self, name: str) -> bool:
-        """Return whether the expressions select a topic; hidden ones are left out as in ROS."""
+        """Return whether the expressions select a topic; hidden topics are excluded."""
         hidden = any(word.startswith("_") for word in name.split("/"))
         return not hidden and bool(self.parameters.finds(name))
 

@@ -15,9 +15,9 @@
 
 """Executable `restamper`: replaces the slave device by the topics of `ros2 bag play`.
 
-A bag's stamps are those of the day it was recorded. Here they are moved to ticks after their
-arrivals, all by the same time, at which the samples are published as a device publishes its own;
-the forces on the slave do nothing.
+The stamps in a bag are past times. This node shifts them, all by the same offset, to ticks after
+the samples' arrivals, and publishes the samples at these ticks as a device would; forces on the
+slave have no effect.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ class Restamper(GraphNode):
         self._reported = self._forces = self._past_tick = 0
         self._waiting: list[tuple[Sender, deque[tuple[int, Vector]]]] = []
         self._senders = [self._pass_on(topic) for topic in SLAVE_SIGNALS]
-        # The coupler waits for a subscriber of the arm's force, and for the device's word that it
-        # is not stopped; `haptic-accel estop` waits for its answer to an emergency stop.
+        # The coupler waits for a subscriber of the arm's force and for the device's state "not
+        # stopped"; `haptic-accel estop` waits for the device's answer to a stop.
         self.listen(topics.SLAVE_ARM_FORCE, self._ignore)
         self._stopped = False
         self._publish_stopped = self.publisher(topics.SLAVE_STOPPED).publish
@@ -68,7 +68,7 @@ class Restamper(GraphNode):
         self._looking = self.create_timer(LOOK_PERIOD, self._look)
 
     def work(self) -> float:
-        """Publish the samples that are due; return the time of the next."""
+        """Publish the due samples; return the next due time."""
         now, due = time.time_ns(), math.inf
         for sender, waiting in self._waiting:
             while waiting and waiting[0][0] <= now:
@@ -103,7 +103,7 @@ class Restamper(GraphNode):
         self.report()
 
     def _pass_on(self, topic: Topic) -> Sender:
-        """Publish a played signal as the slave's own; return its sender."""
+        """Publish a played signal as the slave's; return its sender."""
         sender = self.sender(topic)
         waiting = deque[tuple[int, Vector]]()
         self._waiting.append((sender, waiting))
@@ -133,12 +133,12 @@ class Restamper(GraphNode):
         return sender
 
     def _grid_point(self, moment: int) -> int:
-        """Return the first point of the machine's sampling grid from a moment on, system time."""
+        """Return the first point of the sampling grid from a system time on."""
         steady = moment - system_time(0)
         return system_time(round(math.ceil(steady / self._period) * self._period))
 
     def _look(self) -> None:
-        """Log once that all other nodes were found."""
+        """Log once that all other nodes exist."""
         acceleration, position, _ = self._senders
         if min(acceleration.listeners, position.listeners) >= self.parameters.listeners:
             self._looking.cancel()
@@ -170,9 +170,9 @@ only on a busy machine. Nobody feels it, as no force acts on replayed arms."""
 class StampShift:
     """Constant offset for all recorded stamps that moves each to a future tick.
 
-    Their spacing remains exactly as recorded, however unevenly they arrive. The offset is that of
-    the fastest of the first arrivals. It is determined again if stamps and arrivals drift apart: a
-    bag is played at another speed or in a loop, or its player is slow.
+    The spacing of stamps remains as recorded, however unevenly samples arrive. The fastest
+    early arrival determines the offset, which is determined again if stamps and arrivals drift
+    apart: a bag is played at another speed or in a loop, or its player is slow.
 
     Parameters
     ----------

@@ -116,8 +116,8 @@ class SupervisedNode(Node):
     Attributes
     ----------
     polls : bool
-        True if `work` takes all messages that must not wait from their inboxes, so that the
-        executor need only serve requests and timers.
+        True if `work` takes all urgent messages from their inboxes, so that the executor need only
+        serve requests and timers.
     follows_stop : bool
         True if `follow_stop` is to be called once in `STOP_PERIOD`.
     """
@@ -153,7 +153,7 @@ class SupervisedNode(Node):
         raise error
 
     def follow_stop(self) -> None:
-        """Take what others say of the emergency stop, and act upon it."""
+        """Read messages on the emergency stop, and act upon them."""
 
     def stop_forces(self) -> None:
         """Execute the emergency stop; do nothing in a node without forces."""
@@ -175,22 +175,22 @@ class Signals:
         self._ends: list[int] = []
         self._stops: list[int] = []
         for number in ENDING:
-            # After nohup the end of the terminal is none.
+            # After nohup, ignore a closed terminal.
             if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
                 signal.signal(number, lambda number, _: self._ends.append(number))
         for number in SUSPENDING:
             signal.signal(number, signal.SIG_IGN)
         signal.signal(EMERGENCY, lambda number, _: self._stops.append(number))
-        # A supervisor blocks it, so that one that came earlier has waited until here.
+        # A supervisor blocks the signal, so that an earlier stop has waited until here.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {EMERGENCY})
-        # Who started us may be gone before we get here; a supervisor therefore says who it is.
+        # The parent may have ended by now; a supervisor therefore passes its process id.
         self._parent = int(os.environ.get(SUPERVISOR, os.getppid()))
         self._look_due = 0.0
         self._orphaned = False
 
     def ended(self) -> bool:
         """Return whether the process has to end."""
-        # To ask for the parent takes a call of the system, 20 us a tick.
+        # Asking for the parent takes a system call, 20 us a tick.
         if (now := time.monotonic()) >= self._look_due:
             self._look_due = now + SERVING_PERIOD
             self._orphaned = os.getppid() != self._parent
@@ -208,7 +208,7 @@ Build = Callable[[], SupervisedNode]
 
 
 class Worker(Protocol):
-    """A node, or a loop of several; attributes as for `SupervisedNode`."""
+    """Node, or loop of several, with attributes of `SupervisedNode`."""
 
     follows_stop: bool
 
@@ -219,7 +219,7 @@ class Worker(Protocol):
         """Do the work that is due; return the steady time of the next call, s."""
 
     def follow_stop(self) -> None:
-        """Take what others say of the emergency stop, and act upon it."""
+        """Read messages on the emergency stop, and act upon them."""
 
 
 class StopPoll:
@@ -242,7 +242,7 @@ class StopPoll:
     def after_work(self, wake: float) -> float:
         """Poll if it is due before the next work; return the time of the next work or poll, s.
 
-        A tick that has come is served first, since the poll would delay it.
+        A due tick is served first, since the poll would delay it.
 
         Parameters
         ----------
@@ -266,7 +266,7 @@ def run(
     niceness: int = 0,
     priority: int = FORCE_PRIORITY,
 ) -> None:
-    """Run nodes until a signal, the end of their parent, or of one of them; then exit.
+    """Run nodes until a signal, or the end of a node or of their parent; then exit.
 
     Parameters
     ----------
@@ -275,13 +275,13 @@ def run(
     builds : callables
         Functions that make the nodes, which share this process and its executor.
     join : callable, optional
-        Returns the loop of the nodes, which works in place of each.
+        Returns the nodes' loop, which works in place of the nodes.
     niceness : int
         Niceness where real-time priority is not requested or not granted.
     priority : int
         Real-time priority to request; 0 for none.
     """
-    # Before the middleware starts its threads, which inherit it.
+    # Before the middleware's threads, which inherit the niceness.
     os.nice(niceness)
     os.environ.update(middleware_defaults(os.environ))
     run_process(name, partial(_run, builds, join, priority))
@@ -295,13 +295,13 @@ def run_process(name: str, act: Callable[[Signals], None]) -> NoReturn:
     name : str
         Name in messages.
     act : callable
-        Returns when the signals that it is given say that the process has to end.
+        Function of `Signals`, which returns once the process has to end.
     """
     unblock_standard_streams()
     sharpen_timers()
     status = _status(name, act, Signals())
-    # A second signal (launch sends one after the terminal's own) must not fail an end that is
-    # under way: Python's own end would put the default back, but leaves what is ignored.
+    # A second signal (launch sends one after the terminal's) must not disturb the shutdown:
+    # Python's exit restores default handlers, but leaves ignored signals ignored.
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
     sys.exit(status)
@@ -325,7 +325,7 @@ def _status(name: str, act: Callable[[Signals], None], signals: Signals) -> int:
 def _run(builds: Sequence[Build], join: Join | None, priority: int, signals: Signals) -> None:
     nodes: list[SupervisedNode] = []
     well = False
-    # Now, and not in the loop, for what rclpy logs itself: see `NodeLogger`.
+    # Now, and not in the loop, for rclpy's own logs: see `NodeLogger`.
     CallerId()
     try:
         try:
@@ -334,7 +334,7 @@ def _run(builds: Sequence[Build], join: Join | None, priority: int, signals: Sig
             nodes.extend(build() for build in builds)
             workers = [join(nodes)] if join else nodes
         except RuntimeError as error:
-            # rcl's errors have no public type; those of a command line all say what it is.
+            # rcl's errors have no public type; these words occur in all command line errors.
             if any(word in str(error) for word in ("ROS arguments", "param")):
                 raise ParameterError(str(error)) from error
             raise
@@ -357,7 +357,7 @@ def take_arguments(domain: int | None = None) -> None:
     Raises
     ------
     ParameterError
-        Naming the first such word.
+        A word is not for ROS.
     """
     unknown = remove_ros_args(sys.argv)[1:]
     if unknown:
@@ -366,20 +366,19 @@ def take_arguments(domain: int | None = None) -> None:
 
 
 def close_nodes(nodes: Sequence[SupervisedNode], well: bool) -> None:
-    """Close every node, whatever the others do, then the middleware; after a failure or not."""
+    """Close every node, even if another fails, and then the middleware."""
     with ExitStack() as stack:
         for node in nodes:
             stack.callback(node.close)
-    # Nothing is urgent any more, and the middleware may spin longer than a real-time thread may.
+    # Nothing is urgent now, and the middleware may spin too long for a real-time thread.
     if hasattr(os, "sched_setscheduler"):
         _schedule(os.SCHED_OTHER, 0)
-    # Once in some hundred ends under load the middleware did not come back from being torn down,
-    # or aborted ("pure virtual method called"), while the other nodes left it. By now nothing is
-    # left that could be lost.
+    # Under load, in about one of some hundred ends, the middleware's shutdown hung or aborted
+    # ("pure virtual method called") while other nodes left. By now nothing can be lost.
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.alarm(TEARDOWN)
     if well:  # an abort must not hide a failure
-        # Python's own handlers run too late for an abort: C's _exit, the signal as the status.
+        # Python's handlers run too late for an abort: C's _exit gets the signal as the status.
         libc = ctypes.CDLL(None)
         for number in CUT_SHORT:
             libc.signal(number, libc._exit)
@@ -406,8 +405,8 @@ def _spin(nodes: Sequence[SupervisedNode], workers: Sequence[Worker], signals: S
         except Exception as error:  # nothing that is received may end the process
             nodes[0].callback_failed(error)
 
-    # Everything made so far stays; without garbage there is nothing to collect, and a
-    # collection would take milliseconds at the wrong moment.
+    # All objects made so far stay. A collection would find no garbage, and delay a tick by
+    # milliseconds.
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -436,7 +435,7 @@ def _spin(nodes: Sequence[SupervisedNode], workers: Sequence[Worker], signals: S
 
 
 def sharpen_timers() -> None:
-    """Set the timer slack to its minimum; the kernel's 50 us were half of the lateness."""
+    """Set the timer slack to its minimum; the default, 50 us, was half of the lateness."""
     libc = ctypes.CDLL(None)
     if hasattr(libc, "prctl"):
         libc.prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
@@ -445,8 +444,8 @@ def sharpen_timers() -> None:
 def ask_for_realtime(priority: int = FORCE_PRIORITY) -> bool:
     """Request real-time priority for this process, if the system allows it.
 
-    To be called after set-up, which would otherwise take the cores from nodes that run;
-    therefore for every thread there is by then, including the middleware's.
+    Call it after set-up, which would otherwise take the cores from running nodes. It applies to
+    all threads that exist by then, including the middleware's.
 
     Returns
     -------

@@ -89,8 +89,8 @@ WANTED = {
 class Scope(GraphNode):
     """Node that receives the signals while a page is connected, and serves the page.
 
-    While no page is connected it receives only what is published once a second: each further
-    subscriber costs the nodes that compute the force a little with every message.
+    Without a connected page it receives only messages that are published once a second, since each
+    further subscriber slows the nodes that compute the force.
     """
 
     task = "page"
@@ -131,8 +131,8 @@ class Scope(GraphNode):
             self.listen_state(stopped, partial(self._stop.__setitem__, arm))
         self.create_timer(CLIENT_PERIOD, self._subscribe_for_clients)
         self.create_timer(ASK_PERIOD, self._refresh_parameters)
-        # A sample wakes nobody: where they come faster than they are taken, all that the executor
-        # has to do would wait behind them, the node's own timers and diagnostics, too.
+        # A sample does not wake the executor: if samples came faster than they are taken, the
+        # node's timers and diagnostics would wait behind them.
         self._looking = self.create_timer(1 / SOUND_RATE, self._receive_signals, autostart=False)
         try:
             access = Access(p.host, os.environ.get(TOKEN_VARIABLE, ""))
@@ -149,11 +149,11 @@ class Scope(GraphNode):
         self._server.stop()
 
     def choices(self) -> dict[str, list[str]]:
-        """Return what the page can choose from."""
+        """Return the choices of the page."""
         return choices()
 
     def scene(self) -> dict[str, Any]:
-        """Return what the tool can touch."""
+        """Return the scene's drawing."""
         return drawing(self._remotes["slave_device"].values)
 
     def lead(self, x: float, z: float) -> str:
@@ -172,7 +172,7 @@ class Scope(GraphNode):
         )
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:
-        """Return the number of connected pages, and what is sent to them."""
+        """Return the number of connected pages, and the traffic to them."""
         traffic, (before, frames, sent, failures) = self._server.traffic, self._reported
         now = time.monotonic()
         self._reported = (now, traffic.frames, traffic.bytes, traffic.failures)
@@ -211,7 +211,7 @@ class Scope(GraphNode):
                     self.refuse(topic, f"{value:g}: must be at most {LARGEST:g}")
 
     def _follow_messages(self, topic: Topic, take: Callable[[Any], None]) -> None:
-        """Subscribe to messages from anyone; one that is malformed is refused."""
+        """Subscribe to messages from any sender; refuse malformed ones."""
         kind = message_type(topic)
 
         def read(data: bytes) -> None:
@@ -250,7 +250,7 @@ class Scope(GraphNode):
             remote.refresh()
 
     def _update_settings(self) -> None:
-        """Take the compensator's description of the actuator; the defaults while there is none."""
+        """Take the compensator's description of the actuator, or the defaults without it."""
         self._scene.update()
         values = self._remotes["compensator"].values
         known = {name: value for name, value in values.items() if value is not None}
@@ -265,7 +265,7 @@ class Scope(GraphNode):
 
 
 def _only(ring: Ring) -> Callable[[int, float, int], None]:
-    """Return a callback that stores a sample, whenever it was received."""
+    """Return a callback that stores a sample without its reception time."""
     return lambda stamp, value, received: ring.put(stamp, value)
 
 

@@ -53,7 +53,7 @@ SWITCHES = ("engage", "estop")
 
 
 def choices() -> dict[str, list[str]]:
-    """Return what can be chosen for each action of `REQUESTS`."""
+    """Return the choices for each action of `REQUESTS`."""
     return {
         "controller": list(CONTROLLERS),
         "surface": sorted(path.stem for path in (config_folder() / "surfaces").glob("*.yaml")),

@@ -74,9 +74,9 @@ class RemoteParameters:
         self.values: Mapping[str, Any] = {}
 
     def refresh(self) -> None:
-        """Request parameters of a node that appeared or changed; discard those of a lost one."""
+        """Request parameters of a new or changed node; discard those of a lost node."""
         if not self._client.service_is_ready():
-            if self._found:  # otherwise it has only just come, and told its values
+            if self._found:  # otherwise the node is new, and told its values
                 self._found = self._asked = False
                 self.values = {}
         elif not self._asked:
@@ -109,7 +109,7 @@ class RemoteParameters:
 def admitted(
     executable: str, wanted: Iterable[str], given: Given
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return requested parameters with valid values, and the reasons against the others.
+    """Return requested parameters with valid values, and reasons to refuse the others.
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ class ScopeScene:
         if shown == bool(self._inboxes):
             return
         if shown:
-            # Of each, the newest is enough: what comes between wakes nobody.
+            # The newest sample of each is enough: samples wake no thread.
             self._inboxes = {name: self._node.inbox(t, depth=1) for name, t in SIGNALS.items()}
             self._looking.reset()
         else:
@@ -95,7 +95,7 @@ class ScopeScene:
                 self._refusal = str(error)
 
     def lead(self, x: float, z: float) -> str:
-        """Send a point to the hand, m; return why not, in one line, or nothing."""
+        """Send a point to the hand, m; return the reason of a refusal, if any."""
         device = self._master().get("device") or "unknown"
         if device != POINTER:
             return f"hand: master = {device}: must be {POINTER} to be led"
@@ -116,16 +116,16 @@ class ScopeScene:
 
 
 def scene_of(slave: Mapping[str, Any]) -> str | None:
-    """Return what the tool can touch by the slave's parameters: surface, or a scene's file.
+    """Return the surface or scene file under the tool by the slave's parameters.
 
-    None if that is not known.
+    None if it is unknown.
     """
     name = {VIRTUAL: SCENE, SIMULATED: f"{SURFACE}name"}.get(slave.get("device", ""))
     return slave.get(name) if name else None
 
 
 def drawing(slave: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a page draws of the scene under a slave with known parameters, SI units.
+    """Return a page's drawing of the scene, from known slave parameters, in SI units.
 
     Returns
     -------

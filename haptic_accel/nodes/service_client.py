@@ -33,7 +33,7 @@ POLLING_PERIOD = 0.01
 
 
 class RequestError(RuntimeError):
-    """A node refuses; the message is one line for the user."""
+    """A node's refusal, as one line for the user."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Answers:
 
 
 class Services:
-    """Services of other nodes, each looked for since it was first named.
+    """Services of other nodes, discovered from their first use on.
 
     Parameters
     ----------
@@ -112,14 +112,14 @@ class Services:
         return {_node(name): self._clients[name] for name in names}
 
     def ask(self, kind: Any, names: Sequence[str], content: Any) -> Answers:
-        """Send the same request to those of several services that are found by now."""
+        """Send the same request to those services that are found by now."""
         clients = self.find(kind, names).items()
         ready = {node: client for node, client in clients if client.service_is_ready()}
         return Answers({node: client.call_async(content) for node, client in ready.items()})
 
 
 class ServiceClient(Services):
-    """Services whose answers a coroutine waits for.
+    """Client whose coroutines wait for answers.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ class ServiceClient(Services):
         raise RequestError(f"{node}: does not answer; is the graph running?")
 
     async def parameters(self, node: str, names: Sequence[str]) -> list[Any]:
-        """Return the values of parameters of a node; None for those that it does not have.
+        """Return parameter values of a node; None for parameters that the node lacks.
 
         Raises
         ------
@@ -202,7 +202,7 @@ class ServiceClient(Services):
         return str(message)
 
     async def change(self, request: Request) -> str:
-        """Send a request as `send` does, and return what has changed, from what to what."""
+        """Send a request as `send` does; return the change, with old and new value."""
         content, node = request.content, _node(request.service)
         if not isinstance(content, SetParametersAtomically.Request):
             done = f"{request.service.partition('/')[2]} done"

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reception of signals for a recording: in bundles, or by themselves from who sends none."""
+"""Reception of signals for a recording: in bundles, or by topic from unbundled senders."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ FULL_LOOK_PERIOD = 1.0
 
 
 class _Signal:
-    """A signal that is received in bundles, and by itself while it has to be.
+    """Signal received in bundles and, while necessary, by its own topic.
 
     Parameters
     ----------
@@ -48,13 +48,13 @@ class _Signal:
     Attributes
     ----------
     inbox : Inbox or None
-        Of the messages published by themselves; None while all come in bundles.
+        Inbox of the signal's own topic; None while all come in bundles.
     senders : list of bytes
-        Processes of its publishers, one of each.
+        Process of each publisher.
     bundled : bool
-        Messages have come in bundles since there were these publishers.
+        Messages from the present publishers have come in bundles.
     both_ways : BothWays or None
-        Messages that came, while some can come both ways.
+        Received messages, while some may come both ways.
     """
 
     def __init__(self, name: str, topic: Topic) -> None:
@@ -66,33 +66,33 @@ class _Signal:
         self._until = math.inf
 
     def subscribe(self, node: GraphNode) -> None:
-        """Receive messages by themselves, too."""
+        """Subscribe to the signal's own topic."""
         self.inbox = node.inbox(self.topic)
         self.both_ways = self.both_ways or BothWays()
         self._until = math.inf
 
     def leave(self, now: float) -> None:
-        """Receive messages in bundles alone, from a steady time in s on."""
+        """Receive messages in bundles only, from a steady time in s on."""
         if self.inbox:
             self.inbox.leave()
             self.inbox = None
             self._until = now + MEMORY
 
     def forget(self, now: float) -> None:
-        """Compare no more when all that came by itself has come in bundles, too."""
+        """Stop comparing once all separate messages have come in bundles, too."""
         if now >= self._until:
             self.both_ways = None
 
     def repeats(self, message: bytes, *, bundled: bool, now: float) -> bool:
-        """Return whether a message has come the other way."""
+        """Return whether a message came the other way."""
         return bool(self.both_ways and self.both_ways.repeats(message, bundled=bundled, now=now))
 
 
 class SignalReceiver:
-    """Receives the messages of signals, each once, in bundles wherever they are sent in these.
+    """Receives each message of some signals once, in bundles wherever possible.
 
     A publisher sends its messages in bundles, too, if its process publishes bundles in the same
-    namespace. While a signal has another publisher, or none, it is subscribed to by itself.
+    namespace. It subscribes to the topic of a signal with another publisher or none.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class SignalReceiver:
         node.create_timer(LOOK_PERIOD, self.poll)
 
     def drain(self) -> list[tuple[int, str, bytes]]:
-        """Return system times in ns, full names of topics and messages that have come."""
+        """Return system times in ns, full topic names, and received messages."""
         taken, self._left = self._left, []
         for signal in self._signals.values():
             taken += self._by_itself(signal)
@@ -121,7 +121,7 @@ class SignalReceiver:
         return taken
 
     def poll(self) -> None:
-        """Subscribe to signals by themselves, or no longer, as their publishers are now."""
+        """Update the subscriptions to signals' own topics for the present publishers."""
         now = time.monotonic()
         names = self._bundles.name, *self._signals
         counts = [self._node.count_publishers(name) for name in names]
@@ -135,7 +135,7 @@ class SignalReceiver:
             if senders != signal.senders:
                 signal.senders, signal.bundled = senders, False
             signal.forget(now)
-            # A second one of the same process is not what its bundles have.
+            # The bundles lack a second publisher of the same process.
             known = bool(senders) and len(bundling.intersection(senders)) == len(senders)
             if not known and not signal.inbox:
                 signal.subscribe(self._node)
@@ -166,7 +166,7 @@ class SignalReceiver:
                     yield believed(sent, received), name, message
 
     def _or_refused(self, topic: Topic, unpack: Callable[[bytes], Any], data: bytes) -> Any:
-        """Return what is unpacked, or None after refusing it."""
+        """Return unpacked data, or None after a refusal."""
         try:
             return unpack(data)
         except ValueError as error:

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Standard output, error and log of a node, which no reader of them can hold up."""
+"""Standard output, error and log of a node, which never wait for a reader."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ STREAMS = ("stdin", "stdout", "stderr")
 
 
 class LossyStream(io.RawIOBase):
-    """Raw stream that loses what cannot be written at once, or at all: it never waits or fails.
+    """Raw stream that drops data if it cannot write them at once: it never waits or fails.
 
-    Lines of up to 4096 bytes (PIPE_BUF) are written whole to a pipe, or lost. After a longer one
-    that was cut, the next begins on a line of its own.
+    Lines of up to 4096 bytes (PIPE_BUF) are written whole to a pipe, or lost. After a longer line
+    that was cut, the next text begins a new line.
 
     Parameters
     ----------
@@ -58,13 +58,13 @@ class LossyStream(io.RawIOBase):
         return self._descriptor
 
     def isatty(self) -> bool:
-        """Return whether it leads to a terminal."""
+        """Return whether it is a terminal."""
         return os.isatty(self._descriptor)
 
     def write(self, data: Any) -> int:
-        """Write what can be written now; return the length of the data."""
+        """Write without waiting; return the length of all data."""
         text = b"\n" + bytes(data) if self._cut else bytes(data)
-        # EAGAIN: nobody reads. EPIPE and EIO: the reader or the terminal is gone. ENOSPC: full.
+        # EAGAIN: no reading. EPIPE and EIO: no reader or terminal. ENOSPC: a full disk.
         with suppress(OSError):
             self._cut = os.write(self._descriptor, text) < len(text)
         return len(data)
@@ -73,10 +73,10 @@ class LossyStream(io.RawIOBase):
 def unblock_standard_streams() -> None:
     """Write the log of this process without blocking; drop lines without a reader.
 
-    A pipe takes 64 KiB, a terminal that is stopped by Ctrl-S less. Then a write blocks, and so
-    did every node behind a supervisor that was stopped or whose own output was not read: with
-    the force of its last tick held. The C library's streams, by which rclpy logs, lose what
-    fails, too; what is written to a file is not affected.
+    A write blocks once a pipe holds 64 KiB unread, or a terminal stopped by Ctrl-S less. A node
+    behind a stopped or unread supervisor would block and hold the force of its last tick. The C
+    library's streams, by which rclpy logs, drop such output, too; output to a file is not
+    affected.
     """
     for descriptor, name in enumerate(STREAMS):
         _unblock(descriptor)
@@ -98,18 +98,18 @@ def _unblock(descriptor: int) -> None:
     try:
         mode = os.fstat(descriptor).st_mode
     except OSError:
-        # It was closed: what is opened next, such as a socket, must not get the log.
+        # A closed descriptor may be reused, such as by a socket, which must not get the log.
         _replace(descriptor, os.open(os.devnull, os.O_RDWR))
         return
     if descriptor == 0 or not (stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISSOCK(mode)):
         return
-    # Opened anew: the flag of the description that we were given is that of all who share it,
+    # Opened anew: the flag of an inherited description applies to all processes that share it,
     # such as the shell. O_NOCTTY: the leader of a session would get the terminal's signals.
     flags = os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY
     try:
         _replace(descriptor, os.open(f"/proc/self/fd/{descriptor}", flags))
     except OSError:
-        # A socket, or of another user, after su. A terminal's flag would disturb its shell.
+        # A socket, or after su another user's; a flag on a terminal would disturb the shell.
         if not stat.S_ISCHR(mode):
             os.set_blocking(descriptor, False)
 
@@ -121,15 +121,15 @@ def _replace(descriptor: int, other: int) -> None:
 
 
 class NodeLogger(RcutilsLogger):
-    """A logger that names who logs a line from the stack alone, and escapes control characters.
+    """Logger that finds a line's caller from the stack alone, and escapes control characters.
 
-    rclpy's own asks `inspect`: that resolves the paths of all loaded modules at the first line,
-    25 to 120 ms, and reads every source file from which a line comes. Its filters (``once``) are
-    not offered.
+    rclpy's logger uses `inspect`, which resolves the paths of all loaded modules at the first
+    line, 25 to 120 ms, and reads each caller's source file. rclpy's filters (``once``) are
+    missing.
     """
 
     def log(self, message: str, severity: Any) -> bool:
-        """Log a message, if its severity is logged at all; return whether it is."""
+        """Log a message of sufficient severity; return whether it was logged."""
         if not self.is_enabled_for(severity):
             return False
         frame: Any = sys._getframe(1)

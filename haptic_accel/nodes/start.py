@@ -32,9 +32,9 @@ def __getattr__(node: str) -> Callable[[], None]:
 
 
 def _start(node: str) -> None:
-    # Libraries take a second to load. Until a node handles signals, one ends it without a word:
-    # Python's own handler would show where the loading was interrupted. There is nothing to undo.
+    # Libraries take a second to load. Meanwhile a signal ends the node silently, as Python's own
+    # handler would print a traceback. There is nothing to undo.
     signal.signal(signal.SIGINT, lambda *_: os._exit(DONE))
-    # A launch blocks it, so that it has not interrupted Python's own start.
+    # A launch blocks the signal, which thus cannot interrupt Python's start.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     import_module(f"{__package__}.{node}").main()

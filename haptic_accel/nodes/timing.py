@@ -71,9 +71,9 @@ SLEEPS, SLEEP = 20, 1e-3
 class RateKeeper:
     """Ticks on an absolute grid: whole multiples of the period on the machine's steady clock.
 
-    All nodes of a machine at one rate tick together, as the paper's single servo loop did. A late
-    tick shifts no later one, and the grid points for which a process was too late are served
-    afterwards, each in its turn, for `CATCH_UP` at most.
+    All nodes of a machine with one rate tick together, like the paper's single servo loop. A late
+    tick does not shift later ticks. Missed grid points are served afterwards in their order, for
+    `CATCH_UP` at most.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class RateKeeper:
     Attributes
     ----------
     ticks, late, missed : int
-        Grid points served; of these, later than half a period; grid points that were left out.
+        Grid points served; those served later than half a period; those skipped.
     lateness : DurationHistogram
         Lateness of the ticks.
     """
@@ -120,7 +120,7 @@ class RateKeeper:
         return round(tick * self._period)
 
     def due(self) -> int | None:
-        """Return the number of the next grid point if its time has come, each once."""
+        """Return the number of the next grid point once, if its time has come."""
         now = self._clock()
         newest = math.floor((now + self._lead) / self._period)
         if newest < self._next:
@@ -148,9 +148,9 @@ class RateKeeper:
 
 
 class ArrivalKeeper:
-    """Looks for the messages of each tick about when they come, and again until they do.
+    """Looks for each tick's messages at their expected time, and again until they come.
 
-    To sleep until then takes half the processor time of being woken by each message.
+    Sleeping until then takes half the processor time of waking at each message.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ class ArrivalKeeper:
         self._first = True
 
     def polled(self, *, found: bool) -> float:
-        """Return the steady time of the next look, s, after one that found all, or not."""
+        """Return the steady time of the next look, s; the last look found all or not."""
         now = self._clock()
         if found:
             self._found = now
@@ -202,10 +202,10 @@ def wake_time() -> float:
 
 
 def system_time(steady: int) -> int:
-    """Return the system time, in ns since 1970, of a moment of steady time in ns.
+    """Convert steady time in ns to system time in ns since 1970.
 
-    Stamps are system time, so that they compare between machines; taken anew each time,
-    because system time is adjusted while steady time runs on.
+    Stamps are system time, which is comparable between machines. The offset is read at each call,
+    because only system time is adjusted.
     """
     shortest = math.inf
     offset = 0

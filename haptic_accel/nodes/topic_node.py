@@ -56,7 +56,7 @@ class TopicNode(ParameterNode):
     Attributes
     ----------
     unserved : set of Subscription
-        Subscriptions that the executor leaves alone: their messages are taken when needed.
+        Subscriptions that the executor ignores: their messages are taken when needed.
     """
 
     def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
@@ -80,7 +80,7 @@ class TopicNode(ParameterNode):
         self, topic: Topic, callback: Callable[[bytes], None], depth: int = DEPTH
     ) -> Subscription:
         """Subscribe to a topic's messages as they are serialised."""
-        # A stop that is published without being kept is heard by another subscription: no warning.
+        # Another subscription receives stops from volatile publishers: no warning.
         events = SubscriptionEventCallbacks(use_default_callbacks=not topic.latched)
         return self.create_subscription(
             message_type(topic),
@@ -106,7 +106,7 @@ class TopicNode(ParameterNode):
             self.get_logger().warning(f"{topic.name}: malformed message refused: {reason}")
 
     def create_timer(self, period: float, callback: Callable[[], object], **given: Any) -> Timer:
-        """Create a timer of the steady clock: one of system time would wait if that is set back.
+        """Create a timer of the steady clock, since setting system time back must not delay it.
 
         Parameters
         ----------
@@ -118,8 +118,8 @@ class TopicNode(ParameterNode):
         """
         return super().create_timer(period, callback, clock=self._steady, **given)
 
-    # An executor asks these four for all that it serves, rclpy's own services included, so that
-    # nothing gets past the guard.
+    # An executor gets all that it serves from these four, including rclpy's own services, so every
+    # callback is guarded.
 
     @property
     def services(self) -> Iterator[Service]:
@@ -152,7 +152,7 @@ class TopicNode(ParameterNode):
         )
 
     def callback_failed(self, error: Exception) -> None:
-        """Count and log what the executor raised: what taking a message does, for one."""
+        """Count and log an exception of the executor, for example in taking a message."""
         self._guard.note("executor", error)
 
     def _listen(
@@ -187,5 +187,5 @@ def quality(topic: Topic, depth: int = DEPTH) -> QoSProfile:
 
 
 def offered_quality(topic: Topic, depth: int = SENT) -> QoSProfile:
-    """Return a publisher's quality of service: reliable, so for subscribers of both kinds."""
+    """Return a publisher's quality of service: reliable, which suits all subscribers."""
     return quality(replace(topic, reliable=True), 1 if topic.latched else depth)

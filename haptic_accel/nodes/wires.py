@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Signals between nodes that share a process: one loop passes them on, without a message."""
+"""Signals between nodes of one process, which one loop passes on without messages."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from collections.abc import Callable
 
 
 class Wire:
-    """One signal of this process: whether it is sent here, and by whom it is taken.
+    """One signal in this process: whether it is sent here, and its receivers.
 
-    A receiver joins with a function that is told whether the signal is sent in this process: if
-    not, it comes as messages.
+    A receiver joins with a function of a flag: true if this process sends the signal, false if the
+    signal comes as messages.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class Wire:
         return len(self._receivers) if self._offered else 0
 
     def join(self, receiver: Callable[[bool], object]) -> None:
-        """Add a receiver, and tell it whether the signal is sent here."""
+        """Add a receiver, called with whether the signal is sent here."""
         self._receivers.append(receiver)
         receiver(self._offered)
 
@@ -74,8 +74,8 @@ class Wires:
     Attributes
     ----------
     joined : bool
-        The nodes made from now on share theirs; otherwise each has its own, as in a process of
-        its own.
+        Nodes made from now on share wires; otherwise each node has its own, as in a separate
+        process.
     """
 
     def __init__(self) -> None:
