@@ -122,7 +122,7 @@ def _contents(path: Path) -> tuple[list[Path], Metadata]:
 
 
 def _problems(path: Path, files: Sequence[Path], metadata: Metadata) -> Iterator[str]:
-    """Yield differences between metadata and files; those of another form are not read."""
+    """Yield differences of metadata and files; files of another form are not read."""
     for entry in metadata.files:
         file = path / entry.name
         try:
@@ -137,7 +137,7 @@ def _problems(path: Path, files: Sequence[Path], metadata: Metadata) -> Iterator
 
 
 def _fact_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what the recorder noted about the graph, a line each."""
+    """Yield the metadata of the graph, a line each."""
     if VERSION in facts:
         yield f"haptic_accel {facts[VERSION]} on {_joined(facts.get(HOST, {}))}"
         yield f"arguments: {_joined(facts.get(ARGUMENTS, {}))}"

@@ -250,6 +250,6 @@ def _arguments(words: Sequence[str], rate: float, seconds: float) -> GraphArgume
         raise ParameterError(f"seconds = {seconds:g}: must leave at least 1 s for each run")
     arguments = replace(parse_arguments(words), rate=rate, duration=seconds)
     check_both_arms(arguments)
-    # Refuses what no node would accept before the first run.
+    # Refuses wrong values before the first run.
     graph(arguments)
     return arguments

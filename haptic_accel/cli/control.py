@@ -82,7 +82,7 @@ def control(arguments: ControlArguments) -> None:
 
 
 async def _apply(client: ServiceClient, requests: Sequence[Request]) -> None:
-    """Send requests, and print what they change, up to the first that is refused."""
+    """Send requests and print their changes, up to the first refusal."""
     from haptic_accel.nodes.service_client import RequestError
 
     side, refused = "", list[str]()
@@ -90,7 +90,7 @@ async def _apply(client: ServiceClient, requests: Sequence[Request]) -> None:
         with suppress(RequestError):  # without a coupler both devices can be armed
             side = next(iter(await client.parameters("coupler", ["side"])), None) or ""
     for request in requests:
-        # A device is armed even if the other one refuses; that of a peer's arm is not here.
+        # A device is armed even if the other refuses; a peer's device is not here.
         if _arms(request) and not request.service.startswith(side):
             continue
         if refused and not _arms(request):

@@ -94,7 +94,7 @@ class EmulationArguments(Checked):
     )
 
     def virtual_rig(self) -> RigParameters:
-        """Return the parameters of the virtual rig, as a graph has them."""
+        """Return a graph's parameters of the virtual rig."""
         graph = GraphArguments(rig=self.rig, grip=self.grip, surface=self.surface, seed=self.seed)
         return rig_parameters(graph_parameters(graph))
 
@@ -218,7 +218,7 @@ def emulate_can(arguments: EmulateCanArguments) -> None:
 def _faults(
     arguments: EmulationArguments, names: str, faulty: str, kinds: Mapping[str, FaultKind]
 ) -> dict[str, Faults]:
-    """Return the faults of each side: one has those that are named, the other none."""
+    """Return the faults of each side: the named ones for `faulty`, otherwise none."""
     given = Faults(names, kinds, arguments.fault_seconds, arguments.seed)
     return {side: given if side == faulty else Faults() for side in SIDES}
 

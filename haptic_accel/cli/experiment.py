@@ -145,7 +145,7 @@ def experiment(
         )
         for controller in ([arguments.controller] if "controller" in given else controllers)
     ]
-    # Everything that can be wrong is found before anything runs.
+    # All wrong arguments are found before any run.
     processes = [graph(planned) for planned in plan]
     with nullcontext() if lockstep else sole_graph(arguments.namespace):
         folder = results_folder(out, unfinished=UNFINISHED)
@@ -195,7 +195,7 @@ def _checked(
 def _channel(
     delay: float | None, jitter: float | None, loss: float | None, lockstep: bool
 ) -> ChannelParameters | None:
-    """Return the network that was asked for, times in ms; None for none."""
+    """Return the requested network, times in ms; None for none."""
     if delay is jitter is loss is None:
         return None
     if not lockstep:

@@ -116,7 +116,7 @@ def identify(
     if lockstep and sources:
         raise ParameterError("from: not with --lockstep, which makes its own recordings")
     for each in by_grip.values():
-        identification_graph(each)  # everything wrong is found first
+        identification_graph(each)  # errors are found first
     with nullcontext() if lockstep or sources else sole_graph(arguments.namespace):
         folder = results_folder(out, "identify_")
         try:
@@ -162,7 +162,7 @@ def identify(
 
 
 def _by_grip(arguments: IdentifyArguments, grips: Sequence[str]) -> dict[str, IdentifyArguments]:
-    """Return the arguments of each grip, with bags of their own."""
+    """Return the arguments of each grip, with separate bags."""
     if len(set(grips)) < len(grips):
         raise ParameterError(f"grips = {', '.join(grips)}: must hold each grip once")
     by_grip = {grip: replace(arguments, grip=grip) for grip in grips or [arguments.grip]}

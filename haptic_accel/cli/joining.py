@@ -15,7 +15,7 @@
 
 """Join a running graph from a separate process.
 
-Imports ROS, which takes a while: load it where it is used.
+It imports ROS slowly: import it only where needed.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def connected(
 
     async def spin(seconds: float) -> None:
         rclpy.spin_once(node, timeout_sec=seconds)
-        await asyncio.sleep(0)  # lets an interruption through
+        await asyncio.sleep(0)  # allows cancellation here
 
     try:
         yield ServiceClient(node, spin, finding, answering)

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Groups of verbs whose code is imported when a verb is asked for."""
+"""Groups of verbs, whose code is imported on demand."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from haptic_accel.core.parameters import suggestion
 class LazyGroup(click.Group):
     """Verbs under headings, imported one by one.
 
-    An emergency stop must not wait for the import of what draws plots. A verb is in the module of
-    its name or, where this package has none, in that of its group.
+    An emergency stop must not wait for the import of plotting libraries. A verb is in the module
+    of its name or, without such a module, in its group's.
 
     Parameters
     ----------
     name : str
     sections : mapping
-        By heading, the summaries of the verbs by name.
+        Summaries of the verbs, by heading and name.
     groups : sequence of click.Group
-        Those of the verbs that are groups of further verbs.
+        Verbs that are groups of further verbs.
     examples : sequence of str
         Command lines for the help text.
     """

@@ -48,7 +48,7 @@ def main(words: Sequence[str] | None = None) -> None:
     Parameters
     ----------
     words : sequence of str, optional
-        Verb and its words; those of this process if not given.
+        Verb and its words; default: of this process.
     """
     given = sys.argv[1:] if words is None else list(words)
 
@@ -58,8 +58,8 @@ def main(words: Sequence[str] | None = None) -> None:
             if words is None:  # this process is for the stop alone
                 hurry()
             signalled = stop_at_once(given[1:])
-        # Runs that are side by side take a core each. In little memory, where BLAS cannot start
-        # its threads, it would wait for them for ever.
+        # Parallel runs take a core each. With little memory, BLAS would wait for ever for threads
+        # that it cannot start.
         for variable in BLAS_THREADS:
             os.environ.setdefault(variable, "1")
         from haptic_accel.cli.commands import command_line
@@ -79,7 +79,7 @@ def run(command: click.Command, name: str, words: Sequence[str] | None = None) -
     name : str
         Name of the program.
     words : sequence of str, optional
-        Command line; that of this process if not given.
+        Command line; default: of this process.
     """
     _exit(lambda: _status(command, name, words), name)
 
@@ -98,10 +98,10 @@ def _status(
 
 
 def _exit(act: Callable[[], int | None], name: str) -> NoReturn:
-    """Exit with the status of a function, or with that of its error after one line about it.
+    """Exit with the status of a function, or of its error after printing one line.
 
-    An error that is no answer to the user's words, nor to the state of the machine, is a fault of
-    this program, and raised.
+    An error not caused by the user's words or the machine's state is a fault of this program, and
+    raised.
     """
     try:
         status = act() or DONE
@@ -164,12 +164,12 @@ def _of_system(error: OSError) -> str:
 def _tell(line: str) -> None:
     try:
         print(line, file=sys.stderr, flush=True)
-    except OSError:  # nowhere to say it
+    except OSError:  # no output is left
         return
 
 
 def _leave_output() -> None:
-    """Drop what the standard streams still hold and cannot write: Python would try again."""
+    """Drop output that the standard streams cannot write: Python would try again."""
     for stream in (sys.stdout, sys.stderr):
         try:
             if stream:

@@ -46,7 +46,7 @@ class Words(click.Argument):
     kinds : tuple of type
         Dataclasses that declare the keys.
     describe : callable, optional
-        Returns name, default and description of every key; those of `kinds` otherwise.
+        Returns name, default and description of every key; default: from `kinds`.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class Words(click.Argument):
         self.describe = describe or (lambda: [line for kind in kinds for line in described(kind)])
 
     def write(self, formatter: click.HelpFormatter, also: Iterable[str] = ()) -> None:
-        """Write which keys are options also, and what every key means, group by group."""
+        """Write the meaning of every key by group, and the keys that are also options."""
         groups: dict[str, list[tuple[str, str]]] = {}
         for name, default, text in self.describe():
             kind = next(kind for kind in self.kinds if name in schema(kind))
@@ -76,7 +76,7 @@ class Words(click.Argument):
                     formatter.write_dl(lines)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        """Complete keys, the values of those that have choices, and otherwise files."""
+        """Complete keys, values of keys with choices, and otherwise files."""
         key, separator, _ = incomplete.partition(":=")
         if not separator:
             keys = [f"{name}:=" for name, _, _ in self.describe()]
@@ -92,7 +92,7 @@ class WordOption(click.Option):
 
 
 class GroupedOption(click.Option):
-    """An option under a heading of its own in the help, behind those that have none.
+    """Option under a separate heading in the help, after options without a heading.
 
     Parameters
     ----------
@@ -121,8 +121,8 @@ class Verb(click.Command):
         """Run the verb, with the options that mean a word among its words.
 
         A parameter named ``arguments`` receives the words as the dataclass that declares them.
-        A file for results that cannot be written is refused before anything runs for it; one in
-        the folder that the verb is to make can be.
+        An unwritable file for results is refused before the run; a file in a folder that the verb
+        will make is writable.
         """
         file, folder = ctx.params.get("json_file"), ctx.params.get("out")
         if file and folder not in file.parents:
@@ -139,7 +139,7 @@ class Verb(click.Command):
         return super().invoke(ctx)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the options, those with a heading behind the others."""
+        """Write the options; those with a heading come last."""
         sections: dict[str, list[tuple[str, str]]] = {"Options": []}
         for parameter in self.get_params(ctx):
             record = parameter.get_help_record(ctx)
@@ -159,17 +159,17 @@ class Verb(click.Command):
 
 
 def verb(*examples: str, name: str | None = None) -> Callable[[Callable[..., Any]], Verb]:
-    """Declare a verb, with examples for its help, and a name if not that of its function."""
+    """Declare a verb, with examples for its help and, optionally, a name."""
     return click.command(name, cls=Verb, examples=examples)
 
 
 def listed_words(text: str) -> list[str]:
-    """Read words with commas between."""
+    """Read words separated by commas."""
     return text.split(",") if text else []
 
 
 def one_of(known: Iterable[str]) -> Callable[[str], str]:
-    """Return what reads one of the known words, or names the nearest."""
+    """Return a parser of a known word, whose error names the nearest."""
     words = list(known)
 
     def read(text: str) -> str:
@@ -182,13 +182,13 @@ def one_of(known: Iterable[str]) -> Callable[[str], str]:
 
 
 def some_of(known: Iterable[str]) -> Callable[[str], list[str]]:
-    """Return what reads some of the known words with commas between, or names the nearest."""
+    """Return a parser of known words with commas between, whose error names the nearest."""
     read = one_of(known)
     return lambda text: [read(word) for word in listed_words(text)]
 
 
 def listed_numbers(text: str) -> list[float]:
-    """Read numbers with commas between."""
+    """Read numbers separated by commas."""
     try:
         return [read_decimal(word) for word in text.split(",")]
     except ValueError:

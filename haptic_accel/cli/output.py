@@ -38,8 +38,8 @@ LINE_ENDS = "\n\t"
 def printable_output() -> Iterator[None]:
     """Escape control characters on the standard streams, as names in files may hold some.
 
-    The streams stay the same objects, and what `rich` writes, which has passed `print_table` and
-    colours it, is left alone.
+    The streams stay the same objects. Coloured output of `rich`, escaped by `print_table`, is not
+    changed.
     """
     with ExitStack() as stack:
         for stream in (sys.stdout, sys.stderr):
@@ -84,7 +84,7 @@ def results_folder(out: Path | None, prefix: str = "", unfinished: str = "") -> 
     prefix : str
         Text before date and time.
     unfinished : str
-        Name of a file in a folder that may exist, of a run that goes on; empty for none.
+        Name of the file of an unfinished run, whose folder may exist; empty for none.
 
     Raises
     ------

@@ -144,7 +144,7 @@ def _play(
 
 
 def _planned(each: Sequence[Sequence[str]]) -> list[Replay]:
-    """Return the replays that words ask for: all that can be wrong is found before any runs.
+    """Return the replays that words request; all errors are found before any run.
 
     Among several bags, those in which nothing was recorded are named and left out.
     """

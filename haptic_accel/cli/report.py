@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Trials on a terminal: a line for each as it is analysed, then tables and sentences."""
+"""Trials on a terminal: a line per analysed trial, then tables and sentences."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from haptic_accel.core.tables import number
 
 def print_trials(done: int, total: int, name: str, trials: Sequence[AnalysedTrial]) -> None:
     """Print the errors of a bag's trials."""
-    if not trials and total > 1:  # of a single bag the reason says it
+    if not trials and total > 1:  # a single bag's reason says it
         print(f"{done} of {total}: {name}: no trial", flush=True)
     for trial in trials:
         condition = printable(f"{trial.name}: {trial.controller} on {trial.surface}")
@@ -47,7 +47,7 @@ def print_trials(done: int, total: int, name: str, trials: Sequence[AnalysedTria
 
 
 def divergences(analysis: Analysis, spread: Spread) -> Iterator[Divergence]:
-    """Compare the bags with lockstep; print why one cannot be."""
+    """Compare the bags with lockstep; print any obstacle."""
     for found in spread(_divergence, list(dict.fromkeys(t.segment.bag for t in analysis.trials))):
         if isinstance(found, Divergence):
             yield found
@@ -63,7 +63,7 @@ def _divergence(bag: Path) -> Divergence | str:
 
 
 def print_analysis(analysis: Analysis, comparison: Comparison | None, *last: str) -> None:
-    """Print tables, sentences, what could not be determined, and further lines."""
+    """Print tables, sentences, undetermined quantities, and further lines."""
     for table in tables(analysis):
         print_table(table)
     console = Console()

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Running graphs from a verb: signals, keys, progress, and how a graph ended."""
+"""Runs of graphs by a verb: signals, keys, progress, and the end of a graph."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ STOPPED_BY_KEY = (
 
 @contextmanager
 def stop_on_signal() -> Iterator[Callable[[], bool]]:
-    """Take over the signals that end a verb; yield what returns true once one has come."""
+    """Handle the signals that end a verb; yield a function that is true after a signal."""
     asked = threading.Event()
     before = {
         number: signal.signal(number, lambda *_: asked.set())
         for number in ENDING
-        # After nohup the end of the terminal is none.
+        # After nohup, ignore a closed terminal.
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
     }
     try:
@@ -82,15 +82,15 @@ def print_line(line: str) -> None:
     Raises
     ------
     OSError
-        Nobody reads any more, or a disk is full. All further output is lost without an error.
+        There is no reader, or a disk is full. All further output is lost without an error.
     """
     text = f"{printable(line)}\n"
     try:
         if sys.__stdout__ is None or sys.stdout is not sys.__stdout__:
             print(text, end="", flush=True)
         else:
-            # Not through Python's buffer, whose lock would be held while nobody reads: it is
-            # taken again when Python ends.
+            # Not through Python's buffer, whose lock would be held without a reader: Python needs
+            # that lock at exit.
             _write(text.encode(sys.__stdout__.encoding, "backslashreplace"))
     except OSError:
         _lose_output()
@@ -130,7 +130,7 @@ def run_to_end(supervisor: Supervisor, stop: Callable[[], bool], interrupted: st
     Raises
     ------
     StoppedError
-        It was interrupted, or failed, which has been shown.
+        The graph was interrupted, or failed, as shown.
     """
     outcome = supervisor.run(stop)
     if not outcome.first:
@@ -156,7 +156,7 @@ def run_shown(
     ParameterError
         Another graph runs in the namespace and ROS domain.
     StoppedError
-        It failed, which has been shown, or what it says cannot be written.
+        The graph failed, as shown, or its output cannot be written.
     """
     (namespace,) = {process.namespace for process in processes}
     progress = progress_bar(Console())
@@ -209,7 +209,7 @@ def _hints(processes: Sequence[Process], keys: bool) -> Iterator[str]:
 
 
 def _conclude(outcome: Outcome) -> None:
-    """Show the last lines of what failed in a graph, and end the verb with its exit status."""
+    """Show the last lines of failed processes, and end the verb with the exit status."""
     for name, status in outcome.failed.items():
         print(f"{name} ended with status {status}; its last lines:", file=sys.stderr)
         for line in outcome.last_lines[name] or ["(none)"]:
@@ -233,7 +233,7 @@ def progress_bar(console: Console | None = None) -> Progress:
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(elapsed_when_finished=True),
         console=console,
-        refresh_per_second=2.0,  # drawing takes CPU from the graph that is waited for
+        refresh_per_second=2.0,  # drawing takes CPU from the graph
         disable=not console.is_terminal,
     )
 
@@ -249,8 +249,8 @@ BACKGROUND_PERIOD = 0.5
 def on_key(key: bytes, act: Callable[[], None]) -> Iterator[bool]:
     """Call a function on a separate thread whenever a key is pressed, without Enter.
 
-    Nothing is read where the standard input is no terminal, or another program's. Ctrl-C and the
-    like remain signals. The terminal is as it was before when the context is left.
+    Nothing is read if the standard input is no terminal, or another program's. Ctrl-C and the like
+    remain signals. The terminal is restored when the context is left.
 
     Yields
     ------
@@ -282,7 +282,7 @@ def _follow(terminal: int, over: int, key: bytes, act: Callable[[], None]) -> No
         with suppress(OSError):  # not allowed here
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     while over not in select.select([terminal, over], [], [])[0]:
-        if not _is_ours(terminal):  # to read would suspend us
+        if not _is_ours(terminal):  # reading would suspend us
             select.select([over], [], [], BACKGROUND_PERIOD)
             continue
         try:

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Studies: independent conditions, with a line on each, whose results outlive an interruption."""
+"""Studies of independent conditions, whose results survive an interruption."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ LARGEST = 1 << 30
 
 
 class Journal:
-    """File with the results of a study that has not ended, from which it goes on.
+    """File with the results of an unfinished study, for its continuation.
 
     A result is stored under the key of its condition, `key_of`.
 
@@ -126,7 +126,7 @@ def run_study(
         Early end, by a signal or a graph that failed.
     """
     done: dict[int, Result] = {}
-    # Before the runs, which count for the files as they were when they began.
+    # Before the runs: results belong to the files as of the start.
     keys = [key_of(item) for item in items] if journal else []
     if journal:
         known = ((index, journal.result(key)) for index, key in enumerate(keys))
@@ -175,7 +175,7 @@ def key_of(condition: Any) -> str:
 
 
 def _parts(value: Any) -> Iterator[bytes]:
-    """Yield a value's content: that of arrays too, and size and time of files that are named."""
+    """Yield a value's content, including arrays, and size and time of named files."""
     if is_dataclass(value):
         yield type(value).__name__.encode()
         value = {each.name: getattr(value, each.name) for each in fields(value)}

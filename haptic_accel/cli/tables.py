@@ -28,8 +28,8 @@ from haptic_accel.core.tables import ResultTable
 def print_table(table: ResultTable) -> None:
     """Print a table.
 
-    A plain text has no markup, and is escaped where a terminal would obey it; one of `rich` is
-    printed as it is.
+    Plain text has no markup, and its control characters are escaped; text of `rich` is printed
+    unchanged.
     """
     shown = Table(title=table.title or None, caption=table.note or None, caption_justify="left")
     for place, heading in enumerate(table.headings):

@@ -223,7 +223,7 @@ def _csv(path: Path, rate: float) -> Recording:
 
 
 def _bag(path: Path) -> Recording:
-    """Return what a bag has of the slave: by its contact force, or else its arm's."""
+    """Return the slave's recording in a bag, with contact force or else arm force."""
     from haptic_accel.bags.reading import read_bag
 
     bag = read_bag(path)

@@ -82,8 +82,8 @@ class Workers:
     ) -> Iterator[tuple[int, Result]]:
         """Start the runs; return an iterator over indices and results, as the runs end.
 
-        It ends early once the runs have to. The run of a lost process is started again.
-        Call it before anything starts a thread, which the processes would be copies of.
+        The iterator ends early on a stop. A lost process's run is started again.
+        Call it before starting threads, which the new processes would copy.
 
         Parameters
         ----------
@@ -185,7 +185,7 @@ class _Processes:
         return {index: self._pool.submit(self._run, item) for index, item in items.items()}
 
     def close(self) -> None:
-        """End the processes, whatever they run."""
+        """End the processes, even busy ones."""
         for process in multiprocessing.active_children():
             process.terminate()
         self._pool.shutdown(wait=False, cancel_futures=True)
@@ -199,7 +199,7 @@ def _leave_signals() -> None:
 
 
 class _Cluster:
-    """Workers of a scheduler of dask.distributed, which starts the runs of lost workers again."""
+    """Workers of a dask.distributed scheduler, which restarts the runs of lost workers."""
 
     TOGETHER = False
 
@@ -240,7 +240,7 @@ def software() -> dict[str, str]:
 def _run_alike(
     run: Callable[[Item], Result], expected: dict[str, str], folder: Path, item: Item
 ) -> Result:
-    """Run an item in a folder, where the software is as expected: elsewhere digits may differ."""
+    """Run an item in a folder; refuse other software versions, as digits may differ."""
     found = software()
     for name, version in expected.items():
         if found[name] != version:
@@ -248,5 +248,5 @@ def _run_alike(
                 f"executor: {name} {found[name]} on {platform.node()}, must be {version} as here"
             )
     with located(f"executor: '{folder}' on {platform.node()}", unreadable=""):
-        os.chdir(folder)  # names of files count from there
+        os.chdir(folder)  # file names are relative to it
     return run(item)

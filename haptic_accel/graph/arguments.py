@@ -80,8 +80,8 @@ def sets(*places: str, **changes: Any) -> Any:
     Parameters
     ----------
     places : str
-        Each a node and its parameter's dotted name, with a dot between; the argument has default
-        and specification of the first.
+        Node and dotted parameter name, with a dot between; the argument has default and
+        specification of the first place.
     changes
         Attributes of the specification that differ.
     """
@@ -234,11 +234,11 @@ class GraphArguments(
     """Arguments of the graph."""
 
     def __post_init__(self) -> None:
-        """Check all fields, and that what is chosen can be under the slave's tool.
+        """Check all fields, and that the surface can be under the slave's tool.
 
-        What needs a process for each node gets it: a node that is started again learns from the
-        others of an emergency stop; played topics have no device; and where nothing else takes
-        off the force of an arm, only a fault of its own node may leave it.
+        Some graphs need a process for each node: a restarted node learns from other nodes of an
+        emergency stop; played topics have no device; and if nothing else removes an arm's force,
+        only a fault of the arm's own node may leave the force on.
         """
         super().__post_init__()
         unwatched = self.master.startswith(CRTK) or self.slave.startswith(CRTK)
@@ -276,12 +276,12 @@ class IdentifyArguments(SweepParameters, LaunchArguments):
 def check_lockstep(
     arguments: GraphArguments, where: str, slaves: Sequence[str] = (SIMULATED, VIRTUAL)
 ) -> None:
-    """Refuse a device that does not run in lockstep, and slaves other than some.
+    """Refuse a device that cannot run in lockstep, or a slave not allowed.
 
     Raises
     ------
     ParameterError
-        Naming the device, what is allowed, and where: the end of the sentence.
+        Names the device and allowed ones; `where` ends the sentence.
     """
     for arm, allowed in (("master", [SIMULATED]), ("slave", slaves)):
         if (device := getattr(arguments, arm)) not in allowed:
@@ -289,12 +289,12 @@ def check_lockstep(
 
 
 def check_both_arms(arguments: GraphArguments) -> None:
-    """Refuse a graph that has one of the arms only.
+    """Refuse a graph with only one arm.
 
     Raises
     ------
     ParameterError
-        Naming the side.
+        Names the side.
     """
     if arguments.side:
         raise ParameterError(f"side = {arguments.side!r}: must be empty, as both arms are needed")

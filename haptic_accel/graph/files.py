@@ -41,7 +41,7 @@ _WILDCARDS = ("**", "*")
 
 
 def surface_file(surface: str) -> Path:
-    """Return the parameter file of a surface; recordings have a smooth one in common.
+    """Return the parameter file of a surface; all recordings share a smooth surface.
 
     Raises
     ------
@@ -55,17 +55,17 @@ def surface_file(surface: str) -> Path:
 def surface_parameters(surface: str) -> dict[str, Any]:
     """Return all parameters of a surface, by the slave device's dotted names.
 
-    Parameters missing from its file have their defaults, so that none of another surface stays.
+    Parameters missing from the file get defaults, so that none of another surface stays.
 
     Parameters
     ----------
     surface : str
-        Its name, or a path ending in ``.yaml``.
+        Name, or a path ending in ``.yaml``.
 
     Raises
     ------
     ParameterError
-        There is none, or its file is wrong.
+        No such surface, or a wrong file.
     """
     given = read_parameter_file(surface_file(surface))["slave_device"]
     return {
@@ -84,18 +84,18 @@ def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, d
     path : Path
         YAML of the form ``/**/node: {ros__parameters: {name: value}}``; ``/**`` is every node.
     namespace : str, optional
-        Namespace of the nodes, with a slash before; None for what the file gives in any.
+        Namespace of the nodes, with a slash before; None for values in any namespace.
 
     Returns
     -------
     dict
-        Per executable its values by dotted name.
+        Values by executable and dotted name.
 
     Raises
     ------
     ParameterError
-        It cannot be read, has another form, names an unknown node or parameter, or a node that
-        it gives nothing to in this namespace.
+        The file cannot be read, has another form, or names an unknown node or parameter, or a node
+        in other namespaces only.
     """
     content = read_yaml_document(path)
     if not isinstance(content.value, dict):
@@ -131,7 +131,7 @@ def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, d
 def check_reached(path: Path, node: str) -> None:
     """Refuse a ROS parameter file that names a node only in other namespaces than the node's.
 
-    ROS gives nothing of such a file to the node, and says nothing.
+    ROS silently ignores such a file for the node.
 
     Parameters
     ----------
@@ -142,13 +142,13 @@ def check_reached(path: Path, node: str) -> None:
     Raises
     ------
     ParameterError
-        Naming the file, the key and one that would hold.
+        Names the file, the key, and a key that applies.
     """
     _check_reached(read_yaml_document(path), node)
 
 
 def _check_reached(content: Document, node: str) -> None:
-    """Refuse keys that name a node without any of them holding for it."""
+    """Refuse keys that name a node if no key applies to it."""
     name = node.rpartition("/")[2]
     naming = [key for key in content.mapping() if key.rpartition("/")[2] == name]
     if naming and not any(_holds(key, node) for key in naming):
@@ -159,7 +159,7 @@ def _check_reached(content: Document, node: str) -> None:
 
 
 def _holds(key: str, node: str) -> bool:
-    """Return whether a key of a parameter file is for a node, as ROS 2 decides it."""
+    """Return whether a parameter file's key applies to a node by ROS 2's rules."""
     patterns = {"**": "(/[^/]+)*", "*": "/[^/]+"}
     words = key.strip("/").split("/")
     pattern = "".join(patterns.get(word, "/" + re.escape(word)) for word in words)
@@ -169,25 +169,25 @@ def _holds(key: str, node: str) -> bool:
 def parameter_text(nodes: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the ROS parameter file with the values of each node, nested or by dotted name.
 
-    It holds for nodes of these names in any namespace.
+    It applies to these node names in any namespace.
     """
     content = {f"/**/{node}": {_PARAMETERS: values} for node, values in nodes.items()}
     return str(yaml.dump(_quoted(content), Dumper=_Plain, sort_keys=False, width=2**31))
 
 
 class _Text(str):
-    """A text value, which ROS must not read as something else: 1e5."""
+    """Text that ROS must not read as another type, such as 1e5."""
 
 
 def _quoted(values: Any) -> Any:
-    """Mark all texts that are values."""
+    """Mark all text values."""
     if isinstance(values, Mapping):
         return {name: _quoted(value) for name, value in values.items()}
     return _Text(values) if isinstance(values, str) else values
 
 
 class _Plain(yaml.SafeDumper):
-    """Writes values that several places share once for each, as nothing here reads aliases."""
+    """Writes shared values once for each place, because no reader supports aliases."""
 
     def ignore_aliases(self, data: Any) -> bool:
         """Return True."""
@@ -209,7 +209,7 @@ def _flat(section: Document, prefix: str = "") -> Iterator[tuple[str, Document]]
 
 
 def _known(flat: Mapping[str, Document], executable: str, name: str) -> dict[str, Any]:
-    """Keep a node's own parameters; refuse unknown ones, of a named node also other nodes'."""
+    """Keep a node's parameters; refuse unknown ones and, for a named node, other nodes'."""
     schema = node_schema(executable)
     others = NODES if name in _WILDCARDS else ()
     for parameter, value in flat.items():

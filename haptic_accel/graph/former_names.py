@@ -15,7 +15,7 @@
 
 """Names of parameters and arguments before 0.2, which are read in 0.2 for the last time.
 
-Those in bags are read for good.
+Those in bags are always read.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def current_names(values: Mapping[str, Any]) -> dict[str, str]:
-    """Return the name that each of the given parameters has now, by that under which it was given.
+    """Return the present name of each given parameter, by the name under which it was given.
 
     Parameters
     ----------
@@ -67,20 +67,20 @@ def current_names(values: Mapping[str, Any]) -> dict[str, str]:
 
 
 def warning_of(names: Iterable[str]) -> str:
-    """Return the warning of the former ones among names; empty where there is none."""
+    """Return the warning about former names among some names; empty without any."""
     begun = {old for name in names for old in FORMER if name.startswith(old)}
     text = ", ".join(f"{old}* is {new}* now" for old, new in FORMER.items() if old in begun)
     return text and f"{text}; the former names are read until the next release"
 
 
 def current_words(words: Iterable[str], known: Iterable[str]) -> list[str]:
-    """Return ``key:=value`` words with the former ones as they are now, after a warning of them.
+    """Return ``key:=value`` words with present keys, after a warning about former keys.
 
     Parameters
     ----------
     words : iterable of str
     known : iterable of str
-        Keys of today.
+        Present keys.
     """
     words = list(words)
     unknown = set(FORMER_WORDS).difference(known) if "surface" in known else ()
@@ -94,7 +94,7 @@ def current_words(words: Iterable[str], known: Iterable[str]) -> list[str]:
 
 
 def current_arguments(recorded: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments in a bag, which may be an older one, by their names of today."""
+    """Return the arguments in a bag, possibly an older one, by their present names."""
     now = dict(recorded)
     if "config" in now:
         now.setdefault("params_file", now["config"])
@@ -114,6 +114,6 @@ def warn_once(line: str) -> None:
 
 
 def _current(name: str) -> str:
-    """Return the name now of a parameter."""
+    """Return a parameter's present name."""
     old = next(filter(name.startswith, FORMER), "")
     return FORMER.get(old, "") + name.removeprefix(old)

@@ -55,7 +55,7 @@ def description() -> str:
 
 
 def frames_at_rest(urdf: str) -> Iterator[Frame]:
-    """Yield the frames that topics have: the bases as described, the others at their bases."""
+    """Yield the frames of topics: bases as described, other frames at their bases."""
     for joint in ElementTree.fromstring(urdf).iter("joint"):
         names = {part.tag: part.get("link", "") for part in joint}
         if names["child"] in MOVED.values():

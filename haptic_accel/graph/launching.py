@@ -63,16 +63,16 @@ def launched(
     arguments: Sequence[tuple[str, str, str]],
     processes: Callable[[Sequence[str]], Sequence[Process]],
 ) -> LaunchDescription:
-    """Declare arguments and start the processes they ask for.
+    """Declare arguments and start the requested processes.
 
-    The end of any of them ends all, but of one that is optional.
+    The end of any process that is not optional ends all.
 
     Parameters
     ----------
     arguments : sequence
         Name, default and description of each argument.
     processes : callable
-        From ``key:=value`` words to the processes of the graph.
+        Returns the graph's processes for ``key:=value`` words.
     """
 
     def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
@@ -92,7 +92,7 @@ def launched(
         if line := arrangement(found):
             get_logger("haptic_accel").info(line)
         leave = OnShutdown(on_shutdown=lambda *_: lock.close())
-        # Later, as nodes that start meanwhile, or come back, read their parameters.
+        # Removed at exit, as starting and restarted nodes read their parameters.
         folder = TemporaryDirectory(prefix="haptic_accel-")
         atexit.register(folder.cleanup)
         prefix = " ".join([context.launch_configurations.get(PREFIX, ""), *blocking_words()])
@@ -107,7 +107,7 @@ def launched(
 
 
 def _check_spelling(names: Sequence[str], context: LaunchContext) -> None:
-    """Refuse a word that nearly is an argument: ``ros2 launch`` takes any in silence."""
+    """Refuse a misspelt argument, since ``ros2 launch`` silently accepts any word."""
     file = Path(context.locals.current_launch_file_path).name
     if file not in {Path(word).name for word in sys.argv}:
         return  # included by another launch file, whose arguments they are
@@ -117,14 +117,14 @@ def _check_spelling(names: Sequence[str], context: LaunchContext) -> None:
 
 
 def _pushed(namespace: str, context: LaunchContext) -> str:
-    """Return a namespace below the pushed one, as launch_ros does unless it has a slash."""
+    """Return a namespace below the pushed one unless it has a slash, as in launch_ros."""
     if namespace.startswith("/"):
         return namespace
     return f"{context.launch_configurations.get(PUSHED, '')}/{namespace}"
 
 
 def blocking_words() -> Sequence[str]:
-    """Return the words before a command line that block `BLOCKED`; none where there is no way."""
+    """Return the words before a command line that block `BLOCKED`; none if impossible."""
     names = ",".join(each.name.removeprefix("SIG") for each in BLOCKED)
     words = "env", f"--block-signal={names}"
     try:
@@ -151,7 +151,7 @@ def _node(process: Process, folder: Path, prefix: str) -> Node:
 
 
 def _frame_publishers(namespace: str) -> list[LaunchDescriptionEntity]:
-    """Return the nodes that publish the frames: as the arms move, or at rest, as ROS here can."""
+    """Return the nodes that publish frames: moving or at rest, by the installed packages."""
     # Graphs in other namespaces have the same frames.
     own = {"namespace": namespace, "remappings": [("/tf", "tf"), ("/tf_static", "tf_static")]}
     if _installed("robot_state_publisher"):
@@ -170,7 +170,7 @@ def _frame_publishers(namespace: str) -> list[LaunchDescriptionEntity]:
 
 
 def _static_transform(frame: Frame, own: Mapping[str, Any]) -> Node:
-    """Return the node that publishes a frame which does not move."""
+    """Return the node that publishes a static frame."""
     axes = ("x", "y", "z", "roll", "pitch", "yaw")
     pose = zip(axes, frame.position + frame.rotation, strict=True)
     return Node(
@@ -197,7 +197,7 @@ def _installed(package: str) -> bool:
 def _end(
     process: Process, event: ProcessExited, context: LaunchContext
 ) -> list[LaunchDescriptionEntity]:
-    """End the graph with one of its nodes; a failure becomes launch's own exit status."""
+    """End the graph after a node's end; a failure becomes launch's exit status."""
     if context.is_shutdown or process.comes_back(event.returncode):
         return []
     if event.returncode != 0:

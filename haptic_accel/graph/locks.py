@@ -15,9 +15,9 @@
 
 """Locks on a ROS domain of this machine: one graph in a namespace, one sender of each signal.
 
-A lock is a socket with an abstract name. The kernel releases it however its process ends, it
-leaves no file behind, and it is seen where the graph's messages are: by every user of the machine,
-and not beyond its network namespace.
+A lock is a socket with an abstract name. The kernel releases the lock however the process ends,
+and no file remains. Like the graph's messages, the lock is visible to all users of the machine,
+within its network namespace.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def sole_graph(namespace: str) -> Iterator[None]:
 
 
 def _lock(domain: int, role: str) -> socket.socket:
-    """Lock a role, or raise the error that names the process which has it."""
+    """Lock a role, or raise an error that names the role's process."""
     lock = socket.socket(socket.AF_UNIX)
     place = address(domain, role)
     try:

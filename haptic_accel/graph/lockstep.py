@@ -51,7 +51,7 @@ def lockstep_trial(
     law: str = PASSIVE,
     blackouts: Sequence[tuple[float, float]] = (),
 ) -> Trial:
-    """Run the condition that arguments describe without ROS.
+    """Run the condition of the arguments without ROS.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def lockstep_trial(
     grips : sequence of GripChange
         Changes of grip, in order of time.
     changes : mapping
-        Values by node and dotted name, which count before those of all files.
+        Values by node and dotted name, which override all files.
     channel, law, blackouts
         Network between the arms, as for `run_trial`.
     """
@@ -104,7 +104,7 @@ def lockstep_trial(
 
 
 def replayed_track(arguments: GraphArguments) -> Track:
-    """Return what the device of ``slave:=replay`` plays, to the end of its rest.
+    """Return the track that ``slave:=replay`` plays, to the end of its rest.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def replayed_track(arguments: GraphArguments) -> Track:
 
 
 def record_trial(bag: Path, trial: Trial, arguments: GraphArguments, start: int) -> None:
-    """Write a trial as a bag that describes itself as one of the live graph does.
+    """Write a trial as a bag with the same metadata as in a live graph's bag.
 
     Parameters
     ----------

@@ -129,7 +129,7 @@ ADVICE = {
 
 @dataclass(frozen=True)
 class Finding:
-    """Result of one check; without meaning and fix where all is well."""
+    """Result of one check; without meaning and fix if it is good."""
 
     name: str
     level: Literal["ok", "warning", "problem"]
@@ -206,8 +206,7 @@ def swap(used: int) -> Finding:
 def shared_memory(folder: Path) -> Finding:
     """Judge the free space, and the Fast DDS segments of dead processes: those without a lock.
 
-    Only segments are checked, whose names are never used again, so that trying the lock
-    disturbs nobody.
+    Only segments are checked: their names are never reused, so that trying a lock does no harm.
     """
     pattern = re.compile(r"(fastrtps|fastdds)_[0-9a-z]{16}_el")
     locks = [path for path in folder.glob("fast*_el") if pattern.fullmatch(path.name)]
@@ -227,7 +226,7 @@ def receive_buffer(rmem_max: str) -> Finding:
 
 
 def sourced_ros(environment: Mapping[str, str], prefix: Path) -> Finding:
-    """Report a sourced ROS 2 that is mixed with the one in this Python's own prefix."""
+    """Report a sourced ROS 2 that is mixed with the ROS 2 in this Python's prefix."""
     index = Path("share", "ament_index")
     variables = ("PYTHONPATH", "AMENT_PREFIX_PATH")
     entries = ":".join(environment.get(variable, "") for variable in variables).split(":")
@@ -272,7 +271,7 @@ def profile(distribution: str, environment: Mapping[str, str], ours: Path) -> Fi
 
 
 def discovery_range(environment: Mapping[str, str]) -> Finding:
-    """Judge the range in which nodes look for each other."""
+    """Judge the range in which nodes discover each other."""
     reach = environment.get(DISCOVERY_RANGE, "").upper() or "SUBNET"
     if environment.get("ROS_LOCALHOST_ONLY") == "1":
         reach = "LOCALHOST"

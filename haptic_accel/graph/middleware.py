@@ -50,8 +50,8 @@ def middleware_defaults(environment: Mapping[str, str]) -> dict[str, str]:
     """Return the variables to add to an environment; those already set are kept.
 
     The range LOCALHOST would keep a graph on its machine too, but adds shared memory, which
-    held up all publishing of a process when another joined. It remains the default beside a
-    profile of the user's own, which may bind its sockets anywhere.
+    blocked a process's publishers when another process joined. LOCALHOST remains the default with
+    a user's profile, which may bind sockets anywhere.
     """
     own_profile = any(name in environment for name in PROFILES_FILES)
     local = not any(name in environment for name in VARIABLES)
@@ -67,7 +67,7 @@ def middleware_defaults(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 def _log_folder() -> Path:
-    """Return rclpy's own folder of the log, in the home that the system has for the user."""
+    """Return rclpy's log folder, in the home folder that the system has for the user."""
     try:
         return Path(pwd.getpwuid(os.getuid()).pw_dir) / ".ros" / "log"
     except KeyError:  # a user unknown to the system

@@ -214,7 +214,7 @@ class ScopeNodeParameters(Checked):
         "127.0.0.1",
         "address of the scope's page; any other than this machine's own requires the token",
     )
-    # Registered for nothing (IANA), and below the ports that Linux hands out.
+    # Not registered (IANA), and below the ports that Linux assigns.
     port: int = parameter(8642, "port of the scope's page; 0 for any free one", low=0, high=65535)
     control: bool = parameter(False, "let the scope's page control the graph, not only show it")
     side: str = like(CouplerNodeParameters, "side")
@@ -265,7 +265,7 @@ def node_schema(executable: str) -> Mapping[str, tuple[Any, Specification]]:
 
 
 def node_parameters(executable: str, values: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
-    """Build a node's own parameters, and those of its options by name.
+    """Build the parameters of a node, and of its options by name.
 
     Parameters
     ----------

@@ -88,13 +88,13 @@ class Process:
     namespace : str
         Namespace of its nodes and of the topics, with a slash before; empty for the root.
     log_level : str
-        Least severe messages that it logs.
+        Lowest severity that is logged.
     respawn : bool
-        It is started again when it fails.
+        True to restart it on failure.
     last : bool
-        Stop it after the others, whose last messages it records.
+        Stop it after the others, to record their last messages.
     optional : bool
-        The graph goes on when it ends.
+        The graph can run without it.
     """
 
     executable: str
@@ -106,13 +106,13 @@ class Process:
     optional: bool = False
 
     def comes_back(self, status: int) -> bool:
-        """Return whether it is started again after it has ended with an exit status."""
+        """Return whether it is restarted after an end with an exit status."""
         return self.respawn and status not in (DONE, WRONG_ARGUMENTS, *CUT_SHORT)
 
     def ros_arguments(self, folder: Path) -> list[str]:
-        """Write the parameters to a file in a folder; return the words for ROS but the namespace.
+        """Write the parameters to a file in a folder; return ROS words without the namespace.
 
-        A file because words of a command line cannot name a node in a namespace.
+        It needs a file, as command-line words cannot name a node in a namespace.
         """
         file = folder / f"{self.executable}.yaml"
         file.write_text(parameter_text(self.parameters), encoding="utf-8")
@@ -150,7 +150,7 @@ def identification_graph(arguments: IdentifyArguments) -> list[Process]:
     values = graph_parameters(arguments)
     _check_devices(arguments, _checked_options(values))
     _check_bag(arguments)
-    repeat_samples(arguments.sweep, arguments.rate)  # the rate must do for the sweep
+    repeat_samples(arguments.sweep, arguments.rate)  # the rate must suit the sweep
     return _processes(arguments, values)
 
 
@@ -170,7 +170,7 @@ def _processes(
     elif LINK in nodes:
         parts = {HALF_COUPLER if name == "coupler" else name: parts[name] for name in parts}
     processes = [
-        # A link holds no arm: while it is away both arms are free, and nothing needs it to go on.
+        # A link controls no arm: without it both arms are free, and other processes continue.
         process(name, given, respawn=respawn or name == LINK)
         for name, given in parts.items()
     ]
@@ -183,16 +183,16 @@ def _processes(
         if arguments.params_file:  # found from another working directory, too
             recorded["params_file"] = str(Path(arguments.params_file).absolute())
         recorder = {**values[RECORDER], "facts": facts_text(recorded, effective)}
-        # First, so that it misses as little as can be of the others.
+        # First, so that it misses few messages of the others.
         processes.insert(0, process(RECORDER, {RECORDER: recorder}, last=True))
     if SCOPE in asked:
-        # Last, as what makes the forces need not wait for it.
+        # Last, as the forces need not wait for it.
         processes.append(process(SCOPE, {SCOPE: values[SCOPE]}, optional=True))
     return processes
 
 
 def arrangement(processes: Sequence[Process]) -> str:
-    """Return the line that tells which nodes share a process, and how to change that.
+    """Return a line on the nodes that share a process, and on how to change this.
 
     Empty where there is no choice, as for an identification.
     """
@@ -226,7 +226,7 @@ def graph_parameters(arguments: Arguments) -> Values:
     Raises
     ------
     ParameterError
-        A file is not usable, or gives what the arguments set in another way.
+        A file is not usable, or contradicts the arguments.
     """
     values: Values = {executable: {} for executable in NODES}
     set_here = _own_parameters(arguments)
@@ -239,7 +239,7 @@ def graph_parameters(arguments: Arguments) -> Values:
     for executable, own in set_here.items():
         values[executable] |= own
     if arguments.master in (names.SIMULATED, names.POINTER):
-        # A simulated handle needs no bench to measure its sensor on.
+        # Simulated handles need no measurement of the sensor.
         _, devices = node_parameters("master_device", values["master_device"])
         sensor = asdict(devices[names.SIMULATED].accelerometer)
         known = {f"accelerometer.{name}": value for name, value in sensor.items()}
@@ -269,12 +269,12 @@ def _or_set(node: str, name: str, value: Any) -> str:
 
 
 def rig_parameters(values: Values) -> RigParameters:
-    """Return the virtual rig that the simulated devices of a graph make up.
+    """Return the virtual rig of a graph's simulated devices.
 
     Parameters
     ----------
     values : mapping
-        As `graph_parameters` gives them.
+        Result of `graph_parameters`.
     """
     _, masters = node_parameters("master_device", values["master_device"])
     _, slaves = node_parameters("slave_device", values["slave_device"])
@@ -287,7 +287,7 @@ def rig_parameters(values: Values) -> RigParameters:
 
 
 def _files(arguments: Arguments) -> list[Path]:
-    """Return the parameter files in the order in which they count."""
+    """Return parameter files in order of increasing precedence."""
     paths = [_defaults_file(), preset_file("rig", arguments.rig)]
     if isinstance(arguments, GraphArguments) and arguments.slave != names.VIRTUAL:
         paths.append(surface_file(arguments.surface))
@@ -297,7 +297,7 @@ def _files(arguments: Arguments) -> list[Path]:
 
 
 def _defaults_file() -> Path:
-    """Return the parameter file that all others come after."""
+    """Return the parameter file of lowest precedence."""
     return config_folder() / "teleop.yaml"
 
 
@@ -315,9 +315,9 @@ def _own_parameters(arguments: Arguments) -> Values:
     if isinstance(arguments, IdentifyArguments):
         own["identifier"] |= {**asdict(arguments.sweep), "listeners": 2}
         return own
-    # Of each signal: the node that it is for, and the recorder.
+    # Receivers of a signal: its destination and the recorder.
     listeners = {"listeners": 2 if arguments.record else 1}
-    # The hand starts to explore when the arms engage: all others must be there.
+    # The hand starts to explore when the arms engage: all others must exist.
     own["coupler"] |= {**listeners, "compensated": "compensator" in own}
     if "restamper" in own:
         own["restamper"] |= listeners
@@ -348,7 +348,7 @@ def _nodes(arguments: Arguments) -> list[str]:
 
 
 def _check_side(arguments: GraphArguments) -> None:
-    """Refuse, beside a peer host, what needs both arms here, and a device of the peer's arm."""
+    """Refuse, with a peer host, options for both arms, and a device of the peer's arm."""
     if not arguments.side:
         return
     side = f"side:={arguments.side}"
@@ -361,7 +361,7 @@ def _check_side(arguments: GraphArguments) -> None:
 
 
 def _check_replay(arguments: GraphArguments, options: Values) -> None:
-    """Refuse a replay without a device that plays it, and one that cannot be played."""
+    """Refuse a replay without a device to play it, and an unplayable replay."""
     players = {names.REPLAY, names.PLAYED_TOPICS}
     if arguments.replay and players.isdisjoint((arguments.master, arguments.slave)):
         raise ParameterError(

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Arguments of a replay: its own, and those of the graph, which default to the bag's."""
+"""Arguments of a replay and of its graph, which default to the bag's."""
 
 from __future__ import annotations
 
@@ -94,17 +94,17 @@ class ReplayArguments(Checked):
 
 @dataclass(frozen=True)
 class Replay:
-    """A replay that was asked for.
+    """A requested replay.
 
     Attributes
     ----------
     own : ReplayArguments
     graph : GraphArguments
-        Those of the graph that it takes place in.
+        Arguments of the graph.
     inherited : dict
-        Those that come from the bag.
+        Arguments from the bag.
     bag : Bag or None
-        Bag that was read to find them; None for a CSV or WAV file.
+        Bag with these arguments; None for a CSV or WAV file.
     touched : str
         Surface that the tool touched as the bag was recorded, in a table of results.
     """
@@ -117,7 +117,7 @@ class Replay:
 
 
 def replay_arguments(words: Iterable[str]) -> Replay:
-    """Read ``key:=value`` words, and the bag for what they leave open.
+    """Read ``key:=value`` words, and missing values from the bag.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def replay_arguments(words: Iterable[str]) -> Replay:
     values: dict[str, Any] = {**inherited, **given}
     _check_source(own, values, bag)
     values |= {
-        # Also where `ros2 bag play` plays it: the recording must name what was played.
+        # Also with `ros2 bag play`: the recording must name its source.
         "replay": str(Path(own.bag).absolute()),
         "replay_speed": own.rate,
         "replay_loop": own.loop,
@@ -153,7 +153,7 @@ def replay_arguments(words: Iterable[str]) -> Replay:
 
 
 def described_replay() -> list[tuple[str, str, str]]:
-    """Return name, default and description of every argument; empty is left to the bag."""
+    """Return name, default and description of every argument; empty means the bag's."""
     rest = []
     for name, default, text in described(GraphArguments):
         if name in INHERITED:
@@ -166,7 +166,7 @@ def described_replay() -> list[tuple[str, str, str]]:
 
 
 def _parsed(words: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
-    """Return a replay's own arguments, and those of the graph that were given."""
+    """Return the arguments of a replay, and those given for its graph."""
     known = [name for name, _, _ in described_replay()]
     own: list[str] = []
     rest: list[str] = []
@@ -189,7 +189,7 @@ def _parsed(words: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
 
 
 def _check_source(own: ReplayArguments, values: dict[str, Any], bag: Bag | None) -> None:
-    """Refuse a source that cannot play what is asked for, and a replay that plays nothing."""
+    """Refuse a source without the requested signals, and a replay that plays nothing."""
     if own.source == PLAYED_TOPICS and bag is None:
         raise ParameterError(f"bag = '{own.bag}': must be a bag with source:={PLAYED_TOPICS}")
     if own.source == PLAYED_TOPICS and own.rate != 1.0:
@@ -204,14 +204,14 @@ def _check_source(own: ReplayArguments, values: dict[str, Any], bag: Bag | None)
 
 
 def _sampling_rate(own: ReplayArguments, slave: str, bag: Bag | None) -> float:
-    """Return the graph's rate: as given, or that of the arm which is replayed."""
+    """Return the graph's rate: as given, or the rate of the replayed arm."""
     arm = SLAVE if slave in (REPLAY, PLAYED_TOPICS) else MASTER
     rate = own.sampling_rate or (bag_rate(bag, arm) if bag else DEFAULT_RATE)
     return float(checked("sampling_rate", rate, *schema(GraphArguments)["rate"]))
 
 
 def _inherited(bag: Bag, given: dict[str, Any]) -> dict[str, Any]:
-    """Return the arguments that a bag was recorded with and that hold for its replay.
+    """Return those arguments of a bag's recording that apply to its replay.
 
     Raises
     ------
@@ -237,7 +237,7 @@ def _inherited(bag: Bag, given: dict[str, Any]) -> dict[str, Any]:
 
 
 def play_command(asked: Replay) -> str:
-    """Return the line that has `ros2 bag play` publish what the graph waits for."""
+    """Return the command line of `ros2 bag play` with the topics for the graph."""
     assert asked.bag is not None
     own = asked.own
     found = [
@@ -255,7 +255,7 @@ def play_command(asked: Replay) -> str:
 
 
 def expected_seconds(asked: Replay) -> float:
-    """Return the time that a replay takes, s; 0 where that is not known."""
+    """Return the duration of a replay, s; 0 if unknown."""
     if asked.own.loop or asked.graph.slave != REPLAY:
         return asked.graph.duration
     return replayed_track(asked.own, asked.graph).seconds
@@ -267,7 +267,7 @@ def in_lockstep(asked: Replay) -> Replay:
     Raises
     ------
     ParameterError
-        It asks for what only a graph can do, or for what the graph would refuse.
+        The replay needs a live graph, or the graph would refuse it.
     """
     if asked.own.loop:
         raise ParameterError("loop = true: not with --lockstep, which plays a bag once")
@@ -281,7 +281,7 @@ def in_lockstep(asked: Replay) -> Replay:
 
 
 def replayed_track(own: ReplayArguments, played: GraphArguments) -> Track:
-    """Return what is played of the slave, at the rate of the graph."""
+    """Return the played track of the slave at the graph's rate."""
     rate = played.rate
     parameters = ReplayParameters(
         own.bag, rate=played.recording_rate, column=played.recording_column, start=own.start

@@ -15,7 +15,7 @@
 
 """Emergency stop by signals to the nodes of this machine, without ROS.
 
-Imports next to nothing: at a busy machine each import delays the stop.
+It imports little, as each import delays the stop on a busy machine.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ TYPE_CHECKING = False  # as typing takes a while to import
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-# Loaded where they are needed, as most stops need neither: hashlib, core.parameters, core.topics.
+# Imported where needed, as most stops need none: hashlib, core.parameters, core.topics.
 
 DOMAIN = "ROS_DOMAIN_ID"
 """Environment variable with the number of the ROS domain."""
@@ -59,7 +59,7 @@ class Signalled:
     processes : int
         Number of processes that have been signalled.
     after : float
-        Time from the start of this process until they were, s.
+        Time from this process's start to the last signal, s.
     """
 
     def __init__(self, processes: int) -> None:
@@ -73,7 +73,7 @@ def own_domain() -> int:
     Raises
     ------
     ParameterError
-        It is no number of a domain.
+        It is not a valid domain.
     """
     from haptic_accel.core.decimals import read_whole
 
@@ -90,9 +90,9 @@ def own_domain() -> int:
 
 
 def hurry() -> None:
-    """Request real-time priority for this process, which is to stop a graph; else go on without.
+    """Request real-time priority for this process, which stops a graph; continue if refused.
 
-    To be called before there are other threads: those inherit it.
+    Call it before starting threads, which inherit the priority.
     """
     if os.environ.get(REALTIME) != "no" and hasattr(os, "sched_setscheduler"):
         try:
@@ -109,17 +109,17 @@ def age() -> float:
 
 
 def stop_at_once(words: Sequence[str]) -> Signalled | None:
-    """Signal the nodes of a graph as the words of ``haptic-accel estop`` say.
+    """Signal the nodes of a graph by the words of ``haptic-accel estop``.
 
     Parameters
     ----------
     words : sequence of str
-        Nothing, or the namespace; one that cannot be is that of no graph.
+        Nothing, or the namespace; an impossible one matches no graph.
 
     Returns
     -------
     Signalled or None
-        None for other words, which have to be read first.
+        None for other words, which need a parser.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def stop_senders(domain: int, namespace: str) -> int:
     Returns
     -------
     int
-        Number of processes that have been signalled; those of another user cannot be.
+        Number of signalled processes; processes of other users cannot be signalled.
     """
     senders = _all_senders(domain)
     if namespace:
@@ -169,12 +169,12 @@ def signals(namespace: str) -> list[str]:
 
 
 def sender(topic: str) -> str:
-    """Return the role of the sender of a topic, whose name has its namespace."""
+    """Return the sender's role for a topic name with its namespace."""
     return f"{_SENDER} of {topic}"
 
 
 def address(domain: int, role: str) -> bytes:
-    """Return the address of a role, hashed, as names of topics can be longer than addresses."""
+    """Return the hashed address of a role, as topic names can be longer than addresses."""
     from hashlib import sha256
 
     return _place(domain, role) + sha256(role.encode()).hexdigest().encode()
@@ -206,7 +206,7 @@ def _all_senders(domain: int) -> set[bytes]:
 
 
 def _handles_emergency(process: int) -> bool:
-    """Return whether the signal of the emergency stop would not simply end a process."""
+    """Return whether a process handles the signal of the emergency stop."""
     with open(f"/proc/{process}/status", "rb") as status:
         (caught,) = (line for line in status if line.startswith(b"SigCgt:"))
     return bool(int(caught.split()[1], 16) >> EMERGENCY - 1 & 1)

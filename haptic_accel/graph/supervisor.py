@@ -15,9 +15,8 @@
 
 """Starts the graph's processes, watches them, and leaves none behind."""
 
-# Our own rather than honcho, the well-kept library for this: its processes hang on forked
-# middlemen that outlive it when it is killed, it reports no last lines, and a signal during
-# its start is an exception.
+# Used in place of the library honcho, whose forked intermediate processes survive when honcho is
+# killed, which reports no last lines, and which raises an exception for a signal at its start.
 
 from __future__ import annotations
 
@@ -67,13 +66,13 @@ class Outcome:
     first : str
         Executable that ended first by itself; empty when the graph was stopped from outside.
     status : int
-        Its exit status, negative for a signal; 0 when stopped from outside.
+        That exit status, negative for a signal; 0 if stopped from outside.
     statuses : dict
-        Exit status of each executable that the graph cannot do without.
+        Exit status of each executable that is not optional.
     last_lines : dict
         Last lines of output of each executable.
     unread : OSError, SystemExit or None
-        Reason why nobody could be shown any more output, for which the graph was stopped.
+        Error that prevented further output, for which the graph was stopped.
     """
 
     first: str
@@ -86,9 +85,9 @@ class Outcome:
     def failed(self) -> dict[str, int]:
         """Executables that ended badly by themselves, with their status.
 
-        After one has failed, how the others took being stopped says nothing, but that one had
-        to be killed. One that had not yet come to handle the signal we sent it has done
-        nothing wrong, nor has one whose middleware had to be cut short.
+        After a failure, the status of stopped processes is ignored, unless a process had to be
+        killed. A process that did not yet handle the stop signal did not fail, nor did a process
+        whose middleware was aborted.
         """
         statuses = self.statuses.items()
         if self.status in (DONE, *CUT_SHORT):
@@ -101,15 +100,15 @@ OnLine = Callable[[str, str], None]
 
 
 class Lines:
-    """Lines on their way to whoever shows them, on a thread that may be held up.
+    """Queue of output lines, shown by a thread that may block.
 
-    Who says a line never waits: if more than `WAITING_LINES` wait, lines are dropped, and their
-    number is said in their place.
+    A caller never waits: if more than `WAITING_LINES` wait, lines are dropped, and their number is
+    shown instead.
 
     Parameters
     ----------
     on_line : callable
-        Called for each line. An OSError means that nobody will see any more.
+        Called for each line. After an OSError no more lines are shown.
 
     Attributes
     ----------
@@ -173,8 +172,8 @@ class Supervisor:
     processes : sequence of Process
     on_line : callable, optional
         Called with executable and line for each line of output, on a thread of its own. Lines are
-        dropped while it takes too long. If it raises an OSError, such as that of a pipe without a
-        reader, the graph is stopped.
+        dropped while it takes too long. If it raises an OSError, as for a pipe without a reader,
+        the graph is stopped.
     environment : dict, optional
         Added to the environment.
     """
@@ -190,14 +189,14 @@ class Supervisor:
         self._running: dict[str, subprocess.Popen[str]] = {}
         self._readers: list[threading.Thread] = []
         self._last_lines: dict[str, deque[str]] = {}
-        # Not SimpleQueue: of CPython up to 3.11 at least, a signal in the instant its time-out
-        # is over makes it wait for ever.
+        # Not SimpleQueue: in CPython up to 3.11 at least, a signal at the instant of the time-out
+        # makes it wait for ever.
         self._ended: queue.Queue[str] = queue.Queue()
         self._lines = Lines(lambda name, line: self.on_line(name, line))
 
     @property
     def pids(self) -> dict[str, int]:
-        """Process ids of what was started, by executable."""
+        """Process ids by executable."""
         return {name: child.pid for name, child in self._running.items()}
 
     def run(self, stop: Callable[[], bool] = lambda: False) -> Outcome:
@@ -206,7 +205,7 @@ class Supervisor:
         Parameters
         ----------
         stop : callable
-            Asked ten times a second whether to stop.
+            Called every 0.1 s; true to stop.
         """
         first = ""
         self._lines.start()
@@ -231,7 +230,7 @@ class Supervisor:
         return Outcome(first, statuses.get(first, 0), statuses, lines, self._lines.error)
 
     def say(self, line: str) -> None:
-        """Queue a line of no executable for `on_line`, without waiting."""
+        """Queue the supervisor's line for `on_line`, without waiting."""
         self._lines.say("", line)
 
     def stop_forces(self) -> None:
@@ -240,7 +239,7 @@ class Supervisor:
             child.send_signal(EMERGENCY)
 
     def _goes_on_after(self, name: str) -> bool:
-        """Return whether the graph goes on after the end of a process, and say so."""
+        """Return and log whether the graph continues after the end of a process."""
         process, status = self._named[name], self._running[name].returncode
         if process.comes_back(status):
             self._due[name] = time.monotonic() + RESPAWN_DELAY
@@ -252,7 +251,7 @@ class Supervisor:
         return True
 
     def _start_again(self, folder: Path) -> None:
-        """Start the processes whose time for that has come."""
+        """Start the processes whose start is due."""
         for name in [name for name, due in self._due.items() if due <= time.monotonic()]:
             del self._due[name]
             self._start(self._named[name], folder)
@@ -260,7 +259,7 @@ class Supervisor:
     def _start(self, process: Process, folder: Path) -> None:
         name = process.executable
         own = {"PYTHONUNBUFFERED": "1", SUPERVISOR: str(os.getpid())}
-        # It would end a process that does not handle it yet; blocked, it waits until that does.
+        # The signal would end a process without a handler; blocked, it waits for the handler.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {EMERGENCY})
         child = subprocess.Popen(
             command(process, folder),
@@ -270,7 +269,7 @@ class Supervisor:
             text=True,
             errors="replace",
             env={**os.environ, **own, **self.environment},
-            # Ctrl-C is for us: the graph is stopped in order, not all at once.
+            # Ctrl-C is for the supervisor, which stops the graph in order.
             start_new_session=True,
         )
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
@@ -287,7 +286,7 @@ class Supervisor:
                 self._last_lines[name].append(line.rstrip("\n"))
                 self._lines.say(name, line.rstrip("\n"))
         finally:
-            # Whatever becomes of its lines, the end of a process must not be missed.
+            # The end of a process must be noticed even if its lines are lost.
             child.wait()
             self._ended.put(name)
 

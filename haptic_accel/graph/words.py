@@ -72,7 +72,7 @@ def given_keys(words: Iterable[str]) -> list[str]:
 
 
 def unknown_key(key: str, known: Iterable[str]) -> ParameterError:
-    """Return the error that names the nearest key and every key, or the node that has one now."""
+    """Return the error that names the nearest key and every key, or the node with that key."""
     if key in MOVED:
         name = key.removeprefix(f"{MOVED[key]}_")
         return ParameterError(
@@ -86,7 +86,7 @@ def unknown_key(key: str, known: Iterable[str]) -> ParameterError:
 
 
 def _value(text: str, default: Any) -> Any:
-    """Read a word as its argument's type; other text stays as it is and is refused later."""
+    """Read a word as its argument's type; other text is unchanged and refused later."""
     if isinstance(default, str):
         return text
     if isinstance(default, bool):
@@ -100,8 +100,8 @@ def _value(text: str, default: Any) -> Any:
 def described(kind: type[Checked]) -> list[tuple[str, str, str]]:
     """Return name, default and description of every argument, for help texts, group by group.
 
-    A group are the arguments that one class declares: those of a dataclass itself come first,
-    then those it inherits, base by base.
+    A group contains the arguments that one class declares: first the dataclass itself, then its
+    bases, one by one.
     """
     lines = []
     for name, (default, specification) in sorted(
