@@ -54,8 +54,8 @@ class Comparison:
     unpaired : list of str
         Names of trials on either side without a counterpart or an error.
     differences : dict of PairedDifference
-        Difference of the NRMSE in percent, second minus first, over ``all`` pairs. If there are
-        several surfaces, also over the pairs of each.
+        Difference of the NRMSE in percent, second minus first, over ``all`` pairs. For several
+        surfaces, also over each surface's pairs.
     """
 
     first: str
@@ -109,8 +109,8 @@ def compared(analysis: Analysis, wanted: str, places: Sequence[Path] = ()) -> Co
     """Pair trials and test the difference of their errors.
 
     Two trials form a pair if they have the same surface, grip, and seed or recording; for two runs
-    also the same controller. Several of the same kind are paired in their order. If each run is a
-    single trial, these form the pair.
+    also the same controller. Several of the same kind are paired in their order. If each run has
+    one trial, these trials form a pair.
 
     Parameters
     ----------

@@ -15,8 +15,8 @@
 
 """First difference between a live trial and the same trial in lockstep, with its reason.
 
-With simulated devices, or a recorded slave, both are bit-identical from engagement on, if every
-force arrives before it is due and no sample is skipped.
+With simulated devices, or a recorded slave, both trials are bit-identical from engagement on, if
+every force arrives on time and no sample is skipped.
 """
 
 from __future__ import annotations
@@ -115,12 +115,12 @@ def find_divergence(path: Path) -> Divergence:
     Parameters
     ----------
     path : Path
-        Bag with facts, of a graph with a simulated master and slave, or a recorded slave.
+        Bag with metadata, of a simulated master and a simulated or recorded slave.
 
     Raises
     ------
     ParameterError
-        The bag is none of these, or its arms were never coupled.
+        The bag is of another kind, or its arms never coupled.
     """
     bag = read_bag(path)
     arguments = _arguments(bag)
@@ -198,7 +198,7 @@ def _reasons(bag: Bag, start: int, moment: int) -> tuple[str, ...]:
 
 
 def _grown(before: Mapping[str, str], report: Diagnosis) -> list[str]:
-    """Return reasons from the counts of a node that have grown since an earlier report."""
+    """Return as reasons the counts of a node that have grown since an earlier report."""
     # By the clock a force is also late if the simulated world stood still with the process.
     by_clock = any(name.endswith(PAST_TICK) for name in report.values)
     return [

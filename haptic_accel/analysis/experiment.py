@@ -217,14 +217,14 @@ class Run:
     Attributes
     ----------
     arguments : GraphArguments
-        What all conditions have in common.
+        Common arguments of all conditions.
     done : mapping
         Arguments of each condition, by its bag.
     channel : ChannelParameters or None
         Simulated network, if there was one.
     lockstep : bool
     expected : mapping
-        Errors of the conditions of a live run in lockstep, %, by bag, as far as they are known.
+        Errors of a live run's conditions in lockstep, %, by bag, as far as known.
     """
 
     arguments: GraphArguments
@@ -308,7 +308,7 @@ def recorded_conditions(
     channel: ChannelParameters | None,
     lockstep: bool,
 ) -> list[RecordedCondition]:
-    """Return the conditions with bags of their own."""
+    """Return the conditions with separate bags."""
     several = plan[0].seed != plan[-1].seed
     return [
         RecordedCondition(

@@ -107,7 +107,7 @@ class Case:
     start : float
         Start of the evaluated part, s.
     recording : ndarray, optional
-        Tool acceleration that replaces that of the arguments, m/s^2.
+        Tool acceleration in place of the arguments' one, m/s^2.
     changes : dict
         Additional values for rig and controllers, by node and dotted name.
     """
@@ -133,7 +133,7 @@ class Wanted:
     seed: int
 
     def on(self, rig: str = "ideal", rate: float = DEFAULT_RATE) -> GraphArguments:
-        """Return the arguments of a condition's rig, unless the user chose another one."""
+        """Return the arguments of a condition's rig, unless the user chose a rig."""
         return GraphArguments(rig=self.rig or rig, rate=self.rate or rate)
 
 
@@ -460,7 +460,7 @@ def _key(row: Row) -> tuple[str, str, str]:
 
 
 def _above(rows: Sequence[Row], idle: Mapping[tuple[str, str, str], Row]) -> float | None:
-    """Return the maximum excess of a window's error over that without control, points."""
+    """Return the largest increase of a window's error over no control, points."""
     name = "nrmse_by_2_s_percent"
     differences = [
         own - without

@@ -132,7 +132,7 @@ def evaluate(recorded: Recorded, arguments: IdentifyArguments, free: Sequence[st
     Raises
     ------
     RecordingError
-        They do not tell the handle's response.
+        The response cannot be determined.
     """
     check_stops(recorded)
     _, known = node_parameters("identifier", graph_parameters(arguments)["identifier"])
@@ -185,7 +185,7 @@ def parameter_file(result: Result, age: float) -> str:
         but not of the simulated handle's own delay.
     """
     found, fit = result.found, result.found.fit
-    # Compensation of a friction that may be zero would only disturb.
+    # Friction that may be zero must not be compensated.
     certain = fit.bearing.friction > INTERVAL * fit.standard_errors.get("friction", 0.0)
     friction = float(f"{fit.bearing.friction:.4f}") if certain else 0.0
     handle = _plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
@@ -391,7 +391,7 @@ def read_recordings(
     ParameterError
         They differ in rate or latency.
     RecordingError
-        A bag is of no identification, or has no trial that can be evaluated.
+        A bag is not of an identification, or no trial can be evaluated.
     """
     found = Recordings()
     ages = []
@@ -432,7 +432,7 @@ def _trials(
     found = sweeps.find_trials(
         force, acceleration, arguments.sweep, arguments.rate, missing, bag.latency
     )
-    # The device knows; in which trial it was, nobody does.
+    # The device's counts do not name the trial.
     values = _last_values(bag)
     for trial in found:
         trial.counters.update((key, int(values.get(key, 0))) for key in (STOPS_HIT, *LIMITED))

@@ -16,7 +16,7 @@
 """Family of tool accelerations that span the recordings of tools on surfaces.
 
 A member is a spectrum in an envelope: each of `SPECTRA` occurs with each of `ENVELOPES`. The
-ranges are those of published recordings and of machines:
+ranges are from published recordings and from machines:
 
 - textures have their power between 20 and 400 Hz, with peaks that depend on speed (Romano and
   Kuchenbecker, IEEE Trans. Haptics 5(2), 2012; Culbertson, Lopez Delgado and Kuchenbecker, Haptics
@@ -176,7 +176,7 @@ def _chatter(random: Random, time: FloatArray, rate: float) -> FloatArray:
 
 
 def _steady(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
-    """Return a signal as it is."""
+    """Return the same signal."""
     return found
 
 

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Missed deadlines, ages of forces and cost of graphs, beside those of an empty loop."""
+"""Missed deadlines, force ages and cost of graphs, compared with an empty loop."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def merged(values: Sequence[Any], join: Callable[[Iterable[Any]], Any], name: st
     ----------
     values : sequence
     join : callable
-        Joins numbers other than counts, which are added, and maxima, which stay the largest.
+        Joins numbers that are neither counts (added) nor maxima (the largest is kept).
     name : str
         Key of the values.
     """
@@ -76,7 +76,7 @@ def merged(values: Sequence[Any], join: Callable[[Iterable[Any]], Any], name: st
 
 
 def missed_share(metrics: Row) -> float:
-    """Return the share of missed deadlines of the kind of command that missed most."""
+    """Return the largest share of missed deadlines among the kinds of command."""
     return max(
         (counts["missed"] / counts["due"] for counts in metrics["deadlines"].values()),
         default=math.nan,
@@ -84,7 +84,7 @@ def missed_share(metrics: Row) -> float:
 
 
 def latency_table(metrics: Row) -> ResultTable:
-    """Return the metrics of a graph beside those of an empty loop."""
+    """Return the metrics of a graph and of an empty loop."""
     rows = {
         "age of the force where it is applied, us": metrics["age_us"],
         "master_device: lateness of its ticks, us": metrics["period_error_us"]["master_device"],
@@ -112,7 +112,7 @@ def latency_table(metrics: Row) -> ResultTable:
 
 
 def _empty(metrics: Row) -> Row:
-    """Return the ticks of the empty loop as deadlines of a graph."""
+    """Return the empty loop's ticks like a graph's deadlines."""
     loop = metrics["empty_loop"]
     longest = loop["lateness_us"]["max"]
     counts = {"due": loop["of"], "missed": loop["missed"], "longest_us": longest}
@@ -145,7 +145,7 @@ RATES = (
 
 
 def rate_held(rows: Sequence[Row]) -> float | None:
-    """Return the highest rate at which next to no deadlines were missed, Hz; None for none."""
+    """Return the highest rate at which almost no deadlines were missed, Hz; None for none."""
     return max((r["rate_hz"] for r in rows if missed_share(r) < MISSED_SHARE), default=None)
 
 

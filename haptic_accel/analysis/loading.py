@@ -96,7 +96,7 @@ def analyse(
     perceptual : bool
         Compute ST-SIM, which takes longest.
     rig, rate
-        Facts for bags without a description, see `cut`.
+        Values for bags without metadata, see `cut`.
     spread : callable
         Function that applies the analysis to each bag: `map`, or one with several processes.
     ended : callable, optional
@@ -105,7 +105,7 @@ def analyse(
     Raises
     ------
     ParameterError
-        A path does not exist, or has no bag, or a bag states itself what rig or rate should give.
+        A path does not exist or has no bag, or a bag already states the given rig or rate.
     """
     shift = shift or Shift()
     found = {bag.resolve(): (bag, path) for path in paths for bag in find_bags(path)}
@@ -158,7 +158,7 @@ class _Task:
 def _measured(task: _Task) -> tuple[list[tuple[AnalysedTrial, bytes]], list[str], Host | None]:
     """Return a bag's trials with digests of their samples, its problems, and its host.
 
-    A robot's bag contains no handle, and thus no trial of its own.
+    A robot's bag contains no handle, and thus no trial.
     """
     try:
         recorded = read_bag(task.bag, VECTORS)

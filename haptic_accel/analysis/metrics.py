@@ -225,7 +225,7 @@ def measure(
     perceptual : bool
         Compute ST-SIM, which takes longest.
     begin : float, optional
-        Start of another trial's excerpt, s, to use the same one.
+        Start of another trial's excerpt, s, to be used here.
     """
     notes = list(segment.notes)
     desired = segment.signals.get(topics.DESIRED_ACCELERATION.name)
@@ -282,7 +282,7 @@ COMPENSATOR = "compensator"
 def _deviation(segment: Segment) -> list[str]:
     """Return the bands and times at which the handle differed from the compensator's plant model.
 
-    A compensator that reported has made this comparison online, with the samples as received. For
+    A reporting compensator has made this comparison online, with the samples as received. For
     a bag with lost samples and late forces, a new comparison would show too many deviations.
     """
     if COMPENSATOR in segment.delivery.nodes:
@@ -315,7 +315,7 @@ _NO_ERROR = Interval(math.nan, math.nan, math.nan, 0, "no value")
 
 @dataclass(frozen=True)
 class _Likeness:
-    """Result of comparing two accelerations; the default is that of no comparison."""
+    """Result of comparing two accelerations; the default is no comparison."""
 
     metrics: dict[str, float] = field(default_factory=dict)
     shift: float = 0.0

@@ -59,7 +59,7 @@ CHANGES = 0.01
 
 @dataclass(frozen=True)
 class Condition:
-    """A law on a network, and the network before it if that came suddenly."""
+    """Coupling law on a network, which may suddenly replace another."""
 
     law: str
     network: ChannelParameters
@@ -89,12 +89,12 @@ CONDITIONS = [
 
 
 def measure(item: Condition | int) -> Row | float:
-    """Return a condition's row, or the energy over the bound on the random network of a seed."""
+    """Return a condition's row, or `random_energy` for a seed."""
     return random_energy(item) if isinstance(item, int) else row(item)
 
 
 def row(condition: Condition) -> Row:
-    """Return what a law reaches on a network."""
+    """Return the metrics of a condition."""
     contact, strokes = (_run(condition, *around) for around in ((press, wall()), (stroke, free)))
     end = round(-RESTING * RATE)
     found, before = condition.network, condition.before
@@ -129,7 +129,7 @@ def _run(
 
 
 def _vibration(condition: Condition) -> Row:
-    """Return error and similarity of the handle with the tool as it was when it is played."""
+    """Return error and similarity of the handle against the played acceleration."""
     trial = lockstep_trial(VIBRATION, channel=condition.network, law=condition.law)
     desired, actual = (
         signal[SETTLED:] for signal in (trial.desired_acceleration, trial.actual_acceleration)
@@ -142,7 +142,7 @@ def _vibration(condition: Condition) -> Row:
 
 
 def random_energy(seed: int) -> float:
-    """Return the most net energy given on random networks, relative to the energy granted."""
+    """Return the largest net energy on random networks, relative to the granted energy."""
     chance = random.Random(seed)
 
     def some() -> ChannelParameters:
@@ -174,7 +174,7 @@ def random_energy(seed: int) -> float:
 
 
 def progress(found: Row | float) -> str:
-    """Return a condition's metrics for a reader; nothing of a random network."""
+    """Return a condition's metrics for a reader; empty for a random network."""
     if isinstance(found, float):
         return ""
     error = found["nrmse_percent"]

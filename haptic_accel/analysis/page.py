@@ -108,7 +108,7 @@ def write_page(
     comparison : Comparison, optional
     setting : Setting, optional
     files : sequence of str
-        Names of files beside it, for links.
+        Names of linked files beside `file`.
     """
     setting = setting or Setting()
     found = sorted(analysis.trials, key=lambda t: frames.ranks((t.controller, t.surface)))

@@ -18,7 +18,7 @@
 ST-SIM (Hassen and Steinbach, IEEE Trans. Haptics 2020, ieeexplore.ieee.org/document/8943164), in
 the version of `vibromaf` 0.0.8, is a product of two parts. The temporal part, to the power of 2/3,
 is the mean correlation of normalised blocks. The spectral part, to the power of 1/3, is the
-overlap of the spectra above a perception threshold, relative to that of the desired one. ST-SIM is
+overlap of the spectra above a perception threshold, relative to the desired spectrum. ST-SIM is
 1 for equal signals, near 0 for unrelated ones, and undefined for a negative correlation. It has no
 upper bound, as the spectral part exceeds 1 for a stronger actual acceleration. It hardly depends
 on amplitude, and thus describes the shape of a vibration, not its strength.

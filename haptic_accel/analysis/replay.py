@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bags played in lockstep through a controller, and the errors that result."""
+"""Bags played in lockstep through a controller, and the resulting errors."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class PlayedCondition:
-    """A bag, the graph that it is played through, and the bag of the result."""
+    """A bag, the graph that plays it, and the bag of the result."""
 
     own: ReplayArguments
     graph: GraphArguments
@@ -73,7 +73,7 @@ def progress(row: Row) -> str:
 
 
 def touching(asked: Replay) -> Replay:
-    """Return a replay with the surface of its bag, without the bag that was read."""
+    """Return a replay with its bag's surface, without the bag itself."""
     touched = surface_of(asked.bag) if asked.bag else asked.graph.surface
     return replace(asked, bag=None, touched=touched)
 

@@ -226,7 +226,7 @@ def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = N
     Raises
     ------
     ParameterError
-        The bag states itself what rig or rate should give.
+        The bag already states the given rig or rate.
     """
     problems = list(recorded.problems)
     rate = _rate(recorded, asked, problems)
@@ -306,9 +306,9 @@ class _Known:
     controllers : dict
         Parameters of the controllers by name.
     rig : RigParameters or None
-        Virtual rig that was run, or the one given for the handle.
+        Virtual rig of the run, or the rig given for the handle.
     seed : int
-        Seed of the user's grip on it.
+        Seed of the user's grip.
     rate, high_pass_frequency, actuator, pair
         See `Segment`.
     """
@@ -340,7 +340,7 @@ class _Known:
 
 
 def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list[str]) -> _Known:
-    """Return the description of a bag's graph from its facts."""
+    """Return a graph's description from its bag's metadata."""
     arguments, parameters = _arguments(recorded), _mapping(recorded.facts.get("parameters"))
     nodes = {name: _mapping(parameters.get(name)) for name, _ in _CONDITIONS}
     if not recorded.facts:

@@ -81,7 +81,7 @@ def _extent(frame: pd.DataFrame, bags: int) -> str:
 
 
 def _runs(frame: pd.DataFrame) -> list[str]:
-    """Return a sentence on each way of running the trials."""
+    """Return a sentence on each mode of running trials."""
     counts = {str(run): int(count) for run, count in frame.run.value_counts(sort=False).items()}
     known = [f"{_many(count, 'trial')} ran {run}." for run, count in counts.items() if run]
     silent = counts.get("", 0)

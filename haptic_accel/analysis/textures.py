@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Models of textures for a reader: how well they predict, their nodes, and their spectra."""
+"""Reports of texture models: prediction errors, nodes, and spectra."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ NODES = (
 
 
 def held_out_table(built: Built) -> ResultTable:
-    """Return how well segments are predicted that a model was built without, the worst first."""
+    """Return prediction errors for segments that a model excludes, the worst first."""
     low, high = BAND
     title = f"least well predicted by a model of the other half, {low:g} to {high:g} Hz"
     worst = sorted(built.held_out, key=lambda each: -each.distance)[:MOST_LISTED]
@@ -60,7 +60,7 @@ def held_out_table(built: Built) -> ResultTable:
 
 
 def described(built: Built) -> Iterator[str]:
-    """Yield order and coverage of a model, and the parts of recordings that it does not use."""
+    """Yield order and coverage of a model, and the unused parts of recordings."""
     yield (
         f"order {built.order}, {len(built.segments)} segments, measured nodes: {built.measured},"
         f" log-spectral distance {built.distance:.2f} dB; they cover {100 * built.coverage:.0f} %"
@@ -114,7 +114,7 @@ def draw(
 
 
 def _draw_compared(panel: Axes, held_out: Sequence[HeldOut]) -> None:
-    """Draw what was measured, and what a model of other segments has there."""
+    """Draw measured spectra, and predictions from other segments."""
     for number, each in enumerate(sorted(held_out, key=lambda e: -e.seconds)[:MOST_DRAWN]):
         colour, label = f"C{number}", f"{each.speed / MILLI:.0f} mm/s, {each.force:.2f} N"
         panel.plot(each.frequency, each.measured, color=colour, linewidth=0.8, label=label)
@@ -123,7 +123,7 @@ def _draw_compared(panel: Axes, held_out: Sequence[HeldOut]) -> None:
 
 
 def _draw_spectra(panel: Axes, model: TextureModel) -> None:
-    """Draw the model's spectra at its loudest nodes; those at rest have none."""
+    """Draw the model's spectra at its loudest nodes; nodes at rest have none."""
     frequency = np.linspace(1.0, model.rate / 2, 500)
     rms = node_rms(model)
     loudest = np.argsort(-rms)[: min(MOST_DRAWN, np.count_nonzero(rms))]

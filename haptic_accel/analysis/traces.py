@@ -195,9 +195,9 @@ def excerpt_of(values: FloatArray, rate: float, begin: float | None = None) -> s
 
 
 def enclosing(inner: slice, size: int, samples: int) -> slice:
-    """Return a window of a length, among `size` samples, with another at its centre.
+    """Return a window of `samples`, among `size`, with `inner` at its centre.
 
-    It is shifted to stay within the ends, and never shorter than the other.
+    It is shifted to stay within the ends, and not shorter than `inner`.
     """
     length = inner.stop - inner.start
     samples = min(max(samples, length), size)

@@ -15,8 +15,8 @@
 
 """Comparison of a handle with the tool of a robot recorded by another host.
 
-The bags of both hosts of a run use the operator's time axis. The offset of the robot's clock is
-that measured by the operator's coupler.
+The bags of both hosts of a run use the operator's time axis. The operator's coupler measured the
+offset of the robot's clock.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ class Across:
 
 
 def host_of(recorded: Bag) -> Host | None:
-    """Return a bag's facts about two hosts; None for a graph on one host, or without a tool."""
+    """Return a bag's metadata on two hosts; None for a graph on one host or without a tool."""
     arguments = recorded.facts.get("arguments")
     tool = recorded.signals.get(topics.TOOL_ACCELERATION.name)
     if not isinstance(arguments, dict) or tool is None:
@@ -194,10 +194,10 @@ def _number(values: dict[str, str], name: str) -> float:
 
 
 def pairs(hosts: Sequence[Host]) -> Iterator[tuple[Host, Host]]:
-    """Yield the bags of operators, each with that of the robot of the same run, if it exists.
+    """Yield each operator's bag with the robot's bag of the same run, if it exists.
 
-    They belong to one run if their graphs have the same namespace, and they overlap in time on the
-    operator's clock. Of several robots the one with the longest overlap is chosen.
+    Two bags belong to one run if their graphs have the same namespace, and they overlap in time on
+    the operator's clock. Among several robots, the longest overlap counts.
     """
     for operator in hosts:
         if operator.side != OPERATOR or operator.clock is None:

@@ -169,11 +169,10 @@ def _plots(analysis: Analysis) -> dict[str, Figure]:
 
 
 def _typical(analysis: Analysis) -> dict[tuple[str, str], plots.Portrait]:
-    """Return a portrait of each condition, as far as there is room.
+    """Return a portrait of each condition, up to the available room.
 
-    For a surface it is the pair with the median of the mean error over controllers, so that all
-    controllers show the same input. Without a pair for all, each shows its trial with the median
-    error.
+    For a surface, the pair with the median of the mean error over controllers is chosen, so that
+    all controllers show one input; without such a pair, each controller's median trial.
     """
     known = [trial for trial in analysis.trials if trial.portrait]
     frame = frames.trials(replace(analysis, trials=known))
