@@ -28,7 +28,7 @@ CUSHION = 0.8
 """Fraction of the travel at which braking of the actuator begins."""
 
 CUSHION_END = 0.95
-"""Fraction of the travel at which it is at rest; the remainder allows for errors of the
+"""Fraction of the travel at which braking ends; the remainder allows for errors of the
 estimate."""
 
 WARM = 0.1
@@ -47,13 +47,13 @@ SETTLING = 0.1
 2 m_a / b_s of Table I."""
 
 CUSHION_AHEAD = 1.5
-"""Look-ahead for the cushion, ms, or in samples if these are longer, as braking must begin before
-the cushion is reached."""
+"""Look-ahead for the cushion, ms, or in samples if longer: braking must begin before the cushion
+is reached."""
 
 
 @dataclass(frozen=True)
 class Margins:
-    """Fractions of the actuator's limits at which it is braked or its force reduced.
+    """Fractions of the actuator's limits at which braking or force reduction begins.
 
     Attributes
     ----------
@@ -80,10 +80,10 @@ class ActuatorGuard:
     """Limits force, heat and travel of the actuator.
 
     Heat is the square of the force averaged over the coil's time constant. The permitted force
-    falls from the peak to the continuous force as the coil warms up. The heat thus never exceeds
-    that of the continuous force. Travel is estimated. Near the stops a cushion limits the outward
+    falls from the peak to the continuous force as the coil warms up. Heat thus never exceeds the
+    heat of the continuous force. Travel is estimated. Near the stops a cushion limits the outward
     acceleration: the actuator comes to rest before the stop, like a critically damped spring, and
-    faster motion is braked. It does not push back and adds no energy.
+    faster motion is braked. The cushion adds no energy.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class ActuatorGuard:
     Attributes
     ----------
     saturated, heated, cushioned : int
-        Number of samples whose force was limited by peak force, heat and travel.
+        Numbers of samples limited for peak force, for heat and for travel.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class ActuatorGuard:
 
     @property
     def heat(self) -> float:
-        """Heat as a fraction of that of the continuous force, 0 to 1."""
+        """Heat relative to the continuous force's heat, 0 to 1."""
         return self._heat / self._bearable if self._bearable else 0.0
 
     @property
@@ -178,7 +178,7 @@ class ActuatorGuard:
         square : float, optional
             Mean square of the force, N^2, if it was not constant.
         samples : int
-            Number of sampling periods for which it acted; above one if samples were missed.
+            Number of sampling periods of this force; above one if samples were missed.
         """
         heat = force * force if square is None else square
         warming = self._warming if samples == 1 else -math.expm1(samples * self._staying)
@@ -201,12 +201,12 @@ class ActuatorGuard:
             allowed = self._peak**2
         else:
             allowed = bearable + max(0.0, left) / self._cool * (self._peak**2 - bearable)
-        # A single sample of its peak force can overheat a very small coil.
+        # A single sample of peak force can overheat a very small coil.
         most = max(bearable, heat + (bearable - heat) / self._warming)
         return min(self._peak, math.sqrt(min(allowed, most)))
 
     def _cushioned(self, force: float, handle_acceleration: float) -> float:
-        """Return the force, or the braking force for the stop ahead if that is larger."""
+        """Return the force, or the braking force for the stop ahead if larger."""
         d, v = self._estimator.travel, self._estimator.velocity
         # Outward is positive, except for the force: a positive one pulls the actuator to the
         # handle.

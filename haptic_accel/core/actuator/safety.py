@@ -15,11 +15,11 @@
 
 """Safety layer between commands and devices, simulated devices included.
 
-The layer only reduces forces: the applied force lies between zero and the commanded one. It does
-not rely on the compensator. The compensator limits the actuator too, because a controller must
-know the applied force, but the device must be safe with any compensator and without one. The
-layer's limits lie outside the compensator's (`HARD` and `COMFORT` of `core.actuator.guard`), so
-that only one of them acts.
+The layer only reduces forces: the applied force lies between zero and the command. It does not
+rely on the compensator. The compensator limits the actuator too, because a controller must know
+the applied force, but the device must be safe with any compensator and without one. The layer's
+limits lie outside the compensator's (`HARD` and `COMFORT` of `core.actuator.guard`), so that only
+one guard acts.
 
 The layer has no clock: the caller passes times in s from any origin, which never decrease.
 """
@@ -131,9 +131,9 @@ class MasterSafetyParameters(SafetyParameters):
 
 
 class Watchdog:
-    """Watchdog of the commands of one kind: detects missing and outdated ones.
+    """Watchdog for one kind of command: detects missing and outdated commands.
 
-    A sender ends with a command of zero; no commands are expected after it.
+    A sender's last command is zero; no commands are expected afterwards.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ class Watchdog:
         return not (self._manual and self.tripped)
 
     def admits(self, now: float, age: float) -> bool:
-        """Return True if a command whose sample has an age in s may be applied now."""
+        """Return True if a command with a sample of this age, s, may be applied."""
         if not abs(age) <= self._max_age:  # also true for NaN
             self.outdated += 1
             # An outdated command before the first force needs no manual recovery.
@@ -200,11 +200,11 @@ class Watchdog:
             self.tripped = ""
 
     def arm(self) -> None:
-        """Accept the next valid command; the time since the last one still counts."""
+        """Accept the next valid command; time since the last command still counts."""
         self.tripped = ""
 
     def news(self, now: float) -> str:
-        """Return a line for a lasting fault and one for its end, each once; otherwise empty."""
+        """Return a log line at the start and end of a lasting fault; otherwise empty."""
         if self.tripped and not self._logged:
             if not self.armed or now - self._tripped_at > LASTING:
                 self._logged = True
@@ -223,7 +223,7 @@ class Watchdog:
 
 
 class _Channel(ABC, Generic[Force]):
-    """Commands for one kind of force: the checks common to arm and actuator."""
+    """Common checks of the commands for arm and actuator."""
 
     name: ClassVar[str]
 
@@ -255,7 +255,7 @@ class _Channel(ABC, Generic[Force]):
         return self._hold(now, force)
 
     def contend(self, now: float) -> Force | None:
-        """Apply no force while several publishers send it; none of them counts as missed."""
+        """Apply no force while several publishers send commands; count none as missed."""
         self.watchdog.rest()
         return self.let_go(now) if self._held != self._none else None
 
@@ -272,7 +272,7 @@ class _Channel(ABC, Generic[Force]):
     def news(self, now: float) -> str:
         """Return a line for the log, once; otherwise empty."""
         news = self.watchdog.news(now)
-        # Their names are known shortly after their number.
+        # Senders' names are known later than their number.
         settled, self._before = self.contested == self._before, self.contested
         if settled and bool(self.contested) != self._told:
             self._told = bool(self.contested)
@@ -292,7 +292,7 @@ class _Channel(ABC, Generic[Force]):
     def _growth(self, now: float) -> float:
         """Return the maximum growth of the force since the last command, N.
 
-        A tick's time may be before that of a request that was processed meanwhile.
+        A tick's time may precede the time of a request processed meanwhile.
         """
         return self._slew * max(0.0, min(now - self._commanded, self._period))
 
@@ -343,7 +343,7 @@ class _ArmChannel(_Channel[Vector]):
         return force
 
     def _slewed(self, now: float, force: Vector) -> Vector:
-        """Return a force limited in growth, starting from the present force along it."""
+        """Return a force limited in growth from the present force in its direction."""
         most = self._growth(now)
         magnitude = math.hypot(*force)
         if magnitude <= most:
@@ -371,7 +371,7 @@ class _ActuatorChannel(_Channel[float]):
         self._since = -math.inf
 
     def tick(self, now: float, handle_acceleration: float | None) -> float | None:
-        """Update the guard; return another force if the present one is no longer allowed."""
+        """Update the guard; return a new force if the present force must be reduced."""
         if handle_acceleration is not None and abs(handle_acceleration) <= LARGEST_ACCELERATION:
             self._acceleration = handle_acceleration
         held = self._hold(now, self._held)
@@ -409,7 +409,7 @@ class _ActuatorChannel(_Channel[float]):
         return force
 
     def _within(self, force: float) -> float:
-        """Return a force limited by the guard, which may not increase or reverse it here."""
+        """Return a force limited by the guard, without an increase or change of sign."""
         allowed = self.guard.within(force, self._acceleration)
         if allowed * force <= 0.0:
             return 0.0
@@ -425,7 +425,7 @@ class _ActuatorChannel(_Channel[float]):
         return math.copysign(most, force)
 
     def _hold(self, now: float, force: float) -> float:
-        """Apply a force from now on, and integrate the effect of the one before."""
+        """Apply a new force, and integrate the effect of the previous force."""
         if self._ticked is not None:
             time = now - self._since
             self._push += self._held * time
@@ -435,7 +435,7 @@ class _ActuatorChannel(_Channel[float]):
         return force
 
     def _advance(self, now: float) -> None:
-        """Pass the forces since the last tick to the guard, even if that is long ago."""
+        """Pass the forces since the last tick to the guard, even after a long pause."""
         if self._ticked is None:
             self._ticked = now
             return
@@ -449,10 +449,10 @@ class _ActuatorChannel(_Channel[float]):
 
 
 class SafetyLayer:
-    """Limits each command of a device, and replaces missing ones by zero.
+    """Limit the commands of a device; replace missing commands by zero.
 
-    Forces are allowed after `enable`, and not while it is stopped. Methods that take a command
-    return the force to write, or None for no change.
+    Forces are allowed after `enable`, except while `stopped`. Methods that take a command return
+    the force to write, or None for no change.
 
     Parameters
     ----------
@@ -526,7 +526,7 @@ class SafetyLayer:
     def tick(
         self, now: float, handle_acceleration: float | None = None
     ) -> tuple[Vector | None, float | None]:
-        """Return new forces for arm and actuator if the present ones must end; once per period.
+        """Return new arm and actuator forces if the present forces must end; once per period.
 
         Parameters
         ----------
@@ -564,7 +564,7 @@ class SafetyLayer:
         return [f"{name}: {line}" for name, line in lines if line]
 
     def warnings(self) -> list[str]:
-        """Return present faults, and those since the last call."""
+        """Return all faults, present or since the last call."""
         found = [self.refusal] if self.refusal else []
         if self.disarmed:
             found.append(f"not armed: {self.disarmed}")

@@ -55,7 +55,7 @@ PLANT = "plant"
 
 @dataclass(frozen=True)
 class CompensationParameters(Checked):
-    """Choice of the controller, high-pass, and range of the handle's accelerometer."""
+    """Controller, high-pass corner, and range of the handle's accelerometer."""
 
     controller: str = parameter(
         "dynamic", "controller of the actuator's force", choices=tuple(CONTROLLERS)
@@ -105,10 +105,10 @@ class Compensation:
     """High-pass, controller and actuator limits, one sample at a time.
 
     Stays idle until a sample differs from the first one since the start or a reset. While idle
-    there is no force, no count and no adaptation. An instance that has been idle thus gives bit
-    for bit the same results as a new one. The noise of a real accelerometer ends the idle state at
-    once. The first sample is the tool's acceleration at rest, mostly gravity, so that the filters
-    see no step.
+    there is no force, no count and no adaptation. An instance that was idle thus gives exactly the
+    results of a new instance. The noise of a real accelerometer ends the idle state at once. The
+    first sample is the tool's acceleration at rest, mostly gravity, so that the filters see no
+    step.
 
     Parameters
     ----------
@@ -127,8 +127,8 @@ class Compensation:
     Attributes
     ----------
     rejected : int
-        Number of samples that were not finite or not plausible. The tool's are replaced by zero,
-        the handle's count as missing.
+        Number of samples that were not finite or not plausible. Tool samples become zero, handle
+        samples count as missing.
     untrusted : int
         Number of handle samples that were missing or saturated.
 
@@ -218,8 +218,8 @@ class Compensation:
             `LARGEST_ACCELERATION` counts as zero. Otherwise one bad sample could corrupt the
             filters or keep the actuator at its limit for seconds.
         handle_acceleration : float or None
-            Handle acceleration measured one sample earlier, m/s^2, as that of the same tick may
-            not have arrived yet. None if it is missing.
+            Handle acceleration of the previous sample, m/s^2, as the present sample may not have
+            arrived. None if it is missing.
 
         Returns
         -------
@@ -297,7 +297,7 @@ class Compensation:
             self._built[name] = _Channel(name, SampleFilter(self._sections), controller)
 
     def _fall_asleep(self) -> None:
-        """Enter the idle state, until a sample differs from the next one."""
+        """Enter the idle state, until two samples differ."""
         self._asleep = True
         self._tool_at_rest: float | None = None
         self._handle_at_rest: float | None = None
@@ -332,7 +332,7 @@ class Compensation:
         return desired, force + max(0.0, share) * (following[1] - force)
 
     def _listen(self, channel: _Channel) -> None:
-        """Prepare a channel as the next one; none if it is already in use."""
+        """Prepare the next channel; none if it is already in use."""
         if self._follower:
             self._follower.reset()
         self._follower = None if channel is self._active else channel
@@ -377,9 +377,8 @@ class Compensation:
 class _Channel:
     """Controller with its own high-pass, both started at the same time.
 
-    To a filter with zero state, an earlier constant acceleration looks like a step. An inverse,
-    which extends the high-pass to far lower frequencies, would respond to it with newtons for
-    seconds.
+    To a filter with zero state, an earlier constant acceleration is a step. An inverse, which
+    extends the high-pass to far lower frequencies, responds to a step with newtons for seconds.
     """
 
     def __init__(self, name: str, high_pass: SampleFilter, controller: Controller) -> None:
@@ -398,7 +397,7 @@ class _Channel:
         return desired, self.controller.force(desired, measured)
 
     def reset(self) -> None:
-        """Return to the state for a past of zeros."""
+        """Return to the state for zero past input."""
         self._rest = 0.0
         self._high_pass.reset()
         self.controller.reset()

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Replacement of a controller with a larger error than no compensation."""
+"""Replacement of a controller that is worse than no compensation."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ LEAST_DESIRED = 0.2
 motion and noise."""
 
 WORSE, WORSE_FOR = 1.15, 0.45
-"""Running error, relative to that without force, above which a controller is replaced, and for how
+"""Ratio of running error to error without force above which a controller is replaced, and for how
 long, s. The paper's conditions stay below: constant gain on its rig has 90 to 108 % on vinyl, and
 113 % in the worst half second."""
 
@@ -51,7 +51,7 @@ UNDESCRIBED_WORSE, UNDESCRIBED_WORSE_FOR = 1.0, 0.4
 """The same limits for a handle that deviates from its model, where replacement is faster."""
 
 BETTER = 0.7
-"""Predicted error, relative to that without force, below which a controller may be tried."""
+"""Ratio of predicted error to error without force below which a controller may be tried."""
 
 PAUSE = 1.0
 """Time for which a smaller error must be predicted before a controller is tried again, s of
@@ -73,7 +73,7 @@ TRIAL = 1.0
 """Duration of the return, s, long enough to detect a wrong force while it is small."""
 
 TRIAL_WORSE, TRIAL_WORSE_FOR = 1.02, 0.1
-"""Running error, relative to that without force, that ends a trial, and for how long, s. Without
+"""Ratio of running error to error without force that ends a trial, and for how long, s. Without
 force the handle moves a little with the arm: 1.01 on the paper's rig."""
 
 SETTLING = 0.1
@@ -85,14 +85,13 @@ class Fallback:
     """Replace the force of a controller that is worse than no compensation.
 
     The handle's error is compared with the error without force, from spectra with exponential
-    forgetting. If it is larger for most of a second, the force is faded out. That of `dynamic` is
-    faded in if its predicted error is smaller than without force. The prediction is the model's
-    response to a force, times the measured ratio of the handle's response to the model's. The
-    replaced controller still receives all samples and may learn from them. It is tried again when
-    its predicted error has been small enough for `PAUSE`. After the same time without any force,
-    the fraction of its force with the smallest predicted error is applied, to allow learning. A
-    force on trial grows slowly, and is removed at once if it increases the error; the pause then
-    doubles.
+    forgetting. If the error is larger for most of a second, the force is faded out. The force of
+    `dynamic` is faded in if its predicted error is smaller than without force. The prediction is
+    the model's response, times the measured ratio of handle to model response. The replaced
+    controller still receives all samples and may learn from them. It is tried again when its
+    predicted error has been small enough for `PAUSE`. After the same time without any force, the
+    fraction of its force with the smallest predicted error is applied, to allow learning. A trial
+    force grows slowly, and is removed at once if it increases the error; the pause then doubles.
 
     Parameters
     ----------
@@ -138,7 +137,7 @@ class Fallback:
         self._share, self._gain = 1.0, 0.0
         self._wanted = self._expected = 0.0
         self._running = 0  # number of samples of `dynamic` since it began
-        self._turn = 0  # next one for slow computations
+        self._turn = 0  # part to compute next
         self.follow(name, granted_delay)
 
     def follow(self, name: str, granted_delay: int) -> None:
@@ -153,7 +152,7 @@ class Fallback:
         self._probing = False
         self._part = 0.0
         self._worse = self._better = self._idle = 0.0
-        self._error = 0.0  # relative to that without force
+        self._error = 0.0  # ratio to error without force
         self._tracking.reset()
 
     def force(self, desired_acceleration: float, wanted: float) -> float:
@@ -268,7 +267,7 @@ class Fallback:
             self._try(NONE)
 
     def _try(self, substitute: str) -> None:
-        """Increase the share of the controller's force, beside a substitute's."""
+        """Increase the controller's share of the force beside a substitute."""
         self.substitute = substitute
         self._probing = bool(substitute)
         self._pace = self._step * FADING / TRIAL
@@ -276,7 +275,7 @@ class Fallback:
         self._tracking.reset()
 
     def _dynamic_error(self) -> float:
-        """Return the predicted error of `dynamic`, relative to that without force."""
+        """Return the predicted error of `dynamic` over the error without force."""
         desired = self._tracking.excitation
         error = np.abs(self.supervisor.ratio * self._tracked - 1.0) ** 2
         return math.sqrt(self._power(error * desired) / self._power(desired))

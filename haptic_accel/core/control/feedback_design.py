@@ -17,19 +17,19 @@
 
 P is the sampled plant of a grip, and B the high-pass of the measurement, which is received one
 sample late. G = B z^-1 P is the path from a force to the feedback signal. The controller contains
-a model G_0 of it for the middle grip. It feeds the difference between measurement and model
-through a convolution Q (internal model control: Morari and Zafiriou, Robust Process Control,
-1989). In the usual form the loop is
+a model G_0 of G for the middle grip. It feeds the difference between measurement and model through
+a convolution Q (internal model control: Morari and Zafiriou, Robust Process Control, 1989). In the
+usual form the loop is
 
     L = K G,  K = Q / (1 - Q G_0),  1 + L = (1 + Q (G - G_0)) / (1 - Q G_0),  S = 1 / (1 + L).
 
-The factor 1 + Q (G - G_0) is useful because all its parts are stable. The loop of a grip is stable
-if and only if its curve over the unit circle does not encircle zero, whatever K is. The middle
-grip is always stable. A limited force causes no difference from the model.
+In the factor 1 + Q (G - G_0) all parts are stable. The loop of a grip is stable if and only if the
+factor's curve over the unit circle does not encircle zero, whatever K is. The middle grip is
+always stable. A limited force causes no difference from the model.
 
-Q is searched numerically, because a gain times 1/P and a low-pass needs the margin at frequencies
-where it reduces no error. Least squares over the expected texture places the feedback at
-frequencies where grips matter. The margin is satisfied for each grip and frequency.
+Q is searched numerically: a gain times 1/P and a low-pass uses the margin at frequencies where it
+reduces no error. Least squares over the expected texture places the feedback at frequencies where
+grips matter. The margin is satisfied for each grip and frequency.
 """
 
 from __future__ import annotations
@@ -78,13 +78,13 @@ et al., J. Acoust. Soc. Am. 84, 1988, measured 0.4 to 500 Hz)."""
 GRID_STEP = 0.5
 """Frequency resolution, Hz: an eighth of the width of the narrowest resonance of Table I."""
 
-_RESERVE = 0.97  # of the limit of |S| in the search, to reduce the final scaling
-_PENALTIES = (1.0, 10.0, 100.0, 1000.0)  # of |S| above the limit, relative to an error of 1
-_STEPS = 12  # per penalty
+_RESERVE = 0.97  # fraction of the |S| limit in the search: less final scaling
+_PENALTIES = (1.0, 10.0, 100.0, 1000.0)  # weights of |S| above the limit; the error has 1
+_STEPS = 12  # steps per penalty
 _SETTLED = 1e-3  # relative decrease at which a penalty's search ends
 _SHORTEST = 1 / 64  # fractions of a step to try
-_RIDGE = 1e-9  # of the mean of the normal equations' spectrum, against rounding
-_HALVINGS = 12  # of the final scaling factor
+_RIDGE = 1e-9  # fraction of the normal equations' mean spectrum, for rounding
+_HALVINGS = 12  # bisections of the scaling
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,7 @@ class SampleFilter:
         return value
 
     def reset(self) -> None:
-        """Clear the state, as for a past of zeros."""
+        """Clear the state, as for zero past input."""
         for section in self._sections:
             section[5:] = 0.0, 0.0
 
@@ -140,9 +140,9 @@ def without_hand_motion(
 ) -> FloatArray:
     """Remove gravity and the hand's own motion, and nothing else, from a complete signal.
 
-    The compensator's high-pass removes them from the desired acceleration. A zero-phase filter at
-    a third of its corner removes them from the handle's acceleration. A filter with phase shift,
-    or one that removes desired motion, would count correct motion of the handle as error.
+    The compensator's high-pass removes both from the desired acceleration. A zero-phase filter at
+    a third of its corner removes both from the handle's acceleration. With a filter that shifts
+    phase or removes desired motion, correct motion of the handle would count as error.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def without_hand_motion(
 def inverse_of(model: ApproximateModel, rate: float) -> FloatArray:
     """Return the sections of an approximate model's inverse: desired acceleration to force.
 
-    Each factor of the model is inverted and discretised separately by the bilinear transform. Its
+    Each factor of the model is inverted and discretised separately by the bilinear transform. The
     error at the model's 9 to 20 Hz is below 0.2 % at 1 kHz.
 
     Parameters

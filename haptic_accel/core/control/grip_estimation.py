@@ -66,8 +66,8 @@ LEAST_FORCE = 0.02
 """Minimum root mean square of the actuator's force within the band for an update, N."""
 
 PULL = 1e-4
-"""Weight of the assumed grip relative to the excitation. It determines what a texture with a
-single frequency cannot, as mass and stiffness are indistinguishable there."""
+"""Weight of the assumed grip relative to the excitation. It separates mass and stiffness, which a
+texture with a single frequency cannot distinguish."""
 
 SURPRISE = 3.0
 """Squared error of the newest hop with the present grip, relative to the least error of any grip,
@@ -112,9 +112,9 @@ class GripEstimator:
     A = m_a s^2 + b_s s + k_s, F' = (P/H) F. All terms pass the same band-pass, in which
     integrations are harmless, and are compared at its output.
 
-    Each hop has the weight of its inverse least error for any grip. A sudden change of a loaded
-    grip, which fits no grip, thus has little weight. If the present grip has a much larger error
-    than the best one, the hand has changed, and the past is discarded.
+    Each hop is weighted by the inverse of its least error for any grip. A sudden change of a
+    loaded grip fits no grip, and thus has little weight. If the present grip's error is much
+    larger than the least, the hand has changed, and the past is discarded.
 
     `observe` only stores two values; `update` does all computations in parts.
 
@@ -182,7 +182,7 @@ class GripEstimator:
         self._window.reset()
 
     def _look(self) -> Iterator[bool]:
-        """Evaluate the latest hop in parts; yield after each whether the grip changed."""
+        """Evaluate the latest hop in parts; yield after each if the grip has changed."""
         force, acceleration = self._window.latest()
         driving = self._of_force @ force
         terms = (self._of_acceleration @ acceleration).reshape(4, -1)
@@ -195,8 +195,7 @@ class GripEstimator:
     def _learn(self, moments: FloatArray, energy: float) -> bool:
         """Add the second moments and energy of a hop; return whether the grip changed.
 
-        The terms are those of m_h, b_u and k_u with the assumed values, and the value of their
-        sum.
+        The terms are those of m_h, b_u and k_u at the assumed values, and the measured sum.
         """
         self.estimates += 1
         self._energy = self._kept * self._energy + (1.0 - self._kept) * energy
@@ -213,7 +212,7 @@ class GripEstimator:
         return True
 
     def _within_bounds(self, factors: Factors) -> Factors:
-        """Return the nearest factors within the bounds, and count the evaluations beyond each."""
+        """Return the nearest factors within bounds, and count evaluations beyond each bound."""
         found = []
         for index, (factor, low, high) in enumerate(zip(factors, SMALLEST, LARGEST, strict=True)):
             count = self._beyond[index]

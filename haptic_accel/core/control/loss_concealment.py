@@ -25,7 +25,7 @@ import numpy as np
 from haptic_accel.core.model import FloatArray
 
 HISTORY = 64
-"""Number of samples for the prediction; older ones show the texture of other places."""
+"""Number of samples for the prediction; older samples show texture elsewhere."""
 
 ORDER = 12
 """Order of the prediction: enough for some resonances of surface and tool."""
@@ -38,8 +38,8 @@ keeps the prediction stable and makes it fade out."""
 class LossConcealment:
     """Store the last samples of a signal, and predict missing ones.
 
-    An autoregressive model is fitted to the last samples (autocorrelation method). Its prediction
-    never grows and returns to their mean.
+    An autoregressive model is fitted to the last samples (autocorrelation method). The prediction
+    never grows and returns to the mean.
     """
 
     def __init__(self) -> None:
@@ -50,7 +50,7 @@ class LossConcealment:
         self._samples.append(sample if abs(sample) < math.inf else 0.0)
 
     def predict(self, count: int) -> list[float]:
-        """Return the next samples, predicted, and store them; with few samples return their mean.
+        """Predict, store and return the next samples; from few samples predict the mean.
 
         Examples
         --------

@@ -131,7 +131,7 @@ class ResponseEstimator:
         self._window.reset()
 
     def _look(self) -> Iterator[bool]:
-        """Evaluate the latest window in parts; yield between them, and finally True."""
+        """Evaluate the latest window in parts; yield after each part, finally True."""
         given, shown = (samples[::-1].copy() for samples in self._window.latest())
         # Gravity is not part of the response, and would leak into the lowest lines.
         given -= given.mean()
@@ -179,7 +179,7 @@ class PairedWindow:
         self.reset()
 
     def push(self, cause: float, effect: float) -> bool:
-        """Add a sample of both; return True if the window is due and complete enough.
+        """Add a sample pair; return True if the window is due and complete enough.
 
         Parameters
         ----------

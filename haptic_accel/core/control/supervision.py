@@ -50,7 +50,7 @@ LEAST_COHERENCE = 0.7
 """Minimum coherence of a band for an evaluation; independent noise has 0.2 after a second."""
 
 TOLERANCE = 0.15
-"""Accepted relative deviation of the response beyond that of ordinary hands: errors of the
+"""Accepted relative deviation of the response in addition to ordinary hands: errors of the
 estimate, and changes of the mount between grips (assumed)."""
 
 RAISING = 0.4
@@ -79,7 +79,7 @@ class ResponseSupervisor:
 
     The measured acceleration is compared with the model's acceleration for the applied forces.
     Their ratio is 1 if the handle fits the model. In each band its deviation from 1 is compared
-    with the largest one of ordinary hands, and with the possible effect of dry friction on a small
+    with the maximum for ordinary hands, and with the possible effect of dry friction on a small
     force. Bands with little excitation or coherence are not evaluated and keep their result.
 
     Parameters
@@ -112,7 +112,7 @@ class ResponseSupervisor:
         self._friction = plant.friction
         self._per_force = np.zeros(len(lines))
         counted = lines >= CONTINUOUS
-        self._expected = 0.0  # acceleration of the model at the tick of the next measured, m/s^2
+        self._expected = 0.0  # model's acceleration at the tick of the next measurement, m/s^2
         self._per_force[counted] = 1.0 / np.abs(plant.response(lines[counted], rate)) ** 2
         self.reset()
 
@@ -191,7 +191,7 @@ class ResponseSupervisor:
         self.fitting = 0.0 if over.any() else self.fitting + interval
 
     def _deviations(self) -> tuple[BoolArray, FloatArray, FloatArray]:
-        """Return the evaluated bands, their deviations, and the tolerated ones."""
+        """Return the evaluated bands, their deviations, and the tolerances."""
         estimator = self._estimator
         tiny = np.finfo(float).tiny
         expected, cross = estimator.excitation, estimator.cross
@@ -210,7 +210,7 @@ class ResponseSupervisor:
 def supervise(
     plant: Plant, rate: float, force: FloatArray, acceleration: FloatArray
 ) -> tuple[str, float]:
-    """Return a supervisor's last warning for a trial, and its first time; empty if none.
+    """Return the last warning for a trial, and when it first appeared; empty if none.
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ def supervise(
 
 
 def _counted(time: FloatArray, judged: BoolArray, holds: BoolArray, interval: float) -> FloatArray:
-    """Return for how long a condition has held in each evaluated band, s."""
+    """Return the duration of a condition in each evaluated band, s."""
     return np.where(judged, np.where(holds, time + interval, 0.0), time)
 
 
@@ -256,7 +256,7 @@ def _edges(rate: float) -> list[tuple[float, float]]:
 
 
 def _ordinary_deviation(plant: Plant, lines: FloatArray, bands: FloatArray) -> FloatArray:
-    """Return the largest deviation, RMS over each band, of ordinary hands."""
+    """Return the largest RMS deviation of ordinary hands in each band."""
     described, *others = ORDINARY.grips(plant.handle)
     inner = slice(1, None)  # nothing moves at 0 Hz
     response = handle_model(described).response(lines[inner])

@@ -48,7 +48,7 @@ STOPPED = "emergency stop"
 
 DIFFERING = 0.5
 """Maximum time for which a device and the coupler may disagree about the emergency stop, s; then
-all are stopped. A stop or its release does not reach all nodes at the same time."""
+all stop. A stop or its release does not reach all nodes at the same time."""
 
 DISENGAGED = "let go on request"
 """Reason for free arms after a request to release them."""
@@ -56,7 +56,7 @@ DISENGAGED = "let go on request"
 
 @dataclass(frozen=True)
 class EngagementParameters(Checked):
-    """Conditions for engagement, and for the end."""
+    """Conditions for engagement and its end."""
 
     timeout: float = parameter(
         0.1, "time without samples of an arm after which forces are set to zero", "s", 0.005, 10.0
@@ -119,7 +119,7 @@ class Engagement:
     ----------
     engaged : bool
     stop : EmergencyStop
-        Stop of the coupler; all are stopped if it disagrees with a device for too long.
+        Stop of the coupler; a long disagreement with a device stops all nodes.
     compensated : bool
         A force of the compensator was received, or none is required.
     arms : tuple of str
@@ -177,7 +177,7 @@ class Engagement:
         now : float
             Time, s.
         listeners : int
-            Number of subscribers to an arm's force, for the arm with fewer of them.
+            Number of subscribers to an arm's force; the smaller one of both arms.
         """
         p = self._parameters
         if self._held:

@@ -53,8 +53,8 @@ class HalfEngagement(Engagement):
     An arm is ready when its own conditions hold. It engages when the peer is ready or engaged. It
     is released when the peer sends no packets, restarts, or has another session or engagement. It
     engages again only after the peer has released its arm too, so that both start from the same
-    state. A stop that begins at the peer also stops this host, until it is released here. While
-    the peer is stopped, the arm stays free.
+    state. A stop that begins at the peer also stops this host, until released here. While the peer
+    is stopped, the arm stays free.
 
     Parameters
     ----------
@@ -69,8 +69,7 @@ class HalfEngagement(Engagement):
     count : int
         Number of engagements of the arm.
     unusable : str
-        Reason why received packets are unusable; empty if none are received. The caller keeps it
-        up to date.
+        Reason why received packets are unusable; empty if none are received. Set by the caller.
     """
 
     def __init__(self, parameters: EngagementParameters, now: float, arm: str) -> None:
@@ -120,13 +119,13 @@ class HalfEngagement(Engagement):
         return decision
 
     def due(self, now: float) -> bool:
-        """Return whether `decide` is due; it is due at once after the loss of the peer."""
+        """Return whether `decide` is due; at once after the loss of the peer."""
         if super().due(now):
             return True
         return self.engaged and (self.stop.stopped or bool(self._missing_there(now)))
 
     def _lost(self, now: float) -> str:
-        """Return the reason for the loss of the peer; empty if it is not lost."""
+        """Return the reason for the loss of the peer; empty if not lost."""
         if self._peer is None or now - self._heard > self._parameters.timeout:
             return self.unusable or SILENT
         return RESTARTED if self.engaged and self._peer.session != self._session else ""

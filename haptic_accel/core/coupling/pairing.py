@@ -26,7 +26,7 @@ from haptic_accel.core.sampling import half_period
 
 
 class Motion(NamedTuple):
-    """Stamp of a sample, ns, position, m, and velocity, m/s, of an arm.
+    """Sample of an arm: stamp, ns, position, m, and velocity, m/s.
 
     `work` is the cumulative work of the arm's motors, J, from any start; None if unknown.
     """
@@ -41,7 +41,7 @@ class Pairing:
     """Synchronizer of the samples of two arms, tick by tick.
 
     A sample waits for the other arm's sample of the same tick. If the other arm has already sent a
-    later one, that sample is lost, and the previous one replaces it.
+    later sample, its previous sample is used instead.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class Pairing:
                 yield master, slave
 
     def _held(self, arm: int) -> Motion | None:
-        """Return the sample that replaces an arm's missing one."""
+        """Return the replacement of an arm's missing sample."""
         before = self._before[arm]
         self.held += before is not None
         return before

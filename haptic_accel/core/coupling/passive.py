@@ -31,7 +31,7 @@ from haptic_accel.core.parameters import Checked, like, parameter
 from haptic_accel.core.sampling import LATENCY
 
 LAWS = ("spring", "damped", "passive")
-"""Spring only; spring with local damping and a stiffness limited by the age; both with an energy
+"""Spring only; spring with local damping and age-limited stiffness; the same with an energy
 tank."""
 
 CEILING = 2.5
@@ -46,8 +46,8 @@ SIGN = 1e-12
 """Minimum energy sent to a restarted peer by a half that has already applied forces, J."""
 
 SPEED_MARGIN = 0.5
-"""Maximum increase of an arm's speed above the measured one while a force acts, m/s: a tip of 60 g
-that bounces off a wall at 0.25 m/s."""
+"""Maximum increase of an arm's speed since measurement while a force acts, m/s: a tip of 60 g that
+bounces off a wall at 0.25 m/s."""
 
 RESTART_TRAVEL = 0.01
 """Distance, m, in the check for a reset work counter of a device: the work exceeds the largest
@@ -73,7 +73,7 @@ LEAD = 0.8
 set-point is late by half an age, and damping delays the slave by another half."""
 
 LEAD_SMOOTHING = 0.03
-"""Time constant of the low-pass filter of that velocity, s; it suppresses tremor of the handle."""
+"""Time constant of the master velocity's low-pass, s; it suppresses tremor of the handle."""
 
 SMOOTHING = 0.1
 """Time constant of the set-point's low-pass filter, as a multiple of the age: its corner frequency
@@ -116,7 +116,7 @@ class PassiveParameters(Checked):
 
 
 class _Force(NamedTuple):
-    """Commanded force, N; its damping part, N; the maximum energy that it can give its arm, J."""
+    """Command: force, N; damping part of the force, N; maximum energy given to the arm, J."""
 
     total: Vector
     damping: Vector
@@ -159,7 +159,7 @@ class PassiveHalf:
     """Half of the coupling at one arm: force, local damping and energy tank.
 
     Positions are relative to the position at engagement, in the master's scale. The initial energy
-    is granted once, at the first force, and only if the peer has sent none before.
+    is granted once, at the first force, unless the peer has sent energy before.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ class PassiveHalf:
     latency : int
         Delay from sample to force, in samples.
     leads : bool
-        Lead the set-point by the peer's velocity; for the slave, which follows.
+        Extrapolate the set-point by the peer's velocity; for the slave only.
 
     Attributes
     ----------
@@ -224,7 +224,7 @@ class PassiveHalf:
         self._p = parameters
 
     def new_session(self) -> None:
-        """Begin with a new peer, or one that has restarted.
+        """Begin with a new or restarted peer.
 
         A half that has already applied forces shares its energy with the new peer. A restarted
         half thereby learns that the initial energy was already granted.
@@ -261,7 +261,7 @@ class PassiveHalf:
         set_point, set_point_velocity : tuple of float
             Newest motion of the peer, m and m/s.
         round_trip_age : float
-            Age of the newest own position that the peer's data is based on, s.
+            Age of the local position on which the peer's data is based, s.
         work : float, optional
             Cumulative work of the applied forces up to this position, J; None if the commanded
             forces were applied.
@@ -287,7 +287,7 @@ class PassiveHalf:
 
     @property
     def _surplus(self) -> float:
-        """Energy above the ceiling, J, without that of the spring and of forces still acting."""
+        """Energy above the ceiling, J, excluding the spring and forces still acting."""
         ceiling = self._p.energy * CEILING
         return self.energy - self._spring_energy - self._under_way - ceiling
 
@@ -323,7 +323,7 @@ class PassiveHalf:
             dx, dy, dz = x - x0, y - y0, z - z0
             fx, fy, fz = acted.total
             bx, by, bz = acted.damping
-            # If samples are missing, the force may have ended: limit it to the work in one sample.
+            # If samples are missing, the force may have ended: limit its work to one sample.
             given = max(fx * dx + fy * dy + fz * dz, -acted.reserve)
             if work is not None and self._work is not None:
                 given = self._plausible(work - self._work, math.sqrt(dx * dx + dy * dy + dz * dz))
@@ -334,7 +334,7 @@ class PassiveHalf:
         self._position, self._work = position, work
 
     def _plausible(self, given: float, distance: float) -> float:
-        """Return a device's work, J, over a distance, m, limited to what forces can do."""
+        """Return a device's work, J, over a distance, m, limited to the possible work."""
         limit = self._p.max_force
         if given > limit * (distance + RESTART_TRAVEL):
             return 0.0

@@ -61,7 +61,7 @@ class _Gains(NamedTuple):
         return cls(p.k_m, p.k_sl, p.damping, p.scale, p.max_force)
 
     def toward(self, others: _Gains, share: float) -> _Gains:
-        """Return the gains at a fraction of the way to others."""
+        """Interpolate towards other gains by a fraction."""
         mixed = [old + share * (new - old) for old, new in zip(self, others, strict=True)]
         # Interpolate geometrically, as both the scale and its inverse are factors.
         return _Gains(*mixed)._replace(scale=self.scale * (others.scale / self.scale) ** share)
@@ -96,12 +96,12 @@ class PositionPositionCoupling:
         """Change the gains within a number of samples, without a jump of force.
 
         The lag of the slave, in the master's scale, does not change. A new scale applies to later
-        motion only, and moves no arm that the spring does not already pull.
+        motion only; without spring force no arm moves.
 
         This is not passive. A stiffness that rises by K while the spring is stretched by d adds
-        the energy K d^2 / 2. It is at most F^2 / 2k for the force limit F and the old stiffness k.
-        With the defaults this is 22 mJ; over `FADE_TIME` this is much less power than a hand
-        exchanges.
+        the energy K d^2 / 2. This energy is at most F^2 / 2k for the force limit F and the old
+        stiffness k. With the defaults this is 22 mJ; over `FADE_TIME` this is much less power than
+        a hand exchanges.
         """
         start, end = self._gains, _Gains.of(parameters)
         if not self.engaged:

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Controllers by name; a new one is a class in a separate file and a line here."""
+"""Controllers by name; a new controller is a class in a file and a line here."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
 def granted_delay(controller: str, parameters: Mapping[str, Checked]) -> int:
     """Return the delay, in addition to the latency, for evaluating a controller, in samples.
 
-    It is the controller's parameter of this name, or the paper's value if there is none.
+    The value is the controller's parameter `granted_delay`, or else the paper's value.
     """
     own = parameters.get(controller)
     if own is None and controller in CONTROLLERS:

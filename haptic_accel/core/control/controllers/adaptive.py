@@ -49,9 +49,8 @@ from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 from haptic_accel.core.parameters import parameter
 
 UNDESCRIBED = 0.2
-"""Relative deviation of the response above which the grip estimate is frozen. A mode within its
-band, for example, fits no grip and would make the estimate jump. Ordinary hands cause up to
-0.1."""
+"""Relative deviation of the response above which the grip estimate is frozen. A mode in the band,
+for example, fits no grip and would make the estimate jump. Ordinary hands cause up to 0.1."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,7 @@ class AdaptiveParameters(InverseParameters):
 
 
 class AdaptiveController(InverseController):
-    """f_a = a_hdes through the inverse for the estimated grip."""
+    """Inverse for the estimated grip, from a_hdes to f_a."""
 
     Parameters = AdaptiveParameters
 
@@ -89,7 +88,7 @@ class AdaptiveController(InverseController):
         return self._driven(extended, desired_acceleration)
 
     def applied(self, actuator_force: float) -> None:
-        """Store the force that drives the handle: the applied one minus friction compensation."""
+        """Store the force that drives the handle: applied force minus friction compensation."""
         self._applied = actuator_force - self.friction_force
 
     def adapt(self) -> None:
@@ -145,7 +144,7 @@ WINDOW = 0.5
 """Minimum signal length for one evaluation, s: lines 2 Hz apart."""
 
 WINDOW_PER_MEMORY = 2.0
-"""Minimum ratio of that length to the convolution's, whose equations use these lines."""
+"""Minimum ratio of `WINDOW` to the length of the convolution solved on these lines."""
 
 LEAST_ACCELERATION = 0.05
 """Minimum root mean square of the desired acceleration for learning, m/s^2: twice the arm's own
@@ -159,7 +158,7 @@ LOWEST, CERTAIN = 6.0, 12.0
 hand's own motion is no response to the force."""
 
 PRIOR_WEIGHT = 0.3
-"""Weight of the expected spectrum relative to one evaluation; it matters for the first few."""
+"""Weight of the expected spectrum relative to one evaluation; matters only at first."""
 
 TEXTURED = 4.0, 8.0
 """Frequencies below which the spectrum is that of slow motion, and above which that of the
@@ -196,15 +195,15 @@ class Learner:
 
     The spectrum is that of the extended desired acceleration by Welch's method, divided by the
     response of high-pass and extension. (The desired acceleration itself has too little power
-    below the high-pass: what leaks there from above would look like a large slow motion.) The
-    plant is the model with the estimated grip, times the ratio of measured to expected response
-    to the applied force, line by line. The less certain the ratio is, the closer it is drawn to 1.
-    Without feedback the ratio has no bias. It includes effects without a parameter: a mode of the
-    mount, the describing function of friction, another hand.
+    below the high-pass: leakage from above would look like a large slow motion.) The plant is the
+    model with the estimated grip, times the ratio of measured to expected response to the applied
+    force, line by line. An uncertain ratio is shifted towards 1. Without feedback the ratio has no
+    bias. It includes effects without a parameter: a mode of the mount, the describing function of
+    friction, another hand.
 
     Slow motion of the tool is not felt, but needs most of the travel. Its density is learnt as one
-    number, as its peak is narrower than the lines. It is expected by all members of the bank but
-    the first: only where travel is short, tracking is given up for it.
+    number, as its peak is narrower than the lines. All members of the bank but the first expect
+    it: slow motion is tracked less only where travel is short.
 
     The normal equations differ from the expected ones by the learnt part, which is smooth and
     needs few lines. A few steps from the last solution solve them for all members of the bank
@@ -264,7 +263,7 @@ class Learner:
         desired : float
             Desired acceleration, m/s^2.
         extended : float
-            The same after the extension of the inverse, m/s^2.
+            `desired` after the inverse's extension, m/s^2.
         actuator_force : float
             Force that drives the handle, N.
         measured : float
@@ -300,7 +299,7 @@ class Learner:
         self.deviation, self.estimates = 0.0, 0
 
     def _redesign(self, grip: FloatArray) -> Iterator[bool]:
-        """Solve for all members of the bank in parts; yield between them, and finally True."""
+        """Solve for all members of the bank in parts; yield after each part, finally True."""
         model = self._model(grip)
         # Each later evaluation is compared with the model of its time.
         self._ratio.model[1:] = model
@@ -414,7 +413,7 @@ def design_family(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> Inver
     """Design the inverse for all grips of one actuator.
 
     Parameters, errors
-        As for `design_inverse`; the plant has the middle one of the expected grips.
+        As for `design_inverse`; the plant has the middle of the expected grips.
 
     Returns
     -------

@@ -23,7 +23,7 @@ from haptic_accel.core.model import ApproximateModel
 
 
 class DynamicController(Controller):
-    """f_a = a_hdes through the inverse of the paper's approximate model."""
+    """Inverse of the paper's approximate model, from a_hdes to f_a."""
 
     Parameters = ApproximateModel
 

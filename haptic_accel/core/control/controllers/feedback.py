@@ -47,7 +47,7 @@ REGAINED = 20e-3
 
 FITTING = 2.0
 """Time for which the response must fit the plant before the feedback returns after saturation of
-the sensor, s of excitation. An unstable loop saturates it again and again."""
+the sensor, s of excitation. An unstable loop saturates it repeatedly."""
 
 INVERSE = "inverse"
 """Name of the feedforward with feedback of deviations from the model only."""
@@ -55,7 +55,7 @@ INVERSE = "inverse"
 
 @dataclass(frozen=True)
 class FeedbackParameters(InverseParameters):
-    """Feedforward, and stability margin and grips of the feedback."""
+    """Parameters of feedforward, stability margin and grip range."""
 
     feedforward: str = parameter(
         INVERSE,
@@ -94,8 +94,8 @@ class FeedbackController(Controller):
 
     The reference depends on the feedforward. The inverse is already the best causal filter for its
     grip, considering travel and force. No feedback can reduce its remaining error. The reference
-    is then the model's response, so that the feedback is zero at that grip. The errors of the
-    paper's controllers can be reduced by feedback. Their reference is the delayed desired
+    is then the model's response, so that the feedback is zero at that grip. For the paper's
+    controllers, whose errors feedback can reduce, the reference is the delayed desired
     acceleration. (At 4 kHz, with the inverse and a mount that resonates at 280 Hz, the mean error
     under the prior over the range of grips is 46.5 % without feedback, 44.7 % with the model as
     reference, and 46.5 % with the desired acceleration. With a rigid mount it is 32.1 %, and 25.8
@@ -105,9 +105,9 @@ class FeedbackController(Controller):
     thus does not appear as a deviation of the handle.
 
     While the measurement is missing, the feedback fades out and its filters receive their last
-    input, as a zero would be a step of the size of gravity. The feedback is faded in again after
-    valid samples for `REGAINED`. For the same reason the first measurement is used as the offset.
-    A saturated sensor may result from an unstable loop. The feedback then stays off until the
+    input; a zero would be a step as large as gravity. The feedback is faded in again after valid
+    samples for `REGAINED`. For the same reason the first measurement is used as the offset. A
+    saturated sensor may result from an unstable loop. The feedback then stays off until the
     response has fitted the plant for `FITTING`.
 
     Attributes

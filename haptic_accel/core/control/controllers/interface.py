@@ -123,4 +123,4 @@ class Controller(ABC):
         return ""
 
     def reset(self) -> None:  # noqa: B027 - some have no state
-        """Return to the state for a past of zeros."""
+        """Return to the state for zero past input."""

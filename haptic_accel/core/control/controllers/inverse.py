@@ -73,7 +73,7 @@ class InverseParameters(Checked):
 
 
 class InverseController(Controller):
-    """f_a = a_hdes through the causal inverse of eq. (3), hold, delay, mount and sensor.
+    """Causal inverse of eq. (3), hold, delay, mount and sensor, from a_hdes to f_a.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class InverseController(Controller):
         return self._driven(self._extension.process(desired_acceleration), desired_acceleration)
 
     def _driven(self, extended: float, desired_acceleration: float) -> float:
-        """Return the force for the desired acceleration, given after the extension, too."""
+        """Return the force for the desired acceleration before and after the extension."""
         force = self._excursion.process(extended)
         self.friction_force = self._friction.force(force, desired_acceleration)
         return force + self.friction_force
@@ -140,8 +140,8 @@ class FrictionCompensation:
     rate : float
         Samples per second.
     lag : float
-        Delay of the handle's motion behind the desired one when the force acts, in samples. A
-        negative delay would need future samples and counts as zero.
+        Delay of the handle behind the desired motion when the force acts, in samples. A negative
+        delay would need future samples and counts as zero.
     """
 
     def __init__(
@@ -154,7 +154,7 @@ class FrictionCompensation:
         self._slip = TravelEstimator(suspension, rate)
 
     def force(self, actuator_force: float, desired_acceleration: float) -> float:
-        """Return the force to add to the actuator's until the next sample, N.
+        """Return the force to add until the next sample, N.
 
         Parameters
         ----------

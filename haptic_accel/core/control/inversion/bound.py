@@ -47,7 +47,7 @@ filter for a non-invertible plant integrates twice, for which no memory is long 
 _FORCE_COSTS = [10.0**power for power in range(-6, 9)]
 """Costs of force, (m/s^2 per N)^2: from less than the smallest response of a plant to no force."""
 
-_HALVINGS = 5  # of the logarithmic distance between two costs: to 7 %
+_HALVINGS = 5  # bisections of the log distance of two costs: to 7 %
 
 
 def causal_bound(
@@ -113,15 +113,15 @@ def limited_bound(
     These Wiener filters minimise error^2 + c travel^2 + e force^2 for the input's own spectrum.
     The costs c and e are constant, the memory is unlimited, and plant and spectrum are fully
     known. The costs c and e are the smallest for which the maximum travel and force for this input
-    stay within their limits. The result is thus a bound for time-invariant filters with constant
-    weights. A filter that gives way only while the travel is short, such as excursion control, can
-    be below it if an input is large only briefly. Friction, heat and the travel due to gravity are
+    stay within their limits. The result thus bounds time-invariant filters with constant weights.
+    A filter that reduces travel only when needed, such as excursion control, can have a smaller
+    error if an input is large only briefly. Friction, heat and the travel due to gravity are
     neglected.
 
     Parameters
     ----------
     plant, rate, granted_delay, noise, high_pass_frequency
-        As in `causal_bound`, to which the result is equal for small inputs.
+        As in `causal_bound`; for small inputs both results are equal.
     acceleration : ndarray, shape (n,)
         Tool's acceleration, m/s^2. It is faded in over `FADING_IN`, as a section of a longer
         signal would otherwise start with a jump that needs travel.

@@ -81,5 +81,5 @@ class SampleConvolution:
         return float(self.taps.dot(self._window.push(value)))
 
     def reset(self) -> None:
-        """Clear the state, as for a past of zeros."""
+        """Clear the state, as for zero past input."""
         self._window.reset()

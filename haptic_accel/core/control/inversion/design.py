@@ -54,7 +54,7 @@ TRAVEL_CORNERS = (1.3, 2.3, 4.0, 7.5, 14.0, 24.0)
 the hand, whose travel would be missing at contact; the last leaves hardly any travel."""
 
 LANDING_VELOCITY = 0.05
-"""Change of the tool's velocity at contact with a surface, m/s: the hand's own 15 mm in 0.6 s."""
+"""Change of the tool's velocity at contact with a surface, m/s: a hand moves 15 mm in 0.6 s."""
 
 FORCE_COST = 0.1
 """Error with the same cost as a newton of force, m/s^2 per N: about a hundredth of the
@@ -81,13 +81,13 @@ class Goal:
     Attributes
     ----------
     granted_delay : int
-        Permitted delay of the handle behind the tool, in samples, latency included; the paper's is
-        one.
+        Permitted delay of the handle behind the tool, in samples, latency included; one in the
+        paper.
     memory : float
         Length of the convolution, s.
     travel_corner : float
-        Frequency at which travel costs as much as the error of an acceleration that needs it, Hz.
-        Far below it the filter's gain goes to zero.
+        Frequency at which travel costs as much as the acceleration error that it avoids, Hz. Far
+        below it the filter's gain goes to zero.
     spectrum : callable
         Spectrum of the tool acceleration.
     high_pass_frequency : float
@@ -180,9 +180,9 @@ def extension(high_pass_frequency: float, rate: float) -> FloatArray:
     """Return sections that move the compensator's high-pass corner to `EXTENDED_CORNER`.
 
     At low frequencies the handle's response and the high-pass both fall with the fourth power of
-    frequency. Seen from the output of the high-pass, a controller that follows there needs four
-    integrations. The extension does them down to its corner. Its zeros are the poles of the
-    high-pass, and its poles those of the lower one. The zeros of both at 0 Hz cancel.
+    frequency. After the high-pass, a tracking controller thus needs four integrations. The
+    extension integrates down to its corner. Its zeros are the poles of the high-pass, its poles
+    the poles of the lower high-pass. The zeros of both at 0 Hz cancel.
 
     Returns
     -------
@@ -204,14 +204,13 @@ def design_inverse(plant: Dynamics, rate: float, goal: Goal = DEFAULT_GOAL) -> I
     With the tool's spectrum S, the high-pass B, the plant P, the travel D per force, and the
     filter C, the integral over frequency of S |P C B - z^-granted_delay B|^2 + c S |C B D|^2 +
     FORCE_COST^2 (S + U) |C B|^2 is minimised. The terms are the power of the error, and the costs
-    of travel and of force. The latter also includes an unexpected input, U =
-    `UNEXPECTED_DENSITY`^2. The cost of travel, c, is the fourth power of 2 pi times the travel
-    corner.
+    of travel and of force. The latter includes an unexpected input, U = `UNEXPECTED_DENSITY`^2.
+    The cost of travel, c, is the fourth power of 2 pi times the travel corner.
 
     This is a Wiener filter; for a convolution C its normal equations have a Toeplitz matrix. C
-    follows the fixed `extension`. Without it, C would have to be seconds long to cancel the four
-    zeros of P at 0 Hz. B has the same zeros, so that they cancel in the product, den_H(s) / (m_a
-    B_4(s)) for eq. (3) alone.
+    follows the fixed `extension`. Without the extension, C would be seconds long to cancel the
+    four zeros of P at 0 Hz. B has the same zeros, so that they cancel in the product, den_H(s) /
+    (m_a B_4(s)) for eq. (3) alone.
 
     Parameters
     ----------
@@ -291,13 +290,13 @@ def design_basis(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> FloatA
 
     1/H is linear in m_h, b_u and k_u (`inverse_terms`). The least-squares solution is linear in
     its target if the weights are those of the given plant. The rest of the chain (hold, delay,
-    mount, low-pass, aliases) is the ratio P/H of the given plant. The result is equal to that of
-    `design_inverse` for this plant, and close to it for similar ones.
+    mount, low-pass, aliases) is the ratio P/H of the given plant. The result equals that of
+    `design_inverse` for this plant, and is close for similar plants.
 
     Parameters
     ----------
     plant : Plant
-        Actuator, mount, delay, low-pass, and the middle one of the expected grips.
+        Actuator, mount, delay, low-pass, and the middle of the expected grips.
     rate, goal
         As in `design_inverse`.
 
@@ -388,7 +387,7 @@ class NormalEquations:
             The matrix is built from the first sequence plus the cost of travel times the second;
             the right side from the third.
         """
-        # All in terms of the convolution's input, with this power:
+        # All terms refer to the convolution's input of this power:
         squared = np.abs(self.extended) ** 2
         driven = power * squared
         force = FORCE_COST**2 * (driven + UNEXPECTED_DENSITY**2 * squared)

@@ -42,17 +42,17 @@ PREDICTION_RATE = 500.0
 """Maximum rate of the prediction, Hz; travel contains little above 100 Hz."""
 
 ATTACK = 1.5e-3
-"""Time constant of the attenuation, s: users would feel a step of force, and a late one would not
-help."""
+"""Time constant of the attenuation, s: users would feel a step of force; late attenuation is
+useless."""
 
 RELEASE = 0.5
-"""Time constant of the return of low frequencies, s: some periods of them."""
+"""Time constant of the return of low frequencies, s: a few periods."""
 
 FADING = 0.005
 """Duration of the crossfade to other taps, s."""
 
-_BLOCKS = 8  # of the responses' length in the buffer, so that it is rarely moved
-_SETTLED = 1e-3  # of an index in the bank: negligible
+_BLOCKS = 8  # response lengths in the buffer, so that it is rarely moved
+_SETTLED = 1e-3  # negligible change of the bank index
 
 
 class TravelPredictor:

@@ -77,7 +77,7 @@ def predict(
     ----------
     inverse : InverseFilter
     plant : Plant or IdentifiedPlant
-        True plant, which may differ from the one of the design.
+        True plant, which may differ from the design plant.
     spectrum : callable
         Spectrum of the measured tool acceleration.
     noise : float

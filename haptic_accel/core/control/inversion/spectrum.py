@@ -50,7 +50,7 @@ class TexturePrior(Checked):
     """Spectrum of an unknown surface: broadband texture, slow motion and noise.
 
     Its power rises with the fourth power of frequency and falls with the sixth. A narrower prior
-    gives smaller errors on textures within it, and larger errors on all others.
+    gives smaller errors on textures within it, and larger errors elsewhere.
     """
 
     rise: float = parameter(

@@ -32,15 +32,15 @@ def improved(
     Method: conjugate gradients with products by fast Fourier transforms, and T. Chan's circulant
     as preconditioner (R. Chan and Ng, Conjugate gradient methods for Toeplitz systems, SIAM Review
     38, 1996). Each step reduces the quadratic form itself, the error of the filter; Levinson's
-    recursion has no intermediate results. All matrices take a step together, as for the short
-    sequences of low rates a call costs more than a transform.
+    recursion has no intermediate results. All matrices take a step together, as a call costs more
+    than the transform of a short sequence.
 
     Parameters
     ----------
     columns : ndarray, shape (k, n)
         First column of each matrix.
     right : ndarray, shape (k, n) or (n,)
-        Right side of each, or of all.
+        Right sides, or one for all.
     starts : ndarray, shape (k, n)
         Initial solutions.
 
@@ -100,5 +100,5 @@ def improved(
 
 
 def _products(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return the scalar product of each row with the other's."""
+    """Return the scalar products of corresponding rows."""
     return np.array([a.dot(b) for a, b in zip(one, other, strict=True)])
