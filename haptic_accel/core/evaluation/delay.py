@@ -33,8 +33,8 @@ FRACTION_EDGE = 32
 neighbours on both sides."""
 
 ALIKE = 0.3
-"""Minimum correlation for a delay. A smaller one means less than a tenth of common power, which
-may be due to the hand, the sensor or chance."""
+"""Minimum correlation for a delay. Below it, less than a tenth of the power is common, perhaps due
+to the hand, the sensor or chance."""
 
 WHOLE = 1e-6
 """Distance from a whole number of samples below which a shift counts as whole."""
@@ -62,10 +62,10 @@ def estimate_delay(
     """Find the lag of `actual` behind `desired` by the peak of their cross-correlation.
 
     The peak is refined between samples on the band-limited cross-correlation itself. A parabola
-    would be biased by up to a twentieth of a sample. It is the generalised correlation method
+    would be biased by up to a twentieth of a sample. This is the generalised correlation method
     without weights (Knapp and Carter, IEEE Trans. ASSP 24(4), 1976): the lag at which a pure delay
-    has the least error. For a response that is no pure delay, it is the lag at the frequencies
-    with most of the common power.
+    has the least error. For other responses, the result is the lag at the frequencies with most of
+    the common power.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Metrics of the paper: agreement of an actual acceleration with the desired one.
+"""Metrics of the paper: agreement of actual and desired acceleration.
 
 The paper is McMahan and Kuchenbecker, "Haptic display of realistic tool contact via dynamically
 compensated control of a dedicated actuator", IROS 2009.
@@ -61,8 +61,8 @@ REGRESSION: Mapping[str, tuple[float, float]] = MappingProxyType(
 )
 """Slope of desired over actual acceleration and R^2 in the paper, averaged over its surfaces.
 
-The paper does not state the direction of its regression. Only this one agrees with Table II, as
-NRMSE^2 = 1 - 2 b + b^2 / R^2 with b = R^2 / slope of actual over desired.
+The paper states no direction of regression. Only this direction agrees with Table II, as NRMSE^2 =
+1 - 2 b + b^2 / R^2 with b = R^2 / slope of actual over desired.
 """
 
 SEGMENT_SECONDS = 0.25
@@ -330,14 +330,13 @@ def _check_pair(desired: FloatArray, actual: FloatArray, fewest: int = 1) -> Non
 
 BAND_EDGES = (15.0, 30.0, 60.0, 125.0, 250.0, 500.0, 1000.0, 2000.0)
 """Octaves above the paper's high-pass corner, Hz, rounded as octave bands are (IEC 61260). Fingers
-are most sensitive to vibration in the middle ones. The paper's spectra are similar up to about 300
-Hz."""
+are most sensitive in the middle bands. The paper's spectra are similar up to about 300 Hz."""
 
 assert BAND_EDGES[0] == HIGH_PASS_FREQUENCY
 
 QUIET_SHARE = 1e-6
-"""Fraction of the desired signal's power below which a band has no relative error. It is a
-thousandth of the amplitude, which is below the sensor's noise."""
+"""Fraction of the desired signal's power below which a band has no relative error. A thousandth of
+the amplitude is below the sensor's noise."""
 
 
 @dataclass(frozen=True)
@@ -366,9 +365,9 @@ def band_nrmse(
 ) -> dict[str, float]:
     """Return the error within frequency bands.
 
-    For each band it is the root of the power of (actual - desired) over the power of desired, from
-    `metrics.spectra`. By Parseval's theorem this is equal to `metrics.nrmse` of both signals after
-    an ideal zero-phase filter of the band.
+    For each band, the error is the root of the power of (actual - desired) over the power of
+    desired, from `metrics.spectra`. By Parseval's theorem it equals `metrics.nrmse` of both
+    signals after an ideal zero-phase band filter.
 
     Parameters
     ----------

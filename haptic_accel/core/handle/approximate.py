@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The paper's kind of invertible model for any handle."""
+"""Invertible model as in the paper, for any handle."""
 
 from __future__ import annotations
 

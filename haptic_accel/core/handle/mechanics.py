@@ -36,8 +36,8 @@ def mechanics(
 
     States are positions, m, and velocities, m/s: of actuator, handle and mount along the
     actuator's axis, of the handle across it, and of the hand in both directions. The last state is
-    the sensor's acceleration, m/s^2. Inputs are forces, N, and accelerations, m/s^2. The constants
-    of this module name both.
+    the sensor's acceleration, m/s^2. Inputs are forces, N, and accelerations, m/s^2. Constants
+    name states and inputs.
 
     Parameters
     ----------

@@ -90,8 +90,8 @@ class Plant(Checked):
     def coupled(self) -> Plant:
         """Return the plant with the coupling's stiffness added to the grip's.
 
-        The slave hardly moves at perceptible frequencies, so that the coupling's spring is
-        parallel to that of the grip.
+        The slave hardly moves at perceptible frequencies, so the springs of coupling and grip are
+        parallel.
         """
         handle = replace(self.handle, k_u=self.handle.k_u + self.coupling)
         return replace(self, handle=handle, coupling=0.0)

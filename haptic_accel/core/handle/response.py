@@ -60,7 +60,7 @@ def sampled_response(
     rate : float
         Samples per second.
     delay : float
-        Delay in addition to that of the hold, s.
+        Delay in addition to the hold, s.
     low_pass_frequency : float
         Corner of the accelerometer's first-order low-pass, Hz.
     mount : MountParameters

@@ -35,7 +35,7 @@ LONGEST_DELAY_SAMPLES = 100
 ITERATIONS = 30
 """Maximum number of pole relocations; five to ten suffice."""
 
-_LARGEST_RADIUS = 1.0 - 1e-6  # of a pole: one reflected onto the unit circle would not decay
+_LARGEST_RADIUS = 1.0 - 1e-6  # maximum pole radius: a pole on the unit circle does not decay
 _CONVERGED = 1e-7  # maximum step of a pole
 _FARTHEST_ZERO = 1e4  # a zero farther away is a zero at infinity with rounding errors
 
@@ -67,7 +67,7 @@ def identify_discrete(
     Returns
     -------
     DiscreteModel
-        Stable model. Its delay is longer than the given one if it has fewer zeros than poles.
+        Stable model. Its delay exceeds `delay_samples` if it has fewer zeros than poles.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def _starting_poles(order: int, rate: float) -> ComplexArray:
 
 
 def _fractions(poles: ComplexArray, values: FloatArray) -> FloatArray:
-    """Filter a signal by 1/(z - p) for each pole; pairs give their real and imaginary part.
+    """Filter a signal by 1/(z - p) for each pole; pairs give real and imaginary parts.
 
     Returns
     -------

@@ -54,7 +54,7 @@ of 100 %; for 25 lines it is 20 %. Noise is smooth in frequency."""
 _HANN_OVERLAP = 1.0 / 36.0
 """Squared correlation of Hann-windowed segments that overlap by half (Welch 1967)."""
 
-_AT_RANGE = 0.999  # of the range: a converter's largest step may lie slightly below it
+_AT_RANGE = 0.999  # of full range: a converter's last step may lie slightly below
 
 
 class RecordingError(ValueError):
@@ -105,8 +105,8 @@ def dft_ratio(
 ) -> FrequencyResponse:
     """Return DFT(acceleration) / DFT(force) for a periodic force, as in the paper.
 
-    Without leakage once the handle has settled. It is the mean over the repeats, weighted with the
-    force's power. The difference between the repeats is the noise. Its spectrum is smoothed over
+    There is no leakage once the handle has settled. The result is the mean over the repeats,
+    weighted by the force's power. The noise is the difference between the repeats, smoothed over
     adjacent lines, as two repeats alone give a poor estimate.
 
     Parameters
@@ -157,14 +157,14 @@ def dft_ratio(
     return FrequencyResponse(frequency[inside], response[inside], coherence, rate, float(repeats))
 
 
-_WEAKEST_LINE = 1e-6  # of the strongest line's power; weaker lines contain only rounding errors
+_WEAKEST_LINE = 1e-6  # share of the strongest line's power; below are only rounding errors
 
 
 def h1(force: FloatArray, acceleration: FloatArray, rate: float, band: Band) -> FrequencyResponse:
     """Estimate the response for noise in the acceleration: cross spectrum over force spectrum.
 
-    Averaged over Hann-windowed segments that overlap by half. Suitable for any force, while
-    `dft_ratio` needs a periodic one. Biased by leakage near a resonance narrower than a line.
+    Hann-windowed segments overlap by half. Any force is suitable; `dft_ratio` needs a periodic
+    force. Leakage biases resonances narrower than a line.
 
     Parameters
     ----------

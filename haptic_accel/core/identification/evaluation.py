@@ -193,7 +193,7 @@ def _identify_grip(
 def _fit_responses(
     responses: Sequence[FrequencyResponse], fit: Fit, free: Sequence[str]
 ) -> HandleFit:
-    """Fit a handle on a rigid mount, or on an elastic one if that explains much more."""
+    """Fit a handle on a rigid mount, or on an elastic mount if that fits much better."""
     found = fit(responses, free=free)
     if found.residual > UNEXPLAINED:
         moving = fit(responses, free=_with_mount(free), mount=MOUNT_START)
@@ -230,7 +230,7 @@ def _modelled(grip: GripIdentification) -> FrequencyResponse:
 
 
 def _with_friction(found: HandleFit, fits: Sequence[HandleFit]) -> HandleFit:
-    """Return a fit with the mean friction of other fits, as it does not depend on the grip."""
+    """Return a fit with the mean friction of other fits; the grip does not affect friction."""
     if not all("friction" in fit.standard_errors for fit in fits):
         return found
     # The errors of the model are common to all, so the mean has no smaller error.

@@ -64,7 +64,7 @@ _START_FACTORS = {  # stiffness and damping of the grip vary that much between p
     "mount_frequency": (0.7, 1.0, 1.4),
 }
 _START_DELAYS = 2.5e-4  # spacing, s: a sixth of a turn at 200 Hz would be 8e-4
-_START_LINES = 40  # of a response in the search for initial values
+_START_LINES = 40  # lines in the search for initial values
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Friction:
     friction : float
         Friction while the actuator slips, N.
     slip_velocity : float
-        Slip velocity at which it is reached, m/s.
+        Slip velocity for full friction, m/s.
     friction_lag : float
         Delay of the friction behind the slip, s.
     """
@@ -88,7 +88,7 @@ class Friction:
 
 @dataclass(frozen=True)
 class Point:
-    """Arguments of the model of a recording: the handle and its accelerometer.
+    """Model parameters of a recording: the handle and its accelerometer.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class Point:
     low_pass_frequency : float
         Corner frequency of the accelerometer, Hz.
     bearing : Friction
-        Dry friction of the actuator's bearing; it does not appear in a response.
+        Dry friction of the actuator's bearing; not visible in a response.
     """
 
     handle: HandleParameters
@@ -203,8 +203,8 @@ class HandleFit(Point):
         where a force acts immediately after the sample that caused it.
     standard_errors : dict
         Standard errors of the fitted parameters by name, in their units. For a fit to responses
-        they are based on the Jacobian and the residual and include noise only. Those of
-        `fit_motion` also include the model's errors.
+        they are based on the Jacobian and the residual and include noise only. In `fit_motion`
+        they also include the model's errors.
     residual : float
         Root mean square of the error over the estimates' standard deviation; 1 for a complete
         model.
@@ -316,9 +316,9 @@ class _Problem:
     def _mirrored(self, point: FloatArray) -> FloatArray:
         """Return the point with exchanged damping of bearing and grip.
 
-        Two coefficients of eq. (3) distinguish them. That of s^3 depends on b_u + (1 + m_h/m_a)
-        b_s only, and that of s^2 on b_u b_s only, which gives two solutions. Only the coefficients
-        that are small above 10 Hz distinguish these. The search may have found the wrong solution.
+        Both dampings mainly affect two coefficients of eq. (3): s^3 by b_u + (1 + m_h/m_a) b_s,
+        and s^2 by b_u b_s, which gives two solutions. Only coefficients that are small above 10 Hz
+        distinguish the solutions. The search may have found the wrong solution.
         """
         handle = self._coordinates.point(point).handle
         ratio = 1.0 + handle.m_h / handle.m_a
@@ -344,7 +344,7 @@ class _Problem:
     def _start(self) -> FloatArray:
         """Return the best point of a coarse grid, to avoid local minima in the search.
 
-        Uses relative errors: weighted by their standard deviation, a few lines would dominate.
+        Uses relative errors: with weights by standard deviation, a few lines would dominate.
         """
         lines = [_thinned(line) for line in self._lines]
         delays = [self._known.delay]

@@ -47,13 +47,12 @@ from haptic_accel.core.model import ComplexArray, FloatArray
 # scipy.optimize is slow to import: only a fit needs it.
 
 STEPS = (1e-3, 250e-6)
-"""Maximum steps of the simulation in the first and the last search, s. Friction is held over them;
-all else is exact. At the last step the motion differs from that at a quarter of it by a third of
-the accelerometer's noise."""
+"""Maximum steps of the simulation in the first and the last search, s. Friction is held over a
+step; all else is exact. A quarter of the last step changes the motion by a third of the
+accelerometer's noise."""
 
 HIGHEST_HARMONIC = 3.0
-"""Ratio of the highest compared frequency to that of the sweep: dry friction has a third
-harmonic."""
+"""Ratio of the highest compared frequency to the sweep's: dry friction has a third harmonic."""
 
 EXPECTED = {"slip_velocity": (2e-3, 1.0), "friction_lag": (0.0, 200e-6)}
 """Expected values and uncertainties, the former's as a logarithm, of the parameters of friction
@@ -68,21 +67,21 @@ LARGEST_SHARE = 0.49
 """Ratio of the highest compared frequency to the sampling rate."""
 
 _FRICTION_START = 0.01  # N
-_DIFFERENCE = 1e-4  # of the search variables, for derivatives
+_DIFFERENCE = 1e-4  # step of the search variables for slopes
 _CLOSE = 1e-6  # relative step and relative gain that end the search
-_NEAR = 1e-3  # of a sample, by which an identified delay may be below a whole one
-_LEAST_NOISE = 1e-6  # of the strongest line; rounding errors of a recording without noise
+_NEAR = 1e-3  # samples by which an identified delay may be below a whole number
+_LEAST_NOISE = 1e-6  # relative to the strongest line: rounding errors without noise
 
 
 def fit_motion(
     trials: Sequence[IdentificationTrial], sweep: SweepParameters, start: HandleFit
 ) -> HandleFit:
-    """Fit the parameters of a fit to responses, and dry friction, to the mean of all repeats.
+    """Refine a fit to responses, and fit dry friction, to the mean of all repeats.
 
-    Least squares, with each spectral line weighted by its scatter between repeats. The standard
-    errors include noise and the model's errors. These are assumed to consist of `PATTERNS`
+    Each spectral line is weighted by its scatter between repeats. The standard errors include
+    noise and the model's errors. The model's errors are assumed to consist of `PATTERNS`
     independent patterns per parameter, all of the same size. Each parameter has then absorbed one
-    pattern, as large as the mean of those in the residual.
+    pattern, of the residual's mean size.
 
     Parameters
     ----------
@@ -124,10 +123,10 @@ def fit_motion(
 
 
 def _continuous(delay: float, rate: float) -> tuple[float, float]:
-    """Return the range around a delay without a jump for a sensor without low-pass, s.
+    """Return the delay range, s, in which a sensor without low-pass has no jump.
 
-    If a force acts just before a sample instead of just after it, such a sensor shows it one
-    sample earlier. A search with derivatives cannot cross this jump.
+    If a force acts just before a sample instead of just after it, such a sensor reacts one sample
+    earlier. A search with derivatives cannot cross this jump.
     """
     whole = math.floor(delay * rate + _NEAR)
     return whole / rate, (whole + 1) / rate
@@ -260,7 +259,7 @@ class _Problem:
         self._measured = spectra.mean(axis=(0, 1))
         scatter = np.abs(spectra - spectra.mean(axis=1, keepdims=True)) ** 2
         count, repeats, _ = spectra.shape
-        self._freedom = count * (repeats - 1)  # of the scatter of a line
+        self._freedom = count * (repeats - 1)  # for a line's scatter
         power = smoothed(scatter.sum(axis=(0, 1)) / self._freedom) / (count * repeats)
         least = _LEAST_NOISE * np.abs(self._measured).max()
         self._deviation = np.maximum(np.sqrt(power / 2), least)
@@ -303,7 +302,7 @@ class _Problem:
         )
 
     def _linearise(self, values: FloatArray) -> None:
-        """Simulate the handle, and one more for a small change of each parameter."""
+        """Simulate the handle, and variants with small changes of each parameter."""
         if np.array_equal(values, self._at):
             return
         shifted = values + _DIFFERENCE * np.eye(len(values))

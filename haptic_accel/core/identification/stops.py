@@ -29,7 +29,7 @@ STOPS_HIT = "travel_stops_hit"
 
 LIMITED = tuple(f"actuator force limited{by}" for by in ("", " by heat", " by travel"))
 """Entries in a trial's counters and a device's diagnostics: number of forces reduced by the safety
-layer. The applied force then differs from the commanded one."""
+layer. The applied force then differs from the command."""
 
 DOUBTFUL, REFUSED = 0.95, 1.1
 """Ratios of estimated to free travel above which a fit is doubtful, or rejected. The estimate
@@ -74,7 +74,7 @@ def check_travel(
     Raises
     ------
     RecordingError
-        The estimate exceeds the travel by more than its own error.
+        The estimate exceeds the travel by more than its error.
     """
     estimator = TravelEstimator(suspension, trial.rate)
     pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)

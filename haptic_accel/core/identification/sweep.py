@@ -213,7 +213,7 @@ class IdentificationTrial:
     counters : dict
         Counts of out-of-range values and losses by name; all zero in a good trial.
     latency : int
-        Delay from sample to force, in samples. If it is unknown, it becomes part of the identified
+        Delay from sample to force, in samples. An unknown latency becomes part of the identified
         delay.
     """
 
@@ -311,4 +311,4 @@ def find_trials(
     ]
 
 
-_LEAST_FORCE = 1e-3  # of the excitation's
+_LEAST_FORCE = 1e-3  # share of excitation

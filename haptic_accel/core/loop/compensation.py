@@ -39,7 +39,7 @@ useless, and the arms disengage soon after."""
 
 
 class Caused(NamedTuple):
-    """Stamp of a tool's sample, ns, desired acceleration, m/s^2, and actuator force, N."""
+    """Result for a tool sample: stamp, ns, desired acceleration, m/s^2, and force, N."""
 
     stamp: int
     desired_acceleration: float
@@ -133,7 +133,7 @@ class CompensationPart:
         return True, acceleration if received < wanted + self._period / 2 else None
 
     def _fill(self, stamp: int) -> None:
-        """Pass predictions of lost samples to the filters, so that these stay in step."""
+        """Pass predictions of lost samples to the filters, which thus miss no sample."""
         last, self._last = self._last, stamp
         lost = 0 if last is None else round((stamp - last) / self._period) - 1
         self.lost += lost

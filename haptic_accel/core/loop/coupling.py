@@ -74,7 +74,7 @@ class CouplingPart:
         return self._pairing.waiting
 
     def begin(self, now: float, stamp: int) -> None:
-        """Begin a tick; this part does nothing then."""
+        """Begin a tick: nothing to do here."""
 
     def put(self, arm: str, motion: Motion, now: float) -> None:
         """Add a sample of an arm, from `ARMS`, at a time in s."""
@@ -91,7 +91,7 @@ class CouplingPart:
             yield self._tools.popleft()
 
     def poll(self, now: float, listeners: int) -> Decision:
-        """Couple the arms, at the next samples of both, or uncouple them, if this is due.
+        """Couple the arms at their next samples, or uncouple them, if this is due.
 
         Arguments as for `Engagement.missing`.
         """

@@ -58,7 +58,7 @@ class Driven(Protocol):
 
 
 class Taken(NamedTuple):
-    """Tick, its sample, and the work of the arm's motors until then, J, per axis."""
+    """Sample of a tick, and the arm motors' work until then, J, per axis."""
 
     tick: int
     sample: Sample
@@ -74,7 +74,7 @@ class Commands:
     period : float
         As for `DueForces`.
     ahead : bool
-        The device accepts such forces before they are due.
+        The device accepts forces before they are due.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class Commands:
         self._lag = 0 if self.ahead else latency
 
     def is_missing(self, tick: int) -> bool:
-        """Return whether commands arrive, but the one needed after a tick is still missing."""
+        """Return whether commands arrive, but the command needed after a tick is missing."""
         newest, needed = self.forces.newest, tick - self._lag
         return newest is not None and needed - FLOWING <= newest < needed
 
@@ -274,7 +274,7 @@ class DeviceSide:
 
     @property
     def deadlines(self) -> tuple[int, int]:
-        """Number of forces with a due time, and of those that took effect after it."""
+        """Numbers of forces with a due time, and of late forces."""
         return (
             sum(each.forces.due for each in self.commands.values()),
             sum(map(self._missed, self.commands)),
@@ -375,8 +375,7 @@ def rig_side(
 
 
 KEPT = 1000
-"""Maximum number of force changes that wait for the next sample; beyond, the oldest ones are
-merged."""
+"""Maximum number of force changes that wait for the next sample; beyond, the oldest are merged."""
 
 
 class ArmWork:
@@ -388,8 +387,8 @@ class ArmWork:
     the error is at most a T^2 / 8 times the change of force: 1 uJ for 1 N, 8 m/s^2 and 1 ms. A
     lost sample makes the period longer.
 
-    The forces are those passed to the device, at the times they were passed. The delay of a
-    device, and forces that it suppresses itself, are unknown here.
+    The forces are the commands to the device, at the times of the calls. Delays and suppressed
+    forces inside the device are unknown here.
 
     Examples
     --------
@@ -418,9 +417,9 @@ class ArmWork:
         Parameters
         ----------
         time : float
-            Time of the sample, s; it may be before that of the last forces.
+            Time of the sample, s; it may precede the last forces.
         position : tuple of float
-            Position at the sample, m; one that is not finite counts as lost.
+            Position at the sample, m; counts as lost if not finite.
         """
         # One line per axis here and below, as a loop over them takes four times longer.
         x, y, z = position

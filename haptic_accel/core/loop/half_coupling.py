@@ -46,7 +46,7 @@ class HalfCouplingPart:
     engagement : HalfEngagement
         Engagement of the same arm.
     timeout : float
-        Time without packets of the peer after which the last one is no longer used, s.
+        Time without packets of the peer after which its last packet is ignored, s.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class HalfCouplingPart:
             yield self._tools.popleft()
 
     def put(self, arm: str, motion: Motion, now: float) -> None:
-        """Add a sample of the arm; one that is not finite counts as missing."""
+        """Add a sample of the arm; a non-finite sample counts as missing."""
         if not math.isfinite(sum(motion.position) + sum(motion.velocity)):
             return
         self.engagement.position_received(arm, now)

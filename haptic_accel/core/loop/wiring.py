@@ -95,8 +95,8 @@ class HostLoop:
     compensation : CompensationPart, optional
         None without a handle.
     decide : callable, optional
-        Called with the time in s when `Coupling.poll` is due, to call it. The default assumes that
-        all subscribers exist, as in lockstep.
+        Called with the time in s when due, to call `Coupling.poll`. The default assumes that all
+        subscribers exist, as in lockstep.
     failures : tuple of type
         Errors of a device that affect its arm only.
     failed : callable
@@ -140,7 +140,7 @@ class HostLoop:
 
     @property
     def complete(self) -> bool:
-        """True if no sample of a device, and no force for one, is outstanding."""
+        """True if no sample or force of a device is outstanding."""
         return all([side.complete for side in self.sides.values() if side.sampling])
 
     def stamp(self, tick: int) -> int:
@@ -227,7 +227,7 @@ class HostLoop:
             self._command(pull.arm, ARM, pull.stamp, pull.force)
 
     def _passes(self, *names: str) -> bool:
-        """Return whether to pass on a sample of signals; count those not passed on."""
+        """Return whether to pass on a sample of signals; count rejected samples."""
         if not self.muted or self.muted.isdisjoint(names):
             return True
         self.contested += 1

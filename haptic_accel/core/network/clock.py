@@ -28,8 +28,7 @@ from typing import NamedTuple
 from haptic_accel.core.sampling import NANOSECONDS
 
 INTERVAL = NANOSECONDS
-"""Length of an interval, ns. Of each interval the exchange with the shortest round trip is
-kept."""
+"""Length of an interval, ns. The exchange with the shortest round trip in each is kept."""
 
 WINDOW = 120
 """Number of intervals in the line fit."""
@@ -44,7 +43,7 @@ step, s."""
 
 
 class Exchange(NamedTuple):
-    """Local time at the middle of an exchange, ns; measured offset and round trip, s."""
+    """Exchange: local time at its middle, ns; measured offset and round trip, s."""
 
     time: int
     offset: float

@@ -177,8 +177,8 @@ class Endpoint:
     def incoming(self, data: bytes, now: float, system: int) -> Packet | None:
         """Return the packet of a datagram if it is valid, fresh and newer than all before.
 
-        Samples of an overtaken packet are still played, as no other packet may contain them. Of a
-        packet that is not fresh, only the session is used, for the reply.
+        Samples of an overtaken packet are still played, as no other packet may contain them. A
+        packet that is not fresh only provides the session for the reply.
         """
         try:
             packet = unpack(data)
@@ -205,8 +205,7 @@ class Endpoint:
         if admission is Admission.OVERTAKEN:
             return None
         if self.peer and packet.shipped < self.peer.shipped:
-            # One of the two values is wrong. If the larger one is, later values would never reach
-            # it.
+            # One of the two values is wrong. Later values might never reach a wrong larger value.
             self.session.refuse("the peer's energy values are inconsistent", now)
             self.session.renew()
             return None
@@ -220,7 +219,7 @@ class Endpoint:
 
     @property
     def shipped(self) -> float:
-        """Energy that the peer gave to this run, J, without that given to an earlier run."""
+        """Energy that the peer gave to this run, J, excluding earlier runs."""
         return self.peer.shipped if self.peer and self._is_echoed(self.peer) else 0.0
 
     def fresh(self, now: float, timeout: float) -> bool:
@@ -230,7 +229,7 @@ class Endpoint:
     def round_trip_age(self, now: float) -> float:
         """Return the age of the newest local position that the peer acknowledged, s.
 
-        The local clock measures it, from the echo in the peer's packet. Infinite before the first
+        The local clock measures it, by the echo in the peer's packet; infinite before the first
         echo.
         """
         if not (self.peer and self._is_echoed(self.peer)):
@@ -243,7 +242,7 @@ class Endpoint:
         return self._age_of(self.peer.stamp, system) if self.peer and self.peer.stamp else 0.0
 
     def problems(self, system: int, now: float) -> dict[str, str]:
-        """Return the problems between the hosts: a line for the user for each kind of problem."""
+        """Return a line for the user for each kind of problem between the hosts."""
         refused, offset, bound = (
             self.session.problem(now),
             self.clock.offset(system),
@@ -281,5 +280,5 @@ class Endpoint:
         return packet.echo_session == self.session.own
 
     def _age_of(self, moment: int, system: int) -> float:
-        """Return the age of a time of the peer's clock, s."""
+        """Return the age of a peer's time stamp, s."""
         return (system - moment) / NANOSECONDS + self.clock.offset(system)

@@ -36,8 +36,8 @@ QUANTILE = 0.99
 """Fraction of samples that must have arrived when they are due."""
 
 WINDOW = 3.0
-"""Time window of the arrival statistics, s: hundreds of packets. A drift of 100 ppm amounts to 0.3
-ms in it."""
+"""Time window of the arrival statistics, s: hundreds of packets. A drift of 100 ppm adds 0.3
+ms."""
 
 LOWERING = 1e-3
 """Minimum rate at which the target falls, s/s: it must stay high for the next burst. The excess
@@ -49,7 +49,7 @@ do not feel."""
 
 SLACK = 0.5
 """Minimum excess delay that is lowered, in samples, beyond one sample of rounding. A tick may
-jitter by half of it without a change of pace."""
+jitter by half of this without a pace change."""
 
 TOLERANCE = 0.02
 """Maximum lag behind the target that counts as zero, in samples: rounding of times."""
@@ -92,10 +92,10 @@ class Playout:
 
     The age of a sample is its first arrival time minus its number divided by the rate. Clock
     offset and minimum network delay are part of all ages and cancel. The target is the 99 %
-    quantile of the ages in the last `WINDOW`. It rises at once and falls slowly; an excess of more
-    than `MISSED` falls at once. Without a change of target each tick plays the next sample
-    unchanged. The delay changes by resampling over `STEPS` samples, or by pausing while there is
-    nothing to play. The playout therefore also follows clock drift.
+    quantile of the ages in the last `WINDOW`. The target rises at once and falls slowly; an excess
+    above `MISSED` falls at once. With a constant target each tick plays the next sample unchanged.
+    The delay changes by resampling over `STEPS` samples, or by pausing while there is nothing to
+    play. The playout therefore also follows clock drift.
 
     Parameters
     ----------

@@ -37,8 +37,8 @@ REFUSED = "the peer's packets are refused"
 """Problem: packets arrive, but none may be used."""
 
 LIFETIME = 0.5
-"""Silence after which another peer is accepted, s. It is longer than the arms stay coupled without
-a packet, and shorter than the restart of a process."""
+"""Silence after which another peer is accepted, s. The arms uncouple earlier without packets, and
+the restart of a process takes longer."""
 
 PROBLEM_TIME = 2.0
 """Time for which the reason of a rejection is shown, s."""
@@ -82,7 +82,7 @@ def random_session() -> int:
 class Session:
     """Accept each packet of one peer once, if it echoes the local session.
 
-    A restarted peer has a new session, which is accepted once the former one has been silent for
+    A restarted peer has a new session, which is accepted after the former was silent for
     `LIFETIME`. A replaced session is never accepted again. If packets arrive but none is accepted
     for `ANEW`, a new local session begins, as after a restart.
 
@@ -205,7 +205,7 @@ class Session:
         return True
 
     def _late(self, sequence: int, now: float) -> Admission:
-        """Count a packet of the peer that is not newer, or has too large a sequence number."""
+        """Count a peer's packet that is not newer, or has too large a sequence number."""
         own, behind = self.own, self._newest - sequence
         self._came_in_vain(now)
         if self.own != own:
