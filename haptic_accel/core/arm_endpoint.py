@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Endpoint of a network coupling at one arm: its half of the coupling, and its packets."""
+"""Endpoint of a network coupling at one arm: a half of the coupling, and packets."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from haptic_accel.core.topics import ARMS
 
 
 class ArmEndpoint:
-    """Half of the coupling at an arm, and the packets that it exchanges with its peer's half.
+    """Half of the coupling at an arm, and the packets exchanged with the peer's half.
 
     All lengths in packets and in the half are relative to the position at engagement, in the
     master's scale. Forces use this scale too, and energies are divided by its square. Times as for
@@ -67,7 +67,7 @@ class ArmEndpoint:
 
     @property
     def set_point(self) -> tuple[Vector, Vector]:
-        """Position, m, and velocity, m/s, of the peer's arm; zero while it is free."""
+        """Position, m, and velocity, m/s, of the peer's arm; zero while free."""
         peer = self.endpoint.peer
         return (peer.position, peer.velocity) if peer and peer.engaged else (ZERO, ZERO)
 
@@ -77,7 +77,7 @@ class ArmEndpoint:
         self.half.engage()
 
     def outgoing(self, state: State, motion: Motion, now: float, system: int) -> bytes | None:
-        """Return the packet that is due, None if none is; a free arm is reported at rest.
+        """Return the due packet, or None; a free arm is reported at rest.
 
         Parameters as for `Endpoint.outgoing`, with the measured motion.
         """
@@ -88,7 +88,7 @@ class ArmEndpoint:
         return self.endpoint.outgoing(state, crossing, self.half.shipped, now, system)
 
     def incoming(self, data: bytes, now: float, system: int) -> Packet | None:
-        """Process a datagram; return its packet if it is the peer's and newer than all before."""
+        """Process a datagram; return its packet if sent by the peer and newer than all before."""
         packet = self.endpoint.incoming(data, now, system)
         if packet is None:
             return None

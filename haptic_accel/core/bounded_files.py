@@ -16,7 +16,7 @@
 """Readers of untrusted files, with bounded time and memory.
 
 All readers of user files start here. A file that is irregular or too large raises an `OSError`
-with the reason in ``strerror``. It is thus rejected wherever a missing file is.
+with the reason in ``strerror``. It is thus rejected like a missing file.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from typing import Any
 from haptic_accel.core.parameters import ParameterError, shown
 
 LARGEST_TEXT = 1 << 22
-"""Maximum size of a text file that is read as a whole, bytes: twice that of a metadata.yaml of ten
-thousand files. Its content takes up to a hundred times as much memory."""
+"""Maximum size of a text file that is read as a whole, bytes: twice a metadata.yaml of ten
+thousand files. The parsed content takes up to a hundred times as much memory."""
 
 DEEPEST = 32
 """Maximum nesting depth; no format here needs more than ten."""
@@ -84,7 +84,7 @@ def located(
 
 @contextmanager
 def opened(path: str | os.PathLike[str], largest: int) -> Iterator[io.BufferedReader]:
-    """Open a regular file for reading, without waiting for anything else.
+    """Open a regular file for reading, without blocking, e.g. on a pipe.
 
     Parameters
     ----------

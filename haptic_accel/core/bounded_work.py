@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Work by libraries without limits, in a separate process that is ended at its limits."""
+"""Run libraries without limits in a process with limited time and memory."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from haptic_accel.core.process import DONE, WRONG_ARGUMENTS, module_command
 MEGABYTE = 10**6
 
 GRACE_TIME = 10.0
-"""Maximum time for the start of a process, and for its waiting, s."""
+"""Maximum time for the start and the waiting of a process, s."""
 
 _ENDED = (-signal.SIGXCPU, -signal.SIGKILL, -signal.SIGALRM)
 """Exit statuses of a process that exceeded its time."""
@@ -49,7 +49,7 @@ class OutOfBoundsError(Exception):
 
 @contextmanager
 def without_bounded_work(reason: str) -> Iterator[None]:
-    """Reject such work with a reason, in contexts where nothing may wait for it."""
+    """Reject bounded work, with a reason, in contexts that must not wait."""
     token = _refusal.set(reason)
     try:
         yield
@@ -66,12 +66,12 @@ def run_bounded(module: str, words: Sequence[str], seconds: float) -> None:
     words : sequence of str
         Command line of the module.
     seconds : float
-        Maximum processor time, s, as the module declares it.
+        Maximum processor time, s, as declared by the module.
 
     Raises
     ------
     ParameterError
-        The work raised it, or waiting for the work is not allowed here.
+        Raised by the work, or waiting is not allowed here.
     OutOfBoundsError
         The work exceeded its time or memory.
     """

@@ -13,12 +13,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bundles: messages of several topics in one, for receivers that tolerate a delay.
+"""Bundles of messages of several topics, for receivers that tolerate a delay.
 
-A bundle is a std_msgs/UInt8MultiArray in plain little-endian CDR. Its data are `_MARK`, the
-number of topics (2 bytes), for each topic the length of its name (2) and the name, then for each
-message, in order of sending, the system time in ns (8), the index of its topic (2), its length (4)
-and itself.
+A bundle is a std_msgs/UInt8MultiArray in plain little-endian CDR. Its data are `_MARK`, the number
+of topics (2 bytes), for each topic the length of its name (2) and the name, then for each message,
+in order of sending, the system time in ns (8), the index of its topic (2), its length (4) and
+bytes.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class Bundle:
         return self.overdue(time) or self._size > LARGEST_BUNDLE
 
     def overdue(self, time: int) -> bool:
-        """Return whether the first message is older than a bundle's period at a time, ns."""
+        """Return whether the first message's age at a time, ns, exceeds the period."""
         # A clock that is set back must not delay messages.
         return not 0 <= time - self._since < BUNDLE_PERIOD * NANOSECONDS
 
@@ -157,10 +157,10 @@ def believed(time: int, received: int) -> int:
 
 
 class BothWays:
-    """Filter that counts messages once that arrive in bundles, directly, or both ways.
+    """Filter of duplicates of messages that arrive directly and in bundles.
 
-    A message is a duplicate of one with equal bytes on the other path. Equal messages of two
-    publishers are therefore recorded twice, as are those of one that sends them twice.
+    A message is a duplicate if equal bytes arrived on the other path. Equal messages of two
+    publishers, or sent twice by one publisher, are therefore recorded twice.
     """
 
     def __init__(self) -> None:
@@ -184,7 +184,7 @@ class BothWays:
 
     @staticmethod
     def _new() -> tuple[Counter[bytes], Counter[bytes]]:
-        """Return empty records for direct messages and for those in bundles."""
+        """Return empty records for direct messages and for bundled messages."""
         return Counter(), Counter()
 
 
@@ -204,7 +204,7 @@ class InOrder(Generic[Item]):
         self._newest: deque[float] = deque([-math.inf] * rounds)
 
     def round(self, items: Iterable[tuple[int, Item]]) -> list[tuple[int, Item]]:
-        """Add a round of times and items; return those that have waited long enough, in order."""
+        """Add a round of times and items; return items that waited long enough, in order."""
         added = list(items)
         self._waiting += added
         self._waiting.sort(key=itemgetter(0))

@@ -56,7 +56,7 @@ _NO_ROTATION = bytes(24)
 
 
 def _vector_offset(frame_length: Offset) -> Offset:
-    """Return the offset of the doubles for a frame name of a length, NUL included."""
+    """Return the offset of the doubles for a frame name's length, NUL included."""
     return _ORIGIN + (_HEADER_SIZE + frame_length + 7 & ~7)
 
 
@@ -89,8 +89,8 @@ def pack_diagnostics(
 ) -> bytes:
     """Return a diagnostic_msgs/DiagnosticArray of one status.
 
-    Filling a message object with some fifty values takes ten times longer, which exceeds the rest
-    of a period.
+    Filling a message object with some fifty values takes ten times longer, more than the rest of a
+    period.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parsing of numbers in files and on command lines: plain ASCII decimals; null in JSON for none.
+"""Plain ASCII decimals in files and on command lines; null for undefined numbers in JSON.
 
 Python's `float` and `int` also accept digits of other scripts, underscores, ``nan`` and ``inf``.
 """

@@ -51,7 +51,7 @@ _NUMBER, _TEXT = Specification("number"), Specification("text")
 
 @dataclass(frozen=True)
 class Document:
-    """Value in a document; a method that does not find its type of content raises an error.
+    """Value in a document; methods raise an error for a value of another type.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Document:
         raise ParameterError(f"{shown(str(self.path))}{line}: {above}{problem}") from None
 
     def wrong(self, allowed: str) -> NoReturn:
-        """Raise an error that states the allowed values of this one."""
+        """Raise an error that states the allowed values."""
         if not self.keys:
             self.refuse(allowed)
         *above, name = self.keys
@@ -90,7 +90,7 @@ class Document:
 
     @contextmanager
     def located(self, key: str = "") -> Iterator[None]:
-        """Add the location to errors about a nested value, by default the one they name."""
+        """Add a nested value's location to errors; by default, of the value they name."""
         try:
             yield
         except ParameterError as error:
@@ -157,7 +157,7 @@ class Document:
         return str(self.checked("", _TEXT)).encode(errors="replace").decode()
 
     def choice(self, known: Mapping[str, T]) -> T:
-        """Return the meaning of a word."""
+        """Return the choice for a word."""
         if not isinstance(self.value, str) or self.value not in known:
             self.wrong(f"must be one of {', '.join(known)}")
         return known[self.value]

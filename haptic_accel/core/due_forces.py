@@ -15,10 +15,10 @@
 
 """Queue of forces with due ticks.
 
-A force is due a whole number of samples after the sample that caused it. A constant delay of a
-plant can be inverted, a varying one cannot. The machine's monotonic clock decides whether a force
-was in time, whichever process paused. A hand feels a pause of the process that applies forces like
-one of the process that sends them.
+A force is due a whole number of samples after the sample that caused it. A controller can invert a
+constant delay of a plant, but not a varying delay. The machine's monotonic clock decides whether a
+force was in time. Pauses of the sending and of the applying process both count, as a hand feels
+them alike.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ MISSED_SHARE = 0.001
 """Maximum fraction of missed deadlines for a rate that counts as kept."""
 
 STRAGGLING = 20
-"""Maximum number of samples by which later forces may overtake one."""
+"""Maximum number of samples by which a force may be overtaken."""
 
 PAST_TICK, LONGEST, LATE_TIME = "past their tick", "longest lateness (us)", "late (s)"
 """Suffixes of counts in diagnostics, after the kind of force."""
@@ -63,8 +63,8 @@ class DueForces:
     Attributes
     ----------
     due, missed, past_tick : int
-        Number of forces with a due time; of those that took effect later than `IN_TIME` allows; of
-        those received after their tick.
+        Numbers of forces: with a due time; in effect later than `IN_TIME` allows; received after
+        their tick.
     longest : float
         Maximum delay of a force beyond its due time, s.
     late_time : float
@@ -96,14 +96,14 @@ class DueForces:
         self.longest = self.late_time = 0.0
 
     def put(self, sample: int, stamp: int, force: Vector) -> None:
-        """Store a force until it is due; discard one that is older than the last applied."""
+        """Store a force until due; discard a force older than the last applied force."""
         due = sample + self._latency
         if self._latency:
             self.due += 1
             self.past_tick += due <= self._carried_out
         if self.newest is None or sample > self.newest:
             self.newest = sample
-        # A much older one has not been overtaken: the safety layer rejects and reports it.
+        # A much older force was not overtaken: the safety layer rejects and reports it.
         if not 0 <= self._last - due <= STRAGGLING:
             self._waiting[due] = stamp, force
         else:
@@ -112,7 +112,7 @@ class DueForces:
     def pass_on(self, stamp: int, force: Vector) -> None:
         """Pass an outdated force to the next `pop`, so that the safety layer rejects it.
 
-        If it were stored, a force from the future would be in time later.
+        A stored force from the future would be in time later.
         """
         self._out_of_date = stamp, force
 
@@ -135,7 +135,7 @@ class DueForces:
     def took_effect(self, now: float) -> None:
         """Record the monotonic time in s at which the last forces took effect or were skipped.
 
-        Forces taken ahead count as in time if the device applies them by its own clock.
+        Forces taken ahead count as in time if the device's clock applies them.
         """
         if not self._taken:
             return

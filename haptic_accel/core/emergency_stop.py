@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Emergency stop of a node: any message stops, only a request releases.
+"""Emergency stop of a node: a message stops, only a request releases.
 
 The rule has no clock: the caller passes times in s from any origin, which never decrease.
 """
@@ -39,10 +39,10 @@ second."""
 class EmergencyStop:
     """Latched emergency stop of one node.
 
-    Publishing false does not release the stop. It withdraws the stop requested by the last true on
-    the topic, after which a release can be requested. A stop reported by the graph's own coupler
-    also stops, and must be withdrawn by the coupler. A stop on another host is followed, but each
-    host is released separately.
+    Publishing false does not release the stop, but withdraws the last true on the topic, so that a
+    release can be requested. A stop reported by the graph's coupler also stops the node, and only
+    the coupler can withdraw it. A stop on another host also stops this node, but each host is
+    released separately.
 
     Parameters
     ----------

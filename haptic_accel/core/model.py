@@ -215,7 +215,7 @@ class Sample(NamedTuple):
 
 
 class _Answer(Enum):
-    """Answers of a device without a sample."""
+    """Answer of a device without a sample."""
 
     LATER = "later"
 

@@ -66,7 +66,7 @@ def transitions(command: str, managed: str) -> tuple[str, ...]:
     command : str
         One of `COMMANDS`.
     managed : str
-        State of the node; one that was shut down has no transitions.
+        State of the node; after a shutdown there are no transitions.
 
     Examples
     --------

@@ -34,7 +34,7 @@ class ParameterError(ValueError):
     """Error: a value given by the user is not allowed; the message is one printable line."""
 
     def __init__(self, message: str) -> None:
-        # It may contain names from files and command lines.
+        # Names may come from files or the command line.
         super().__init__(printable(message))
 
 
@@ -82,7 +82,7 @@ def one_line(error: BaseException) -> str:
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return a hint on an unknown word: the most similar known one, or an empty string."""
+    """Return a hint on an unknown word: the most similar known word, or ''."""
     near = difflib.get_close_matches(word, list(known), n=1)
     return f" (did you mean {near[0]}?)" if near else ""
 
@@ -138,7 +138,7 @@ class Specification:
         try:
             if not math.isfinite(number):
                 return False
-        except OverflowError:  # a whole number larger than any float
+        except OverflowError:  # whole number beyond the float range
             return False
         if self.low is not None and (number < self.low or (self.above and number == self.low)):
             return False
@@ -171,7 +171,7 @@ def checked(name: str, value: Any, default: Any, specification: Specification) -
     value
         Value from a file, a command line or code.
     default
-        Default, whose type (bool, int, float or str) the result has.
+        Default; the result has its type (bool, int, float or str).
     specification : Specification
         Range and choices.
 

@@ -31,7 +31,7 @@ INTERRUPTED = 130
 """Exit status of ``haptic-accel`` after Ctrl-C, as in shells."""
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
-"""Signals that end a command or a node in order. Closing the terminal must also leave a complete
+"""Signals that end a command or a node cleanly. Closing the terminal must also leave a complete
 bag, an intact terminal, and no force."""
 
 EMERGENCY = signal.SIGUSR1

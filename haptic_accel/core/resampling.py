@@ -39,7 +39,7 @@ ATTENUATION = 80.0
 """Attenuation above half the lower rate, dB."""
 
 _MOST_STEPS = 10_000  # larger term of the resampling ratio; keeps the filter small
-RATE_TOLERANCE = 1.0e-4  # maximum relative error of that ratio
+RATE_TOLERANCE = 1.0e-4  # maximum relative error of the ratio
 
 
 def resampled(samples: FloatArray, recording_rate: float, rate: float) -> FloatArray:
@@ -56,7 +56,7 @@ def resampled(samples: FloatArray, recording_rate: float, rate: float) -> FloatA
         Signal to resample.
     recording_rate, rate : float
         Samples per second before and after. Their ratio is met within 1e-4, and exactly for a
-        ratio of whole numbers up to ten thousand, such as that of 44100 and 1000.
+        ratio of whole numbers up to ten thousand, such as 44100 to 1000.
 
     Returns
     -------
@@ -85,8 +85,8 @@ def resampled(samples: FloatArray, recording_rate: float, rate: float) -> FloatA
 def crossfaded(samples: FloatArray, rate: float, seconds: float = 0.05) -> FloatArray:
     """Return a loop of a signal that repeats without a click.
 
-    The start of the signal is removed and faded in over its end. The last sample is thus followed
-    by the one that followed it in the original. The weights keep the power of a texture constant
+    The start of the signal is removed and faded in over its end. The step from last to first
+    sample thus also occurs in the original. The weights keep the power of a texture constant
     during the fade; the mean is preserved separately.
 
     Parameters

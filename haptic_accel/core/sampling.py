@@ -15,8 +15,8 @@
 
 """Stamped samples: rate, sampling grid, gaps, and times of engagement.
 
-All readers of stamps use these functions, so that a bag has one rate, one grid and one start for
-all of them. Stamps are nanoseconds of system time.
+All readers of stamps use these functions, and thus find the same rate, grid and start of a bag.
+Stamps are nanoseconds of system time.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ LONGEST_STEP = 1.5
 RELEASED = 0.1
 """Duration of silence, or of zero force, after which arms count as uncoupled, s.
 
-It is the default timeout of the coupler.
+Equal to the coupler's default timeout.
 """
 
 
@@ -224,7 +224,7 @@ def coupled_stretches(
     """Return the first and last stamp of each period in which an arm was coupled, ns.
 
     An engaged coupler sends forces at every sample, and single zeros when it disengages. A period
-    begins with the first force after a silence; it may be zero until the encoders register motion.
+    begins with the first force after a silence, possibly zero until the encoders register motion.
     It ends with the last non-zero force before `RELEASED` seconds of silence or zeros. A silence
     in which the arm's samples are missing too is a gap of the recorder, and does not end the
     period.
@@ -271,8 +271,8 @@ def _unrecorded(
 ) -> BoolArray:
     """Return the gaps between forces without evidence of a release.
 
-    Evidence is a force in the gap, which is zero, or samples of the arm without force for longer
-    than `RELEASED`.
+    Evidence is a zero force in the gap, or samples of the arm without force for longer than
+    `RELEASED`.
     """
     if len(samples) < 2:
         return np.zeros(len(lasts), dtype=bool)

@@ -26,7 +26,7 @@ from haptic_accel.core.sampling import NANOSECONDS
 
 IN_A_ROW = 3
 """Number of successive samples older than the last accepted one, with increasing stamps, that
-indicate a clock set back. Single delayed samples arrive between newer ones."""
+indicate a clock set back. Delayed samples arrive between newer samples."""
 
 _MAX_AGE = round(MAX_AGE * NANOSECONDS)
 

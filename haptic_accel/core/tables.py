@@ -55,7 +55,7 @@ class Column:
     value : callable, optional
         Returns the value of a row.
     factor : float
-        Units of the text in that of the value.
+        Text units per unit of the value.
     """
 
     key: str

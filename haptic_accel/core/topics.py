@@ -111,8 +111,8 @@ STOPS = tuple(
 settings, such as ``ros2 topic pub``."""
 
 COUPLER_STOPPED = Topic("coupler/stopped", _BOOL, "", "", reliable=True, latched=True)
-"""State of the coupler, true while stopped. Unlike `EMERGENCY_STOP` it has one sender, the graph's
-own."""
+"""State of the coupler, true while stopped. Unlike `EMERGENCY_STOP` it has one sender, the
+coupler."""
 
 MASTER_STOPPED = Topic("master/stopped", _BOOL, "", "", reliable=True, latched=True)
 SLAVE_STOPPED = Topic("slave/stopped", _BOOL, "", "", reliable=True, latched=True)
@@ -198,7 +198,7 @@ SLAVE = ArmTopics(
 )
 
 DEVICES = {"slave_device": SLAVE, "master_device": MASTER}
-"""Topics of each device node by its name; the one that the user holds comes last."""
+"""Topics of each device node by its name; the user's device comes last."""
 
 SLAVE_SIGNALS = (TOOL_ACCELERATION, SLAVE_POSITION, SLAVE_VELOCITY)
 """Signals of the slave's device; the first is the cause of the actuator's force."""

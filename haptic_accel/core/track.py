@@ -34,7 +34,7 @@ FADE = 0.05
 """Time in which the acceleration returns to rest after the end, s."""
 
 QUIET = 0.3
-"""Duration of rest after that, s: ten time constants of the paper's high-pass."""
+"""Duration of the final rest, s: ten time constants of the paper's high-pass."""
 
 AXES = 3
 
@@ -167,7 +167,7 @@ def played_at(track: Track, rate: float, speed: float = 1.0) -> Track:
     """Return a track for playback at another sampling rate or speed.
 
     At another speed all signals are scaled in time with unchanged values, as by ``ros2 bag play
-    --rate``. A tone of 100 Hz becomes one of 200 Hz at twice the speed.
+    --rate``. At twice the speed a tone of 100 Hz has 200 Hz.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ class ReplayRig:
         return not self._loop and self._place >= len(self._track) - 1
 
     def advance(self, time: float) -> None:
-        """Advance to a time in s, or go back from a force's time to that of a late tick."""
+        """Advance to a time, s, or go back to a late tick from the time of a force."""
         self._now = time
 
     def measure(self) -> Sample:
@@ -307,7 +307,7 @@ class ReplayRig:
         }
 
     def _count(self, place: int) -> None:
-        """Count a played sample, and those skipped."""
+        """Count played and skipped samples."""
         if place == self._place:
             return
         self._skipped += place - self._place - 1

@@ -81,8 +81,8 @@ LOOK = 0.05
 class RigParameters:
     """Both sides of the virtual rig and their coupling; `virtual` is the slave in a scene.
 
-    If the parameters of the passive coupling are given, it replaces the paper's. Unless other
-    limits are given, the master's safety layer uses those of its actuator.
+    If parameters of the passive coupling are given, it replaces the paper's coupling. By default,
+    the master's safety layer uses the limits of the actuator.
     """
 
     master: MasterRigParameters = field(default_factory=MasterRigParameters)
@@ -174,9 +174,9 @@ class Trial:
         Positions (m), velocities (m/s) and motor forces (N) of both arms, and the force of a scene
         on the tool, by topic name; empty if unknown.
     crossing : Crossing or None
-        Counts and signals of a network between the arms. The tool's acceleration is then that of
-        the played time, as measured by the slave. The desired acceleration is that of a
-        compensator without a network.
+        Counts and signals of a network between the arms. The tool's acceleration is then the
+        slave's measurement at the played time. The desired acceleration is the result of a
+        compensator without network.
     """
 
     surface: str
@@ -297,7 +297,7 @@ def run_trial(
     controllers : mapping, optional
         Parameters of controllers, and of the actuator's limits, by name.
     grips : sequence of GripChange
-        Changes of grip in order of time; before the first, the rig's own grip.
+        Changes of grip in order of time; until the first, the rig's grip.
     physics_step : float
         Maximum integration step of the contact, s.
     channel : ChannelParameters, optional

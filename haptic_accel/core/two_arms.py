@@ -158,7 +158,7 @@ def stroke(time: float, speed: float = 0.1, length: float = 0.08, turn: float = 
 
 @dataclass(frozen=True)
 class Instant:
-    """Positions of both arms, m, speed of the slave, m/s, and energy given to both, J."""
+    """State of both arms: positions, m, slave speed, m/s, and energy given to both, J."""
 
     master: Vector
     slave: Vector

@@ -35,7 +35,7 @@ _NUMBERS = {
     "tag:yaml.org,2002:int": (read_whole, r"[-+]?(0|[1-9][0-9]*)"),
     _FLOAT: (read_decimal, r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+][0-9]+)?"),
 }
-"""Reader and form of numbers by tag. YAML 1.1 has further ones, with underscores or in base 60."""
+"""Reader and form of numbers by tag. YAML 1.1 has other forms too, with underscores or base 60."""
 
 
 class _Loader(_FASTEST):  # type: ignore[misc]

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Scripted hand: set-points of its motion while it explores a surface."""
+"""Scripted hand: motion set-points for exploring a surface."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Exploration:
 
     @property
     def period(self) -> float:
-        """Length of one cycle, s; each starts where the previous one ended."""
+        """Length of a cycle, s; each cycle starts at the end of the last."""
         return self._last * TABLE_STEP
 
     def at(self, time: float) -> tuple[float, float, float, float]:

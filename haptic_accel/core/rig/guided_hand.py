@@ -31,7 +31,7 @@ STEP = 1e-3
 
 LAG = 7e-3
 """Time constant of each of the four lags behind the points, s. The total is 28 ms. At 60 Hz, a
-usual rate of points, they attenuate the correction of each new point to 1/64."""
+usual rate of points, the lags attenuate each new point's correction to 1/64."""
 
 CORRECTION, ACCELERATION = 0.6, 0.3
 """Gains of a point's deviation from its expected position, for the corrections of position and,
@@ -44,9 +44,9 @@ EXPECTED = 0.05
 class GuidedHand:
     """Position and velocity of a hand that follows points smoothly.
 
-    Between two points the motion is extrapolated with the velocity of the last ones, so that
-    points at the rate of a screen cause no steps. Four lags keep the rest below the tactile band.
-    The velocity is linear within a step, and the position is its exact integral.
+    Between two points the motion is extrapolated with the last velocity, so that points at the
+    rate of a screen cause no steps. Four lags keep the residual below the tactile band. The
+    velocity is linear within a step, and the position is its exact integral.
 
     Parameters
     ----------

@@ -92,7 +92,7 @@ class ArmParameters(Checked):
     position_resolution: float = parameter(55e-6, "resolution of the arm's position", "m", 0, 1e-3)
 
     def motor_force(self, force: float) -> float:
-        """Return a force along one axis, limited to that of the motors, N; zero for NaN."""
+        """Return a motor force along one axis, limited to the maximum, N; zero for NaN."""
         if abs(force) <= self.max_force:
             return force
         return 0.0 if math.isnan(force) else math.copysign(self.max_force, force)

@@ -46,10 +46,10 @@ def clock_step(rate: float) -> float:
 class Rig(Protocol):
     """One side of the virtual rig; times in s.
 
-    The rig stands still until its first force: any of the arm, even zero, or a non-zero one of the
-    actuator. Until then all samples are equal, without noise. Later samples are thus independent
-    of the waiting time. A released arm (see `Holding`) returns to its start, so that all
-    engagements begin there.
+    The rig stands still until its first force: any arm force, even zero, or a non-zero actuator
+    force. Until then all samples are equal, without noise. Later samples are thus independent of
+    the waiting time. A released arm (see `Holding`) returns to its start, so that all engagements
+    begin there.
     """
 
     def advance(self, time: float) -> None:

@@ -116,7 +116,7 @@ class Hand(Protocol):
 
 
 class MasterRig:
-    """Eq. (1) and (2) of the paper along the actuator's axis (z), and a mass along x.
+    """Master: eq. (1) and (2) of the paper along the actuator axis z, a mass along x.
 
     The system is linear between commands and advanced exactly, except for travel stops and dry
     friction. The force of a nearby stop is updated every 50 us. Friction is held for a sample at
@@ -365,7 +365,7 @@ class MasterRig:
             return 0.0
         self._stop_hits += not before
         outward = math.copysign(1.0, offset) * slip
-        # The force is held for some steps. That of their middle returns no more energy than was
+        # The force is held for some steps. Its mid-time value returns no more energy than was
         # stored.
         held = STOP_STEPS * self._step
         push = p.stop_stiffness * (overrun + outward * held / 2) + p.stop_damping * outward
@@ -374,8 +374,8 @@ class MasterRig:
     def _rub(self, offset: float, steps: int) -> None:
         """Advance by a number of steps with constant dry friction.
 
-        The friction is that of the mean slip under the friction itself. It thus only dissipates
-        energy, and is second-order accurate in the holding time.
+        Friction follows the mean slip, including its own effect. It thus only dissipates energy,
+        and is second-order accurate in the holding time.
         """
         system = self._system
         free = system.after(steps)
@@ -386,7 +386,7 @@ class MasterRig:
 
 
 class LinearSystem:
-    """x' = A x + B u, advanced by whole multiples of a time step without error.
+    """Linear system x' = A x + B u, advanced exactly by whole time steps.
 
     The inputs are constant between calls, like the output of a digital controller. The result is
     therefore independent of the division of an interval.

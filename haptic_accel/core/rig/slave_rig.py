@@ -97,7 +97,7 @@ class SlaveRig:
     seed : int
         Seed of the texture and the accelerometer's noise.
     recording : ndarray, optional
-        Tool acceleration in m/s^2 at `rate`, repeated instead of the simulated one, from the first
+        Tool acceleration in m/s^2 at `rate`, repeated in place of the simulation from the first
         sample after the arm's first force.
     physics_step : float
         Maximum integration step, s.
@@ -171,7 +171,7 @@ class SlaveRig:
     def change_surface(self, surface: SurfaceParameters, texture: Vibrating | None = None) -> None:
         """Change the surface under the tip, without a jump of the motion.
 
-        Its height keeps the contact force constant. Without contact it is not above the tip.
+        The new height keeps the contact force. Without contact it is not above the tip.
 
         Parameters
         ----------
@@ -207,7 +207,7 @@ class SlaveRig:
         return kinetic + self._p.surface.stiffness * float(penetration**2.5) / 2.5
 
     def disturb(self, velocity_x: float = 0.0, velocity_z: float = 0.0) -> None:
-        """Set the tip's velocity, m/s, like a throw, for tests and experiments."""
+        """Set the tip's velocity, m/s, for tests and experiments."""
         self._started = True
         self._v_x, self._v_z = velocity_x, velocity_z
 
@@ -240,7 +240,7 @@ class SlaveRig:
         if not self._started:
             return 0.0
         if self._played_since is None:
-            # From a sample, as the force may change between two of them.
+            # From a sample, as the force may change between samples.
             self._played_since = self._now
         # The recording has already passed a sensor, and is played unchanged.
         index = round((self._now - self._played_since) * self._clock_step * self._rate)
@@ -259,8 +259,7 @@ tangential before normal where it has both; then normal force and penetration of
 def tip_law(tool: ToolParameters, surface: SurfaceParameters, seed: int) -> Callable[..., Moved]:
     """Return the law of motion of a tip on one piece of a material.
 
-    It is a closure with all data in local variables, as simulations spend most of their time in
-    it.
+    The closure has all data in local variables, as simulations spend most of their time here.
 
     Parameters
     ----------
@@ -272,7 +271,7 @@ def tip_law(tool: ToolParameters, surface: SurfaceParameters, seed: int) -> Call
     Returns
     -------
     callable
-        Function to the tip's motion as in `Moved`, in m, m/s, m/s^2 and N. Its arguments are the
+        Function that returns a motion as in `Moved`, in m, m/s, m/s^2 and N. Arguments are the
         tip's position, velocity and motor force, tangential and normal (m, m/s, N). Optional are
         the low-passed acceleration, m/s^2, the number of steps, their length, s, and the low-pass
         weights of its state and of a step's first and last acceleration. Without steps the tip

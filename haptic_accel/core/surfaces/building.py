@@ -48,8 +48,8 @@ BLOCK = 0.025
 """Duration of the blocks in a segment, s."""
 
 SHORTEST, LONGEST = 2, 40
-"""Number of blocks in a segment. Fewer contain too little data for a spectrum; for more the search
-takes long."""
+"""Number of blocks in a segment. Shorter segments lack data for a spectrum; longer segments slow
+the search."""
 
 WIDEST = 0.15
 """Maximum range of speed and force in a segment, relative to the largest values of all
@@ -382,8 +382,8 @@ def _stationary(samples: FloatArray, size: int, labels: FloatArray) -> Iterator[
     terms = ahead * samples[:, None]
     total = np.zeros((count + 1, lags))
     total[1:] = np.cumsum(terms.reshape(count, size, lags).sum(axis=1), axis=0)
-    # Products of a sample before the end of a block with one after it, which a segment that ends
-    # there does not contain.
+    # Products of a sample before a block's end and a sample after it, which a segment that ends
+    # there lacks.
     reach = terms.reshape(count, size, lags)[:, size - lags + 1 :]
     left = np.arange(lags - 1, 0, -1)[:, None]
     crossing = (reach * (np.arange(lags) >= left)).sum(axis=1)
@@ -500,9 +500,9 @@ class _Plane:
 
 
 FRAME = np.array([(0, 0), (1, 0), (0, 1), (1, 0.5), (0.5, 1), (1, 1)])
-"""Frame nodes around the measured ones, relative to the largest speed and force. They are silent
-where speed or force is 0, and like the nearest measured node elsewhere. The circle through the
-three silent ones contains the whole plane, so that they never form a triangle."""
+"""Frame nodes around the measured nodes, relative to the largest speed and force. They are silent
+where speed or force is 0, and equal the nearest measured node elsewhere. A circle through the
+three silent nodes contains the whole plane, so they never form a triangle."""
 
 
 def _label(group: Sequence[Segment]) -> tuple[float, float]:
@@ -525,7 +525,7 @@ def _densities(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return frequencies, and the mean power densities of segments and of a model for them.
 
-    Both have the resolution of `LAGS` samples; the model's is that of segments of equal length.
+    Both have the resolution of `LAGS` samples; the model's is for segments of equal length.
     """
     from scipy.signal.windows import parzen
 
@@ -552,7 +552,7 @@ def _within_band(frequency: FloatArray) -> BoolArray:
 
 
 def _coverage(segments: Sequence[Segment], largest: FloatArray) -> float:
-    """Return the area of the segments' hull, relative to that up to the largest values."""
+    """Return the segment hull's area, relative to the area up to the largest values."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:

@@ -29,7 +29,7 @@ SKIN = 1e-6
 STEPS = 8
 """Maximum number of steps of the proxy in a sample; it continues in the next sample."""
 
-_SWEEPS = 4  # over the planes, in the search for the nearest position outside all of them
+_SWEEPS = 4  # maximum sweeps over the planes to find the nearest position outside all
 _ARRIVED = 3e-6  # m; a shorter step is the last: planes turn by less than 0.1 mrad
 
 

@@ -56,11 +56,11 @@ MOST_SPEEDS = 100
 LONGEST_RECORDING = 10.0
 """Maximum duration of a recorded tap, s."""
 
-_REST = 1e-3  # of a mode's amplitude, at which it ends: far below the perceptible level
+_REST = 1e-3  # relative amplitude at which a mode ends: far below perceptible levels
 _PENCIL_SAMPLES = 400  # maximum for finding poles: the effort grows with their cube
-_RANK_TOLERANCE = 1e-9  # of the largest singular value: smaller ones are rounding errors
-_LOWEST_MODE = 10.0  # Hz: slower ones are the tool's motion, not its vibration
-_WEAKEST_MODE = 1e-3  # of the largest amplitude: weaker ones fit noise
+_RANK_TOLERANCE = 1e-9  # relative singular value below which there is only rounding
+_LOWEST_MODE = 10.0  # Hz: slower modes are the tool's motion, not vibration
+_WEAKEST_MODE = 1e-3  # relative amplitude: weaker modes fit noise
 
 
 @dataclass(frozen=True)
@@ -209,14 +209,14 @@ class Tap:
 
     @property
     def texture_share(self) -> float:
-        """Factor of the texture in the last sample, 0 to 1: a tap masks it at first."""
+        """Factor of the texture in the last sample, 0 to 1; 0 at the start of a tap."""
         if self._age >= self._fade:
             return 1.0
         return 0.5 - 0.5 * math.cos(math.pi * self._age / self._fade)
 
 
 def _ringing(modes: tuple[Mode, ...], rate: float) -> FloatArray:
-    """Return the acceleration after an impact at 1 m/s, from one period after it on."""
+    """Return the acceleration after an impact at 1 m/s, starting one period later."""
     slowest = min(mode.decay for mode in modes)
     duration = min(-math.log(_REST) / slowest, LONGEST_TAP)
     time = np.arange(1, max(round(duration * rate), 1) + 1) / rate
@@ -244,8 +244,7 @@ def fitted_modes(acceleration: FloatArray, rate: float, count: int) -> tuple[Mod
     Returns
     -------
     tuple of Mode
-        Largest amplitude first; fewer than `count` if the signal contains fewer that oscillate
-        above 10 Hz and decay.
+        Largest amplitude first; fewer than `count` if fewer modes oscillate above 10 Hz and decay.
 
     Raises
     ------

@@ -59,10 +59,10 @@ NOISE_BLOCK = 256
 """Number of random numbers drawn at a time: few enough to delay a sample by at most 10 us."""
 
 MOST_NODES = 400
-"""Maximum number of nodes in a model; those of the Penn Haptic Texture Toolkit have up to 60."""
+"""Maximum number of nodes in a model; Penn Haptic Texture Toolkit models have up to 60."""
 
 HIGHEST_ORDER = 200
-"""Maximum order of a filter; those of the toolkit have up to 20."""
+"""Maximum order of a filter; toolkit filters have up to 20."""
 
 SPECTRUM_POINTS = 2**13
 """Number of frequencies for integrating a spectrum, for peaks as narrow as 1/4000 of the rate."""
@@ -305,16 +305,16 @@ class TextureModel:
 
 
 class _Cells:
-    """Filters of a texture at the centres of equal cells of the plane.
+    """Texture filters at the centres of equal cells in the plane.
 
     Attributes
     ----------
     forward, feedback : ndarray, shape ((`CELLS` + 1)^2, order)
         Coefficients without the first, 1.
     variance : ndarray, shape ((`CELLS` + 1)^2, 3)
-        The variance of the innovation within a cell is its product with (speed, force, 1),
+        Its product with (speed, force, 1) is the variance of the innovation in a cell.
     largest : ndarray, shape ((`CELLS` + 1)^2,)
-        and at most this value, for cells that extend into an adjacent triangle.
+        Maximum of this variance, for cells that extend into another triangle.
     """
 
     def __init__(self, model: TextureModel) -> None:

@@ -46,10 +46,10 @@ of the permitted 1 mJ over a closed path, and much more than a smooth surface ge
 class VirtualTool:
     """Point mass with motor forces, joint friction and contact with a scene.
 
-    The geometry is computed once per sample, at the middle of the predicted motion. There surfaces
-    are replaced by planes. On these the motion is integrated by the leapfrog scheme, whose energy
-    does not drift, with steps that depend on the stiffness. The energy gained by springs from one
-    plane to the next is counted and bounded.
+    The geometry is computed once per sample, at the middle of the predicted motion. Planes replace
+    the surfaces there. The motion is integrated by the leapfrog scheme, whose energy does not
+    drift, with steps that depend on the stiffness. The energy gained by springs from one plane to
+    the next is counted and bounded.
 
     Parameters
     ----------
@@ -92,8 +92,8 @@ class VirtualTool:
     def change_scene(self, scene: Scene) -> None:
         """Change the scene under the tool, without a jump of position or contact force.
 
-        The scene is moved until its surface has the same force, or upwards to below a tool that
-        would be inside it. The shift lasts until the tool is put back.
+        The scene is moved until its surface has the same force, or to just below a tool that would
+        be inside. The shift lasts until the tool is reset.
 
         Raises
         ------
@@ -110,7 +110,7 @@ class VirtualTool:
             self._meet(scene)
 
     def _slip_under(self, pressed: Touch | None) -> None:
-        """Use the scene, moved to have the same force as the previous one, or below the tool."""
+        """Use the scene, moved for the previous contact force, or to below the tool."""
         up = pressed.normal if pressed else UP
         above = _ahead(self.position, up, FAR)
         number, way = self.scene.first_hit(above, _ahead(ZERO, up, -1), 2 * FAR)
@@ -168,7 +168,7 @@ class VirtualTool:
                 )
 
     def _meet(self, scene: Scene) -> None:
-        """Use a scene of which nothing is touched yet."""
+        """Use a scene that is not touched yet."""
         self._proxy = Proxy(scene, self.position)
         self._touches = [Touch(each, self._p.mass) for each in scene.objects]
         self._near = []
@@ -250,8 +250,8 @@ def _ahead(place: Vector, direction: Vector, way: float) -> Vector:
 class Touch:
     """Spring and damper normal to an object's tangent plane, friction along it.
 
-    Friction is the force of a bristle with the stiffness of the surface. It sticks up to the
-    static coefficient. Beyond, it slides with the sliding coefficient until the tool stops.
+    Friction is the force of a bristle with the stiffness of the surface. The bristle sticks up to
+    the static coefficient, then slides with the sliding coefficient until the tool stops.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ class Touch:
     begun : bool
         True if the object was touched since the plane was set.
     impact_speed : float
-        Impact speed in m/s if the first contact was since then, or 0.
+        Impact speed of a first contact since then, m/s, or 0.
     impulse : tuple of float
         Impulse on the tool since then, N s.
     sliding : bool
@@ -439,8 +439,8 @@ def along(direction: Vector, vector: Vector) -> float:
 class Contact(NamedTuple):
     """Contact of a tool with a scene during one sampling period.
 
-    If the tool touches several objects, `force` is the sum for all. The other values are those of
-    an object touched in this sample, or else of the one with the largest force.
+    If the tool touches several objects, `force` is the sum. The other values belong to an object
+    first touched in this sample, or else to that with the largest force.
 
     Attributes
     ----------

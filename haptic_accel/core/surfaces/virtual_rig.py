@@ -31,7 +31,7 @@ from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.core.surfaces.tool import Contact, VirtualTool
 
 RINGING = 0.25
-"""Time for which a texture decays after the contact, s; after it there is no computation."""
+"""Time for which a texture decays after the contact, s; then there is no computation."""
 
 _WHOLE = 1e-3
 """Fraction of a period by which a sample may be early, as clocks have finite steps."""
@@ -93,9 +93,9 @@ class Vibration:
 class VirtualRig:
     """Tool in a scene, moved by the arm's motors.
 
-    Its acceleration is that of textures and taps of the touched materials. After the contact the
-    vibration of one decays while the next one starts. The tool stands still until the arm's first
-    force, and returns to its start after a release.
+    Textures and taps of the touched materials give its acceleration. The vibration of one material
+    decays while the next starts. The tool stands still until the arm's first force, and returns to
+    its start after a release.
 
     Parameters
     ----------
