@@ -138,7 +138,7 @@ class Queries:
         self._joints.publish(message)
 
 
-class MotionSynchronizer:
+class MotionCommands:
     """Motion commands other than forces: `servo_cp`, `hold` and `free`.
 
     Between two samples, `free` takes precedence over `hold`, and `hold` over a position;

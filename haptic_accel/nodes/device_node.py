@@ -32,7 +32,7 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ArmTopics, along_actuator
 from haptic_accel.devices import Device, DeviceError
 from haptic_accel.graph.node_parameters import POSITION_SERVO, SAFETY
-from haptic_accel.nodes.crtk import MotionSynchronizer, OperatingState, Queries
+from haptic_accel.nodes.crtk import MotionCommands, OperatingState, Queries
 from haptic_accel.nodes.emergency_stop import DeviceStop
 from haptic_accel.nodes.joint_states import JointStates
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
@@ -122,7 +122,7 @@ class DeviceNode(ManagedNode):
             self.inbox(topics.HAND_SET_POINT, depth=1) if self._kind.description.pointed else None
         )
         self._queries = Queries(self, arm)
-        self._motions = MotionSynchronizer(
+        self._motions = MotionCommands(
             self, arm, self.options[POSITION_SERVO], self.options[SAFETY].arm
         )
         self.side = DeviceSide(

@@ -15,7 +15,7 @@
 
 """Exact inverse of an identified handle as one causal filter, with prediction and error bounds.
 
-`design.design_inverse` designs the filter, and `family.design_family` a filter per grip.
-`prediction.predict` returns error, force and travel. `bound.causal_bound` is the smallest error of
-any causal filter, `bound.limited_bound` includes the limits of travel and force.
+`design.design_inverse` designs the filter; a filter per grip is designed in the controller
+`adaptive`. `prediction.predict` returns error, force and travel. `bound.causal_bound` is the
+smallest error of any causal filter, `bound.limited_bound` includes the limits of travel and force.
 """
