@@ -16,9 +16,9 @@
 """Writer of an MCAP file whose chunks reach the disk soon and remain readable.
 
 Chunks reach the disk during the recording, each with messages, their index and a checksum. If the
-disk is full, the file is closed with its present content. The writer of rosbags keeps everything
-in memory until it is closed, and writes no checksums. That of the `mcap` library takes twice as
-long per message, and cannot return to a complete chunk.
+disk is full, the file is closed with its present content. The writer of rosbags keeps all data in
+memory until closed, and writes no checksums. The writer of the `mcap` library takes twice as long
+per message, and cannot return to a complete chunk.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class MisplacedError(OSError):
 
 @dataclass
 class _Pending:
-    """Records of the next chunk, and per channel the times and offsets of its messages in turn."""
+    """Records of the next chunk, with times and offsets of the messages by channel."""
 
     records: BytesIO = field(default_factory=BytesIO)
     entries: defaultdict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
@@ -121,7 +121,7 @@ class ChunkedWriter:
             mcap.MAGIC + record(mcap.HEADER, text("ros2"), text(f"haptic_accel-{__version__}"))
         )
         self._file.flush()
-        # The file itself, whatever happens to its name and buffer.
+        # Independent of the file's name and buffer.
         self._descriptor = os.dup(self._file.fileno())
         self._marks = deque([_Mark(self._end, self._sum, 0, Tally())], maxlen=KEPT_MARKS)
         _sync_folder(path.parent)
@@ -174,8 +174,8 @@ class ChunkedWriter:
     def close_chunk(self) -> None:
         """Write pending data to the file.
 
-        Schemas and channels without messages form no chunk. For a chunk without message index,
-        `ros2 bag play` cannot read the file in order of time.
+        Schemas and channels without messages form no chunk: with a chunk without message index,
+        `ros2 bag play` cannot read a file in order of time.
         """
         records, entries = self._pending.records.getvalue(), self._pending.entries
         if not records:
@@ -232,7 +232,7 @@ class ChunkedWriter:
         os.close(self._descriptor)
 
     def give_up(self, metadata: str) -> None:
-        """After an OSError: finish the file with its complete chunks, or fewer to make room.
+        """Finish the file after an OSError with its complete chunks, or fewer to make room.
 
         Raises
         ------
@@ -341,7 +341,7 @@ class ChunkedWriter:
         """Discard everything after the last mark, in the file too."""
         mark = self._marks[-1]
         with suppress(OSError):
-            # The contents of its buffer must not be written any more.
+            # The file's buffered data must not be written any more.
             self._file.raw.close()
         os.ftruncate(self._descriptor, mark.end)
         os.lseek(self._descriptor, mark.end, os.SEEK_SET)

@@ -32,7 +32,7 @@ class UndefinedTypeError(LookupError):
 
 
 def connection(number: int, topic: str, kind: str, offered: Sequence[Qos]) -> Connection:
-    """Return a topic in the form of rosbags, with its type's definition and hash.
+    """Return a topic as rosbags connection, with the type's definition and hash.
 
     Parameters
     ----------

@@ -68,16 +68,15 @@ class Delivery:
         Age of the actuator's forces when applied, us, from the device's last report: p50, p90,
         p99, p99_9, max.
     deadlines : dict
-        Numbers of forces with a due time, and of those that took effect after it, by kind of
+        Forces with a due time (``due``) and forces that took effect later (``missed``), by kind of
         command, from the devices' last reports: ``{"actuator force": {"due": n, "missed": n,
-        "past_tick": n, "longest_us": t, "late_s": t}, ...}``. Older bags lack the last three.
-        There ``missed`` counts forces that arrived after their tick was executed, whatever their
-        delay.
+        "past_tick": n, "longest_us": t, "late_s": t}, ...}``. Older bags lack the last three keys;
+        their ``missed`` counts forces that arrived after their tick was executed.
     ticks_late_us : float
         Maximum delay of a device's tick since the device was opened, us; NaN if not reported.
     warnings : list of str
         Warnings in the nodes' diagnostics, each kind once with its largest number; missed
-        deadlines are counts, and omitted here.
+        deadlines are omitted.
     nodes : dict
         Last diagnostics of each node.
     """
@@ -92,7 +91,7 @@ class Delivery:
 
     @property
     def by_clock(self) -> bool:
-        """True if missed deadlines were measured by the clock, or there are none."""
+        """True if the clock measured all missed deadlines, or none occurred."""
         return all("longest_us" in counts for counts in self.deadlines.values())
 
 
@@ -172,8 +171,8 @@ def read_delivery(bag: Path, rate: float) -> Delivery:
 
     Raises
     ------
-    The path is no bag, or the bag lacks a signal.
-        It is not a bag, or lacks a signal.
+    ParameterError
+        The path is no bag, or the bag lacks a signal.
     """
     recorded = read_bag(bag)
     needed = (*topics.ANALYSED, topics.MASTER_ARM_FORCE)
@@ -189,7 +188,7 @@ def read_delivery(bag: Path, rate: float) -> Delivery:
 
 
 def durations(values: Mapping[str, str], name: str) -> dict[str, float]:
-    """Return quantiles from a node's report, in us, without those that are no numbers."""
+    """Return the valid quantiles in a node's report, us."""
     found = {}
     for label in LABELS:
         with suppress(ValueError):
@@ -198,7 +197,7 @@ def durations(values: Mapping[str, str], name: str) -> dict[str, float]:
 
 
 def count(values: Mapping[str, str], name: str) -> int:
-    """Return a count from a node's report, or 0 if it is no number."""
+    """Return a count from a node's report; 0 if not a number."""
     try:
         return read_whole(values.get(name, ""))
     except ValueError:
@@ -213,9 +212,9 @@ def _report(recorded: Bag, node: str, end: int) -> Mapping[str, str]:
 
 
 def _counts(recorded: Bag, node: str, end: int) -> Mapping[str, str]:
-    """Return a node's first report after the end of a section, or its last one before it.
+    """Return a node's first report after the end of a section, else its last report.
 
-    Earlier reports lack the pause that ended the section by disengaging the arms.
+    Reports before the end do not count the pause that disengaged the arms.
     """
     reports = [d for d in recorded.diagnostics if d.node == node]
     after = [d for d in reports if d.received >= end] or reports[-1:]
@@ -223,12 +222,12 @@ def _counts(recorded: Bag, node: str, end: int) -> Mapping[str, str]:
 
 
 def _deadlines(values: Mapping[str, str], command: str) -> dict[str, float]:
-    """Return the counts of a kind of command; empty if it has no due time."""
+    """Return a command's deadline statistics; empty if none was due."""
     due, missed = count(values, f"{command} due"), count(values, f"{command} deadlines missed")
     if not due:
         return {}
     found: dict[str, float] = {"due": due, "missed": missed}
-    with suppress(ValueError):  # for devices that did not count it yet
+    with suppress(ValueError):  # older devices did not count this
         found |= {
             "past_tick": count(values, f"{command} {PAST_TICK}"),
             "longest_us": read_decimal(values.get(f"{command} {LONGEST}", "")),

@@ -58,7 +58,7 @@ class Allowance:
 
 
 def decompressed_file(path: Path, folder: Path) -> Path:
-    """Decompress to a folder a file that rosbag2 compressed as a whole.
+    """Decompress a file, compressed as a whole by rosbag2, to a folder.
 
     Raises
     ------

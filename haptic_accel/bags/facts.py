@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Facts stored in a bag, which identify its run and the machine."""
+"""Metadata stored in a bag that identifies the run and machine."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ RUN, LOCKSTEP = "run", "lockstep"
 
 
 def custom_data(text: str) -> dict[str, str]:
-    """Return a bag's facts in rosbag2's form: text by name.
+    """Return metadata in rosbag2's form: text by name.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def custom_data(text: str) -> dict[str, str]:
 
 
 def facts_of(custom: Mapping[str, str]) -> dict[str, Any]:
-    """Return the facts in a bag's custom data; text that is no JSON remains text."""
+    """Return a bag's custom data as metadata; text that is no JSON remains text."""
     facts: dict[str, Any] = {}
     for key, value in custom.items():
         if not key.startswith(PREFIX):

@@ -37,8 +37,8 @@ from haptic_accel.core.sampling import NANOSECONDS
 class BagFiles:
     """Folder of a bag with its files; the last one is being written.
 
-    No exceptions are raised during the recording. The first OSError ends it; earlier messages
-    remain readable, and later ones are counted.
+    Recording raises no exceptions. The first OSError ends the recording; earlier messages remain
+    readable, later messages are counted.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class BagFiles:
     failure : str
         Error that ended the recording; empty while it continues.
     trouble : str
-        Error that did not end the recording; empty without one.
+        Error that did not end the recording; empty if none.
 
     Raises
     ------
@@ -91,7 +91,7 @@ class BagFiles:
 
     @property
     def file_names(self) -> list[str]:
-        """Names of the bag's files; the last one is being written until the bag is closed."""
+        """Names of the bag's files; the last file is open until the bag is closed."""
         return list(self._tallies)
 
     @property
@@ -129,7 +129,7 @@ class BagFiles:
         self._attempt(ChunkedWriter.flush)
 
     def split(self) -> None:
-        """Continue in another file, or in the same one if a new one cannot be created."""
+        """Continue in a new file, or in the same file if none can be created."""
         self.flush()
         if self.failure:
             return
@@ -221,7 +221,7 @@ class BagFiles:
     def _renew_metadata(self) -> bool:
         """Write the metadata; return whether this succeeded."""
         if self._is_misplaced:
-            return True  # what is in the folder's place now is left alone
+            return True  # leave alone whatever replaced the folder
         try:
             self._metadata().write(self.path)
         except OSError as error:
@@ -231,12 +231,12 @@ class BagFiles:
 
     @property
     def _tallies(self) -> dict[str, Tally]:
-        """Counts of the messages saved in each file, by its name."""
+        """Counts of the saved messages by file name."""
         file = self._file
         return self._finished | ({file.path.name: file.kept} if file else {})
 
     def _metadata(self) -> Metadata:
-        """Return the bag's metadata as far as it is saved."""
+        """Return the metadata of the saved messages."""
         tallies = self._tallies
         counts = sum((tally.counts for tally in tallies.values()), Counter[int]())
         topics = tuple(topic_entry(known, counts[known.id]) for known in self._connections)

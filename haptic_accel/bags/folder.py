@@ -38,7 +38,7 @@ def is_storage(path: Path) -> bool:
 
 
 def storage_files(folder: Path) -> list[Path]:
-    """Return the files of a bag in order of their numbers, including compressed ones."""
+    """Return a bag's files, compressed or not, in order of their numbers."""
     found = [path for path in folder.iterdir() if path.is_file() and is_storage(path)]
     return sorted(found, key=lambda path: (_number(path), path.name))
 
@@ -74,7 +74,7 @@ def find_bags(path: Path) -> list[Path]:
 
 
 def free_name(path: Path) -> Path:
-    """Return a path, or the first of ``path-2``, ``path-3`` and so on that does not exist."""
+    """Return the first of a path, ``path-2``, ``path-3`` and so on that does not exist."""
     found, number = path, 2
     while found.exists():
         found = path.with_name(f"{path.name}-{number}")

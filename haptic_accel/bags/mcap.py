@@ -15,9 +15,9 @@
 
 """Reader of MCAP files by chunks, which keeps the intact parts of damaged files.
 
-The readers of `rosbags` and `mcap` return one message at a time, which takes one to two minutes
-for ten minutes of this graph. They also reject truncated files. Here the messages of a chunk
-remain one block of bytes with an array of offsets. Data with a wrong checksum are skipped.
+The readers of `rosbags` and `mcap` reject truncated files, and return one message at a time, which
+takes one to two minutes for ten minutes of this graph. Here the messages of a chunk remain one
+block of bytes with an array of offsets. Data with a wrong checksum are skipped.
 """
 
 from __future__ import annotations
@@ -55,12 +55,12 @@ MOST_PROBLEMS = 100
 
 _LOOSE_KINDS = (mcap.SCHEMA, mcap.CHANNEL, mcap.MESSAGE)
 _READ_KINDS = (*_LOOSE_KINDS, mcap.CHUNK, mcap.MESSAGE_INDEX, mcap.METADATA, mcap.DATA_END)
-# Records of the index: offset of position and length in them, and the kind they refer to.
+# Index records: offset of position and length, and the kind of record at that position.
 _SPANS = ((mcap.CHUNK_INDEX, 16, mcap.CHUNK), (mcap.METADATA_INDEX, 0, mcap.METADATA))
 _UNKNOWN = -1
 """Invalid channel id; such chunks are scanned."""
 
-_FOOTER = struct.Struct("<BQQQI8s")  # with its record's header, and the file's end mark
+_FOOTER = struct.Struct("<BQQQI8s")  # including its record's header and the file's end mark
 _DATA_END = struct.Struct("<BQI")  # including its record's header
 _ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
 # Record of a message up to its data: RECORD and MESSAGE_HEADER as a numpy type.
@@ -103,7 +103,7 @@ class Block:
     bytes : ndarray of uint8
         Bytes of the block.
     starts, ends : ndarray of int64, shape (n,)
-        Start and end of each message's data in it.
+        Start and end of each message in `bytes`.
     """
 
     topic: str
@@ -132,7 +132,7 @@ class _Index:
     start : int
         Position in the file.
     records : list
-        Kind and content of each of its records.
+        Kind and content of each index record.
     places : list
         Position, length and kind of the file's chunks and metadata, if it has chunks.
     tally : Tally
@@ -244,8 +244,7 @@ class McapFile:
             file.seek(len(MAGIC))
             records = self._records(file, size)
             if index and index.places and not is_intact:
-                # A record with a damaged length hides the following ones, but the index finds
-                # them.
+                # A damaged record length hides later records from a scan, but not from the index.
                 for kind, content in index.records:
                     self._declare(kind, content)
                 records = self._records_at(file, size, index.places)
@@ -296,7 +295,7 @@ class McapFile:
     def _records_at(
         self, file: BinaryIO, size: int, places: list[tuple[int, int, int]]
     ) -> Iterator[tuple[int, bytes]]:
-        """Yield records at positions from the index, and an end."""
+        """Yield records at the index's positions, and an end."""
         for place, length, kind in places:
             if length > LARGEST or place + length > size:
                 self._report(f"a record of {length} bytes is not where the index has it")
@@ -338,7 +337,7 @@ class McapFile:
             self.unfinished = f"{self.path.name} was cut off: read as far as it is intact"
 
     def _decompressed(self, content: bytes) -> Chunk:
-        """Return the available part of a chunk; without records if it is damaged."""
+        """Return the available part of a chunk; a damaged chunk has no records."""
         stream, span = io.BytesIO(content), ""
         try:
             start, end, size, checksum = mcap.CHUNK_HEADER.unpack(
@@ -367,7 +366,7 @@ class McapFile:
         return Chunk(records, compression)
 
     def _placed(self, chunk: Chunk) -> Chunk:
-        """Return a chunk with the offsets of its messages, from its index if it is correct."""
+        """Return a chunk with its messages' offsets, from the message index if correct."""
         entries = chunk.entries
         if not entries or not entries.keys() <= self.channels.keys():
             return self._walked(chunk)
@@ -497,13 +496,13 @@ def _index_records(content: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _is_indexed(chunk_index: bytes) -> bool:
-    """Return whether a chunk contains messages and an index of them."""
+    """Return whether a chunk contains messages and a message index."""
     *_, channels = mcap.CHUNK_INDEX_HEADER.unpack_from(chunk_index)
     return bool(channels)
 
 
 def _data_are_intact(file: BinaryIO, end: int) -> bool:
-    """Return whether the data before an index match their checksum, if they have one."""
+    """Return whether the data before an index match their checksum, if any."""
     left = end - _DATA_END.size
     file.seek(left)
     kind, length, checksum = _DATA_END.unpack(file.read(_DATA_END.size))

@@ -49,7 +49,7 @@ STORAGE = "mcap"
 _SUM = "# CRC-32 of the lines above: "
 """Start of the last line; a comment in YAML. Files of other programs lack it."""
 
-# With libyaml, if PyYAML includes it, ten times faster.
+# Ten times faster with libyaml, if PyYAML includes it.
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 _ROOT = "rosbag2_bagfile_information"
@@ -105,7 +105,7 @@ class Metadata:
         Files in recording order.
     topics : tuple of TopicEntry
     custom : dict
-        Facts of the bag, text by name.
+        Custom data, text by name.
     storage : str
         ``mcap``, or ``sqlite3`` for some bags of other programs.
     compression_mode, compression_format : str
@@ -154,12 +154,12 @@ class Metadata:
         return _yaml(self._content())
 
     def write(self, folder: Path) -> None:
-        """Write metadata.yaml so that a complete one exists at all times.
+        """Write metadata.yaml; a complete file exists at all times.
 
         Raises
         ------
         OSError
-            The file cannot be written; an earlier one remains.
+            The file cannot be written; an earlier file remains.
         """
         path = folder / METADATA
         new = path.with_name(METADATA + ".tmp")
@@ -198,7 +198,7 @@ def topic_entry(connection: Connection, messages: int) -> TopicEntry:
 def _channel_entry(channel: Channel, messages: int) -> TopicEntry:
     """Return the entry of an MCAP file's channel."""
     texts: dict[str, str] = {}
-    offered: tuple[Qos, ...] = ()  # for a damaged one: the topic still exists
+    offered: tuple[Qos, ...] = ()  # for a damaged channel: the topic still exists
     with suppress(ReaderError, *DAMAGE_ERRORS):
         texts = read_text_map(channel.metadata)
         offered = _read_qos(texts.get("offered_qos_profiles", ""))
@@ -212,7 +212,7 @@ def file_entry(name: str, tally: Tally) -> FileEntry:
 
 
 def read_metadata(folder: Path) -> Metadata:
-    """Read a bag's metadata.yaml of any version of rosbag2.
+    """Read a bag's metadata.yaml of any rosbag2 version.
 
     Raises
     ------
@@ -247,7 +247,7 @@ def _checked_text(path: Path) -> str:
 
 
 def qos_text(offered: Sequence[Qos]) -> str:
-    """Return the quality of service offered for a topic in the form of storage files."""
+    """Return a topic's offered quality of service as text for storage files."""
     return _yaml(dump_qos_v9(list(offered))).strip()
 
 
@@ -298,7 +298,7 @@ def _read_topic(content: Document) -> TopicEntry:
 
 
 def _read_qos(offered: Any) -> tuple[Qos, ...]:
-    """Return quality of service, which was YAML in a text before version 9."""
+    """Return quality of service, stored as YAML text before version 9."""
     return tuple(parse_qos(load_yaml(offered) if isinstance(offered, str) else offered))
 
 

@@ -13,10 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reader of the graph's bags: signals as arrays, and facts.
+"""Reader of the graph's bags: signals as arrays, metadata.
 
-Damaged bags, and those of other programs, are read as far as possible. The result lists the
-missing parts.
+Damaged bags and bags of other programs are read as far as possible. The result lists the missing
+parts.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ class Bag:
     diagnostics : list of Diagnosis
     changes : list of Change
     facts : dict
-        Facts stored by the recorder: ``version``, ``arguments``, ``parameters``, ``host``; empty
+        Data stored by the recorder: ``version``, ``arguments``, ``parameters``, ``host``; empty
         for bags of other programs.
     counts : dict
         Number of messages by full topic name.
@@ -197,8 +197,8 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
     path : Path or str
         Folder of a bag, or one of its files.
     vectors : collection of str, optional
-        Names of the topics whose vectors are needed. For others only the stamps are kept, which
-        takes a fifth of the memory, and no recording times are kept. Default: everything.
+        Names of the topics whose vectors are needed. Other topics keep only stamps, without
+        recording times, which takes a fifth of the memory. Default: everything.
 
     Raises
     ------
@@ -230,7 +230,7 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
 
 
 def _metadata(bag: Bag) -> Metadata:
-    """Return the metadata, or those of an empty bag if there are none."""
+    """Return the metadata; if missing, as for an empty bag."""
     try:
         return read_metadata(bag.path)
     except MetadataError as error:
@@ -373,7 +373,7 @@ class _Collected:
         return found
 
     def _is_ours(self, namespace: str) -> bool:
-        """Return whether a namespace is that of the bag's first graph; only this one is read."""
+        """Return whether a namespace is the bag's first graph's; other graphs are ignored."""
         if self._namespace is None:
             self._namespace = namespace
         if namespace != self._namespace:
@@ -397,7 +397,7 @@ class _Collected:
             columns[2].extend(values.tobytes())
 
     def _add_diagnostics(self, block: Block) -> None:
-        # Before 0.2.0 in the graph's namespace, with the node's name only.
+        # Before 0.2.0, a topic in the graph's namespace, with the node's name only.
         below = block.topic.removesuffix(f"/{_REPORTS}")
         for received, message in self._decoded(block):
             for status in message.status:
@@ -433,11 +433,11 @@ class _Collected:
 
 @cache
 def _types() -> Typestore:
-    # It compiles a reader for each type, once.
+    # The store compiles a reader for each type, once.
     return get_typestore(Stores.ROS2_JAZZY)
 
 
 def _split(topic: str) -> tuple[str, str]:
-    """Return the namespace of a topic of the graph, and its name in our table."""
+    """Return the namespace and the name in `_SIGNALS` of a graph's topic."""
     name = next((name for name in _SIGNALS if topic.endswith(f"/{name}")), "")
     return (topic.removesuffix(f"/{name}") if name else ""), name

@@ -95,7 +95,7 @@ def _inspect_all(path: Path) -> Metadata:
 
 
 def repair(path: Path) -> Repair:
-    """Repair a bag; an intact one remains unchanged.
+    """Repair a bag; an intact bag remains unchanged.
 
     A replaced file is kept with the suffix `DAMAGED`.
 
@@ -164,10 +164,9 @@ def _repaired(path: Path, custom: dict[str, str], done: Repair) -> Metadata | No
 
 
 def _rebuild(damaged: Path, target: Path, custom: dict[str, str]) -> list[str]:
-    """Write the intact content of an MCAP file to another, with an index.
+    """Copy an MCAP file's intact content to a new file, with an index.
 
-    Chunks remain unchanged. Of a truncated last chunk without compression, complete messages are
-    kept.
+    Chunks remain unchanged. A truncated, uncompressed last chunk keeps its complete messages.
 
     Returns
     -------

@@ -15,8 +15,8 @@
 
 """Undocumented names of rosbags; other modules import them from here only.
 
-`setup.py` permits the versions of rosbags with these names, and a test imports each of them. A
-release that moves one is thus detected. The compressions are those of rosbags.
+`setup.py` permits the rosbags versions with these names. A test imports each name, and thus
+detects a release that moves it. rosbags uses the same compressions.
 """
 
 import sys

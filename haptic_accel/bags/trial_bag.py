@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Writer of bags from lockstep trials, readable like those of live runs."""
+"""Writer of bags from lockstep trials, readable like live bags."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _FIELDS = ("tool_acceleration", "desired_acceleration", "handle_acceleration", "
 
 
 def trial_vectors(trial: Trial) -> dict[Topic, FloatArray]:
-    """Return the signals of a trial by topic, each of shape (n, 3), those of `SIGNALS` first."""
+    """Return a trial's signals by topic, shape (n, 3) each; `SIGNALS` come first."""
     found = dict(trial.arms)
     for topic, name in zip(topics.ANALYSED, _FIELDS, strict=True):
         found[topic.name] = np.zeros((len(trial.time), 3))
@@ -57,7 +57,7 @@ def write_trial(path: Path, trial: Trial, facts: Mapping[str, str], start: int) 
         Folder to create.
     trial : Trial
     facts : mapping
-        Facts of the bag, text by name.
+        Metadata, text by name.
     start : int
         Stamp of the first sample, system time in ns; samples are one period apart.
 

@@ -50,7 +50,7 @@ class Put(Protocol):
     """Receiver of the messages of one topic."""
 
     def __call__(self, message: bytes, received: int | None = None) -> None:
-        """Add a serialised message; its system time of reception in ns is by default now."""
+        """Add a serialised message, received at a system time in ns; default: now."""
 
 
 @dataclass(frozen=True)
@@ -206,7 +206,7 @@ class BagWriter:
         self.files.close()
 
     def _drain(self) -> None:
-        """Write the waiting messages; later ones wait for the next call."""
+        """Write the queue; later messages wait for the next call."""
         queue, write, stamps = self._queue, self.files.write, self._stamps
         waiting = len(queue)
         self._highest = max(self._highest, waiting)

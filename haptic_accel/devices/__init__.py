@@ -13,9 +13,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Devices by name: those of this package, and those that other packages declare.
+"""Devices by name, from this package and from other packages.
 
-A new one of this package is a class in a file of its own and a line here.
+To add a device to this package, add a file with its class, and a line here.
 """
 
 from __future__ import annotations

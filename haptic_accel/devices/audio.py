@@ -86,9 +86,9 @@ class AudioParameters(Checked):
 
 
 class SoundCard:
-    """Output of a sound card, which no call waits for.
+    """Sound card output that never blocks.
 
-    Without supply it runs dry and is silent: a process that hangs leaves no force.
+    Without new samples the card is silent, so a process that hangs leaves no force.
 
     Parameters
     ----------
@@ -99,11 +99,11 @@ class SoundCard:
     Attributes
     ----------
     rate : float
-        Samples per second, the card's own.
+        Samples per second of the card.
     block : int
-        Samples that it fetches together: those asked for, or the fewest that it can.
+        Samples that the card fetches together: as requested, or its minimum.
     lead : float
-        Time before it sounds at which a sample is given to the card, s.
+        Time from writing a sample to the card until it sounds, s.
     """
 
     def __init__(self, parameters: AudioParameters, period: float) -> None:
@@ -136,7 +136,7 @@ class SoundCard:
         self.name, self.rate = found["name"], found["default_samplerate"]
         if p.channel > (most := found["max_output_channels"]):
             raise ParameterError(f"audio.channel = {p.channel}: must be at most {most}")
-        # Two where there are two: one channel alone may sound from all of them.
+        # Two channels if the card has two: a single channel may sound from both.
         self._channels = max(p.channel, min(2, most))
         self._stream = self._opened(
             lambda: library.OutputStream(
@@ -162,16 +162,16 @@ class SoundCard:
 
     @property
     def room(self) -> int:
-        """Number of samples that it takes now without a wait."""
+        """Samples that the card accepts without blocking."""
         return max(0, self._free() - self.block)
 
     @property
     def queued(self) -> float:
-        """Time until the next sample given to it will sound, s; 0 for a card without a clock."""
+        """Time until the next written sample will sound, s; 0 for a card without a clock."""
         return (self._size - self._free()) / self.rate
 
     def write(self, samples: FloatArray) -> bool:
-        """Give it samples, 1 at full scale; return whether it had run dry."""
+        """Write samples, full scale 1; return whether the card underran."""
         frames = np.zeros((len(samples), self._channels), dtype=np.float32)
         frames[:, self._parameters.channel - 1] = samples
         return bool(self._asked(lambda stream: stream.write(frames)))
@@ -180,14 +180,14 @@ class SoundCard:
         return int(self._asked(lambda stream: stream.write_available))
 
     def _asked(self, question: Callable[[Any], Any]) -> Any:
-        """Return the answer of PortAudio's stream, which a card has until it is unplugged."""
+        """Query PortAudio's stream, which fails once the card is unplugged."""
         try:
             return question(self._stream)
         except self._library.PortAudioError as error:
             raise DeviceError(f"sound card {self.name}: {error}") from None
 
     def close(self) -> None:
-        """Silence it at once."""
+        """Silence the card."""
         stream, self._stream = self._stream, None
         if stream is not None:
             stream.abort(ignore_errors=True)
@@ -195,11 +195,11 @@ class SoundCard:
 
 
 class AudioActuator(Device):
-    """Master whose actuator is driven by a sound card; all else is another device's.
+    """Master with its actuator on a sound card; another device provides the rest.
 
-    The card is given its samples at each tick, `SoundCard.lead` before they sound: a force that
-    is known by then acts when it is due. A simulated handle feels the force as well; the actuator
-    of another device gets none, as there is but one in a handle.
+    Each tick writes samples to the card, `SoundCard.lead` before they sound: a force known by then
+    acts when due. A simulated handle feels the force too; another device's actuator gets no force,
+    as a handle has only one actuator.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ class AudioActuator(Device):
     device : Device
         Master that reads, and moves the arm.
     latency : int
-        Samples from the one that caused a force to the tick at which it is due.
+        Samples from a force's cause to the tick at which the force is due.
     clock : callable
         Returns the time by the clock of the ticks, s.
     """
@@ -248,7 +248,7 @@ class AudioActuator(Device):
         ParameterError
             The block is too small for the ticks, or the latency for the block.
         DeviceError
-            One of them cannot be opened.
+            Device or card fails to open.
         """
         with ExitStack() as opened:
             opened.callback(self.close)
@@ -259,7 +259,7 @@ class AudioActuator(Device):
 
     def _check_times(self) -> None:
         card, least = self._card, math.ceil(self._card.rate / self._rate)
-        if card.block < least:  # each tick fills the place of a block
+        if card.block < least:  # the card frees one block at a time
             raise ParameterError(
                 f"audio.block = {card.block}: must be at least {least}, the samples of a tick at"
                 f" the sound card's {card.rate:g} Hz"
@@ -284,7 +284,7 @@ class AudioActuator(Device):
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
     ) -> None:
-        """Apply the arm's force, and have the actuator's applied when it is due."""
+        """Apply the arm's force now, and the actuator's force when due."""
         if actuator_force is not None:
             self._add(time, actuator_force if math.isfinite(actuator_force) else 0.0)
         if arm_force is not None:
@@ -306,7 +306,7 @@ class AudioActuator(Device):
     def _supply(self) -> None:
         """Give the card the samples that sound within its lead."""
         now, card = self._clock(), self._card
-        dry = now > self._next  # what should have sounded since was not there
+        dry = now > self._next  # the samples to sound since then were missing
         if not now <= self._next:
             self._next = now
             self._errors.clear()
@@ -322,7 +322,7 @@ class AudioActuator(Device):
         self._counts["audio_underruns"] += dry
 
     def _follow(self, error: float) -> None:
-        """Correct the time of the next sample by how much later it will sound, s."""
+        """Correct the next sample's time by its measured delay, s."""
         self._errors.append(error)
         if len(self._errors) < READINGS:
             return
@@ -359,7 +359,7 @@ class AudioActuator(Device):
 
     @property
     def late(self) -> int:
-        """Number of forces that came when the card had their samples already."""
+        """Number of forces that came after the card had their samples."""
         return self._late
 
     def counters(self) -> dict[str, int]:
@@ -368,10 +368,10 @@ class AudioActuator(Device):
 
 
 class HeldForce:
-    """Forces with due times, each held until the next is due.
+    """Forces with due times, each held until the next force is due.
 
-    Each sample of the other clock is the mean force over its period. A step between two samples
-    thus keeps its time to a fraction of a sample, and the impulse is preserved.
+    Each output sample is the mean force over its period. A step between two samples thus keeps its
+    time to a fraction of a sample, and the impulse.
 
     Examples
     --------
@@ -386,16 +386,16 @@ class HeldForce:
         self._held = 0.0
 
     def put(self, due: float, force: float) -> None:
-        """Add a force in N with a due time in s; a late one acts at once."""
+        """Add a force, N, with a due time, s; a late force acts at once."""
         insort(self._waiting, (due, force))
 
     def replace(self, force: float) -> None:
-        """Apply a force in N at once, and discard those that are not due yet."""
+        """Apply a force in N at once, and discard forces not due yet."""
         self._waiting.clear()
         self._held = force
 
     def means(self, start: float, rate: float, count: int) -> FloatArray:
-        """Return the mean force of each sample, and discard forces that were due before their end.
+        """Return the mean force of each sample, and discard forces due before the end.
 
         Parameters
         ----------
@@ -415,7 +415,7 @@ class HeldForce:
             due, force = self._waiting.pop(0)
             place = max(0.0, (due - start) * rate)
             first = int(place)
-            # For the rest of that sample the new force acts.
+            # The new force acts for the rest of that sample.
             means[first : first + 1] += (force - self._held) * (first + 1 - place)
             means[first + 1 :] = force
             self._held = force

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Devices made of two: motion and force of an arm, and the accelerometer of a handle or tool."""
+"""Devices combined from an arm (motion, force) and a handle or tool (accelerometer)."""
 
 from __future__ import annotations
 
@@ -26,14 +26,15 @@ from haptic_accel.devices.interface import LATER, Device, DeviceDescription, Rea
 
 
 class CombinedDevice(Device):
-    """Arm that measures position and velocity, and handle or tool that measures acceleration.
+    """Arm that measures position and velocity, with a handle or tool for acceleration.
 
-    A subclass names both classes. Both are opened or none; both are closed even if one fails.
+    A subclass names both classes. `open` opens both or neither; `close` closes both even on
+    errors.
 
     Parameters
     ----------
     arm, handle
-        Parameters of each.
+        Parameters of both.
     rate : float
     seed : int
     """
@@ -55,11 +56,11 @@ class CombinedDevice(Device):
             opened.pop_all()
 
     def read(self, time: float) -> Reading:
-        """Return the arm's motion and the handle's acceleration; nothing if either has none."""
+        """Return the arm's motion and the handle's acceleration; None if either is missing."""
         motion = self._arm.read(time)
         if motion is LATER:
             return LATER
-        # After the arm: a handle gives each of its samples once.
+        # Read after the arm, as a handle gives each sample once.
         vibration = self._handle.read(time)
         if vibration is LATER:
             return LATER
@@ -77,7 +78,7 @@ class CombinedDevice(Device):
             self._arm.write(time, arm_force=arm_force)
 
     def close(self) -> None:
-        """Leave both without force, one also when the other fails."""
+        """Leave both without force, even if either fails."""
         with ExitStack() as closing:
             for device in self.parts:
                 closing.callback(device.close)
@@ -92,16 +93,16 @@ class CombinedDevice(Device):
 
 
 def combined(devices: Mapping[str, type[Device]], arm: str, handle: str) -> type[CombinedDevice]:
-    """Return the class of a device with the arm of one device, and the handle or tool of another.
+    """Return a device class with one device's arm, and another's handle or tool.
 
-    It has the parameters of both.
+    The class has both devices' parameters.
 
     Parameters
     ----------
     devices : mapping
         Device classes by name.
     arm, handle : str
-        Names of the two.
+        Device names.
     """
     parts = {"ArmDevice": devices[arm], "HandleDevice": devices[handle]}
     name = "".join(part.__name__ for part in parts.values())

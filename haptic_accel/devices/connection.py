@@ -37,16 +37,16 @@ class Connection(ABC):
     """Base of connections to hardware.
 
     A subclass connects, receives and disconnects. Its methods raise `DeviceError` when the
-    hardware is gone; the thread then disconnects and tries again until it is back.
+    hardware is gone; the thread then disconnects and retries to connect.
 
     Attributes
     ----------
     connected : bool
         True while there is a connection, from `_connect` until `_disconnect`.
     problem : str
-        Reason why there is no connection, in one line; empty while there is one.
+        Reason for a missing connection, in one line; empty while connected.
     losses, reconnects : int
-        Number of times that the connection was lost, and made again.
+        Numbers of lost and restored connections.
     """
 
     def __init__(self) -> None:
@@ -75,7 +75,7 @@ class Connection(ABC):
         self._thread.start()
 
     def close(self) -> None:
-        """Leave the hardware without force; allowed also when it was never opened."""
+        """Leave the hardware without force; allowed even if never opened."""
         self._closing.set()
         if self._thread is not None:
             self._thread.join(JOIN_TIMEOUT)
@@ -116,14 +116,14 @@ class Connection(ABC):
 
 
 def explained(error: BaseException, reasons: Mapping[int, str]) -> str:
-    """Return the explanation of an error by the system's error number; empty if there is none.
+    """Return the explanation of an error by its errno; empty if unknown.
 
     Parameters
     ----------
     error : BaseException
         Searched together with its causes.
     reasons : mapping
-        Explanations by number, as of the module `errno`.
+        Explanations by number, as in the module `errno`.
     """
     cause: BaseException | None = error
     while cause is not None:

@@ -31,7 +31,7 @@ D = TypeVar("D", bound="Device")
 
 
 class Joints(NamedTuple):
-    """State of an arm's joints: rad, rad/s and N m, or m, m/s and N of prismatic ones."""
+    """State of an arm's joints: rad, rad/s and N m; m, m/s and N if prismatic."""
 
     names: Sequence[str]
     positions: Sequence[float]
@@ -40,7 +40,7 @@ class Joints(NamedTuple):
 
 
 class DeviceError(RuntimeError):
-    """Failure to open a device or to get an answer; the message is one line fit to be shown."""
+    """Error: a device cannot be opened or does not answer; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -50,21 +50,21 @@ class NoParameters(Checked):
 
 @dataclass(frozen=True)
 class DeviceDescription:
-    """Properties of a class of devices that the graph needs before it builds one.
+    """Properties of a device class that the graph needs before building a device.
 
     Attributes
     ----------
     parameters_of : tuple of str
-        Names of the devices whose parameters it has in place of own ones, in the order in which
-        it is built with them.
+        Names of the devices whose parameters replace the class' own, in the order of the
+        constructor's arguments.
     changeable : tuple of str
-        Dotted names of the parameters that `Device.change` accepts, own ones or those of the
-        first in `parameters_of`.
+        Dotted names of the parameters that `Device.change` accepts, the class' own or the first's
+        in `parameters_of`.
     ahead : bool
-        `Device.write` accepts an actuator force ahead of its due time; the device applies it then
-        by its own clock.
+        `Device.write` accepts an actuator force ahead of its due time; the device applies the
+        force on time by its clock.
     pointed : bool
-        It has a simulated hand that `Device.point` leads.
+        `Device.point` leads a simulated hand.
     """
 
     parameters_of: tuple[str, ...] = ()
@@ -73,28 +73,27 @@ class DeviceDescription:
     pointed: bool = False
 
     def owners(self, name: str) -> tuple[str, ...]:
-        """Return the names of the devices whose parameters a device of a name has."""
+        """Return the names of the devices whose parameters a named device has."""
         return self.parameters_of or (name,)
 
 
 class Device(ABC):
     """Arm with an accelerometer, and at the master an actuator in the handle.
 
-    A subclass names its parameter dataclass in `Parameters`, if it has parameters; the device
-    nodes declare its fields as ROS parameters below the device's name. Where the defaults of
-    `DeviceDescription` do not hold, it has a `description` of its own. Times are seconds on the
-    caller's clock, from any origin and never backwards; a device with a clock of its own may
-    ignore them.
+    A subclass names its parameter dataclass, if any, in `Parameters`; the device nodes declare the
+    fields as ROS parameters below the device's name. A subclass that differs from the defaults of
+    `DeviceDescription` sets `description`. Times are seconds on the caller's clock, from any
+    origin, never decreasing; a device with its own clock may ignore times.
 
     Parameters
     ----------
     parameters
-        An instance of the class' `Parameters`, or one for each name in `parameters_of` of its
+        An instance of `Parameters`, or an instance for each name in `parameters_of` of the
         description.
     rate : float
-        Rate at which it will be read, Hz.
+        Rate of reading, Hz.
     seed : int
-        Seed of its random numbers, if it has any.
+        Seed of random numbers, if any are used.
     """
 
     Parameters: ClassVar[type] = NoParameters
@@ -112,7 +111,7 @@ class Device(ABC):
     def from_options(
         cls: type[D], name: str, options: Mapping[str, Any], rate: float, seed: int
     ) -> D:
-        """Build the device of a name with its part of the parameters of all devices, by name.
+        """Build a named device with its part of all devices' parameters.
 
         Parameters
         ----------
@@ -127,7 +126,7 @@ class Device(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Get ready to be read and written, with zero force.
+        """Prepare for reads and writes, with zero force.
 
         Raises
         ------
@@ -139,9 +138,9 @@ class Device(ABC):
     def read(self, time: float) -> Reading:
         """Return the sample of a tick.
 
-        Called for each tick of the sampling grid in turn, again after the answer `LATER`; a
-        caller that was held up asks for the ticks of that time too, and one that does not wait
-        any longer goes on to the next tick.
+        Called for each tick of the sampling grid in order, again after `LATER`. A delayed caller
+        also requests the ticks that have passed; a caller that stops waiting continues with the
+        next tick.
 
         Parameters
         ----------
@@ -151,8 +150,8 @@ class Device(ABC):
         Returns
         -------
         Sample, LATER or None
-            `LATER` while the sample may still come; None if there is none: unplugged, lost, or
-            the device keeps no samples of ticks that have passed.
+            `LATER` while the sample may still come; None if the device is unplugged, or the sample
+            is lost or too old to be kept.
 
         Raises
         ------
@@ -164,18 +163,18 @@ class Device(ABC):
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
     ) -> None:
-        """Apply forces; a force that is not given stays as it is.
+        """Apply forces; a force that is not given remains.
 
         Parameters
         ----------
         time : float
-            The tick read last at which the forces are due, or now for forces that come after
-            it. Described as `ahead`, the time to come at which the actuator's force is due; one
-            for a time that has passed acts at once, and discards those that are not due yet.
+            Due time of the forces: the last tick read, or now for later forces. If described as
+            `ahead`: future due time of the actuator's force; an overdue force acts at once, and
+            discards forces that are not due yet.
         arm_force : tuple of float, optional
             Force of the arm's motors in its base frame, N.
         actuator_force : float, optional
-            Force of the handle's actuator, N; a slave has none and ignores it.
+            Force of the handle's actuator, N; a slave ignores it.
 
         Raises
         ------
@@ -184,17 +183,17 @@ class Device(ABC):
         """
 
     def change(self, parameters: Any) -> None:
-        """Change parameters in operation; motion and forces stay as they are.
+        """Change parameters in operation; motion and forces remain.
 
         Parameters
         ----------
         parameters
-            An instance of the class' `Parameters` that differs in `changeable` ones only.
+            An instance of the class' `Parameters`, with changes in `changeable` only.
 
         Raises
         ------
         ParameterError
-            They cannot be changed now; nothing has changed.
+            No change is allowed now; nothing has changed.
         """
         raise NotImplementedError(f"{type(self).__name__} has no changeable parameter")
 
@@ -203,12 +202,12 @@ class Device(ABC):
         raise NotImplementedError(f"{type(self).__name__} has no hand to lead")
 
     def arm(self) -> bool | None:
-        """Allow forces again after the device itself refused them; `problem` shows the result.
+        """Allow forces again after the device refused forces; `problem` shows the result.
 
         Returns
         -------
         bool or None
-            True if it succeeded; None if that takes a while to find out.
+            True on success; None if the result takes a while.
         """
         answers = [part.arm() for part in self.parts]
         if False in answers:
@@ -217,10 +216,10 @@ class Device(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Leave the device with zero force, also when it was never opened."""
+        """Leave the device with zero force, even if never opened."""
 
     def joints(self, sample: Sample, force: Vector) -> Joints:
-        """Return the arm's joints at its last sample and force: three along x, y and z.
+        """Return the joints at the last sample and force: by default, along x, y and z.
 
         Parameters
         ----------
@@ -234,32 +233,32 @@ class Device(ABC):
 
     @property
     def contact_force(self) -> Vector | None:
-        """Force of the surface on the tool at the last sample, N; None where it is not known."""
+        """Force of the surface on the tool at the last sample, N; None if unknown."""
         return None
 
     @property
     def remark(self) -> str:
-        """Remark for the log once it is open; empty for none."""
+        """Remark for the log after opening; empty for none."""
         return _joined(part.remark for part in self.parts)
 
     @property
     def hang_warning(self) -> str:
-        """Warning that a force may outlast this process where it hangs; empty where none can."""
+        """Warning that a force may persist if this process hangs; empty if none can."""
         return _joined(part.hang_warning for part in self.parts)
 
     @property
     def problem(self) -> str:
-        """Reason why there are no samples or no forces, in one line; empty if there is none."""
+        """One-line reason for missing samples or forces; empty if none."""
         return _joined(part.problem for part in self.parts)
 
     @property
     def ended(self) -> bool:
-        """True once it has ended, and the graph with it: the end of a recording."""
+        """True once a replay has ended, which also ends the graph."""
         return any(part.ended for part in self.parts)
 
     @property
     def late(self) -> int:
-        """Number of forces that the device itself applied after their due time since opened.
+        """Number of forces that the device applied after their due time, since opening.
 
         Forces that were given to `write` after their due time do not count.
         """
@@ -271,5 +270,5 @@ class Device(ABC):
 
 
 def _joined(lines: Iterable[str]) -> str:
-    """Return those of some lines that are not empty as one."""
+    """Return the non-empty lines, joined into one line."""
     return "; ".join(filter(None, lines))

@@ -38,10 +38,10 @@ _LOG = logging.getLogger(__name__)
 def with_outside(
     own: Mapping[str, type[Device]], group: str, reserved: Collection[str]
 ) -> dict[str, type[Device]]:
-    """Return drivers by name: the own ones, then those that other packages declare in a group.
+    """Return drivers by name: this package's, then the other packages' in a group.
 
-    A driver that cannot be loaded has a class in its place that states the reason once it is
-    built, so that all others work. A name that is taken keeps its meaning, with a warning.
+    A driver that cannot be loaded is replaced by a class that raises the reason when built, so
+    that all other drivers work. A duplicate name keeps its first meaning, with a warning.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def with_outside(
     group : str
         Group of entry points.
     reserved : collection of str
-        Names that no driver may have, as they have another meaning in its place.
+        Names that no driver may have, as they have another meaning.
     """
     found = dict(own)
     for each in entry_points(group=group):
@@ -66,10 +66,10 @@ def with_outside(
 
 
 def _loaded(entry: EntryPoint, package: str, known: Mapping[str, type[Device]]) -> type[Device]:
-    """Return the class of a driver, or one that states why there is none."""
+    """Return a driver's class, or a class that raises the load error."""
     try:
         kind = entry.load()
-    except Exception as error:  # whatever a module of somebody else raises
+    except Exception as error:  # a foreign module may raise anything
         return _unusable(f"package {package}: {type(error).__name__}: {one_line(error)}")
     if problem := _problem(kind, known):
         return _unusable(f"package {package}: {entry.value}: {problem}")
@@ -77,7 +77,7 @@ def _loaded(entry: EntryPoint, package: str, known: Mapping[str, type[Device]]) 
 
 
 def _problem(kind: Any, known: Mapping[str, type[Device]]) -> str:
-    """Return what makes a loaded object no driver; empty if it is one."""
+    """Return why a loaded object is no driver; empty for a driver."""
     if not (isinstance(kind, type) and issubclass(kind, Device)):
         return "must be a subclass of Device"
     described, parameters = kind.description, kind.Parameters
@@ -103,7 +103,7 @@ def _problem(kind: Any, known: Mapping[str, type[Device]]) -> str:
 
 
 def _unusable(reason: str) -> type[Device]:
-    """Return the class of a device that cannot be built, for a reason."""
+    """Return a device class that raises a reason when built."""
 
     def refuse(device: Device, parameters: Any, rate: float, seed: int) -> None:
         raise DeviceError(reason)

@@ -34,7 +34,7 @@ from haptic_accel.materials.recordings import read_recording
 if TYPE_CHECKING:
     from haptic_accel.bags.reading import Bag
 
-# Reading a bag takes a quarter of a second to import: only who replays one waits for it.
+# The bag reader takes a quarter of a second to import: only a replay imports it.
 
 SLOWEST, FASTEST = 0.1, 10.0
 """Range of the playback speed."""
@@ -44,7 +44,7 @@ LONGEST_START = 1e6
 
 
 class NothingRecordedError(ParameterError):
-    """A bag has no message of what was to be played."""
+    """Error: a bag has no message to be played."""
 
 
 @dataclass(frozen=True)
@@ -78,12 +78,12 @@ class ReplayParameters(Checked):
 
 
 class ReplayDevice(SimulatedDevice):
-    """Recorded samples of one arm at their original times, one a tick, whatever the forces.
+    """Recorded samples of one arm at their original times, one per tick, ignoring forces.
 
-    Until the arm gets its first force it waits at its first position. Samples that the bag
-    lacks hold the one before, and are counted; where the bag has another rate than the graph
-    it is resampled. A recording that is not looped ends with a third of a second at rest, in
-    which the actuator comes to rest too; then the device has ended.
+    The arm waits at its first position until its first force. A missing sample repeats the
+    previous sample, and is counted. A bag of another rate is resampled to the graph's rate. A
+    recording that is not looped ends with a third of a second at rest, for the actuator to come to
+    rest; then the device has ended.
     """
 
     Parameters = ReplayParameters
@@ -127,7 +127,7 @@ class ReplaySlave(ReplayDevice):
 
 
 def read_track(parameters: ReplayParameters, arm: ArmTopics, rate: float) -> track.Track:
-    """Read one arm's samples, at the rate at which they were recorded.
+    """Read one arm's samples at the recording's rate.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def read_track(parameters: ReplayParameters, arm: ArmTopics, rate: float) -> tra
         `speed` and `loop` are not used.
     arm : ArmTopics
     rate : float
-        Samples per second, Hz, to which a CSV or WAV file is resampled; a bag keeps its own.
+        Samples per second, Hz, to which CSV and WAV files are resampled; a bag is not.
 
     Raises
     ------
@@ -157,12 +157,12 @@ def read_track(parameters: ReplayParameters, arm: ArmTopics, rate: float) -> tra
 
 
 def is_bag(file: str) -> bool:
-    """Return True for the path of a bag, False for that of a CSV or WAV file or of nothing."""
+    """Return True for a bag's path; False for a CSV or WAV file, or no file."""
     return os.path.isdir(file) or is_storage(Path(file))
 
 
 def bag_track(bag: Bag, arm: ArmTopics) -> track.Track:
-    """Return one arm's samples in a bag, from where its arms were coupled, if they were.
+    """Return one arm's samples in a bag, from the first coupling of the arms, if any.
 
     Raises
     ------
@@ -178,7 +178,7 @@ def bag_track(bag: Bag, arm: ArmTopics) -> track.Track:
 
 
 def bag_rate(bag: Bag, arm: ArmTopics = SLAVE) -> float:
-    """Return the sampling rate of an arm in a bag, Hz: as stated, or by its stamps.
+    """Return the sampling rate of an arm in a bag, Hz: as stated, or from stamps.
 
     Raises
     ------
@@ -201,7 +201,7 @@ def start_offset(bag: Bag, start: float) -> float:
 
 
 def _coupled(bag: Bag) -> int:
-    """Return the stamp from which both arms have samples and are coupled, if they ever are."""
+    """Return the first stamp at which both arms have samples and are coupled, if any."""
     found = (_stamped(bag, arm.acceleration) for arm in (MASTER, SLAVE))
     firsts = [int(acceleration[0][0]) for acceleration in found if acceleration]
     for arm in (SLAVE, MASTER):

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The devices that are always there: the two sides of the virtual rig."""
+"""Simulated devices: the two sides of the virtual rig."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class SimulatedMaster(SimulatedDevice):
 
 
 class PointerMaster(SimulatedMaster):
-    """The simulated master whose hand is led by points in place of its script."""
+    """Simulated master whose hand follows points instead of its script."""
 
     description = replace(SimulatedMaster.description, parameters_of=("simulated",), pointed=True)
     REACH = WORKSPACE
@@ -136,12 +136,12 @@ class SimulatedSlave(SimulatedDevice):
 
 
 def textured(surface: SurfaceParameters, rate: float, seed: int) -> Vibrating | None:
-    """Return the texture that a surface names, at a rate in Hz; None where it names none.
+    """Return the texture named by a surface, at a rate in Hz; None without a name.
 
     Raises
     ------
     ParameterError
-        There is none, or its file is wrong.
+        The texture is missing, or its file is wrong.
     """
     if not surface.texture:
         return None
@@ -149,7 +149,7 @@ def textured(surface: SurfaceParameters, rate: float, seed: int) -> Vibrating | 
 
 
 def played(recording: RecordingParameters, rate: float) -> FloatArray | None:
-    """Return one turn of a recording at a rate in Hz, m/s^2; None where there is no file.
+    """Return one pass of a recording at a rate in Hz, m/s^2; None without a file.
 
     Raises
     ------

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The virtual slave: a tool in a scene that is a file."""
+"""Virtual slave: a tool in a scene from a file."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class VirtualSlave(SimulatedDevice):
         Raises
         ------
         ParameterError
-            Its file is not usable, or would hold up the device while it is examined.
+            The scene's file is not usable, or checking it would block the device.
         """
         with without_bounded_work(TOO_LONG):
             self._rig.change_scene(read_scene(Path(parameters.scene)))

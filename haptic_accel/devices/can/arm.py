@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Arm of ODrives: arming, torques and position of its tip, without a bus and without a clock."""
+"""Arm of ODrives: arming, torques and tip position, without a bus or a clock."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class Axis:
 
 
 class DrivenArm:
-    """Axes that have torques only while all of them work.
+    """Axes that have torques only while all axes work.
 
     Called by two threads: one reads the bus, the other moves the arm.
 
@@ -112,7 +112,7 @@ class DrivenArm:
     ----------
     parameters : CanParameters
     send : callable
-        Sends frames; returns False if it could not.
+        Sends frames; returns False on failure.
 
     Attributes
     ----------
@@ -122,10 +122,10 @@ class DrivenArm:
     torques : tuple of float
         Torques of the motors, as last commanded, N m.
     longest_silence : float
-        Longest time without commands after which an axis was seen to have released its motor by
-        itself, s; heartbeats, a tenth of a second apart, tell. NaN before a test.
+        Longest time from the last command until a heartbeat reported that an axis had released its
+        motor, s; heartbeats are a tenth of a second apart. NaN before a test.
     fault : str
-        Reason why there are no torques, or were none until it was armed again; empty if none.
+        Reason for missing torques, kept until armed again; empty if none.
     """
 
     def __init__(self, parameters: CanParameters, send: Callable[[Sequence[Frame]], bool]) -> None:
@@ -179,8 +179,8 @@ class DrivenArm:
                 self._continue_silence(now)
             elif self._may_rearm(now):
                 self.arm(now)
-            # Zero may be repeated for ever. Other torques only the commanding thread may repeat,
-            # so that the watchdogs stop the drives when that one hangs. A request feeds them, too.
+            # Zero may be repeated forever. Only the commanding thread may repeat other torques, so
+            # that the watchdogs stop the drives if it hangs. A request feeds watchdogs, too.
             if not any(self.torques):
                 if self.state is not State.DISARMED:
                     self._send_torques(now, REPEAT_PERIOD)
@@ -205,10 +205,10 @@ class DrivenArm:
         return ", ".join(axis.name for axis in self._axes if self._silent(axis, now))
 
     def arm(self, now: float, *, test: bool = False) -> None:
-        """Begin to arm: clear errors, then closed loop with zero torques.
+        """Begin to arm: clear errors, then enter closed loop with zero torques.
 
-        With a test, nothing is sent then until every axis has released its motor by itself, as the
-        watchdog of its drive has to do when this process hangs; then all is armed once more.
+        With a test, sending then stops until every drive's watchdog has released its motor, as it
+        must if this process hangs; then the axes are armed again.
         """
         with self._lock:
             self._tests = test
@@ -237,10 +237,10 @@ class DrivenArm:
                 self._counts["withheld_forces"] += 1
 
     def read(self, now: float) -> Sample | None:
-        """Return position and velocity of the tip, and repeat the torques if they are due.
+        """Return the tip's position and velocity, and repeat torques that are due.
 
-        While estimates are missing there is no sample, which is counted. There is no
-        accelerometer: the acceleration is zero.
+        Without estimates there is no sample; such reads are counted. There is no accelerometer:
+        the acceleration is zero.
         """
         with self._lock:
             if self.state is State.ARMED:
@@ -254,7 +254,7 @@ class DrivenArm:
         return Sample(self._kinematics.position(angles), velocity, 0.0)
 
     def joints(self) -> Joints:
-        """Return angles, their speeds and the torques of the joints, as last known."""
+        """Return the last known angles, speeds and torques of the joints."""
         torques = (
             axis.joint.joint_torque(torque)
             for axis, torque in zip(self._axes, self.torques, strict=True)
@@ -262,7 +262,7 @@ class DrivenArm:
         return Joints(list(self._p.joints), list(self._angles()), self._speeds(), list(torques))
 
     def _disarm_for(self, reason: str, *, recovers: bool = False) -> None:
-        """Release all axes for a reason; `recovers` allows to arm again without a request."""
+        """Release all axes for a reason; `recovers` allows rearming without a request."""
         with self._lock:
             if self.state is State.DISARMED:
                 return
@@ -292,14 +292,14 @@ class DrivenArm:
         self._send_frames([message.frame() for message in messages])
 
     def _send_torques(self, now: float, period: float = 0.0) -> None:
-        """Send the torques, unless done within a period, or silent."""
+        """Send torques, unless silent or sent in the last period."""
         if self.state is not State.FALLING_SILENT and now - self._torques_sent >= period:
             self._torques_sent = now
             torques = zip(self.nodes, self.torques, strict=True)
             self._send([SetTorque(node, torque) for node, torque in torques])
 
     def _request_estimates(self, now: float, period: float) -> None:
-        """Request estimates that are not streamed, unless done within a period, or silent."""
+        """Request unstreamed estimates, unless silent or requested in the last period."""
         if self.state is State.FALLING_SILENT:
             return
         if self._p.estimates == REQUESTED and now - self._estimates_requested >= period:
@@ -313,13 +313,13 @@ class DrivenArm:
         return now - axis.estimated > self._p.estimates_timeout
 
     def _react(self, axis: Axis) -> None:
-        """Disarm when an axis reports a problem; stop one that should be idle."""
+        """Disarm if an axis reports a problem; stop axes that should be idle."""
         with self._lock:
             wrong = self._wrong(axis)
             if wrong and self.state is State.ARMED:
                 self._disarm_for(wrong)
             elif axis.state == AxisState.CLOSED_LOOP_CONTROL and self.state is State.DISARMED:
-                # The command was lost, or another program left it so.
+                # The command was lost, or another program started the axis.
                 self._send(_idle([axis.joint.node_id]))
 
     def _wrong(self, axis: Axis) -> str:
@@ -331,7 +331,7 @@ class DrivenArm:
         return ""
 
     def _overdue(self, axis: Axis, now: float) -> str:
-        """Return the report of an axis that is overdue; empty for none."""
+        """Return an axis' overdue report; empty if none is."""
         if self._silent(axis, now):
             return f"{axis.name}: no heartbeat for {self._p.heartbeat_timeout:g} s"
         if self._stale(axis, now):
@@ -353,8 +353,8 @@ class DrivenArm:
         elif now - self._arming_since > self._p.start_timeout:
             self._disarm_for(missing)
         elif now - self._arming_sent > ARMING_PERIOD:
-            # An error that was cleared and is there again would only come a third time; a
-            # watchdog that expires shows a pause of this process, which need not come again.
+            # An error that returns after clearing would return again; an expired watchdog shows a
+            # pause of this process, which may not recur.
             errors = [self._fault(a) for a in self._axes if a.reported > self._arming_since]
             if any(errors):
                 self._disarm_for(missing)
@@ -362,7 +362,7 @@ class DrivenArm:
                 self._send_arming(now)
 
     def _continue_silence(self, now: float) -> None:
-        """Go on to arm once every axis has released its motor by itself."""
+        """Arm again once each watchdog has released its motor."""
         for axis in self._axes:
             if self._fault(axis):
                 self._disarm_for(self._wrong(axis))
@@ -377,7 +377,7 @@ class DrivenArm:
             self._disarm_for(f"{', '.join(axis.name for axis in held)}: {NO_WATCHDOG}")
 
     def _missing(self, now: float) -> str:
-        """Return what is still missing before torques are allowed; empty for nothing."""
+        """Return the missing conditions for torques; empty if none."""
         for axis in self._axes:
             # Earlier reports do not show the effect of the commands.
             wrong = f"{axis.name}: no heartbeat since it was armed"
@@ -388,7 +388,7 @@ class DrivenArm:
         return ""
 
     def _fault(self, axis: Axis) -> int:
-        """Return an axis' error without that of its watchdog, which expires when cut off."""
+        """Return an axis' errors except the watchdog's, which expires on bus loss."""
         return axis.error & ~protocol.WATCHDOG_TIMER_EXPIRED[self._p.firmware]
 
     def _may_rearm(self, now: float) -> bool:
@@ -398,7 +398,7 @@ class DrivenArm:
 
 
 def _idle(nodes: Sequence[int]) -> list[protocol.Message]:
-    """Return the commands to release axes: no torque first, for all, then idle."""
+    """Return the commands to release axes: zero torque for all, then idle."""
     return [
         *(SetTorque(node, 0.0) for node in nodes),
         *(SetState(node, AxisState.IDLE) for node in nodes),

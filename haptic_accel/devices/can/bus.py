@@ -53,18 +53,18 @@ _REASONS = {
 
 
 def bus_configuration(parameters: CanParameters) -> dict[str, Any]:
-    """Return the configuration for python-can: the given parameters before its own configuration.
+    """Return python-can's configuration, in which the given parameters take precedence.
 
-    In order of precedence: the parameters, CAN_INTERFACE, CAN_CHANNEL, CAN_BITRATE and CAN_CONFIG
-    in the environment, each with ``_<context>`` appended before each without, and can.conf, with
-    its section ``[<context>]`` before ``[default]``.
+    Precedence: the parameters; the environment's CAN_INTERFACE, CAN_CHANNEL, CAN_BITRATE and
+    CAN_CONFIG, first with ``_<context>`` appended, then without; can.conf, first its section
+    ``[<context>]``, then ``[default]``.
 
     Raises
     ------
     DeviceError
         python-can is not installed.
     ParameterError
-        No interface is given, or none of that name exists.
+        The interface is missing or unknown.
     """
     try:
         import can.util
@@ -79,7 +79,7 @@ def bus_configuration(parameters: CanParameters) -> dict[str, Any]:
     try:
         return dict(can.util.load_config(config=given, context=parameters.context))
     except can.CanInterfaceNotImplementedError as error:
-        # An interface of python-can's own configuration, or none.
+        # The interface comes from python-can's configuration, or is missing.
         found = parameters.interface or ("" if '"None"' in str(error) else one_line(error))
         raise ParameterError(
             f"can.interface = {found!r}: must be one of {known}, here or in python-can's own"
@@ -90,7 +90,7 @@ def bus_configuration(parameters: CanParameters) -> dict[str, Any]:
 
 
 def bitrate_of(configuration: dict[str, Any]) -> float:
-    """Return the bit rate of a configuration, bit/s, or the default where it has none."""
+    """Return a configuration's bit rate, bit/s; the default if it has none."""
     return float(configuration.get("bitrate") or DEFAULT_BITRATE)
 
 
@@ -132,14 +132,14 @@ def open_bus(configuration: dict[str, Any], nodes: list[int]) -> can.BusABC:
 
 
 def frame_of(message: can.Message) -> Frame | None:
-    """Return a received frame, or None for an error frame or one with an extended id."""
+    """Return a received frame; None for an error frame or an extended id."""
     if message.is_error_frame or message.is_extended_id or message.is_fd:
         return None
     return Frame(message.arbitration_id, bytes(message.data), message.is_remote_frame)
 
 
 def message_of(frame: Frame) -> can.Message:
-    """Return a frame to be sent, with a standard id: python-can's default is extended."""
+    """Return a frame's message with a standard id; python-can defaults to extended."""
     import can
 
     return can.Message(

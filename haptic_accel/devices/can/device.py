@@ -58,9 +58,9 @@ POLL_PERIOD = 2e-3
 class CanArm(Device):
     """Arm of one to three ODrives that move a tip; there is no accelerometer and no actuator.
 
-    It has torques only while every axis reports to be in closed loop and without error. Otherwise
-    all axes are released, with zero torque and idle, until `arm` is called, or, with `rearm`
-    ``auto``, until all lost reports are back.
+    Torques require that every axis reports closed loop and no error. Otherwise all axes are
+    released (zero torque, idle) until `arm` is called or, with `rearm` ``auto``, until all lost
+    reports are back.
     """
 
     Parameters = CanParameters
@@ -74,7 +74,7 @@ class CanArm(Device):
         self._measured_bits = 0
 
     def open(self) -> None:
-        """Open the bus, wait for every axis, see that its watchdog works, and arm.
+        """Open the bus, wait for every axis, test its watchdog, and arm.
 
         Raises
         ------
@@ -93,7 +93,7 @@ class CanArm(Device):
                 )
             self._arm.arm(monotonic(), test=True)
             pending = State.ARMING, State.FALLING_SILENT
-            # Armed twice, and silent in between.
+            # The arm is armed twice, with silence in between.
             longest = 2 * self._p.start_timeout + LONGEST_SILENCE
             self._wait_while(lambda: self._arm.state in pending, longest)
             if self._arm.state is not State.ARMED:
@@ -103,7 +103,7 @@ class CanArm(Device):
             raise
 
     def read(self, time: float) -> Sample | None:
-        """Return the newest position and velocity of the tip, None if too old; never waits."""
+        """Return the tip's newest position and velocity, None if too old; never block."""
         return self._arm.read(monotonic())
 
     def write(
@@ -114,16 +114,16 @@ class CanArm(Device):
             self._arm.apply(arm_force, monotonic())
 
     def joints(self, sample: Sample, force: Vector) -> Joints:
-        """Return the driven joints by the drives' newest estimates, with the torques given."""
+        """Return the driven joints' newest estimates and commanded torques."""
         return self._arm.joints()
 
     def close(self) -> None:
-        """Leave every axis idle and without torque, also when it was never opened."""
+        """Leave every axis idle and without torque, even if never opened."""
         self._link.close()
 
     @property
     def remark(self) -> str:
-        """Load of the bus, with a warning if it is too high, and what the drives do in silence."""
+        """Bus load, with a warning if too high, and the drives' reaction to silence."""
         longest = self._arm.longest_silence
         return f"can: {self._channel}: {self.load}, without commands no torque in {longest:.2f} s"
 
@@ -153,11 +153,11 @@ class CanArm(Device):
 
     @property
     def problem(self) -> str:
-        """Reason why there are no torques, in one line; empty while there are."""
+        """One-line reason for missing torques; empty while there are torques."""
         return "" if self._arm.state is State.ARMED else self._arm.fault
 
     def arm(self) -> bool | None:
-        """Begin to arm, which takes a heartbeat or two: None, or False while the bus is gone.
+        """Begin to arm, within a heartbeat or two; return None, or False without a bus.
 
         Torques are zero until the next force; `armed` and `problem` show the result.
         """
@@ -173,7 +173,7 @@ class CanArm(Device):
         return " ".join(name for name in names if name)
 
     def _wait_while(self, pending: Callable[[], T], longest: float = 0.0) -> T:
-        """Wait while something is pending, at most the time to start or another; return it."""
+        """Wait while `pending` returns something, up to a time limit; return its value."""
         deadline = monotonic() + (longest or self._p.start_timeout) + POLL_PERIOD
         while (still := pending()) and monotonic() < deadline:
             sleep(POLL_PERIOD)
@@ -220,9 +220,9 @@ class ArmLink(Connection):
     configuration : dict
         Configuration of the bus for python-can; empty before it was opened.
     counts : dict
-        Number of frames that were received, sent, unreadable, could not be sent.
+        Numbers of frames received, sent, unreadable, and not sent.
     bits : int
-        Most bits of all frames received and sent.
+        Maximum bits of all frames received and sent.
     """
 
     def __init__(self, parameters: CanParameters) -> None:
@@ -243,7 +243,7 @@ class ArmLink(Connection):
             self.arm.release()
 
     def _receive(self) -> None:
-        """Receive all frames: after a stall, those that are queued must not seem lost."""
+        """Receive all frames: after a stall, queued frames must not seem lost."""
         timeout = RECEIVE_TIMEOUT
         for _ in range(LONGEST_QUEUE):
             try:
@@ -253,8 +253,8 @@ class ArmLink(Connection):
                 if not isinstance(error.__cause__ or error, (ValueError, IndexError)):
                     raise DeviceError(one_line(error)) from error
                 self.counts["frames_garbled"] += 1
-                # The driver would keep what it could not read, and fail again: slcan reads lines
-                # of text, of which bytes may be lost.
+                # The driver would keep the unreadable data, and fail again: slcan reads lines of
+                # text, and may lose bytes.
                 flush = getattr(self._bus, "flush", lambda: None)
                 with suppress(Exception):
                     flush()
@@ -279,7 +279,7 @@ class ArmLink(Connection):
             self.arm.lose()
 
     def _send(self, frames: Sequence[Frame]) -> bool:
-        """Send frames one after the other; return False if one could not be sent."""
+        """Send frames in order; return False if a frame could not be sent."""
         with self._sending:
             if self._bus is None:
                 return False

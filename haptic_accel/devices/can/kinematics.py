@@ -13,16 +13,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Kinematics of arms: turns of motors to motion of the tip, force at the tip to torques.
+"""Kinematics of arms: motor turns to tip motion, tip force to torques.
 
 Base frame: z up, x forwards when the waist is at zero, y to the left (REP-103).
 
-The articulated arm is that of a Phantom Omni without its wrist: link lengths and forward map from
-Jarillo-Silva et al., PHANToM OMNI Haptic Device: Kinematic and Manipulability (CERMA 2009), turned
-into this frame with its origin in the shoulder. Joint 1 is the waist, about z, positive to the
-left. Joint 2 is the shoulder, the upper link's angle above the horizontal. Joint 3 is the elbow,
-where both motors are in the base and so independent of each other: the forearm's angle from the
-downward vertical, positive forwards.
+The articulated arm is a Phantom Omni without its wrist: link lengths and forward map from
+Jarillo-Silva et al., PHANToM OMNI Haptic Device: Kinematic and Manipulability (CERMA 2009),
+rotated into this frame, origin in the shoulder. Joint 1 is the waist, about z, positive to the
+left. Joint 2 is the shoulder, the upper link's angle above the horizontal. Joint 3 is the elbow:
+the forearm's angle from the downward vertical, positive forwards. Both motors are in the base, so
+joints 2 and 3 are independent.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class ArticulatedArm:
         self._relative = parameters.elbow == "shoulder"
 
     def _pose(self, angles: Sequence[float]) -> tuple[float, complex, complex]:
-        """Return the waist's angle, and both links as lengths outwards + j upwards, m."""
+        """Return the waist's angle, and both links as outwards + j upwards, m."""
         waist, shoulder, elbow = (0.0, *angles)[-3:]
         if self._relative:
             elbow += shoulder

@@ -37,10 +37,10 @@ ESTIMATES_BYTES, TORQUE_BYTES, HEARTBEAT_BYTES = 8, 4, 8
 
 
 def frame_bits(data_bytes: int) -> int:
-    """Return the most bits of a frame with a standard id, stuffed bits included.
+    """Return a standard-id frame's maximum bits, including stuff bits.
 
-    In the worst case the first stuffed bit comes after five, and each other after four more,
-    because it counts itself (Davis et al., Real-Time Systems 35, 2007).
+    In the worst case the first stuff bit follows five bits, and each other follows four, as stuff
+    bits count too (Davis et al., Real-Time Systems 35, 2007).
 
     Parameters
     ----------

@@ -127,7 +127,7 @@ class JointParameters(Checked):
         return (angle - self.offset) / self.angle_per_turn
 
     def motor_torque(self, torque: float) -> float:
-        """Return the motor's torque for one of the joint, N m, without the gear's friction."""
+        """Return the motor's torque for a joint torque, N m, without gear friction."""
         return self.direction * torque / self.gear_ratio
 
     def joint_torque(self, torque: float) -> float:
@@ -233,12 +233,12 @@ class CanParameters(Checked):
     joint3: JointParameters = field(default_factory=ThirdJointParameters)
 
     def __post_init__(self) -> None:
-        """Check all fields, that options can be read, and that no two joints share a node.
+        """Check all fields, that options can be read, and that no joints share a node.
 
         Raises
         ------
         ParameterError
-            A value is not allowed; the message names it and the allowed ones.
+            A value is not allowed; the message names it and the allowed values.
         """
         super().__post_init__()
         self.settings  # noqa: B018

@@ -15,10 +15,10 @@
 
 """ODrive's CANSimple as bytes: build and read frames, without a bus.
 
-Frames have standard ids: the axis' node in the upper 6 of 11 bits, the command in the lower 5.
-All numbers are little-endian. The layout is that of ODrive's public firmware 0.5.6
-(Firmware/communication/can/can_simple.cpp and docs/can-protocol.rst of odriverobotics/ODrive);
-the part used here is the same in 0.6, except for the meaning of the error bits.
+Frames have standard ids: the axis' node in the upper 6 of 11 bits, the command in the lower 5. All
+numbers are little-endian. The layout follows ODrive's public firmware 0.5.6
+(Firmware/communication/can/can_simple.cpp and docs/can-protocol.rst of odriverobotics/ODrive); the
+part used here is the same in 0.6, except for the meaning of the error bits.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class Frame(NamedTuple):
     data : bytes
         Up to 8.
     remote : bool
-        True for a request for the data of its id (RTR).
+        True for a data request (RTR).
     """
 
     id: int
@@ -164,7 +164,7 @@ class Frame(NamedTuple):
 class Message:
     """Base of messages: the content of a frame to or from an axis.
 
-    A subclass names its command and the layout of its data, whose fields are its own.
+    A subclass gives its command, its data layout and the matching fields.
 
     Attributes
     ----------
@@ -215,7 +215,7 @@ class Estimates(Message, command=Command.ENCODER_ESTIMATES, layout="<ff"):
 
 @dataclass(frozen=True)
 class EstimatesRequest(Message, command=Command.ENCODER_ESTIMATES):
-    """Request for estimates, once."""
+    """Request for one estimate."""
 
     def frame(self) -> Frame:
         """Return the message as a frame without data."""
@@ -229,7 +229,7 @@ class EmergencyStop(Message, command=Command.ESTOP):
 
 @dataclass(frozen=True)
 class ClearErrors(Message, command=Command.CLEAR_ERRORS, layout="<x"):
-    """Order to clear errors; without a zero an axis of 0.6 blinks, and 0.5 ignores it."""
+    """Order to clear errors; its zero byte keeps 0.6 from blinking; 0.5 ignores it."""
 
 
 @dataclass(frozen=True)

@@ -13,4 +13,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Arms of other ROS 2 nodes that speak CRTK."""
+"""CRTK arms of other ROS 2 nodes."""

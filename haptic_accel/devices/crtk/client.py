@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Client of an arm's CRTK topics. Imports ROS: load it where it is used."""
+"""Client of an arm's CRTK topics; imports ROS, so import it late."""
 
 from __future__ import annotations
 
@@ -56,9 +56,9 @@ _LATCHED = QoSProfile(depth=DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class Signal:
-    """Newest vector of a topic, unless several publishers send it.
+    """Newest vector of a topic, unless it has several publishers.
 
-    Its subscription is in no executor: a message wakes nobody.
+    The subscription has no executor: a message wakes no thread.
     """
 
     def __init__(self, subscription: Any) -> None:
@@ -73,9 +73,9 @@ class Signal:
         return int(self._count())
 
     def newest(self, timeout: float) -> Vector | None:
-        """Return the newest vector; None if it came longer ago than a time-out in s.
+        """Return the newest vector; None if older than a time-out in s.
 
-        None as well while the topic has several publishers, of whom none can be told from another.
+        Also None while the topic has several publishers, which are indistinguishable.
         """
         while taken := self._take(self._type, True):
             with suppress(ValueError):  # malformed
@@ -88,10 +88,9 @@ class Signal:
 
 
 class ArmClient:
-    """Position, velocity and state of an arm, and forces and the command to enable it.
+    """Client that reads an arm's motion and state, and sends forces and commands.
 
-    It has a ROS context of its own, which lets it take the arm's force off while the process that
-    it belongs to ends.
+    A separate ROS context allows it to send zero force while the process ends.
 
     Parameters
     ----------
@@ -128,8 +127,7 @@ class ArmClient:
             self._commands = self._publisher(
                 self._messages.StringStamped, "state_command", QoSProfile(depth=DEPTH)
             )
-            # Latched states reach only a subscriber that asks for them, others only one that
-            # does not.
+            # Transient-local subscriptions get latched states, volatile subscriptions others.
             self._states = [
                 self._subscription(self._messages.OperatingState, "operating_state", profile)
                 for profile in (_LATCHED, _SENSOR)
@@ -137,7 +135,7 @@ class ArmClient:
 
     @property
     def has_states(self) -> bool:
-        """The arm can be enabled, and its state is known once it tells it."""
+        """True if the arm can be enabled, and its state received."""
         return self._commands is not None
 
     @property
@@ -154,7 +152,7 @@ class ArmClient:
 
     @property
     def is_heard(self) -> bool:
-        """The arm has been found to take state commands; it keeps none from before that."""
+        """True once the arm subscribes to state commands; earlier commands are lost."""
         return self._commands is not None and self._commands.get_subscription_count() > 0
 
     def command(self, command: str) -> None:
@@ -165,7 +163,7 @@ class ArmClient:
             self._commands.publish(message)
 
     def close(self) -> None:
-        """Take the force off, wait until the arm knows, and leave."""
+        """Send zero force, wait for its receipt, and disconnect."""
         self.push(ZERO)
         self._force.wait_for_all_acked(Duration(seconds=DELIVERY))
         self._node.destroy_node()

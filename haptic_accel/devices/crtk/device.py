@@ -39,8 +39,8 @@ POLL_PERIOD = 2e-3
 class CrtkArm(Device):
     """Arm of another node, by CRTK's `measured_cp`, `measured_cv` and `servo_cf`.
 
-    A sample is the newest position there is, also where the arm sends fewer than are read. An arm
-    that sends no velocity has zero.
+    A sample is the newest position, even if the arm sends at a lower rate. Without velocity
+    messages, the velocity is zero.
     """
 
     Parameters = CrtkParameters
@@ -86,12 +86,12 @@ class CrtkArm(Device):
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
     ) -> None:
-        """Send the arm's force; an actuator's is ignored."""
+        """Send the arm's force; ignore the actuator's."""
         if self._client and arm_force is not None:
             self._client.push(arm_force)
 
     def arm(self) -> bool | None:
-        """Enable the arm, which takes a while, as far as it is there."""
+        """Enable the arm, if present, which takes a while."""
         if not self._client or self._is_silent:
             return False
         self._client.command(ENABLE)
@@ -105,14 +105,14 @@ class CrtkArm(Device):
 
     @property
     def remark(self) -> str:
-        """Note that the arm cannot be enabled from here, if so."""
+        """Note if the arm cannot be enabled from here."""
         if not self._client or self._client.has_states:
             return ""
         return f"crtk: no crtk_msgs: {self._p.arm} must be enabled by other means"
 
     @property
     def hang_warning(self) -> str:
-        """Warning that CRTK has no word on forces that are no longer sent."""
+        """Warning that CRTK defines no timeout of forces."""
         return (
             f"crtk: if this process hangs, only a watchdog of {self._p.arm}'s own ends its force;"
             " CRTK promises none: find out"

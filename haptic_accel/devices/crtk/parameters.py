@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parameters of arms that speak CRTK."""
+"""Parameters of arms with CRTK."""
 
 from __future__ import annotations
 

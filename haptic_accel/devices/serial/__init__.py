@@ -13,4 +13,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""An accelerometer, and at the master a voice coil, behind a microcontroller on USB serial."""
+"""Accelerometer, and at the master a voice coil, of a microcontroller on USB serial."""

@@ -16,9 +16,8 @@
 """Gain and offset of an accelerometer from gravity: one axis held up, then down.
 
 At rest an accelerometer measures the acceleration that balances gravity: one standard gravity
-upwards. Turned over it measures the same with the opposite sign. Half the difference is the gain,
-the mean the offset. An axis off the vertical measures the cosine of the angle: 0.06 % less at
-2 degrees.
+upwards. Turned over, it measures the opposite. Half the difference gives the gain, the mean gives
+the offset. An axis off the vertical measures the cosine of the angle: 0.06 % less at 2 degrees.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ PLAUSIBLE = 0.75, 1.25
 
 
 class CalibrationError(RuntimeError):
-    """Measurement that is no calibration; the message is one line fit to be shown."""
+    """Error: a measurement yields no calibration; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -112,12 +111,12 @@ def rest(counts: FloatArray, nominal_gain: float) -> Rest:
 
 
 def calibrate(up: Rest, down: Rest, nominal_gain: float) -> Calibration:
-    """Return the calibration from a rest with the axis up and one with it down.
+    """Return the calibration from rests with the axis up and axis down.
 
     Raises
     ------
     CalibrationError
-        The two are far from two standard gravities apart.
+        The difference is far from two standard gravities.
     """
     difference = up.mean - down.mean
     turned = abs(difference) * nominal_gain / (2 * GRAVITY)

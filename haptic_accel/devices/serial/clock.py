@@ -13,12 +13,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A device's clock by the host's: a line fitted to the arrival of its frames.
+"""Conversion between the clocks of device and host by a line fit to frame arrivals.
 
-A frame arrives some time after it was stamped, never before, and some much later than others. Of
-each block of frames only the quickest one counts; the line goes through the last blocks. The
-shortest transport time of a frame remains, which cannot be measured from one side: a device is
-taken to be late by it, and so does all that it is asked to do by its clock a little early.
+Frames arrive after a varying transport time. In each block of frames only the fastest frame
+counts; the line goes through the last blocks. The shortest transport time remains as an error, as
+one side cannot measure it: stamps convert to times that are late by this error, and actions due by
+the device's clock happen early by it.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ LATE_BLOCKS = 32
 
 
 def unwrapped(count: int, near: int) -> int:
-    """Return the continuous count nearest to another from one that wraps around at `CLOCKS`."""
+    """Return a count that wraps at `CLOCKS` as the continuous count nearest to `near`."""
     return near + (count - near + CLOCKS // 2) % CLOCKS - CLOCKS // 2
 
 
@@ -90,7 +90,7 @@ class DeviceClock:
 
     @property
     def known(self) -> bool:
-        """True from the first complete block on; before, the quickest frame so far counts."""
+        """True after the first complete block; until then the fastest frame counts."""
         return bool(self._points)
 
     def add(self, clock: int, arrival: float) -> None:
@@ -115,21 +115,21 @@ class DeviceClock:
             self._line = Line(stamp, arrived, slope)
 
     def time(self, clock: float) -> float:
-        """Return a time of the device's clock, us, by the host's clock, s."""
+        """Convert a device time, us, to the host's clock, s."""
         line = self._line
         return line.time + line.slope * (clock - line.clock)
 
     def device_time(self, time: float) -> float:
-        """Return a time of the host's clock, s, by the device's clock, us, continuous."""
+        """Convert a host time, s, to the device's clock, us, continuous."""
         line = self._line
         return line.clock + (time - line.time) / line.slope
 
     def device_duration(self, duration: float) -> float:
-        """Return a duration by the host's clock, s, as one by the device's clock, us."""
+        """Convert a duration on the host's clock, s, to the device's clock, us."""
         return duration / self._line.slope
 
     def _take(self, clock: float, arrival: float) -> None:
-        """Fit the line to the quickest frame of a block, too."""
+        """Add a block's fastest frame to the line fit."""
         late = arrival - self.time(clock) if self.known else 0.0
         self._late_blocks = self._late_blocks + 1 if late > STRAGGLER else 0
         if 0 < self._late_blocks < LATE_BLOCKS:

@@ -38,7 +38,7 @@ from haptic_accel.devices.interface import (
 if TYPE_CHECKING:
     from haptic_accel.devices.serial.protocol import Samples
 
-# pyserial and cobs are an extra of the package: only who opens a port needs them.
+# pyserial and cobs are an extra of the package, needed only to open a port.
 
 MISSING_LIBRARY = "needs pyserial and cobs: pip install 'haptic_accel[serial]'"
 
@@ -128,11 +128,11 @@ class SerialMasterParameters(SerialSlaveParameters):
 class SerialDevice(Device):
     """Accelerometer of a board; position and velocity are zero, there is no arm.
 
-    The caller's clock must be `time.monotonic`. At the rate of the graph, the board samples on the
-    graph's grid, the multiples of its period on that clock, and a tick gets the sample that was
-    taken at it. At another rate it gets the newest one there is; without a new one since the last
-    tick, that one is held for a while, and counted. Reading never waits for the port, which has a
-    thread of its own.
+    The caller's clock must be `time.monotonic`. At the graph's rate, the board samples on the
+    graph's grid (multiples of the period on that clock), and a tick gets its own sample. At
+    another rate, a tick gets the newest sample; without a new sample since the last tick, the old
+    sample is held for a while, and counted. Reading never waits for the port, which a separate
+    thread reads.
     """
 
     def __init__(self, parameters: SerialSlaveParameters, rate: float, seed: int) -> None:
@@ -184,14 +184,14 @@ class SerialDevice(Device):
         self._link.open()
 
     def read(self, time: float) -> Reading:
-        """Return the sample taken at a tick, or for a board of another rate the newest by then.
+        """Return a tick's sample; for a board of another rate, the newest sample by then.
 
         Until the board samples on the grid, a tick gets the sample nearest to it.
         """
         return self._sample_of(time) if self._on_grid else self._newest(time)
 
     def _sample_of(self, tick: float) -> Reading:
-        """Return the sample within half a period of a tick, and remove those before."""
+        """Return the sample within half a period of a tick; remove earlier samples."""
         waiting, aligned = self._waiting, self._link.aligned
         while waiting and waiting[0][0] < tick - self._half_period:
             waiting.popleft()
@@ -221,11 +221,11 @@ class SerialDevice(Device):
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
     ) -> None:
-        """Send a set-point of the current, zero for a force that is not finite.
+        """Send a current set-point, zero for a force that is not finite.
 
-        The board applies it in the tick of that time, or at once if that has passed; the latter
-        discards those sent before that are not due yet. It switches the current off by itself
-        when none comes for 5 ms. There is no arm, and without an actuator there is nothing to do.
+        The board applies a set-point in the tick of its time. An overdue set-point acts at once,
+        and discards set-points not due yet. After 5 ms without set-points the board switches the
+        current off. There is no arm; without an actuator nothing is sent.
         """
         if actuator_force is not None and self._actuator:
             self._link.set_current(actuator_force / self._actuator.force_constant, time)
@@ -249,16 +249,16 @@ class SerialDevice(Device):
 
     @property
     def problem(self) -> str:
-        """Reason why there are no samples or no forces, in one line; empty if there is none."""
+        """One-line reason for missing samples or forces; empty if none."""
         return self._link.refusal
 
     @property
     def late(self) -> int:
-        """Number of set-points that came to the board after the tick at which they were due."""
+        """Number of set-points that reached the board after their due tick."""
         return self._link.late
 
     def counters(self) -> dict[str, int]:
-        """Return counts of the link, and of samples that no tick got and ticks that got none."""
+        """Return counts of the link, of unused samples, and of ticks without a sample."""
         return {**self._counts, **self._link.counters()}
 
     def _take(self, times: Sequence[float], samples: Samples) -> None:

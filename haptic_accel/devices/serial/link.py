@@ -105,14 +105,14 @@ class Requirements:
     baud : int
     configuration : Configuration
     actuator : bool
-        True if it must have an actuator, which is armed.
+        True if an actuator is required, which is armed.
     rearm : bool
         True to arm again without a request after the board was gone.
     serial_number : str
         Serial number of the only board accepted; empty for any.
     grid_rate : float
-        Rate of the grid of `time.monotonic` on which it samples, Hz; 0 for samples at any time.
-        A sample counts as taken at a point of the grid, though it is taken `LEAD` before it.
+        Rate of the board's sampling grid on `time.monotonic`, Hz; 0 for samples at any time. A
+        sample counts as taken at a grid point, though taken `LEAD` earlier.
     """
 
     port: str
@@ -128,9 +128,9 @@ class Requirements:
 class BoardLink(Connection):
     """Connection to a board on a port.
 
-    The current of a board that was gone is zero when it is back, and stays so until `arm` is
-    called or the link arms it without a request. The board's own status is the only record of
-    its state: set-points are sent while it reports that it is armed.
+    After a loss of the board, its current is zero until `arm` is called or the link arms it
+    without a request. The board's status is the only record of its state: set-points are sent
+    while the status is armed.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ class BoardLink(Connection):
     identity : Identity or None
         Identity of the board, from the first connection on.
     aligned : bool
-        True once the board follows the grid, if there is one, until the connection is lost.
+        True while the board is connected and follows the grid, if any.
     late : int
         Number of scheduled set-points that came to the board after their due time.
     """
@@ -167,16 +167,16 @@ class BoardLink(Connection):
     # Called by the owner's thread
 
     def set_current(self, current: float, due: float) -> None:
-        """Send a set-point: at most full scale, and zero for what is not finite.
+        """Send a set-point, limited to full scale; zero if not finite.
 
         Parameters
         ----------
         current : float
             Current, A.
         due : float
-            Time of the tick from which on it acts, s of `time.monotonic`. It acts at once, and
-            discards those sent before that are not due yet, if that has passed or the board
-            does not follow the grid yet.
+            Tick from which the set-point acts, s of `time.monotonic`. If overdue, or if the board
+            does not follow the grid yet, the set-point acts at once, and discards set-points not
+            due yet.
         """
         identity = self.identity
         if identity is None or not self.armed:
@@ -210,7 +210,7 @@ class BoardLink(Connection):
 
     @property
     def refusal(self) -> str:
-        """Reason why there are no samples or no current, in one line; empty if there is none."""
+        """One-line reason for missing samples or current; empty if none."""
         board = self._board
         if not self.connected or board is None or not self._required.actuator or self.armed:
             return self.problem
@@ -251,12 +251,12 @@ class BoardLink(Connection):
         self._last_clock = 0
 
     def _connect(self) -> None:
-        """Open the port, identify the board, and let it sample; arm it when first opened."""
+        """Open the port, identify the board, start sampling; arm when first opened."""
         self._forget()
         required = self._required
         self._path = find_port(required.port, required.usb_serial)
         self._port = Port(self._path, required.baud)
-        # What came before the first delimiter is no frame.
+        # Bytes before the first delimiter are no frame.
         self._write(protocol.DELIMITER)
         self._send(protocol.DisarmRequest())
         self._ask(protocol.Identify(), lambda: self._answered is not None, NO_ANSWER)
@@ -271,7 +271,7 @@ class BoardLink(Connection):
         if required.actuator and self._thread is None:
             refusal = "does not arm; is the amplifier at fault?"
             self._ask(protocol.ArmRequest(), lambda: self.armed, refusal)
-            # No set-point has been sent: who would hold one for ever would hold this zero, too.
+            # No set-point has been sent: a board without timeout would stay armed at zero.
             if not self._listen_until(self._has_timed_out, ANSWER):
                 raise DeviceError(
                     f"{self._path}: stays armed without set-points: flash firmware {FIRMWARE}"
@@ -279,7 +279,7 @@ class BoardLink(Connection):
                 )
 
     def _has_timed_out(self) -> bool:
-        """Return whether the board has let go by itself, as it has to do after 5 ms."""
+        """Return whether the board timed out by itself, as it must after 5 ms."""
         return self._board is not None and self._board.state is protocol.State.TIMED_OUT
 
     def _ask(self, request: protocol.Message, answered: Callable[[], bool], problem: str) -> None:
@@ -292,7 +292,7 @@ class BoardLink(Connection):
         raise DeviceError(f"{self._path}: {problem}")
 
     def _listen_until(self, answered: Callable[[], bool], seconds: float) -> bool:
-        """Process frames until an answer is there, or a time is over; return whether it is."""
+        """Process frames until an answer or a timeout; return whether it is answered."""
         deadline = time.monotonic() + seconds
         while not answered() and time.monotonic() < deadline:
             self._listen()
@@ -321,7 +321,7 @@ class BoardLink(Connection):
         """Stop current and samples, and wait a little for the board to confirm."""
         self._configuration = None
         self._send(protocol.DisarmRequest())
-        # Answered after the other, and unlike a status never sent without a request.
+        # The answer comes after the disarming, and unlike a status only on request.
         self._send(protocol.Configure(0, 0, 0))
         with suppress(DeviceError):
             self._listen_until(lambda: self._configuration is not None, ENDING)
@@ -341,7 +341,7 @@ class BoardLink(Connection):
             raise DeviceError(f"{self._path}: silent for {SILENCE:g} s")
 
     def _listen(self) -> None:
-        """Process the frames that come next, if any does."""
+        """Process the next frames, if any."""
         assert self._port is not None
         data = self._port.read()
         arrival = time.monotonic()
@@ -459,7 +459,7 @@ def find_port(path: str, usb_serial: str) -> str:
     Raises
     ------
     DeviceError
-        No port has that number, or more than one.
+        No port or several ports match.
     """
     if path:
         return path
@@ -498,18 +498,18 @@ class Port:
             reason = reason or f"cannot be opened as a serial port ({one_line(error)})"
             raise DeviceError(f"{path}: {reason}") from None
         with suppress(ValueError, NotImplementedError, AttributeError):
-            # Converters of FTDI keep bytes for 16 ms otherwise; others know no such mode.
+            # FTDI converters otherwise hold bytes for 16 ms; others lack this mode.
             self._serial.set_low_latency_mode(True)
 
     def read(self) -> bytes:
-        """Return the bytes that are there, or that come within `WAIT`.
+        """Return the bytes that are there or arrive within `WAIT`.
 
         Raises
         ------
         DeviceError
             The port is gone.
         """
-        # Not by pyserial, which takes four system calls for a frame instead of two.
+        # pyserial would take four system calls per frame instead of two.
         try:
             if not select.select([self._serial], [], [], WAIT)[0]:
                 return b""
@@ -529,7 +529,7 @@ class Port:
             The port is gone.
         """
         try:
-            # Not by pyserial, which without a time-out spins until there is room.
+            # pyserial without a time-out would busy-wait for room.
             return os.write(self._serial.fileno(), data) == len(data)
         except BlockingIOError:
             return False

@@ -95,7 +95,7 @@ class State(IntEnum):
 
 
 class ErrorCode(IntEnum):
-    """Reason of the device for refusing a frame."""
+    """Device's reason for refusing a frame."""
 
     VERSION = 1
     TYPE = 2
@@ -106,7 +106,7 @@ class ErrorCode(IntEnum):
 
 
 class PayloadError(ValueError):
-    """Payload that its type of frame cannot have."""
+    """Payload that does not fit its frame type."""
 
 
 class Frame(NamedTuple):
@@ -118,7 +118,7 @@ class Frame(NamedTuple):
     sequence : int
         The sender's count of frames, modulo `SEQUENCES`.
     clock : int
-        The sender's clock, us modulo 2**32; in a frame of samples, the time of the first.
+        The sender's clock, us modulo 2**32; for samples, the time of the first sample.
     payload : bytes
     """
 
@@ -137,14 +137,14 @@ MESSAGES: dict[int, type[Message]] = {}
 class Message:
     """Base of messages: the content of a payload.
 
-    A subclass names its type of frame and its payload's layout, whose fields are its own.
+    A subclass gives its frame type, its payload layout and the matching fields.
     """
 
     TYPE: ClassVar[FrameType]
     LAYOUT: ClassVar = struct.Struct("")
 
     def __init_subclass__(cls, kind: FrameType, layout: str = "") -> None:
-        """Set the type of frame, and the layout of its payload unless it is that of the base."""
+        """Set the frame type, and the payload layout unless inherited."""
         cls.TYPE = kind
         if layout:
             cls.LAYOUT = struct.Struct(layout)
@@ -183,7 +183,7 @@ class DisarmRequest(Message, kind=FrameType.DISARM):
 
 @dataclass(frozen=True)
 class SetCurrent(Message, kind=FrameType.SET_CURRENT, layout="<h"):
-    """Set-point of the current that acts at once and discards those scheduled before.
+    """Set-point of the current that acts at once and discards scheduled set-points.
 
     Attributes
     ----------
@@ -246,7 +246,7 @@ class Configuration(Message, kind=FrameType.CONFIGURATION, layout="<HBB"):
 
 @dataclass(frozen=True)
 class Configure(Configuration, kind=FrameType.CONFIGURE):
-    """Request for a configuration, which the device answers with the one it has."""
+    """Request for a configuration, answered with the actual configuration."""
 
 
 @dataclass(frozen=True)
@@ -258,7 +258,7 @@ class Identity(Message, kind=FrameType.IDENTITY, layout="<BBBBHff16s"):
     firmware : tuple of int
         Major, minor, patch.
     axes : int
-        Axes of its accelerometer, one bit each.
+        Axes of the accelerometer, one bit each.
     highest_rate : int
         Samples per second.
     full_scale_acceleration : float
@@ -306,11 +306,11 @@ class Samples(Message, kind=FrameType.SAMPLES, layout="<IBB"):
     Attributes
     ----------
     index : int
-        Number of samples taken before the first of these, modulo 2**32.
+        Number of samples taken earlier, modulo 2**32.
     axes : int
         One bit each.
     counts : tuple of int
-        Sample by sample, within each axis by axis.
+        Counts by sample, then by axis.
     """
 
     index: int
@@ -349,7 +349,7 @@ class Status(Message, kind=FrameType.STATUS, layout="<Bh8I"):
     received, damaged, lost : int
         Frames from the host: intact, not intact, missing by their sequence numbers.
     refused : int
-        Set-points while it was not armed, or due too far ahead.
+        Set-points while not armed, or due too far ahead.
     timeouts : int
         Number of times that set-points stopped for 5 ms.
     unsent : int
@@ -357,7 +357,7 @@ class Status(Message, kind=FrameType.STATUS, layout="<Bh8I"):
     late : int
         Scheduled set-points that came after their tick, and acted at once.
     overflowed : int
-        Scheduled set-points that there was no room for.
+        Scheduled set-points that the queue had no room for.
     """
 
     state: State
@@ -401,7 +401,7 @@ REQUESTS = {kind: message for kind, message in MESSAGES.items() if kind < FROM_D
 
 
 def most_samples(axes: int) -> int:
-    """Return the largest number of samples of some axes, one bit each, in a frame."""
+    """Return the largest number of samples per frame for axes, one bit each."""
     return (LONGEST_PAYLOAD - Samples.LAYOUT.size) // (2 * axes.bit_count())
 
 
@@ -466,9 +466,9 @@ class Decoder:
     received : int
         Frames with an intact CRC.
     damaged : int
-        Stretches between delimiters that were no intact frame.
+        Sections between delimiters that were no intact frame.
     lost : int
-        Frames missing, by the sequence numbers of those received.
+        Frames missing by the received sequence numbers.
     """
 
     def __init__(self) -> None:
@@ -481,9 +481,9 @@ class Decoder:
         self._expected: int | None = None
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Return the frames that end within some bytes; keep the rest for the next call."""
+        """Return the frames completed by `data`; keep the rest for the next call."""
         *ended, rest = (self._pending + data).split(DELIMITER)
-        # No frame is longer: what is kept must not grow without end, and is damaged.
+        # No frame is longer: the rest is damaged, and must not grow without limit.
         self._pending = rest[: LONGEST_ENCODED + 1]
         frames = [decode(stuffed) for stuffed in ended if stuffed]
         intact = [frame for frame in frames if frame]
@@ -495,11 +495,11 @@ class Decoder:
 
     def _count_lost(self, sequence: int) -> None:
         gap = 0 if self._expected is None else (sequence - self._expected) % SEQUENCES
-        # More than half of all is a sender that has started anew.
+        # A gap over half the range means a restarted sender.
         self.lost += gap if gap < SEQUENCES // 2 else 0
         self._expected = (sequence + 1) % SEQUENCES
 
 
 def axes_bits(names: Sequence[str]) -> int:
-    """Return the bits that stand for axes."""
+    """Return the bit mask of axes."""
     return sum(1 << AXES.index(name) for name in names)
