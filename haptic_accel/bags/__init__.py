@@ -16,8 +16,7 @@
 """Bags: writing, reading and repair, without ROS."""
 
 NO_ROSBAGS = "bags need rosbags: pip install 'rosbags>=0.11.9,<0.12'"
-"""Message without rosbags. No distribution packages it, and a graph without recording runs without
-it."""
+"""Message if rosbags is missing. No distribution packages rosbags; only recording needs it."""
 
 OF_ROSBAGS = ("rosbags", "lz4", "backports")
 """Modules installed with rosbags."""

@@ -47,8 +47,8 @@ CHUNK = 1 << 20
 """Size of a complete chunk, bytes; 768 KiB in rosbag2."""
 
 KEPT_MARKS = 8
-"""Number of chunks that may be discarded to make room for the index, which needs some hundredths
-of the file size."""
+"""Number of chunks that may be discarded to make room for the index, which needs a few percent of
+the file size."""
 
 _FAST = 1
 """Fastest compression level (zstd's manual), also used by rosbag2."""

@@ -36,7 +36,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, places
 
 AGE_OF = "actuator force"
-"""Command whose age is reported: its force is the one that users feel."""
+"""Command whose age is reported, as users feel its force."""
 
 COMMANDS = {
     AGE_OF: ("master_device", AGE_OF),

@@ -30,12 +30,12 @@ from haptic_accel import __version__
 from haptic_accel.core.parameters import ParameterError
 
 PREFIX = "haptic_accel."
-"""Prefix of facts among the keys of a bag's custom data."""
+"""Prefix of this package's keys in a bag's custom data."""
 
 VERSION, ARGUMENTS, PARAMETERS, HOST = "version", "arguments", "parameters", "host"
 
 RUN, LOCKSTEP = "run", "lockstep"
-"""Name and value of the fact that marks a bag from lockstep instead of a live graph."""
+"""Name and value that mark a bag from lockstep instead of a live graph."""
 
 
 def custom_data(text: str) -> dict[str, str]:

@@ -35,7 +35,7 @@ RECORDING, PAUSED, STOPPED = "recording", "paused", "stopped"
 Connect = Callable[[BagWriter], Put]
 
 Answer = tuple[bool, str]
-"""Success of a request, and a line about it."""
+"""Success of a request, and a message line."""
 
 
 class RecordingSession:

@@ -40,19 +40,19 @@ AUDIO = "audio"
 MISSING_LIBRARY = "audio: needs sounddevice and PortAudio: pip install 'haptic_accel[audio]'"
 
 BLOCKS_AHEAD = 2
-"""Blocks that the card is kept supplied with: it fetches one while the other is a margin."""
+"""Blocks held ready for the card: it fetches one, the other is a margin."""
 
 LATENCY = 3
-"""Latency that PortAudio is asked for, blocks: for ALSA it makes a buffer of one more. What counts
-is how much of that buffer is kept filled."""
+"""Latency requested from PortAudio, blocks: with ALSA its buffer has one block more. The latency
+depends on the filled part of that buffer."""
 
 READINGS = 64
-"""Readings of a card's queue of which the shortest counts: many cards tell what they have fetched
-only once a block, and so never less than is left."""
+"""Readings of a card's queue of which the shortest counts: many cards update the queue once per
+block, so that no reading is too short."""
 
 SHARE = 0.25
-"""Share of an error of the card's clock that is corrected after so many readings: at 1 kHz a drift
-of 1e-4 leaves 26 us."""
+"""Share of the card clock's error that is corrected after `READINGS`: at 1 kHz a drift of 1e-4
+leaves 26 us."""
 
 
 @dataclass(frozen=True)

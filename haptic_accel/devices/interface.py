@@ -101,8 +101,8 @@ class Device(ABC):
     description: ClassVar[DeviceDescription] = DeviceDescription()
 
     parts: Sequence[Device] = ()
-    """Devices that it is made of, its arm first: their joints, remarks, warnings and problems are
-    its own, and it arms them all."""
+    """Component devices, the arm first; this device has their joints, remarks, warnings and
+    problems, and arms all of them."""
 
     @abstractmethod
     def __init__(self, parameters: Any, rate: float, seed: int) -> None: ...

@@ -136,7 +136,7 @@ class SimulatedSlave(SimulatedDevice):
 
 
 def textured(surface: SurfaceParameters, rate: float, seed: int) -> Vibrating | None:
-    """Return the texture named by a surface, at a rate in Hz; None without a name.
+    """Return a surface's named texture at a rate in Hz; None without a name.
 
     Raises
     ------

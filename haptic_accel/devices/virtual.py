@@ -29,7 +29,7 @@ from haptic_accel.devices.simulated import SimulatedDevice
 from haptic_accel.materials.scenes import read_scene
 
 TOO_LONG = "takes longer than a running graph can wait: must be named at its start"
-"""Reason to refuse, for a running tool, a scene that moves or has a mesh that is no grid yet."""
+"""Reason to refuse, for a running tool, a moving scene or a mesh without a grid."""
 
 
 @dataclass(frozen=True)

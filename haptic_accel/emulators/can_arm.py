@@ -98,7 +98,7 @@ class EmulatedAxis:
 
     def execute(self, order: protocol.Message, now: float) -> list[Frame]:
         """Execute an order and return the answer to it."""
-        self._fed = now  # by any command (can_simple.cpp, do_command)
+        self._fed = now  # any command feeds it (can_simple.cpp, do_command)
         match order:
             case protocol.SetTorque():
                 self._torque = order.torque
@@ -125,7 +125,7 @@ class EmulatedAxis:
         for report, period in self._periods.items():
             if period and now >= self._next[report]:
                 frames.append(report())
-                # Missed ones are not sent later.
+                # Missed frames are not sent later.
                 due = self._next[report] + period
                 self._next[report] = due if due > now else now + period
         return self._unmuted(frames)
@@ -208,7 +208,7 @@ class EmulatedArm:
         return [frame for axis in self.axes for frame in axis.due(now)]
 
     def _drive(self, now: float) -> None:
-        """Apply the torques of the motors to the simulated arm, from the first one on."""
+        """Apply the motors' torques to the simulated arm whenever a torque changes."""
         torques = [axis.torque for axis in self.axes]
         if torques != self._torques:
             self._torques = torques
@@ -217,7 +217,7 @@ class EmulatedArm:
             self._device.write(now, arm_force=vector(self._inverse.T @ of_joints))
 
     def _move(self, now: float) -> None:
-        """Set position and speed of the motors to those of the simulated arm."""
+        """Set the motors' position and speed from the simulated arm."""
         sample = self._device.read(now)
         x, y, z = (a + b for a, b in zip(self._home, sample.position, strict=True))
         angles = self._kinematics.angles((x, y, z))

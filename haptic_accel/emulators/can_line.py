@@ -133,7 +133,7 @@ class CanLine:
     ----------
     port : CanPort
     arms : sequence of EmulatedArm
-        Arms; faults of an axis concern the first axis of the first one.
+        Arms; axis faults affect the first axis of the first arm.
     rate : float
         Steps per second.
     faults : Faults
@@ -226,7 +226,7 @@ def frame_line(frame: Frame) -> bytes:
 
 
 def parse_frame_line(line: bytes) -> Frame | None:
-    """Read a frame with a standard id from a line without its end; None if it has none."""
+    """Parse a line, without its end, as a standard-id frame; None if it is no frame."""
     match = FRAME.fullmatch(line)
     if not match:
         return None

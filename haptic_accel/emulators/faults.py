@@ -133,7 +133,7 @@ class Faults:
         return self.active(name) and self.random.random() < SHARE
 
     def advance(self, now: float) -> list[str]:
-        """Start and end faults at a time in s; return the names of those that start."""
+        """Start and end faults at a time in s; return the names of starting faults."""
         elapsed, self._now = now - self._now, now
         begun = []
         for planned in list(self._planned):

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pseudo-terminal with a name in the file system, as a USB port has; loop that runs emulators."""
+"""Pseudo-terminal with a name in the file system, like a USB port; loop for emulators."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class Part(Protocol):
 
 
 def run(parts: Sequence[Part], ended: Callable[[], bool]) -> None:
-    """Step all parts whenever one is due or has received bytes, until `ended`."""
+    """Step all parts whenever a part is due or has bytes, until `ended`."""
     start = monotonic()
     while not ended():
         terminals = [terminal for part in parts for terminal in part.terminals]

@@ -55,14 +55,14 @@ SECOND, MICROSECOND = 1_000_000_000, 1_000
 """Nanoseconds in a second and in a microsecond."""
 
 TOLERANCE = 64
-"""Inverse of the maximum relative deviation of a grid's period from the configured one."""
+"""Inverse of the maximum relative deviation of a grid's period from the nominal."""
 
 LARGEST_STEP = 32
 """Inverse of the maximum relative deviation of a sampling interval from the grid's period."""
 
 SMOOTHING = 4
-"""Number of ticks in which a distance from the grid is removed. A timer uses a new interval one
-tick later. A quarter per tick is then the fastest correction without overshoot."""
+"""Number of ticks in which a distance from the grid is removed. As a timer uses a new interval one
+tick later, a quarter per tick is the fastest correction without overshoot."""
 
 SILENT = Configuration(0, 0, 0)
 """Configuration before the host has sent one."""
@@ -71,7 +71,7 @@ SILENT = Configuration(0, 0, 0)
 class Board:
     """Board with input of bytes and accelerometer samples, and output of frames and a current.
 
-    It sends nothing before it has received an intact frame.
+    The board sends nothing until an intact frame arrives.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@
 """Emulated boards on pseudo-terminals, and the coupling of their arms.
 
 Bytes are exchanged when the emulator wakes. Samples and forces are then processed in order, each
-with its own time. An emulator that wakes late thus loses none.
+with its own time, so that a late wake-up loses none.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class EmulatedBoard:
         Function called with a time and the actuator's current from then on, A.
     faults : Faults, optional
     drift : float
-        Relative error of its clock's rate.
+        Relative error of the clock rate.
 
     Attributes
     ----------

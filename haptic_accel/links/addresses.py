@@ -37,11 +37,11 @@ FIRST_PORTS = {"udp": 7300, "zenoh": 7447}
 begin, and Zenoh's own."""
 
 SLOTS = 50
-"""Number of namespaces with separate ports, including the root; further ones may collide."""
+"""Number of namespaces with separate ports, including the root; more may collide."""
 
 PORTS_EACH = {"udp": 2, "zenoh": 1}
-"""Number of ports for a pair of hosts. For udp one per host, the master's first; for zenoh only
-the slave's."""
+"""Number of ports for a pair of hosts. udp: one per host, the master's first; zenoh: the slave's
+only."""
 
 
 def host_and_port(peer: str) -> tuple[str, int]:
@@ -99,7 +99,7 @@ def route(peer: str, side: str, transport: str, namespace: str) -> Route:
     Parameters
     ----------
     peer : str
-        As for `host_and_port`; its port replaces the first one of the pair.
+        As for `host_and_port`; its port replaces the pair's first port.
     side, transport : str
         Side of this host, from `ARMS` and `TRANSPORTS`.
     namespace : str
@@ -157,7 +157,7 @@ def _slot(namespace: str) -> int:
 
 
 def _addresses(host: str, port: int, *, sort: bool) -> tuple[str, str]:
-    """Return the numeric addresses of this host, on the path to another, and of the other.
+    """Return this host's numeric address, on the path to the peer, and the peer's.
 
     Sorted, so that an IPv4 address comes first if one exists: both hosts must choose the same.
     """
@@ -175,5 +175,5 @@ def _addresses(host: str, port: int, *, sort: bool) -> tuple[str, str]:
 
 
 def _numeric(address: Any) -> str:
-    """Return the address of a socket, with its interface for a link-local one."""
+    """Return a socket's address, with the interface if link-local."""
     return socket.getnameinfo(address, socket.NI_NUMERICHOST | socket.NI_NUMERICSERV)[0]

@@ -91,7 +91,7 @@ class Authenticator:
 
 
 def write_new_key(*folders: Path) -> None:
-    """Generate a key and write it to folders without one, readable by the owner only."""
+    """Write a new key, readable by the owner only, to folders without a key."""
     text = f"{TITLE}\n{secrets.token_hex(KEY_LENGTH)}\n"
     for folder in folders:
         new = os.open(folder / LINK_KEY, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

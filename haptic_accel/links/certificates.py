@@ -52,7 +52,7 @@ NAME = r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?"
 """Form of a host's name."""
 
 SLACK = timedelta(days=1)
-"""Time by which certificates are valid earlier, as clocks of hosts without a network are late."""
+"""Time by which validity precedes creation, as clocks of hosts without a network are late."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Identity:
     key: bytes
 
     def write(self, folder: Path) -> None:
-        """Write the files to a folder without any of them, readable by the owner only."""
+        """Write the files, readable by the owner only, to a folder without such files."""
         names = (AUTHORITY, CERTIFICATE, KEY)
         for name, content in zip(names, (self.authority, self.certificate, self.key), strict=True):
             new = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -89,10 +89,10 @@ def certified_pair(hosts: Sequence[Sequence[str]]) -> list[Identity]:
     Raises
     ------
     ParameterError
-        A host has no name, or one that is not allowed in a certificate.
+        A host's name is missing, or not allowed in a certificate.
     """
     authority_key = ec.generate_private_key(CURVE)
-    # A unique name, which distinguishes the authority from those of other pairs.
+    # A unique name, which distinguishes the authority from other pairs' authorities.
     name = f"haptic_accel {token_hex(8)}"
     issuer = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     authority = (
@@ -139,7 +139,7 @@ def _builder(
 
 
 def _general_name(host: str) -> x509.GeneralName:
-    """Return a host as an address if it is one, otherwise as a name."""
+    """Return a host as address or name for a certificate."""
     try:
         return x509.IPAddress(ip_address(host))
     except ValueError:

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages about a peer that is received or lost, with hints for a loss."""
+"""Log lines on a peer's reception and loss, with hints for a loss."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Hearing:
         self._stranger = address
 
     def lines(self, now: float) -> list[str]:
-        """Return lines on changes; call it often."""
+        """Return new log lines; call it often."""
         return [line for line in (self._of_strangers(now), self._of_peer(now)) if line]
 
     def _of_strangers(self, now: float) -> str:

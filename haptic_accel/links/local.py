@@ -15,7 +15,7 @@
 
 """Datagrams between half coupler and link on one host.
 
-The sockets have abstract names. The kernel releases these however a process ends, and they are not
+The sockets have abstract names, which the kernel releases however a process ends; they are not
 visible outside the machine.
 """
 
@@ -48,7 +48,7 @@ _OTHER = {COUPLER: LINK, LINK: COUPLER}
 
 
 class LocalEnd:
-    """One end of the connection between half coupler and link; it never blocks.
+    """Endpoint of the connection of half coupler and link; it never blocks.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class LocalEnd:
         return self._socket.fileno()
 
     def send(self, datagram: bytes) -> bool:
-        """Send a datagram after waiting ones; return whether the other end exists.
+        """Send waiting datagrams, then this; return whether the other end exists.
 
         Datagrams without room wait until the next call. Only one thread may call this.
         """
@@ -119,7 +119,7 @@ class LocalEnd:
         return True
 
     def write_note(self, line: str) -> None:
-        """Send a line about this end, apart from the datagrams that are carried.
+        """Send a status line of this end, separate from the datagrams.
 
         Any thread may call this, as it does not use the waiting datagrams. Without room the line
         is lost.

@@ -16,8 +16,8 @@
 """Zenoh datagrams between two hosts: encrypted, for holders of a certificate only.
 
 The slave's host opens a router on one UDP port, to which the master's host connects. Both must
-show a certificate of the same authority. The slave's must be valid for the host name used by the
-master. QUIC datagrams carry the signals, so that a lost one does not delay later ones.
+show certificates of the same authority, the slave for the host name used by the master. QUIC
+datagrams carry the signals, so that a loss does not delay later datagrams.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ restarted is found within 2 s."""
 WAITING = 64
 """Number of datagrams stored for a slow thread, which discards older ones: 0.1 s."""
 
-_HEAD = struct.Struct("<QQ")  # number of the datagram, and of the newest received one
+_HEAD = struct.Struct("<QQ")  # numbers of this datagram and of the newest received
 
 REPEAT = 5.0
 """Minimum interval between log lines on rejections, s."""
@@ -92,9 +92,9 @@ def check_keys(folder: str) -> Path:
 
 
 def refusal(logged: str) -> str | None:
-    """Return the reason in a line of Zenoh's log, for a user.
+    """Return the reason for a rejection in a line of Zenoh's log.
 
-    Empty for a warning that is no rejection, such as a lost connection; None for other text.
+    Empty for any other warning, such as a lost connection; None for other text.
     """
     logged = _COLOUR.sub("", logged)
     if not (found := _LOGGED.match(logged)):
@@ -210,7 +210,7 @@ class ZenohCarrier:
         return config
 
     def _follow_log(self) -> None:
-        """Read Zenoh's log from the standard output, which alone explains a refused peer."""
+        """Read Zenoh's log from standard output, the only explanation of a refused peer."""
         reading, writing = os.pipe()
         rest = os.dup(1)
         os.dup2(writing, 1)
@@ -261,11 +261,10 @@ def settings(route: Route, side: str, keys: Path) -> dict[str, Any]:
 
 
 WINDOW = 0.1
-"""Window for the shortest round trip, s: jitter lengthens many round trips, a queue all of
-them."""
+"""Window for the shortest round trip, s: jitter lengthens many round trips, a queue all."""
 
 REMEMBERED = 100
-"""Number of windows whose shortest round trip counts as that of an empty queue: 10 s."""
+"""Number of windows whose shortest round trip counts as an empty queue's: 10 s."""
 
 LATE = 0.01
 """Round trip in excess of the shortest that indicates a queue, s."""
@@ -283,11 +282,11 @@ LONGEST_GAP = 0.01
 class Pace:
     """Decimation of datagrams that avoids a queue before the network.
 
-    Congestion control interprets lost and overtaken datagrams as overload. With 5 % loss it passes
-    some hundred per second; of a thousand, each waits for seconds. Each datagram contains the
-    number of the newest one received from the peer. If the shortest round trip of a `WINDOW` grows
-    by `LATE`, half of the datagrams are skipped, and more if that has no effect. It starts with a
-    low rate, as a queue takes seconds to drain.
+    Congestion control interprets lost and overtaken datagrams as overload. At 5 % loss it passes a
+    few hundred per second; at 1000 per second, each waits seconds. Each datagram contains the
+    number of the newest received from the peer. If the shortest round trip of a `WINDOW` grows by
+    `LATE`, half of the datagrams are skipped, and more if that has no effect. The initial rate is
+    low, as a queue takes seconds to drain.
 
     Attributes
     ----------

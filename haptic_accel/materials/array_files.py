@@ -51,8 +51,8 @@ LONGEST_HEADER = 10_000
 KINDS = "biufUS"
 """Permitted kinds of values: numbers and text. Objects could execute code."""
 
-_END = struct.Struct("<4s4H2LH")  # of a ZIP file without a comment
-_FIRST = LONGEST_HEADER + 12  # bytes with a header, and the bytes before it
+_END = struct.Struct("<4s4H2LH")  # end record of a ZIP file without comment
+_FIRST = LONGEST_HEADER + 12  # maximum size of a header and its prefix
 
 DAMAGE_ERRORS = (
     *(ValueError, TypeError, LookupError, AttributeError, ArithmeticError),
@@ -122,7 +122,7 @@ def _arrays(content: bytes) -> dict[str, Array]:
 
 
 def _array(stream: IO[bytes], most_bytes: int) -> Array:
-    """Return an array of at most a number of bytes."""
+    """Return an array of a limited number of bytes."""
     start = stream.read(_FIRST)
     header = io.BytesIO(start)
     version = np.lib.format.read_magic(header)

@@ -26,7 +26,7 @@ from haptic_accel.core.parameters import ParameterError
 def share_folder() -> Path:
     """Return the folder that contains ``config`` and ``launch``.
 
-    It is that of the checkout if the code runs from one; otherwise the installed one.
+    Code in a checkout uses the checkout; other code, the installed folder.
     """
     checkout = Path(__file__).resolve().parents[2]
     if (checkout / "package.xml").is_file():
@@ -42,7 +42,7 @@ def config_folder() -> Path:
 
 
 def is_recording(surface: str) -> bool:
-    """Return whether a surface is a recording by its name: a file that is no ``.yaml``."""
+    """Return whether a surface's name is a recording's: a file that is no ``.yaml``."""
     return Path(surface).suffix not in ("", ".yaml")
 
 
@@ -54,10 +54,10 @@ def preset_file(kind: str, name: str, beside: Path = Path()) -> Path:
     kind : str
         One of rig, surface, scene or texture.
     name : str
-        Name of a file in ``config/<kind>s``, or a path ending in ``.yaml`` or ``.npz``; as a
-        surface also that of a recording.
+        Name of a file in ``config/<kind>s``, or a path ending in ``.yaml`` or ``.npz``; for a
+        surface also a recording's path.
     beside : Path
-        Folder for relative paths; default: the current one.
+        Folder for relative paths; default: current folder.
 
     Raises
     ------

@@ -42,7 +42,7 @@ from haptic_accel.materials.texture_files import read_npz
 
 REFERENCE = np.array([0.08, 1.0])
 """Speed, m/s, and force, N, at which an imported texture has its original amplitude, for files
-without both: those of an ordinary stroke."""
+without both: an ordinary stroke."""
 
 PATTERN_RATE = 2000.0
 """Sampling rate of patterns, Hz: more than six times their highest frequency."""
@@ -143,7 +143,7 @@ def _from_filter(path: Path, _rate: float, calibration: float | None) -> Texture
     file = read_json_document(path)
     rate = file.at("sample_rate").number(_RATE)
     b, a = (_coefficients(path, file, name) for name in ("b", "a"))
-    with np.errstate(all="ignore"):  # overflow leaves no roots inside
+    with np.errstate(all="ignore"):  # an overflow is rejected below
         proper = bool(np.isfinite(a / a[0]).all())
     if not proper or np.any(np.abs(np.roots(a)) >= 1):
         raise ParameterError(f"{path}: a: must have its roots inside the unit circle")
@@ -217,7 +217,7 @@ PROVENANCE = Provenance(
 def read_hatt(path: Path) -> TextureModel:
     """Read a texture model, autoregressive or with a moving average.
 
-    The triangles of the file are ignored; those of the model are equal or better.
+    The file's triangles are ignored; the model's own are equal or better.
 
     Raises
     ------

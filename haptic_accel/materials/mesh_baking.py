@@ -46,7 +46,7 @@ BORDER = 2
 
 
 def baked(path: Path, spacing: float, scale: float) -> tuple[FloatArray, FloatArray]:
-    """Return the signed distances of a mesh, and the position of the first one.
+    """Return a mesh's signed distances, and the position of the first distance.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def baked(path: Path, spacing: float, scale: float) -> tuple[FloatArray, FloatAr
             f"spacing = {spacing:g}: must be larger: {path} is {size} m large,"
             f" at most {LARGEST_GRID} samples are allowed"
         )
-    # Centred: the same on opposite sides.
+    # The grid is centred: margins are equal on opposite sides.
     counts = sides.astype(int)
     corner = (low + high - (counts - 1) * spacing) / 2
     places = corner + spacing * np.moveaxis(np.indices(counts), 0, -1).reshape(-1, 3)

@@ -13,10 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Moving scenes by MuJoCo: contacts and normal forces; our textures and taps.
+"""Scenes moved by MuJoCo, which gives contacts and normal forces.
 
-The forces of MuJoCo's soft contacts oscillate, so no acceleration is derived from them. Friction
-on the tool is ours too, limited by the sliding coefficient of a geom.
+Forces of MuJoCo's soft contacts oscillate, so no acceleration is derived from them. This package
+computes textures, taps and friction (limited by a geom's sliding coefficient).
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def moving_scene(path: Path, materials: Mapping[str, Material], start: Vector, n
     ----------
     path : Path
     materials : mapping
-        Material of each geom by name; others have neither texture nor taps.
+        Material of a geom by name; other geoms have no texture or taps.
     start : tuple of float
         Position above which the tool starts, m.
     name : str
@@ -129,7 +129,7 @@ class MovingTool:
     scene : Scene
         Scene from the same file.
     rate : float
-        Samples per second; in each, MuJoCo takes as many steps as its own time step requires.
+        Samples per second; MuJoCo takes as many steps per sample as its time step requires.
 
     Attributes
     ----------
@@ -193,12 +193,12 @@ class MovingTool:
         self.velocity: Vector = vector(self._data.qvel[self._axes])
 
     def _touch(self, contact: Any, other: int, motors: Vector, approaching: FloatArray) -> Contact:
-        """Return a contact of the last step, and apply its friction in the next one."""
+        """Return a contact of the last step; apply its friction in the next step."""
         normal = contact.frame[:3] * (1.0 if contact.geom[1] == self._tip else -1.0)
         ground = self._ground_velocity(other, contact.pos)
         relative = self._data.qvel[self._axes] - ground
         along = _along(relative, normal)
-        # The contact has normal force only, as MuJoCo's friction makes it hop.
+        # The contact has normal force only, as MuJoCo's friction makes the tool hop.
         pushing = (
             float(self._data.efc_force[contact.efc_address]) if contact.efc_address >= 0 else 0
         )
@@ -242,7 +242,7 @@ def _along(vector: FloatArray, normal: FloatArray) -> FloatArray:
 
 
 def _with_tool(path: Path, start: Vector, parameters: ToolParameters) -> Any:
-    """Return a file's model with an added tool, whose geom is the last."""
+    """Return a file's model with an added tool, whose geom comes last."""
     from mujoco import mjtGeom, mjtJoint
 
     stated = specification(path)

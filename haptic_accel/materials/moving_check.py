@@ -15,8 +15,8 @@
 
 """Compilation of an MJCF file in a separate process, with limits of time and memory.
 
-The numbers of copies, sizes of meshes and tables, and included files can exceed any limit. For
-some of them MuJoCo's compiler does not return.
+The numbers of copies, sizes of meshes and tables, and included files can exceed any limit. In some
+cases MuJoCo's compiler does not return.
 """
 
 from __future__ import annotations

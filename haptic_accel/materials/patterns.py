@@ -48,14 +48,14 @@ LONGEST_IN_ALL = 1200.0
 """Maximum total duration of the events in a pattern, s: twenty at once during the longest
 pattern."""
 
-_INTENSITY, _SHARPNESS = 1.0, 0.5  # for events that state none
+_INTENSITY, _SHARPNESS = 1.0, 0.5  # defaults of events
 _SECONDS = Specification("time", "s", 0.0, LONGEST)
 _RELATIVE = Specification("relative value", "", -1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class _Envelope:
-    """Values between points in time, which increase; `before` applies ahead of the first one."""
+    """Values between points of increasing time; `before` applies ahead of the first point."""
 
     before: float
     times: FloatArray = field(default_factory=lambda: np.empty(0))
@@ -160,7 +160,7 @@ def _ahap_events(file: Document) -> Iterator[_Event]:
 
 
 def _parameters(event: Document) -> Mapping[str, float]:
-    """Return the values of an event by the names of their kind, without "Haptic"."""
+    """Return an event's values by the names of their kind, without "Haptic"."""
     listed = event.at("EventParameters").items() if "EventParameters" in event else ()
     return {
         each.at("ParameterID").text().removeprefix("Haptic"): each.at("ParameterValue").number(

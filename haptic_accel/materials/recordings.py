@@ -72,8 +72,8 @@ def read_recording(
 ) -> FloatArray:
     """Read a recorded acceleration and resample it.
 
-    A CSV file has a first row with the names of its columns. Commas, semicolons or tabs separate,
-    the decimal mark is a point, and empty lines are skipped. A WAV file (recognised by its first
+    A CSV file has a first row with the names of its columns. Commas, semicolons or tabs separate
+    columns, decimals use a point, empty lines are skipped. A WAV file (recognised by its first
     bytes, or by its name) has integer samples with full scale `full_scale`, or floating-point
     samples in m/s^2. An offset is kept.
 

@@ -99,7 +99,7 @@ def read_mesh(path: Path, sampling: Sampling) -> DistanceGrid:
     except (OSError, ValueError, KeyError):
         pass  # missing or damaged
     baked = _baked(path, sampling)
-    with suppress(OSError):  # in a read-only folder it is computed each time
+    with suppress(OSError):  # in a read-only folder the grid is computed each time
         np.savez_compressed(kept, source=source, **baked)
     return _grid(baked["grid"], baked["corner"], sampling)
 
@@ -109,7 +109,7 @@ def _grid(grid: FloatArray, corner: FloatArray, sampling: Sampling) -> DistanceG
 
 
 def _baked(path: Path, sampling: Sampling) -> dict[str, Any]:
-    """Return the signed distances of a mesh, and the position of the first one."""
+    """Return a mesh's signed distances, and the position of the first distance."""
     try:
         if find_spec("trimesh.proximity") is None:
             raise ImportError

@@ -41,13 +41,13 @@ PLACE = Specification("position in the arm's base frame", "m", -10.0, 10.0)
 ANGLE = Specification("roll, pitch and yaw", "rad", -2 * math.pi, 2 * math.pi)
 
 FILES: Mapping[str, Any] = {"heights": read_heights, "mesh": read_mesh}
-"""Readers of shapes in separate files, relative to the scene's, by name."""
+"""Readers of shapes in separate files, by name."""
 
 KEYS = ("start", "materials", "objects", "mujoco")
 """Keys of a file."""
 
 _PLACED = ("shape", "material", "position", "rotation")
-"""Keys of an object in addition to those of its shape."""
+"""Keys of an object in addition to its shape's keys."""
 
 
 def read_scene(path: Path) -> Scene:
@@ -80,7 +80,7 @@ def read_scene(path: Path) -> Scene:
 
 
 def is_scene(name: str) -> bool:
-    """Return whether a name is that of a scene, or of a file that holds one, not a surface."""
+    """Return whether a name is a scene's or a scene file's, rather than a surface's."""
     try:
         return not read_yaml_document(preset_file("scene", name)).mapping().keys().isdisjoint(KEYS)
     except ParameterError:
@@ -107,7 +107,7 @@ def _material(name: str, section: Document) -> Material:
 
 
 def _texture(section: Document) -> TextureModel | None:
-    """Return a texture model by name, or from a file relative to the scene's."""
+    """Return a texture model by name, or from a path relative to the scene."""
     if "texture" not in section:
         return None
     name = section.at("texture").text()
@@ -123,7 +123,7 @@ def _model(path: Path, _modified: int) -> TextureModel:
 
 
 def _tap(section: Document) -> TapModel | None:
-    """Return a tap from a list of modes, or from recordings in a file relative to the scene's."""
+    """Return a tap from a list of modes, or from recordings at a path relative to the scene."""
     given = section.get("tap")
     if given.value is None:
         return None

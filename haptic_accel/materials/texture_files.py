@@ -47,8 +47,8 @@ OPTIONAL = ("gain", "ma_lsf", "coulomb_friction")
 NAMES = ("name", "rate", "units", "provenance", "coulomb_friction", *ARRAYS)
 
 DIGITS = 7
-"""Significant digits of numbers in a YAML file; the rounding error is a tenth of that of single
-precision."""
+"""Significant digits of numbers in a YAML file; the rounding error is a tenth of single
+precision's."""
 
 
 def read_texture(path: Path) -> TextureModel:
@@ -63,7 +63,7 @@ def read_texture(path: Path) -> TextureModel:
 
 
 def write_texture(path: Path, model: TextureModel) -> None:
-    """Write a texture model as NPZ, or as YAML for any other name.
+    """Write a texture model as NPZ or, for other suffixes, YAML.
 
     Raises
     ------

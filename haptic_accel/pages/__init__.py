@@ -15,7 +15,7 @@
 
 """Templates, style sheets and scripts of the pages that are written or served.
 
-The plots are drawn by uPlot (MIT), which is here whole because a page must not need the network.
+uPlot (MIT) draws the plots, and is included because a page must not need the network.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def asset(name: str) -> str:
 
 
 def modules(name: str) -> dict[str, str]:
-    """Return a script and the modules that it imports by name, each after those it imports."""
+    """Return a script and its imported modules by name, each after its own imports."""
     found: dict[str, str] = {}
 
     def add(module: str) -> None:
@@ -56,9 +56,9 @@ def modules(name: str) -> dict[str, str]:
 
 
 def script(name: str) -> str:
-    """Return a script as one with the modules that it imports, for a page that is one file.
+    """Return a script merged with its imported modules, for a page in a single file.
 
-    All share one scope: no two may declare the same name, and none is imported by another name.
+    All modules share one scope: names must be unique, and imports may not rename.
     """
     return _EXPORT.sub("", _IMPORT.sub("", "\n".join(modules(name).values())))
 
@@ -69,7 +69,7 @@ def template(name: str) -> jinja2.Template:
     Parameters
     ----------
     name : str
-        Name of a file in ``templates``, which may include others from there.
+        Name of a file in ``templates``, which may include other templates.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_FOLDER / "templates"),

@@ -13,4 +13,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The live scope: the latest seconds of the signals and the page that shows them (no ROS)."""
+"""Live scope without ROS: the latest seconds of the signals, and a page for display."""

@@ -30,30 +30,30 @@ TOKEN_BYTES = 18
 """Random bytes of a generated token, which has 24 letters."""
 
 TOKEN_VARIABLE = "HAPTIC_ACCEL_SCOPE_TOKEN"
-"""Environment variable with the token to use. Not an argument or parameter: every user of the
-machine and of the graph can see those, and bags store them."""
+"""Environment variable with the token to use. Other users could see an argument or a parameter,
+and bags would store it."""
 
 TOKEN_LETTERS = "ASCII letters, digits and - . _ ~"
-"""Letters of a token: those that addresses, cookies and headers all carry unchanged (RFC 3986)."""
+"""Letters of a token, unchanged in addresses, cookies and headers (RFC 3986)."""
 
 LOCALHOST = "localhost"
 
 
 class Access:
-    """Rules for requests; whatever they do not allow is refused.
+    """Rules for requests; all other requests are refused.
 
     Parameters
     ----------
     host : str
         Address that the server listens on.
     token : str
-        Token that every request must carry. If empty, one is generated where other machines can
-        reach the address, and none is needed elsewhere.
+        Token that every request must carry. If empty, a token is generated if other machines can
+        reach the address; otherwise none is needed.
 
     Raises
     ------
     ParameterError
-        The token has letters that an address cannot carry.
+        The token has letters not allowed in a URL.
     """
 
     def __init__(self, host: str, token: str = "") -> None:
@@ -66,9 +66,9 @@ class Access:
     def admits_host(self, header: str | None) -> bool:
         """Return true if a Host header names this machine.
 
-        A foreign page can let its own name point here (DNS rebinding), and its requests then
-        come from the user's browser; but they still carry that name. Any port is allowed, as
-        requests may come through a tunnel.
+        By DNS rebinding, a foreign page's host name can lead to this machine, but requests from
+        the user's browser still carry that name. Any port is allowed, as requests may come through
+        a tunnel.
         """
         name = _name(header)
         if name is None:
@@ -78,14 +78,14 @@ class Access:
         return not self.local and (_address(name) is not None or name in _own_names())
 
     def admits_origin(self, origin: str | None, host: str | None) -> bool:
-        """Return true if a request comes from our own page: origin and destination agree.
+        """Return true if a request comes from the scope's page: origin and host agree.
 
-        Browsers send the origin of every WebSocket and POST; a request without one is refused.
+        Browsers send the origin of every WebSocket and POST; a request without origin is refused.
         """
         return bool(host) and origin in (f"http://{host}", f"https://{host}")
 
     def admits_token(self, token: str | None) -> bool:
-        """Return true for the right token, after the same time for any wrong one."""
+        """Return true for the right token; any wrong token takes the same time."""
         if not self.token:
             return True
         return hmac.compare_digest((token or "").encode(errors="replace"), self.token.encode())
@@ -103,7 +103,7 @@ def is_loopback(host: str) -> bool:
 
 
 def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
-    """Return the address that a name is, or None."""
+    """Return a name as an IP address, or None."""
     try:
         return ipaddress.ip_address(name)
     except ValueError:

@@ -16,12 +16,12 @@
 """Binary frames sent to a page: samples and plots, little-endian.
 
 A frame of samples: kind, number of samples of each trace (uint32 each), age of the newest sample
-in s when the frame was made (float32; negative if its stamp is in the future), steady time of that
-moment in s (float64), origin in s since 1970 (float64), then for each trace the times after the
-origin in s and the values (float32 each). A frame of plots: kind, number of points of the spectra,
-number of points of the cloud (uint32 each), then frequency, desired and actual of the spectra,
-desired and actual of the cloud (float32 each). A frame of places: kind (uint32), then x and z of
-each of `PLACES` (float32, NaN for unknown).
+in s at creation of the frame (float32; negative if stamped in the future), steady time of creation
+in s (float64), origin in s since 1970 (float64), then for each trace the times after the origin in
+s and the values (float32 each). A frame of plots: kind, number of points of the spectra, number of
+points of the cloud (uint32 each), then frequency, desired and actual of the spectra, desired and
+actual of the cloud (float32 each). A frame of places: kind (uint32), then x and z of each of
+`PLACES` (float32, NaN for unknown).
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ ON_DEMAND = (*CHOSEN, SCENE, SOUND)
 """Requests that a page may make."""
 
 PLACES = ("tool", "tool_velocity", "handle", "contact_force")
-"""Vectors of a frame of places: m, m/s, m, N; those of the tool in the slave's base frame."""
+"""Vectors of a frame of places: m, m/s, m, N; the tool's in the slave's base frame."""
 
 _SAMPLES_HEADER = struct.Struct("<7Ifdd")
 _PLOTS_HEADER = struct.Struct("<3I")
@@ -88,17 +88,17 @@ class Cursor:
         self._placed = b""
 
     def choose(self, names: Iterable[str]) -> None:
-        """Send these of `ON_DEMAND` too, from their next sample on, and no others."""
+        """Select the signals of `ON_DEMAND` to send, from their next sample on."""
         self.shown = frozenset((*ALWAYS, *names))
         self._placed = b""
 
     def places(self) -> bytes | None:
-        """Return the latest places; None if they are not shown, or still as when last returned."""
+        """Return the latest places; None if not shown, or unchanged since the last call."""
         before, self._placed = self._placed, places_frame(self._windows.places)
         return self._placed if SCENE in self.shown and self._placed != before else None
 
     def frame(self) -> bytes | None:
-        """Return the samples since the last frame, at most the longest window; None if none."""
+        """Return samples since the last frame, at most the longest window; None if empty."""
         self._windows.advance()
         parts = []
         for name in TRACES:

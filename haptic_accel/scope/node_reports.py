@@ -30,17 +30,17 @@ NETWORK = (
     "delay {one-way delay (ms)} ms, loss {packet loss (%)} %, clock {clock offset (ms)} ms,"
     " energy {energy tank (mJ)} mJ"
 )
-"""Line for a node with a peer host, of the values that it reports."""
+"""Status line for a node with a peer host, from its reported values."""
 
 SILENCE = 2.5
-"""Time without diagnostics after which a node counts as silent, s: two reports are missing then,
-as nodes send one per second."""
+"""Time without diagnostics after which a node counts as silent, s: two missing reports, as nodes
+send a report per second."""
 
 MOST_NODES = 64
-"""Nodes that are shown: many times those of a graph, and few enough for a page to list."""
+"""Maximum number of nodes shown: many times a graph's, and few enough for a page."""
 
 MOST_VALUES = 200
-"""Values that are kept of a node's report: twice the most that a node of ours sends."""
+"""Maximum number of values per report: twice the most that a node sends."""
 
 LONGEST_TEXT = 300
 """Longest message, name or value that is shown, characters; the rest is left out."""
@@ -50,7 +50,7 @@ LEVELS = {0: "OK", 1: "warning", 2: "error"}
 
 
 def expected_nodes(side: str) -> list[str]:
-    """Return the nodes that are expected on a host with the arm of a side; empty for both."""
+    """Return the nodes expected on a host with the arm of `side`; empty for both arms."""
     of_peer = {
         "": (),
         "master": ("slave_device",),
@@ -87,12 +87,12 @@ class NodeReports:
             _cut(name): _cut(value) for name, value in islice(report.values.items(), MOST_VALUES)
         }
         report = replace(report, message=_cut(report.message), values=values)
-        # A new dictionary, so that no reader sees one change.
+        # A new dictionary, so that no reader sees a change.
         self._reports = {**self._reports, _cut(node): report}
         return True
 
     def values(self, node: str, now: float) -> Mapping[str, str]:
-        """Return the values that a node reported; none if it has fallen silent."""
+        """Return the values that a node reported; none if it stopped reporting."""
         report = self._reports.get(node)
         return report.values if report and now - report.moment < SILENCE else {}
 
@@ -118,7 +118,7 @@ def _row(report: NodeReport | None, now: float) -> dict[str, str]:
 
 
 def number(text: str | None) -> float | None:
-    """Return a number that a node reported; None if there is none, or it is not finite."""
+    """Return a number that a node reported; None if missing or not finite."""
     try:
         found = float(text or "nan")
     except ValueError:

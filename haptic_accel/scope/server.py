@@ -49,7 +49,7 @@ FRAME_RATE = 60.0
 """Most frames of samples per second: the refresh rate of most screens, Hz."""
 
 SOUND_RATE = 120.0
-"""The same to a page that plays sound, which waits for each frame, Hz."""
+"""Most frames per second to a page with sound, Hz."""
 
 METRICS_PERIOD = 0.2
 """Interval between updates of metrics and states, s: as fast as numbers can be read."""
@@ -58,7 +58,7 @@ MOST_CLIENTS = 8
 """Pages served at the same time; each costs some percent of a core."""
 
 HEARTBEAT = 10.0
-"""Interval at which a page is pinged, s; one that does not answer for half as long is dropped."""
+"""Interval at which a page is pinged, s; a page without an answer in half that time is dropped."""
 
 LONGEST_COMMAND = 4096
 """Largest size of a command and of a WebSocket message, bytes."""
@@ -67,12 +67,12 @@ MOST_CONNECTIONS = 64
 """Connections served at the same time: `MOST_CLIENTS` browsers, which open up to seven each."""
 
 REQUEST_TIME = 10.0
-"""Time that a connection has for the headers of a request, and again for its body, s: many times
-what a slow network takes, and short for one that holds a connection and sends nothing."""
+"""Time that a connection has for the headers of a request, and again for its body, s: ample for a
+slow network, and short for a connection that sends nothing."""
 
 GARBAGE_PERIOD = 10.0
-"""Interval between garbage collections, s. A node switches them off for the sake of its forces;
-requests leave reference cycles, and nobody feels a pause here."""
+"""Interval between garbage collections, s. Nodes disable collection, as pauses disturb forces;
+here requests leave reference cycles, and pauses are harmless."""
 
 STOPPING_TIME = 2.0
 """Time that pages have to close their connections, s."""
@@ -101,8 +101,8 @@ _HALF_ESCAPE = re.compile("%(?![0-9A-Fa-f]{2})")
 _LOG = logging.getLogger(__name__)
 
 LEAD_TIME = 1.0
-"""Time without a point after which another page may lead the hand, s; a page that leads sends one
-for each picture."""
+"""Time without a point after which another page may lead the hand, s; a leading page sends a point
+per picture."""
 
 FARTHEST = 10.0
 """Largest coordinate of a point, m: beyond any arm's reach."""
@@ -114,7 +114,7 @@ READ_ONLY = "this scope is read-only: it was started without control"
 
 
 class CommandError(Exception):
-    """A command that could not be carried out; the message is one line for the page.
+    """Error: a command failed; the message is one line for the page.
 
     Attributes
     ----------
@@ -133,25 +133,25 @@ class Source(Protocol):
     windows: Windows
 
     def choices(self) -> dict[str, list[str]]:
-        """Return what the page can choose from, by action."""
+        """Return the choices on the page, by action."""
 
     def state(self) -> dict[str, Any]:
         """Return the state of the graph, ready for JSON."""
 
     def scene(self) -> dict[str, Any]:
-        """Return what the tool can touch, ready for JSON, or raise ParameterError."""
+        """Return the touchable scene, ready for JSON, or raise ParameterError."""
 
     def lead(self, x: float, z: float) -> str:
-        """Lead the simulated hand to a point, m; return why not, in one line, or nothing."""
+        """Lead the simulated hand to a point, m; return a one-line refusal, or nothing."""
 
 
 Act = Callable[[str, Any], Awaitable[str]]
-"""Carries out a command, by its action and value; returns one line, or raises CommandError."""
+"""Function that carries out an action with a value; returns a line, or raises CommandError."""
 
 
 @dataclass
 class Traffic:
-    """Counts of what was sent to all pages, and of failures to do so."""
+    """Counts of data sent to all pages, and of failures to send."""
 
     frames: int = 0
     bytes: int = 0
@@ -177,7 +177,7 @@ class ScopeServer:
     host : str
         Address to listen on.
     port : int
-        Port to listen on; 0 for any that is free.
+        Port to listen on; 0 for any free port.
     act : callable, optional
         Carries out commands; without it the scope is read-only.
 
@@ -260,7 +260,7 @@ class ScopeServer:
             access_log=None,
             logger=_LOG,
             keepalive_timeout=REQUEST_TIME,
-            auto_decompress=False,  # a command is short, and what it unpacks to might not be
+            auto_decompress=False,  # a short command may decompress to a long one
             shutdown_timeout=STOPPING_TIME,
         )
         await runner.setup()
@@ -287,7 +287,7 @@ class ScopeServer:
         if len(server.connections) >= MOST_CONNECTIONS:
             return _Refusal()
         connection = server()
-        # aiohttp's own limit counts from the first request on; before it, only since 3.14.
+        # aiohttp limits the time to the first request only since 3.14.
         loop = asyncio.get_running_loop()
         self._silent[connection] = loop.call_later(REQUEST_TIME, self._drop, connection)
         return connection
@@ -304,13 +304,13 @@ class ScopeServer:
             waiting.cancel()
         try:
             response = self._refusal(request)
-            if response is None:  # by identity: up to aiohttp 3.9, a response counts as empty
+            if response is None:  # not by truth: up to aiohttp 3.9, a response is false
                 response = await handler(request)
         except web.HTTPException as error:
             error.headers.update(HEADERS)
             raise
         except ConnectionError:
-            raise  # who asked has left
+            raise  # the client has left
         except Exception as error:
             self._note_failure(request.path, error)
             response = _message(500, FAILURE)
@@ -357,10 +357,10 @@ class ScopeServer:
             return _message(503, str(error))
 
     async def _command(self, request: web.Request) -> web.Response:
-        """Carry out one command: a JSON object with an action, and a value if it needs one."""
+        """Carry out a command: a JSON object with an action and, if needed, a value."""
         if self._act is None:
             return _message(403, READ_ONLY)
-        # A form of a foreign page cannot send this type without asking first.
+        # A foreign page's form cannot send this type without a preflight request.
         if request.content_type != "application/json":
             return _message(415, "Content-Type: must be application/json")
         command = _parsed(await _body(request))
@@ -378,7 +378,7 @@ class ScopeServer:
         """Send frames until the page disconnects."""
         if len(self._clients) >= MOST_CLIENTS:
             return _text(503, f"{MOST_CLIENTS} pages are open already, no more are served")
-        # Not compressed: noise in float32 hardly gets smaller, and it would cost the graph.
+        # Not compressed: float32 noise hardly shrinks, and compression costs processor time.
         page = web.WebSocketResponse(
             heartbeat=HEARTBEAT, compress=False, max_msg_size=LONGEST_COMMAND
         )
@@ -394,15 +394,15 @@ class ScopeServer:
             self._lead(page, None)
             del self._clients[page]
         for error in await asyncio.gather(*tasks, return_exceptions=True):
-            # After a ConnectionError, or none, the page has disconnected.
+            # With or without a ConnectionError, the page has disconnected.
             if isinstance(error, Exception) and not isinstance(error, ConnectionError):
                 self._note_failure("page", error)
-                # The page shows that, and connects again.
+                # The page shows the failure, and reconnects.
                 await page.close(code=WSCloseCode.INTERNAL_ERROR, message=FAILURE.encode())
         return page
 
     async def _receive(self, page: web.WebSocketResponse, cursor: Cursor) -> None:
-        """Follow what a page asks for until it disconnects."""
+        """Serve a page's requests until it disconnects."""
         async for message in page:
             asked = _parsed(message.data)
             if isinstance(asked, list) and all(name in ON_DEMAND for name in asked):
@@ -415,7 +415,7 @@ class ScopeServer:
                 return
 
     def _lead(self, page: web.WebSocketResponse, point: list[float] | None) -> str:
-        """Lead the hand for a page, or let go; return why it may not, or nothing."""
+        """Lead the hand for a page, or release it; return a refusal, or nothing."""
         now = asyncio.get_running_loop().time()
         leader, until = self._leader
         if leader not in (None, page) and now < until:
@@ -429,10 +429,10 @@ class ScopeServer:
         return refusal
 
     async def _send(self, page: web.WebSocketResponse, cursor: Cursor) -> None:
-        """Send what is new, no more often than a screen shows it or sound needs it.
+        """Send new data, no more often than the screen or the sound needs.
 
-        Only this task waits for a slow page: no frames are made for it meanwhile, so that
-        nothing queues up, and it continues with the newest samples.
+        Only this task waits for a slow page: no frames are made meanwhile, so that nothing queues
+        up, and the next frame has the newest samples.
         """
         loop = asyncio.get_running_loop()
         sent = float("-inf")
@@ -474,7 +474,7 @@ class ScopeServer:
         metrics = self._source.windows.metrics()
         state = {"version": self._version, "metrics": metrics.values} | self._source.state()
         self._update = (as_json(state), plots_frame(metrics))
-        self._updated = now  # not before: what could not be made must not pass for new
+        self._updated = now  # not before: failed updates must not count as new
 
 
 class _Refusal(asyncio.Protocol):
@@ -486,7 +486,7 @@ class _Refusal(asyncio.Protocol):
 
 
 async def _body(request: web.Request) -> bytes:
-    """Return the body of a request; nothing if it does not arrive whole and in time."""
+    """Return the body of a request; nothing if incomplete or late."""
     try:
         return await asyncio.wait_for(request.read(), REQUEST_TIME)
     except (web.RequestPayloadError, OSError, asyncio.TimeoutError):
@@ -494,12 +494,12 @@ async def _body(request: web.Request) -> bytes:
 
 
 def as_json(value: Any) -> str:
-    """Return a value as JSON, which has no number that is not finite: null in place of it."""
+    """Return a value as JSON, with null for numbers that are not finite."""
     return json.dumps(defined(value), allow_nan=False)
 
 
 def _parsed(text: Any) -> Any:
-    """Return the value of a JSON text, in UTF-8 if it is bytes; None if it is none."""
+    """Return the value of a JSON text or UTF-8 bytes; None if invalid."""
     try:
         return json.loads(text)
     except (TypeError, ValueError, RecursionError):
@@ -507,7 +507,7 @@ def _parsed(text: Any) -> Any:
 
 
 def _is_point(value: Any) -> bool:
-    """Return true for x and z of a point, or None, which lets go."""
+    """Return true for x and z of a point, or for None (release)."""
     return value is None or (
         isinstance(value, list)
         and len(value) == 2
@@ -528,7 +528,7 @@ def _pages(choices: Mapping[str, list[str]], *, control: bool) -> dict[str, tupl
 
 
 def _reason(error: OSError) -> str:
-    """Return the system's text for an error, without what asyncio adds to it."""
+    """Return the system's text for an error, without asyncio's additions."""
     if isinstance(error, socket.gaierror) or error.errno is None:
         return error.strerror or str(error)
     return os.strerror(error.errno).lower()

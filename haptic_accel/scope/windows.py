@@ -37,13 +37,13 @@ HIGHEST_RATE = 20e3
 """Highest sampling rate at which the longest window fits into a ring, Hz."""
 
 LOWEST_RATE = 10.0
-"""Lowest sampling rate from which signals are derived, Hz: a fifth of the lowest of the nodes."""
+"""Lowest sampling rate from which signals are derived, Hz: a fifth of the nodes' lowest."""
 
 LARGEST = 1e6
 """Largest value of a signal, in its SI unit: far beyond any sensor's, and squares stay finite."""
 
 SLACK = 1.25
-"""Capacity of a ring over what readers get, so that nothing is read while it is overwritten."""
+"""Capacity of a ring relative to a read, so that no sample is read while overwritten."""
 
 CAPACITY = int(LONGEST_WINDOW * HIGHEST_RATE * SLACK)
 """Samples that a ring holds."""
@@ -59,7 +59,7 @@ GAP = 0.5
 """Gap in the stamps after which derived signals start anew, s: nodes were restarted."""
 
 HELD = 0.1
-"""Time for which the last force still counts, s; after that the device has released it."""
+"""Time for which the last force counts, s; then the device has released it."""
 
 RATE_SAMPLES = 500
 """Samples from which the sampling rate is estimated."""
@@ -103,7 +103,7 @@ class Ring:
         self.count += 1
 
     def extend(self, stamps: IntArray, values: FloatArray) -> None:
-        """Add samples; of more than fit, the last."""
+        """Add samples; only the last that fit."""
         stamps, values = stamps[-self._capacity :], values[-self._capacity :]
         indices = np.arange(self.count, self.count + len(stamps)) % self._capacity
         self._stamps[indices] = stamps
@@ -111,7 +111,7 @@ class Ring:
         self.count += len(stamps)
 
     def since(self, count: int) -> tuple[int, IntArray, FloatArray]:
-        """Return the samples after the first `count`; of more than readers get, the newest.
+        """Return the newest samples after the first `count`, up to the readers' limit.
 
         Returns
         -------
@@ -126,7 +126,7 @@ class Ring:
         """Return the samples of the given time before the newest stamp, in order."""
         oldest = self.newest - int(seconds * NANOSECONDS)
         _, stamps, values = self.since(0)
-        # Start behind the last older stamp: if a clock was set back, only what came after counts.
+        # Start behind the last older stamp: if a clock was set back, only later samples count.
         older = np.flatnonzero(stamps < oldest)
         first = int(older[-1]) + 1 if len(older) else 0
         return stamps[first:], values[first:]
@@ -148,7 +148,7 @@ class GraphSettings:
     actuator : ActuatorParameters
         Limits of the actuator, and the suspension of its moving mass.
     latency : int
-        Samples from the one that caused a force to the tick at which the force takes effect.
+        Samples from the cause of a force to the tick at which the force takes effect.
     assumed : bool
         True for defaults, used until a compensator has reported its own parameters.
     """
@@ -166,13 +166,12 @@ class Metrics:
     Attributes
     ----------
     values : dict
-        Finite numbers by name; one that too few samples support is missing. ``rate``: samples of
-        the handle acceleration per second. ``nrmse_percent``, ``slope`` (desired on actual) and
-        ``r2``: comparison with the handle acceleration shifted back by the latency and one sample,
-        missing where the tool touches nothing.
-        ``rms_desired``, ``rms_actual``: m/s^2. ``age_p50``, ``age_p99``: time from the tool's
-        sample to the arrival of the actuator force here, s. ``peak_force``, ``peak_travel``:
-        largest magnitudes, N and m.
+        Finite numbers by name, without metrics of too few samples. ``rate``: samples of the handle
+        acceleration per second. ``nrmse_percent``, ``slope`` (desired on actual) and ``r2``:
+        comparison with the handle acceleration shifted back by the latency and one sample, missing
+        where the tool touches nothing. ``rms_desired``, ``rms_actual``: m/s^2. ``age_p50``,
+        ``age_p99``: time from the tool's sample to the arrival of the actuator force here, s.
+        ``peak_force``, ``peak_travel``: largest magnitudes, N and m.
     spectra : Spectra or None
         Spectra of desired and actual acceleration; None if there are too few samples.
     desired, actual : ndarray
@@ -281,8 +280,8 @@ class Windows:
 class Derivation:
     """Signals derived from the handle acceleration, sample by sample.
 
-    The high-pass is causal here: with a third of the compensator's corner frequency it hardly
-    shifts what is felt, and a page has to show the present. Metrics use the zero-phase filter.
+    The high-pass is causal, as a page shows the present; with a third of the compensator's corner
+    frequency it hardly shifts the signal. Metrics use the zero-phase filter.
 
     Parameters
     ----------
@@ -329,10 +328,10 @@ class Derivation:
 
 
 def live_rate(ring: Ring) -> float | None:
-    """Estimate a signal's rate from its newest stamps, Hz; None if they tell of no likely one.
+    """Estimate a signal's rate from its newest stamps, Hz; None if no rate is plausible.
 
-    The median step, to four digits, stays the same from one update to the next, as an average
-    does not: a new rate would reset the filters.
+    Unlike an average, the median step, to four digits, stays the same from update to update: a new
+    rate would reset the filters.
     """
     _, stamps, _ = ring.since(max(ring.count - RATE_SAMPLES, 0))
     if len(stamps) < FEWEST:
@@ -343,7 +342,7 @@ def live_rate(ring: Ring) -> float | None:
 
 
 def held(stamps: IntArray, values: FloatArray, moments: IntArray, rate: float) -> FloatArray:
-    """Return the command in force at given moments: the newest stamped up to half a period later.
+    """Return the active command at given moments: the newest up to half a period later.
 
     Parameters
     ----------
@@ -357,7 +356,7 @@ def held(stamps: IntArray, values: FloatArray, moments: IntArray, rate: float) -
     Returns
     -------
     ndarray, shape (n,)
-        Zero before the first command, and where the newest is older than `HELD`.
+        Zero before the first command, and if the newest is older than `HELD`.
     """
     if not len(stamps):
         return np.zeros(len(moments))
@@ -382,7 +381,7 @@ def paired(
         Stamps in ns, in order.
     desired, actual : ndarray, shapes (m,) and (n,)
     shift : int
-        Number of samples by which an actual sample follows the desired one that it answers.
+        Number of samples by which an actual sample follows its desired sample.
     rate : float
         Sampling rate, Hz.
 

@@ -40,14 +40,14 @@ ARMING_PERIOD = 0.25
 """Time after which the commands to arm are repeated, s; a heartbeat takes 0.1 s."""
 
 LONGEST_SILENCE = 1.0
-"""Longest time without commands after which a drive has to release its motor by itself, s. It is
-for emulated drives on busy machines; 0.02 s is recommended."""
+"""Longest time without commands until a drive must release its motor by itself, s. Emulated drives
+on busy machines need this; 0.02 s is recommended."""
 
 NO_WATCHDOG = (
     "goes on without commands: set axis0.config.enable_watchdog = True and"
     " axis0.config.watchdog_timeout = 0.02, then save_configuration()"
 )
-"""Problem of a drive that would keep its last torque for ever."""
+"""Problem of a drive that would keep its last torque forever."""
 
 ON_REQUEST = "disarmed on request"
 """Reason why there are no torques after `DrivenArm.disarm`."""

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 # python-can is imported where it is needed, so that users without CAN need not install it.
 
 DEFAULT_BITRATE = 1e6
-"""Bit rate where none is given, bit/s: the highest of classic CAN, needed at 1 kHz."""
+"""Default bit rate, bit/s: the highest of classic CAN, needed at 1 kHz."""
 
 NODE_MASK = HIGHEST_ID & ~((1 << COMMAND_BITS) - 1)
 """Bits of an id that hold the node."""
@@ -49,7 +49,7 @@ _REASONS = {
     errno.EAFNOSUPPORT: "its driver is missing: this kernel has no CAN (sudo modprobe can)",
     errno.EPROTONOSUPPORT: "its driver is missing: this kernel has no CAN (sudo modprobe can_raw)",
 }
-"""Reason why a channel cannot be opened, by the system's error."""
+"""Reason why a channel cannot be opened, by errno."""
 
 
 def bus_configuration(parameters: CanParameters) -> dict[str, Any]:

@@ -199,12 +199,12 @@ LONGEST_QUEUE = 100
 """Most frames received between two periodic updates of the arm."""
 
 SEND_TIMEOUT = 50e-3
-"""Longest time that a full transmit buffer may delay a command, s. Not 0: serial interfaces would
-then send half frames; nor shorter than a process may be delayed by others, which counts too."""
+"""Longest time that a full transmit buffer may delay a command, s. With 0, serial interfaces would
+send half frames. Delays of this process by other processes count too."""
 
 
 COUNTED = "frames_received", "frames_sent", "frames_garbled", "send_failures"
-"""Names of a link's own counts."""
+"""Names of a link's counts."""
 
 
 class ArmLink(Connection):

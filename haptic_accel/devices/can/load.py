@@ -24,11 +24,11 @@ FRAME_BITS = 47
 and the three bits between frames (ISO 11898-1)."""
 
 STUFFED_BITS = 34
-"""Bits of those from start to CRC, where a bit is stuffed after five equal ones."""
+"""Bits from start to CRC, where a bit is stuffed after five equal bits."""
 
 FULL_LOAD = 0.8
-"""Largest load with room to spare: frames are repeated after errors, and wait for others. A rule
-of thumb (assumed)."""
+"""Largest load with a margin, as frames are repeated after errors, and wait for others. A rule of
+thumb (assumed)."""
 
 HEARTBEAT_RATE = 10.0
 """Default rate of ODrive's heartbeats, Hz."""

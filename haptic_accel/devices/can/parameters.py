@@ -31,7 +31,7 @@ KINEMATICS = ("stage", "planar", "arm")
 """Kinematics by number of joints: one, two and three."""
 
 STREAMED, REQUESTED = "streamed", "requested"
-"""Transmission of estimates: by the drives at a rate of their own, or on request."""
+"""Transmission of estimates: at the drives' configured rate, or on request."""
 
 OMNI_LINK = 0.135
 """Length of both links of a Phantom Omni, m (Jarillo-Silva et al. 2009, table of L_1 and L_2)."""

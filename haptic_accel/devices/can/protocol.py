@@ -40,7 +40,7 @@ HIGHEST_ID = 0x7FF
 """Highest standard id, of 11 bits."""
 
 LARGEST_TORQUE = 1e4
-"""Largest torque accepted, N m: no motor has as much."""
+"""Largest torque accepted, N m: more than any motor's."""
 
 
 class Command(IntEnum):

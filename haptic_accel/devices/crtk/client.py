@@ -47,10 +47,10 @@ DELIVERY = 0.2
 """Longest time for the arm to confirm the last force, s."""
 
 ABSOLUTE = "set_cf_orientation_absolute"
-"""Topic beside a dVRK's `body/servo_cf`: true gives that the orientation of the base frame."""
+"""Topic beside a dVRK's `body/servo_cf`: true selects the base frame's orientation."""
 
 _SENSOR = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Quality that gets what any publisher sends."""
+"""Quality compatible with any publisher."""
 
 _LATCHED = QoSProfile(depth=DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

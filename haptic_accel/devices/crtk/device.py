@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from haptic_accel.devices.crtk.client import ArmClient
 
 POLL_PERIOD = 2e-3
-"""Period of looking for the first position, s."""
+"""Period of polling for the first position, s."""
 
 
 class CrtkArm(Device):

@@ -33,13 +33,13 @@ BLOCKS = 10
 """Number of blocks whose means give the standard error: the noise of samples is correlated."""
 
 STILL = 0.3
-"""Largest standard deviation of a sensor at rest, m/s^2; that of an ADXL320J is 0.07."""
+"""Largest standard deviation of a sensor at rest, m/s^2; an ADXL320J has 0.07."""
 
 STEADY = 0.1
 """Largest difference between the means of the blocks, m/s^2."""
 
 PLAUSIBLE = 0.75, 1.25
-"""Range of the gain relative to the nominal one: a sensor's tolerance is a tenth."""
+"""Range of the gain relative to nominal: a sensor's tolerance is a tenth."""
 
 
 class CalibrationError(RuntimeError):

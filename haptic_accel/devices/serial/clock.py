@@ -34,7 +34,7 @@ MICROSECOND = 1e-6
 """Unit of a device's clock, s."""
 
 BLOCK = 32
-"""Frames in a block, of which the quickest counts."""
+"""Frames in a block, of which the fastest counts."""
 
 BLOCKS = 256
 """Blocks that a line is fitted to: 8 s at 1000 frames per second, in which no crystal drifts."""
@@ -43,14 +43,14 @@ LEAST_BLOCKS = 32
 """Fewest blocks to fit a slope to: with fewer, jitter would make a large error."""
 
 FIRST_BLOCKS = 4
-"""Blocks that a line without a fitted slope goes through: an older one is wrong by the drift."""
+"""Blocks for a line without a fitted slope: older blocks are wrong by the drift."""
 
 LARGEST_DRIFT = 1e-3
 """Largest relative difference of a rate from its nominal value: crystals have 1e-4."""
 
 STRAGGLER = 0.5e-3
-"""Lateness against the line beyond which a block is ignored, s; a block as much too early shows
-that the line is wrong."""
+"""Lateness against the line beyond which a block is ignored, s; equal earliness shows that the
+line is wrong."""
 
 LATE_BLOCKS = 32
 """Late blocks in a row after which the line counts as wrong."""

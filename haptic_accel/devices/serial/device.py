@@ -46,13 +46,13 @@ BAUD = 1_000_000
 """Bit rate of a real serial line, bit/s; USB has none."""
 
 HIGHEST_RATE = 10_000
-"""Highest sampling rate that the protocol is made for, Hz."""
+"""Highest sampling rate of the protocol, Hz."""
 
 MOST_WAITING = 4096
 """Most samples kept between two reads."""
 
 LONGEST_HELD = 10
-"""Most ticks for which a sample at another rate may be held; beyond, it would be misleading."""
+"""Most ticks for which a sample at another rate may be held without misleading."""
 
 
 @dataclass(frozen=True)

@@ -56,15 +56,15 @@ ENDING = 0.1
 """Longest time to wait for the last answer when closing, s."""
 
 ALIGN_PERIOD = 0.05
-"""Interval between requests to follow the host's grid, s: at first the drift of the clocks is not
-known, and moves the ticks by some 5 us in that time."""
+"""Interval between requests to follow the host's grid, s: the initially unknown clock drift moves
+the ticks by some 5 us in that time."""
 
 ALIGNED = 1 / 16
 """Distance of a sample from the grid below which the board follows it, periods."""
 
 LEAD = 0.2
-"""Time by which a board's ticks are ahead of the grid, periods: most samples are there when the
-nodes' tick begins, which would otherwise look for them again and again."""
+"""Lead of a board's ticks over the grid, periods: most samples are present when the nodes' tick
+begins, which otherwise would poll repeatedly."""
 
 NO_ANSWER = "no answer; is there a board with this firmware, and the right baud rate?"
 
@@ -85,10 +85,10 @@ COUNTED = (
     "set_points_refused",
     "set_points_limited",
 )
-"""Names of a link's own counts."""
+"""Names of a link's counts."""
 
 BOARD_COUNTED = "state", "damaged", "lost", "refused", "timeouts", "unsent", "overflowed"
-"""Names of what is taken over from a board's status."""
+"""Names of the counts from a board's status."""
 
 TakeSamples = Callable[[Sequence[float], protocol.Samples], None]
 """Receiver of samples and of the times when they were taken, s of `time.monotonic`."""
