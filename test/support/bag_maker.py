@@ -13,10 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The maker of bags with content that a test knows, written without a graph.
+"""Maker of bags with known content for tests, without a graph.
 
-`BagContent` and `write_bag` make a bag as a graph records it. Below them, `write_messages` writes
-any messages in any form that rosbags has, and `record_messages` in the recorder's own.
+`BagContent` and `write_bag` make a bag as a graph records it. At a lower level, `write_messages`
+writes any messages in any format of rosbags, and `record_messages` in the recorder's format.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ NANOSECONDS = 1_000_000_000
 STRING = "std_msgs/msg/String"
 CHANGED = "rcl_interfaces/msg/ParameterEvent"
 TEXT = 4
-"""Of rcl_interfaces/msg/ParameterType."""
+"""Value in rcl_interfaces/msg/ParameterType."""
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 
@@ -58,7 +58,7 @@ FloatArray = npt.NDArray[np.float64]
 
 
 class Message(NamedTuple):
-    """A recorded message: its topic with the slash, its type, when it came in ns, its bytes."""
+    """Recorded message: topic with slash, type, time of reception in ns, and bytes."""
 
     topic: str
     kind: str
@@ -74,9 +74,9 @@ def vector_bytes(
     *,
     little_endian: bool = True,
 ) -> bytes:
-    """Return a stamped message of a vector, packed by rosbags instead of by the package.
+    """Return a vector's stamped message, packed by rosbags instead of this package.
 
-    What else there is in the message is not zero.
+    All other fields of the message are not zero.
     """
     kinds: Any = _TYPES.types
     if kind.endswith("PoseStamped"):
@@ -101,7 +101,7 @@ def diagnostics_bytes(stamp: int, node: str, message: str, values: Mapping[str, 
 
 
 def change_bytes(stamp: int, node: str, name: str, text: str) -> bytes:
-    """Return the event of a parameter of a node, with its slash, that was set to a text."""
+    """Return the event of a node's parameter set to a text; the node has its slash."""
     kinds: Any = _TYPES.types
     value = kinds["rcl_interfaces/msg/ParameterValue"](
         type=TEXT,
@@ -129,14 +129,14 @@ def write_messages(
     compression: CompressionMode = CompressionMode.NONE,
     custom: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write messages in their order by rosbags; return the bag's folder.
+    """Write messages in order by rosbags; return the bag's folder.
 
     Parameters
     ----------
     declared : mapping
-        Types of topics that are in the bag also if no message is.
+        Types of topics declared even without messages.
     storage, compression
-        The bag's form.
+        Format of the bag.
     custom : mapping
         The bag's custom data.
     """
@@ -169,12 +169,12 @@ def record_messages(
     custom: Mapping[str, str] | None = None,
     flush_after: Collection[int] = (),
 ) -> BagFiles:
-    """Write messages as the recorder does; return its files, which are open still.
+    """Write messages as the recorder does; return the files, which are still open.
 
     Parameters
     ----------
     flush_after : collection
-        Places of messages after which all so far is brought to the disk, which ends a chunk.
+        Indices of messages after which the files are flushed, which ends a chunk.
     """
     files = BagFiles(bag, options or RecordingOptions(), custom or {})
     kinds = {message.topic: message.kind for message in messages}
@@ -198,25 +198,25 @@ class BagContent:
     Attributes
     ----------
     signals : mapping
-        By topic; of shape (n, 3), or (n,) along the actuator's axis.
+        Arrays by topic, shape (n, 3), or (n,) along the actuator's axis.
     rate : float
-        Of the samples, Hz.
+        Sampling rate, Hz.
     facts : mapping
-        What the recorder stores of its run.
+        Metadata stored by the recorder.
     changes : sequence
-        Moments in s with node, parameter and text.
+        Times in s with node, parameter and text.
     diagnostics : sequence
-        Moments in s with node, message and values.
+        Times in s with node, message and values.
     gap : tuple of float
-        When the arms let go, and were taken again, s.
+        Times when the arms disengage and engage again, s.
     arms : bool
-        Whether there are forces on the master's arm, as while arms are coupled.
+        True for forces on the master's arm, as in coupled arms.
     dropped : mapping
-        Places of the samples that are not written, by topic.
+        Indices of samples that are not written, by topic.
     start : int
         First stamp, ns.
     delay : callable
-        From a sample's place to how long after its stamp it was recorded, ns.
+        Function from a sample's index to its recording delay, ns.
     """
 
     signals: Mapping[str, FloatArray]
@@ -232,7 +232,7 @@ class BagContent:
 
 
 def facts(controller: str, surface: str, *, seed: int = 0, rate: float = 1000.0) -> dict[str, Any]:
-    """Return what the recorder stores of a graph, as far as it is looked at."""
+    """Return the recorder's metadata of a graph, as far as tests read it."""
     return {
         "version": "0.1.0",
         "arguments": {
@@ -251,7 +251,7 @@ def facts(controller: str, surface: str, *, seed: int = 0, rate: float = 1000.0)
 
 
 def of_trial(trial: Trial, *, seed: int = 0) -> BagContent:
-    """Return the content of a bag that holds a trial."""
+    """Return the content of a trial's bag."""
     return BagContent(
         {
             topics.TOOL_ACCELERATION.name: trial.tool_acceleration,
@@ -265,7 +265,7 @@ def of_trial(trial: Trial, *, seed: int = 0) -> BagContent:
 
 
 def write_bag(path: Path, content: BagContent, *, compressed: bool = False) -> Path:
-    """Write a bag, with chunks compressed if wanted; return its folder."""
+    """Write a bag, its chunks compressed if wanted; return its folder."""
     known = {topic.name: topic for topic in topics.SIGNALS}
     signals = {known[name]: values for name, values in content.signals.items()}
     if content.arms:

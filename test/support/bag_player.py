@@ -13,10 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Publishes a bag as `ros2 bag play` does: ``python bag_player.py BAG [all]``.
+"""Publish a bag as `ros2 bag play` does: ``python bag_player.py BAG [all]``.
 
-At their original times, with their old stamps: the slave's signals below ``/played``, once all
-have subscribers; or all topics by their own names, with the quality of service that was recorded.
+Messages keep their original times and stamps. The slave's signals appear below ``/played``, once
+all have subscribers. With ``all``, every topic keeps its name and recorded quality of service.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def main() -> None:
     deadline = time.monotonic() + PATIENCE
     while not all(each.get_subscription_count() for each in publishers.values()):
         if everything and time.monotonic() > deadline - PATIENCE + 1.0:
-            break  # nobody need listen to all of them
+            break  # not every topic needs a subscriber
         assert time.monotonic() < deadline, "nobody listens"
         time.sleep(0.05)
     begin, first = time.monotonic_ns(), messages[0][0]

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A browser for the tests of pages."""
+"""Browser for the tests of pages."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ FLAGS = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
-    # A page of this name, unlike one of localhost, is no secure context.
+    # Unlike localhost, this host name makes a page an insecure context.
     f"--host-resolver-rules=MAP {socket.gethostname()} 127.0.0.1",
 )
 
@@ -57,15 +57,15 @@ LISTEN = """() => {
     return [(peak * context.sampleRate) / analyser.fftSize, levels[peak]];
   };
 }"""
-"""Script after which ``heard()`` gives frequency (Hz) and level (dB) of the loudest line of what a
-page plays."""
+"""Script that defines ``heard()``: frequency (Hz) and level (dB) of the loudest line in a page's
+sound."""
 
 
 class QuietGraph:
-    """A graph that the page's server asks, without processes: nothing runs that could change."""
+    """Graph double without processes, whose state never changes, for the page's server."""
 
     SHOWN: ClassVar[dict[str, Any]] = {}
-    """Part of the state that is not that of a graph without a scene."""
+    """Part of the state that differs from a graph without a scene."""
 
     def __init__(self) -> None:
         self.windows = Windows()

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bags to damage: a small one of every kind of message that is read, and what is done to it."""
+"""Bags to damage: a small bag with every kind of message read, and the damage."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ PERIOD = 1_000_000
 """Period of the samples, ns."""
 
 SAMPLES, CHUNK = 60, 20
-"""Samples of each signal, and those between two flushes, each of which ends a chunk."""
+"""Samples of each signal, and samples per flush, each of which ends a chunk."""
 
 
 def write_small_bag(bag: Path, profile: str = "none") -> Path:
-    """Write the bag; return its file, beside which there is metadata.yaml only."""
+    """Write a bag of one file besides metadata.yaml; return that file."""
     numbers = random.Random("bag")
     packed = [StampedVector(topic) for topic in SIGNALS]
     messages: list[Message] = []
@@ -81,7 +81,7 @@ def write_cut_off_bag(
     custom: Mapping[str, str] | None = None,
     flush_after: Collection[int] = (),
 ) -> Path:
-    """Write a bag as a recorder leaves it that is killed after the last message.
+    """Write a bag as left by a recorder killed after the last message.
 
     Parameters are those of `record_messages`.
     """
@@ -102,7 +102,7 @@ def _copy_what_is_there(source: str, target: str) -> None:
 
 
 def write_bag_with_an_empty_chunk(bag: Path, message: Message) -> Path:
-    """Write a bag of one message, before which there is a chunk of none; return its file."""
+    """Write a bag with an empty chunk, then one message; return its file."""
     with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         types = get_typestore(Stores.ROS2_JAZZY)
         topic = writer.add_connection(message.topic, message.kind, typestore=types)
@@ -113,7 +113,7 @@ def write_bag_with_an_empty_chunk(bag: Path, message: Message) -> Path:
 
 
 def without_checksums(file: Path) -> None:
-    """Take the checksums out of a bag, so that damage is not noticed by them."""
+    """Remove the checksums from a bag, so that they do not reveal damage."""
     saved = bytearray(file.read_bytes())
     summary = int.from_bytes(saved[-28:-20], "little")
     for place in (summary - 4, len(saved) - 12, *(place + 33 for place in places(file, CHUNKS))):
@@ -124,7 +124,7 @@ def without_checksums(file: Path) -> None:
 
 
 def places(file: Path, kind: int) -> list[int]:
-    """Return where the records of a kind begin in a file."""
+    """Return positions of a kind of records in a file."""
     saved, found, place = file.read_bytes(), [], len(MAGIC)
     while place < len(saved) - len(MAGIC):
         if saved[place] == kind:
@@ -134,7 +134,7 @@ def places(file: Path, kind: int) -> list[int]:
 
 
 def content(bag: Bag) -> object:
-    """Return all that was read, so that it can be compared."""
+    """Return all content that was read, for comparison."""
     signals = {
         name: (signal.stamps.tolist(), signal.received.tolist(), signal.values.tolist())
         for name, signal in bag.signals.items()

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Generated damage to what decoders read: `pytest --fuzz 1000000` for a million cases of each."""
+"""Generated damage to decoder input: `pytest --fuzz 1000000` runs a million cases each."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ T = TypeVar("T", bytes, str)
 ODD_NUMBERS = (
     "1_000",
     "\u0661\u0662",  # 12 in Arabic digits
-    "\uff11\uff12",  # in those of full width
+    "\uff11\uff12",  # 12 in full-width digits
     "\u00b2",
     "\u22121",
     "0x10",
@@ -57,7 +57,7 @@ ODD_NUMBERS = (
     "1\0",
     "1" * 500 + "x",
 )
-"""Texts that are no number in a file, though Python takes some of them for one."""
+"""Texts that are no numbers in a file, though Python accepts some as numbers."""
 
 ODD_TEXTS = (
     *ODD_NUMBERS,
@@ -74,27 +74,27 @@ ODD_TEXTS = (
 
 
 SECONDS, MEGABYTES = 2.0, 500.0
-"""Most that a file may take, whatever is in it."""
+"""Limits for any file, whatever its content."""
 
 
 def fuzz(test: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a property the number of cases that was asked for, and its mark."""
+    """Give a property the requested number of cases, and its mark."""
     return pytest.mark.fuzz(settings.get_profile("fuzz")(test))
 
 
 def fuzz_few(test: Callable[..., Any]) -> Callable[..., Any]:
-    """As `fuzz`, with a tenth of the cases by default: each of them takes long."""
+    """Apply `fuzz` with a tenth of the default cases, for slow cases."""
     return pytest.mark.fuzz(settings.get_profile("fuzz few")(test))
 
 
 def mutated(valid: st.SearchStrategy[T], pieces: st.SearchStrategy[T]) -> st.SearchStrategy[T]:
-    """Return what is valid, with up to four parts changed, cut out, doubled or inserted.
+    """Return valid input with up to four parts changed, cut out, doubled or inserted.
 
     Parameters
     ----------
     valid : strategy of bytes or str
     pieces : strategy of bytes or str
-        What is inserted, or put in place of something.
+        Content to insert, or to replace a part.
     """
     kinds = st.sampled_from(["replace", "cut", "double", "insert", "end"])
     change = st.tuples(kinds, st.integers(0, 999), st.integers(1, 16), pieces)
@@ -116,22 +116,22 @@ def _changed(text: T, changes: list[tuple[str, int, int, T]]) -> T:
 
 
 class TooSlowError(Exception):
-    """Something took longer than it may."""
+    """Error: a time limit was exceeded."""
 
 
 @contextmanager
 def measured(seconds: float = SECONDS, megabytes: float = MEGABYTES) -> Iterator[None]:
-    """Fail if what is inside takes longer, or more memory at a time, than is allowed.
+    """Fail if the body takes more time, or more memory at once, than allowed.
 
-    Time is that of the processor, so that a busy machine changes nothing. Memory is that which is
-    asked for: more of it is refused, as on a machine that has no more, and none is filled.
+    Time is processor time, which a busy machine does not change. Memory is allocated memory:
+    beyond the limit, allocations fail, as on a machine without more, and none is filled.
 
     Raises
     ------
     TooSlowError
-        After the time.
+        The time is exceeded.
     MemoryError
-        Where more memory is asked for.
+        An allocation failed.
     """
 
     def over(*_: object) -> None:
@@ -150,7 +150,7 @@ def measured(seconds: float = SECONDS, megabytes: float = MEGABYTES) -> Iterator
 
 
 def accepted(read: Callable[[], object]) -> bool:
-    """Return whether something is read; what is refused must be in one line fit for a terminal."""
+    """Return whether input is accepted; a refusal must be one line fit for a terminal."""
     try:
         read()
     except ParameterError as error:
@@ -160,10 +160,10 @@ def accepted(read: Callable[[], object]) -> bool:
 
 
 def in_child(read: Callable[[], object]) -> None:
-    """Do something in a process forked of this one, for libraries that may not come back from it.
+    """Call a function in a forked process, for libraries that may not return.
 
-    Time and memory are bounded as by `measured`, and beyond them the process is ended, which is no
-    failure: the same bounds are those of the code under test. An error is one.
+    Time and memory are limited as by `measured`. Beyond these limits the process is ended, which
+    is no failure, as the code under test has the same limits. An error is a failure.
     """
     received, sent = os.pipe()
     child = os.fork()
@@ -171,7 +171,7 @@ def in_child(read: Callable[[], object]) -> None:
         os.close(received)
         failure = b""
         try:
-            signal.setitimer(signal.ITIMER_REAL, 10 * SECONDS)  # where it waits
+            signal.setitimer(signal.ITIMER_REAL, 10 * SECONDS)  # if it waits
             limit = resource.getrlimit(resource.RLIMIT_DATA)[1]
             most = data_in_use() + int(MEGABYTES * 1e6)
             resource.setrlimit(resource.RLIMIT_DATA, (most, limit))

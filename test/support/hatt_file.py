@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Files of the shape of the Penn Haptic Texture Toolkit's, with textures made up."""
+"""Files in the Penn Haptic Texture Toolkit's format, with invented textures."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ import numpy as np
 def hatt_file(
     orders: tuple[int, int] = (14, 12), nodes: int = 25, rate: float = 1000.0, seed: int = 0
 ) -> str:
-    """Return a file: `nodes` on the plane, a few of them with no variance on its edges.
+    """Return a file with `nodes` on the plane, a few without variance at its edges.
 
     Parameters
     ----------
     orders : tuple of int
-        Of the recursive part and of the moving average, which an order of 0 leaves out.
+        Orders of the recursive part and of the moving average; 0 omits the latter.
     """
     random = np.random.default_rng(seed)
     inner = nodes - 10

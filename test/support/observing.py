@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A node of the tests' own that listens to the graph."""
+"""Node of the tests that observes the graph."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from running import PATIENCE
 
 
 class Observer:
-    """Listens to topics and calls services in a ROS domain."""
+    """Client of topics and services in a ROS domain."""
 
     def __init__(self, domain: int) -> None:
         self.context = rclpy.Context()
@@ -76,9 +76,9 @@ class Observer:
         least: Mapping[str, int] | None = None,
         **values: str,
     ) -> dict[str, str]:
-        """Return the values of a node's next diagnostics whose message has a text in it.
+        """Return the values of a node's next diagnostics whose message contains a text.
 
-        They are the first in which counters have reached those of `least`, with the values given.
+        These are the first with counters of at least `least`, and with the given values.
         """
         found: dict[str, str] = {}
 
@@ -102,7 +102,7 @@ class Observer:
         return future.result()
 
     def watch(self, topic: Topic) -> Callable[[Callable[[Any], bool]], None]:
-        """Subscribe; return what waits for a message that is wanted."""
+        """Subscribe; return a function that waits for a message."""
         arrived: list[Any] = []
         self.node.create_subscription(
             message_type(topic), topic.name, arrived.append, quality(topic)

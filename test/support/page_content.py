@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pages as a reader has them."""
+"""Pages as readers see them."""
 
 from __future__ import annotations
 
@@ -64,6 +64,6 @@ class Page(HTMLParser):
             self._cell[-1] += data
 
     def row(self, table: int, name: str) -> list[str]:
-        """Return the cells after a row's name, of which only the first word counts."""
+        """Return the cells after a row's name, which is matched by its first word."""
         rows = (row for row in self.tables[table] if row[0].split(" ")[0] == name)
         return next(rows)[1:]

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bags as the readers of others see them."""
+"""Bags read by other libraries."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from haptic_accel.bags.metadata import read_metadata
 
 Row = tuple[str, int, bytes]
-"""Topic, when it was recorded in ns, and the message."""
+"""Topic, recording time in ns, and message."""
 
 
 def with_rosbags(bag: Path) -> list[Row]:
@@ -40,9 +40,9 @@ def with_rosbags(bag: Path) -> list[Row]:
 
 
 def deserialised(bag: Path, topics: Collection[str] = ()) -> dict[str, list[Any]]:
-    """Return a bag's messages by topic as rosbags unpacks them, of all topics unless told which.
+    """Return a bag's messages by topic, unpacked by rosbags; default: all topics.
 
-    The definition of each type in the file must by itself describe it.
+    The definition of each type in the file must be self-contained.
     """
     types = get_typestore(Stores.ROS2_JAZZY)
     messages: dict[str, list[Any]] = {}
@@ -59,7 +59,7 @@ def deserialised(bag: Path, topics: Collection[str] = ()) -> dict[str, list[Any]
 
 
 def with_mcap(bag: Path) -> list[Row]:
-    """Return a bag's messages as mcap's own reader reads its files one by one."""
+    """Return a bag's messages, read file by file by the `mcap` library."""
     rows: list[Row] = []
     for entry in read_metadata(bag).files:
         with (bag / entry.name).open("rb") as stream:

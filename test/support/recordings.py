@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recorded tool accelerations made by us: the simulated tool dragged over a surface."""
+"""Recorded accelerations of the simulated tool, dragged over a surface."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def dragged_over(surface: str) -> np.ndarray:
 
 
 def write_recording(path: Path, surface: str) -> Path:
-    """Write a CSV file with several columns, as laboratories have them; return its path."""
+    """Write a CSV file with several columns, as in laboratories; return its path."""
     acceleration = dragged_over(surface)
     columns = {
         "speed": np.full(len(acceleration), 192.6),

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Commands run as a user runs them, and the processes they start."""
+"""Commands run as by a user, and the processes they start."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     import pytest
 
 PATIENCE = 60.0
-"""Time after which an event counts as not coming, on a busy machine too, s."""
+"""Time limit for an event, even on a busy machine, s."""
 
 _LIBC = ctypes.CDLL(None)
 _PR_SET_PDEATHSIG = 1
@@ -50,17 +50,17 @@ BAG_PLAYER = Path(__file__).with_name("bag_player.py")
 """Program that publishes a bag as `ros2 bag play` does."""
 
 DOMAINS = range(1, 101)
-"""ROS domains whose ports stay below those that Linux hands out."""
+"""ROS domains with ports below Linux' ephemeral ports."""
 
 
 class Command:
-    """A running command whose output can be waited for.
+    """Running command with output that tests can wait for.
 
     Attributes
     ----------
     process : Popen
     lines : list of str
-        What it wrote so far, both streams.
+        Output so far, both streams.
     """
 
     def __init__(self, words: list[str], folder: Path) -> None:
@@ -83,11 +83,11 @@ class Command:
 
     @property
     def text(self) -> str:
-        """Everything it wrote so far."""
+        """Complete output so far."""
         return "\n".join(self.lines)
 
     def wait_for(self, pattern: str, after: int = 0) -> str:
-        """Return the first line from `after` on that matches, waiting for it."""
+        """Wait for the first matching line from `after` on, and return it."""
 
         def found() -> str | None:
             return next((line for line in self.lines[after:] if re.search(pattern, line)), None)
@@ -100,10 +100,10 @@ class Command:
 
     @contextmanager
     def unread(self) -> Iterator[None]:
-        """Read nothing that it writes meanwhile, and leave its pipe no room for a line."""
+        """Stop reading the output meanwhile, and leave no room for a line in its pipe."""
         self._reads.clear()
         pipe = os.open(f"/proc/{self.process.pid}/fd/1", os.O_WRONLY | os.O_NONBLOCK)
-        # What a reader that was waiting takes leaves room once more.
+        # A waiting reader may still read once, which frees room again.
         while select.select([], [pipe], [], 0.1)[1]:
             with suppress(BlockingIOError):
                 os.write(pipe, b"full\n")
@@ -140,8 +140,8 @@ class Command:
 
 
 def use_domain(environment: pytest.MonkeyPatch, domain: int) -> None:
-    """Give this process, and all that it starts, a ROS domain with the users' defaults."""
-    # Only who talks to a graph needs what this imports.
+    """Give this process and its children a ROS domain with the users' defaults."""
+    # Imported here, as only tests with a graph need it.
     from haptic_accel.graph.middleware import VARIABLES, middleware_defaults
 
     for variable in VARIABLES:
@@ -152,24 +152,24 @@ def use_domain(environment: pytest.MonkeyPatch, domain: int) -> None:
 
 
 def _prepare() -> None:
-    """Make a new process one as at a terminal that does not outlive the tests."""
-    # A suite run in the background has Ctrl-C switched off.
+    """Make a new process behave as at a terminal, and end with the tests."""
+    # A suite run in the background ignores Ctrl-C.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    # A suite that is killed cleans nothing up; nodes end with the command that started them.
+    # A killed suite cannot clean up; nodes end with the command that started them.
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 class MachineStoodStillError(Exception):
-    """The machine ran nothing for so long that a graph could not keep its deadlines."""
+    """Error: the machine stalled for longer than a graph's deadlines allow."""
 
 
 class StallWatch:
-    """Measures for how long a thread that only sleeps is not run.
+    """Measurement of how long a sleeping thread is not resumed.
 
     Attributes
     ----------
     longest : float
-        Longest time beyond the sleep asked for, s.
+        Longest time beyond the requested sleep, s.
     """
 
     PERIOD = 0.01
@@ -198,11 +198,10 @@ class StallWatch:
 
 @contextmanager
 def reserved_domain() -> Iterator[int]:
-    """Give a ROS domain that no other test on this machine has, also none of another suite.
+    """Yield a ROS domain that no other test or suite on this machine uses.
 
-    A lock on a file is released by the kernel however its owner ends. A domain in which
-    something runs without a lock, or has left a port open, is left alone. Nodes that are left at
-    the end are killed.
+    The kernel releases a file lock however its owner ends. A domain with processes but no lock, or
+    with an open port, is skipped. Nodes that still run at the end are killed.
     """
     folder = Path(tempfile.gettempdir()) / f"haptic_accel-domains-{os.getuid()}"
     folder.mkdir(exist_ok=True)
@@ -225,7 +224,7 @@ def reserved_domain() -> Iterator[int]:
 
 
 def free_port() -> int:
-    """Return a TCP port of this machine that nobody has."""
+    """Return an unused TCP port of this machine."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -244,7 +243,7 @@ def open_ports(domain: int) -> Iterator[int]:
 
 
 def processes_of(domain: int) -> Iterator[tuple[int, list[str]]]:
-    """Yield process id and command line of whatever runs with a ROS domain of a test."""
+    """Yield process id and command line of each process in a test's ROS domain."""
     wanted = f"ROS_DOMAIN_ID={domain}".encode()
     for folder in Path("/proc").glob("[0-9]*"):
         try:
@@ -268,7 +267,7 @@ def nodes_of(domain: int) -> dict[str, int]:
 
 @contextmanager
 def sending(domain: int, topic: str, prepare: str = "") -> Iterator[subprocess.Popen[bytes]]:
-    """Let another process lock a signal."""
+    """Block a signal in another process."""
     text = (
         f"import signal; {prepare}from haptic_accel.graph.locks import lock_signal;"
         f" lock = lock_signal({domain}, {topic!r}); print(flush=True); signal.pause()"
@@ -283,7 +282,7 @@ def sending(domain: int, topic: str, prepare: str = "") -> Iterator[subprocess.P
 
 
 def wait_until(condition: Callable[[], bool], what: str) -> None:
-    """Wait for a state of the machine that gives no notice of itself."""
+    """Poll for a state of the machine that sends no event."""
     deadline = time.monotonic() + PATIENCE
     moment = threading.Event()
     while not condition():
@@ -292,11 +291,11 @@ def wait_until(condition: Callable[[], bool], what: str) -> None:
 
 
 def limit_size(process: int, file: Path) -> None:
-    """Let a process write its file a little longer than it is now."""
+    """Limit a process' files to slightly over a file's size."""
     while True:
         size = file.stat().st_size
         limit = (size + 100_000, resource.RLIM_INFINITY)
         resource.prlimit(process, resource.RLIMIT_FSIZE, limit)
-        # A chunk that came in between may have left no room for an index, as no disk does.
+        # A chunk written in between may leave no room for an index, unlike on a disk.
         if file.stat().st_size == size:
             return

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs for processes of a pool and of a cluster, which import them by name."""
+"""Runs that the processes of a pool or cluster import by name."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def negative(number: float) -> float:
 
 
 def killed_once(item: tuple[int, Path]) -> int:
-    """Kill the own process where item 3 runs for the first time."""
+    """Kill this process when item 3 runs for the first time."""
     number, folder = item
     if number == 3:
         try:

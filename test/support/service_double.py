@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Services of a graph that answer, refuse, stay silent, or are not there; without a middleware."""
+"""Services of a graph that answer, refuse, stay silent, or are missing; without middleware."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Answer = Callable[[Any], Any] | None
 
 
 class Service:
-    """Client of a service that exists if it has an answer, and is silent if that is None."""
+    """Client of a service that exists if it has an answer, and is silent if None."""
 
     def __init__(self, graph: Graph, name: str) -> None:
         self._graph, self._name = graph, name

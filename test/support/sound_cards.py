@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A sound card for tests: ALSA's file plug-in over its null plug-in."""
+"""Sound card for tests: ALSA's file plug-in over its null plug-in."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ pcm.default {{ type null }}
 
 @contextmanager
 def sound_card(folder: Path) -> Iterator[None]:
-    """Have a sound card that writes what it gets into a folder; skip a test where none can be."""
+    """Provide a sound card that writes its samples to a folder, or skip the test."""
     try:
         import sounddevice
     except (ImportError, OSError) as missing:
@@ -59,5 +59,5 @@ def sound_card(folder: Path) -> Iterator[None]:
 
 
 def received(folder: Path, channels: int = 2) -> np.ndarray:
-    """Return what came to the card until it was closed, shape (n, channels), full scale 1."""
+    """Return the samples of the closed card, shape (n, channels), full scale 1."""
     return np.fromfile(folder / "coil.raw", dtype="<f4").reshape(-1, channels)

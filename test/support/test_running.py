@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Separation of tests from each other, and detection of a machine that stood still."""
+"""Tests of the separation of tests, and of the detection of a stalled machine."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_what_fails_for_another_reason():
 
 
 def suite(folder: Path, *words: str, **values: object) -> subprocess.CompletedProcess[str]:
-    """Run a small suite with this one's conftest and settings."""
+    """Run a small suite with this conftest and settings."""
     (folder / "test_small.py").write_text(SUITE.format(**values))
     (folder / "conftest.py").write_text((TESTS / "conftest.py").read_text())
     settings = (TESTS.parent / "pyproject.toml").read_text()

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The bad wire itself, by datagrams that are sent back."""
+"""Tests of the bad wire by echoed datagrams."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ping:
                 found.append((int(place), time.monotonic() - float(sent)))
 print(json.dumps(found))
 """
-"""Sends so many datagrams at a period; prints number and round trip of those that come back."""
+"""Program that sends datagrams at a period, and prints number and round trip of echoes."""
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ def wire() -> Iterator[Wire]:
 
 
 def pinged(wire: Wire, count: int, period: float = 2e-3, rest: float = 0.3) -> list[list[float]]:
-    """Return number and round trip, s, of each datagram that came back, in their order."""
+    """Return number and round trip, s, of each returned datagram, in order."""
     words = [sys.executable, "-c", PING, str(count), str(period), str(rest)]
     run = subprocess.run(wire.inside(0, words), capture_output=True, text=True, check=True)
     found: list[list[float]] = json.loads(run.stdout)
@@ -139,7 +139,7 @@ def test_a_cut_wire_carries_nothing_until_it_is_mended(wire: Wire) -> None:
 def test_a_host_whose_device_was_down_is_reached_again(wire: Wire) -> None:
     for state in ("down", "up"):
         words = ["ip", "link", "set", DEVICE, state]
-        # Frames that are on their way find the device down.
+        # Frames on the wire arrive while the device is down.
         with subprocess.Popen(wire.inside(0, [sys.executable, "-c", PING, "200", "2e-3", "0.3"])):
             subprocess.run(wire.inside(1, words), check=True)
     assert len(pinged(wire, 20)) == 20

@@ -13,10 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Two arms, each with its half of the coupling, over a network that may do anything.
+"""Two arms, each with its half of the coupling, over an arbitrary network.
 
-Neither engagement nor sessions stand between the law and what befalls it: arms are taken again at
-once, wherever they are.
+Neither engagement nor sessions protect the control law: arms engage again at once, at any
+position.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ PACKETS = 2
 """Samples from packet to packet."""
 
 UNLIMITED = 100.0
-"""Peak force of an arm that no law reaches, N."""
+"""Peak force that no control law reaches, N."""
 
 
 @dataclass(frozen=True)
 class Packet:
-    """Message of a half to its peer; `echoed` is when the newest packet it had was sent, s."""
+    """Message to the peer half; `echoed` is the newest received packet's sending time, s."""
 
     sequence: int
     session: int
@@ -58,7 +58,7 @@ class Packet:
 
 @dataclass
 class Side:
-    """An arm, its half of the coupling, and what it has heard of its peer."""
+    """Arm, its half of the coupling, and the packets from the peer."""
 
     outside: Around
     parameters: PassiveParameters
@@ -94,7 +94,7 @@ class Side:
         self.origin = self.arm.position
 
     def hear(self, packet: Packet) -> None:
-        """Take a packet of the peer unless a newer one is there."""
+        """Accept a peer's packet unless a newer one came."""
         if packet.session in self.left:
             return
         if self.newest is None or packet.session != self.newest.session:
@@ -108,7 +108,7 @@ class Side:
             self.half.receive(packet.shipped)
 
     def packet(self, now: float) -> Packet:
-        """Return what to tell the peer."""
+        """Return a packet to the peer."""
         newest = self.newest
         return Packet(
             next(self.sequence),
@@ -128,20 +128,20 @@ class Side:
         return x, y, z
 
     def read(self, tick: int) -> None:
-        """Take the arm's sample of a tick, and the work of its motors so far, J."""
+        """Read the arm's sample of a tick, and its motors' work so far, J."""
         self.device.begin(tick)
         ((_, self.arm, work),) = self.device.read()
         self.work = sum(work)
 
     def push(self, tick: int, force: Vector) -> None:
-        """Command the force that the sample of a tick causes; a stopped device applies none."""
+        """Command the force caused by a tick's sample; a stopped device applies zero."""
         stamp = round(tick * NANOSECONDS / RATE)
         self.device.command(ARM, stamp, ZERO if self.stopped else force)
         self.device.apply()
         self.device.watch()
 
     def force(self, now: float) -> Vector:
-        """Return the force that the present sample causes, N."""
+        """Return the force caused by the present sample, N."""
         newest = self.newest
         if newest is None or newest.heard != self.session:
             self.half.disengage()
@@ -162,7 +162,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Instant:
-    """Energy given to both arms until a sample, J, and the forces that it causes, N."""
+    """Energy given to both arms until a sample, J, and the sample's forces, N."""
 
     given: float
     forces: tuple[Vector, Vector]
@@ -186,12 +186,12 @@ def run(
     latency: int = 1,
     hand_damping: float = HAND_DAMPING,
 ) -> Iterator[Instant]:
-    """Yield sample by sample what both arms are given.
+    """Yield the `Instant` of each sample.
 
     Parameters
     ----------
     networks : tuple of Channel
-        From the master and from the slave.
+        Channels from master and slave.
     """
     hand = Hand(path, damping=hand_damping)
     surroundings: tuple[Around, Around] = (hand, around_slave)

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Verbs of the command line, run in this process."""
+"""Command-line verbs, run in this process."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def status_of(*words: object) -> int:
 
 
 def refusal(*words: object) -> str:
-    """Run a command that is refused, and return the message of the one line it writes."""
+    """Run a command that is refused, and return its one-line message."""
     written = io.StringIO()
     with redirect_stderr(written):
         status = status_of(*words)

@@ -13,11 +13,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A bad wire: two network namespaces joined by a network that delays, loses and doubles frames.
+"""Bad wire: two network namespaces joined by a network that delays, loses and doubles frames.
 
-Each namespace has a TAP device. One process reads frames from either, sends them through a
-`Channel` and writes them to the other; both namespaces live as long as that process does, and it
-ends with its standard input, so that nothing is left behind by tests that are killed.
+Each namespace has a TAP device. One process reads frames from each device, sends them through a
+`Channel` and writes them to the other. The namespaces end with that process, and the process ends
+with its standard input, so that killed tests leave nothing behind.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ from typing import Any
 from haptic_accel.core.network.channel import Channel, ChannelParameters
 
 ADDRESSES = ("10.77.0.1", "10.77.0.2")
-"""IPv4 address of either end."""
+"""IPv4 address of each end."""
 
 TUN = "/dev/net/tun"
 
 DEVICE = "wire0"
-"""Name of the TAP device of either namespace."""
+"""Name of the TAP device in each namespace."""
 
 CARRIED = ChannelParameters()
-"""A wire that adds nothing."""
+"""Wire without impairments."""
 
 PRIORITY = 45
 """Real-time priority of the process, above every node and below the kernel's threads at 50:
@@ -60,7 +60,7 @@ LARGE = 200
 """Length of a frame with the smallest packet of the coupling, less 10 bytes."""
 
 _MARK = b"hapt"
-"""Begin of a packet of the coupling."""
+"""First bytes of a packet of the coupling."""
 
 _MACS = ("02:00:00:00:77:01", "02:00:00:00:77:02")
 _LIBC = ctypes.CDLL(None, use_errno=True)
@@ -72,7 +72,7 @@ _LONGEST_WAIT = 0.1
 
 
 def reason_against() -> str | None:
-    """Return why no wire can be made here, if so."""
+    """Return why this machine cannot make a wire."""
     if "CI" in os.environ:
         return "CI has no network namespaces"
     if os.geteuid() != 0:
@@ -130,18 +130,18 @@ class Wire:
         self._ask(parameters=[asdict(there), asdict(back or there)])
 
     def cut(self) -> int:
-        """Lose every frame that is sent, until `mend`; return since when, ns of system time."""
+        """Lose every sent frame until `mend`; return the start, system time in ns."""
         return int(self._ask(cut=True)["time"])
 
     def mend(self) -> int:
-        """Carry frames again; return since when, ns of system time."""
+        """Carry frames again; return the start, system time in ns."""
         return int(self._ask(cut=False)["time"])
 
     def counts(self) -> list[dict[str, dict[str, int]]]:
-        """Return for UDP datagrams from end 0 and from end 1: ``sent`` and ``lost`` by kind.
+        """Return counts of UDP datagrams from ends 0 and 1: ``sent`` and ``lost`` by kind.
 
-        Kinds are ``packet``, in which a packet of the coupling can be read; of all others
-        ``large`` from `LARGE` bytes on, as an encrypted packet is, and ``small``.
+        Kinds are ``packet``, a readable packet of the coupling; ``large``, others from `LARGE`
+        bytes on, such as an encrypted packet; and ``small``.
         """
         found: list[dict[str, dict[str, int]]] = self._ask()["counts"]
         return found
@@ -178,7 +178,7 @@ class _End:
         request = struct.pack("16sH22x", DEVICE.encode(), _IFF_TAP | _IFF_NO_PI)
         fcntl.ioctl(self.tap, _TUNSETIFF, request)
         other = 1 - number
-        # Addresses that are asked for over a wire that loses frames take seconds to be known.
+        # Address resolution over a wire that loses frames would take seconds.
         neighbour = f"neigh add {ADDRESSES[other]} lladdr {_MACS[other]} nud permanent"
         for words in (
             "link set lo up",
@@ -193,7 +193,7 @@ class _End:
         self.counts = {"sent": Counter[str](), "lost": Counter[str]()}
 
     def read(self, now: float) -> None:
-        """Send each frame that waits in the device."""
+        """Send each frame queued in the device."""
         with suppress(BlockingIOError):
             while True:
                 self._send(os.read(self.tap, _LONGEST_FRAME), now)
@@ -235,7 +235,7 @@ def _carry(ends: Sequence[_End]) -> None:
 
 
 def _obey(request: dict[str, Any], ends: Sequence[_End]) -> dict[str, Any]:
-    """Change the wire as asked; return when it did, as who asked may be told late, and counts."""
+    """Change the wire as requested; return the time of the change, and counts."""
     for end, given in zip(ends, request.get("parameters", ()), strict=False):
         end.parameters = end.channel.parameters = ChannelParameters(**given)
     if "cut" in request:

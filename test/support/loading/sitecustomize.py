@@ -13,9 +13,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Imported by Python as it starts, where PYTHONPATH names this folder.
+"""Module that Python imports at start if PYTHONPATH has this folder.
 
-Writes down when a node imports a module, opens a file, or asks for one.
+It logs when a node imports a module, opens a file, or queries a file.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from collections.abc import Callable
 from typing import Any
 
 WATCHED = ("import", "open")
-"""Events of Python's audit; there is none for ``os.stat``."""
+"""Python audit events; ``os.stat`` has no event."""
 
 DEPTH = 4
 """Number of callers that are named."""
 
 
 def watch(folder: str, node: str) -> None:
-    """Write a line with system time, event and callers for each, to a file with a node's name."""
+    """Log system time, event and callers, one line each, to a file with a node's name."""
     log = os.open(f"{folder}/{node}", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
 
     def note(event: str, name: object) -> None:

@@ -13,10 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Stand-in for the package `launch`, of which the binary wheels of ROS 2 have none.
+"""Stand-in for the package `launch`, which the binary wheels of ROS 2 lack.
 
-It has what the launch files use, with the names and the behaviour of the original; tests import
-it only where the original is not there.
+It provides the parts that launch files use, with the original names and behaviour. Tests import it
+only if `launch` is missing.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ class OpaqueFunction(LaunchDescriptionEntity):
 
 
 class RegisterEventHandler(LaunchDescriptionEntity):
-    """Registration of what is done at an event."""
+    """Registration of an event's handler."""
 
     def __init__(self, event_handler: Any) -> None:
         self.event_handler = event_handler
