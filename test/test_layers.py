@@ -274,3 +274,13 @@ def test_the_package_alone_loads_nothing_else() -> None:
 def test_a_graph_starts_without_what_takes_long_to_load(module: str) -> None:
     loaded = loaded_by(f"import {PACKAGE}.{module}")
     assert loaded & {"scipy.signal", "scipy.stats", "scipy.optimize", "pandas"} == set()
+
+
+def test_a_script_begins_when_all_of_its_file_is_known() -> None:
+    early = [
+        path.name
+        for path in sorted(SOURCE.rglob("*.py"))
+        for statement in ast.parse(path.read_text()).body[:-1]
+        if isinstance(statement, ast.If) and "__main__" in ast.unparse(statement.test)
+    ]
+    assert early == []

@@ -149,15 +149,6 @@ class Restamper(GraphNode):
         self._forces += 1
 
 
-def main() -> None:
-    """Run the node."""
-    run("restamper", Restamper)
-
-
-if __name__ == "__main__":
-    main()
-
-
 LISTENING = 100_000_000
 """Time for which arrivals are compared, ns: at the start, as the first may be delayed, and while
 all arrive after their ticks."""
@@ -234,3 +225,12 @@ class StampShift:
         self._offset = self._grid(stamp + distance + LEAD) - stamp
         self._until = None
         self.anchored += 1
+
+
+def main() -> None:
+    """Run the node."""
+    run("restamper", Restamper)
+
+
+if __name__ == "__main__":
+    main()
