@@ -173,7 +173,7 @@ class AccelerometerParameters(Checked):
     """Accelerometer Analog Devices ADXL320J with a 16-bit converter, as in the paper."""
 
     range: float = parameter(
-        5 * GRAVITY, "range of the accelerometer either way (5 g)", unit="m/s^2", low=0, above=True
+        5 * GRAVITY, "accelerometer range in each direction (5 g)", unit="m/s^2", low=0, above=True
     )
     bandwidth: float = parameter(
         500.0, "corner of the accelerometer's first-order low-pass (paper)", "Hz", 1.0, 100e3

@@ -115,7 +115,7 @@ def read_key(folder: str) -> bytes:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise ParameterError(
-            f"keys = {shown(repr(folder))}: {LINK_KEY}: {reason}; haptic-accel keys makes it"
+            f"keys = {shown(repr(folder))}: {LINK_KEY}: {reason}; run haptic-accel keys to make it"
         ) from None
     if mode & 0o077:
         raise ParameterError(f"{path}: others can read it: must be for its owner alone, chmod 600")

@@ -37,7 +37,7 @@ class LinkNodeParameters(Checked):
     side: str = parameter("master", "arm of this host", choices=ARMS)
     peer: str = parameter("", "peer host as HOST or HOST:PORT; empty for no link")
     transport: str = parameter(UDP, "transport of datagrams to the peer host", choices=TRANSPORTS)
-    keys: str = parameter("", "folder with this host's keys, which haptic-accel keys makes")
+    keys: str = parameter("", "folder with this host's keys, made by 'haptic-accel keys'")
     insecure: bool = parameter(
         False, "link hosts without keys: anybody with access to the port can then move the arm"
     )
@@ -64,5 +64,5 @@ def check_peer(peer: str, transport: str, keys: str, *, insecure: bool) -> None:
     if not (keys or insecure or (transport == UDP and is_loopback(host))):
         raise ParameterError(
             f"keys = '': must be the folder of this host's keys, as peer {host} is another host;"
-            " haptic-accel keys makes it"
+            " run haptic-accel keys to make it"
         )

@@ -78,7 +78,7 @@ def check_keys(folder: str) -> Path:
     if not folder:
         raise ParameterError(
             "keys = '': must be the folder of this host's certificates for transport zenoh;"
-            " haptic-accel keys makes them"
+            " run haptic-accel keys to make them"
         )
     for name in (AUTHORITY, CERTIFICATE, KEY):
         try:
@@ -86,7 +86,7 @@ def check_keys(folder: str) -> Path:
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
             raise ParameterError(
-                f"keys = {folder!r}: {name}: {reason}; haptic-accel keys makes it"
+                f"keys = {folder!r}: {name}: {reason}; run haptic-accel keys to make it"
             ) from None
     return Path(folder)
 

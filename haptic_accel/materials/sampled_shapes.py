@@ -122,7 +122,7 @@ def _baked(path: Path, sampling: Sampling) -> dict[str, Any]:
             run_bounded(mesh_baking.__name__, list(map(str, words)), mesh_baking.SECONDS)
         except OutOfBoundsError as error:
             raise ParameterError(
-                f"{path}: {error}: must be turned into a grid within {mesh_baking.SECONDS:g} s"
+                f"{path}: {error}; the limits for its grid are {mesh_baking.SECONDS:g} s"
                 f" and {mesh_baking.MEGABYTES} MB"
             ) from None
         return dict(read_arrays(result))

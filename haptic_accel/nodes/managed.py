@@ -69,8 +69,8 @@ class ManagedNode(LifecycleNodeMixin, GraphNode):
         if wanted.label in possible if wanted.label else wanted.id in possible.values():
             return self._unguarded(request, response)
         self.get_logger().warning(
-            f"transition {shown(wanted.label) or wanted.id}: not from {self.state};"
-            f" possible are {', '.join(possible)}"
+            f"transition {shown(wanted.label) or wanted.id}: refused in state {self.state};"
+            f" allowed: {', '.join(possible)}"
         )
         response.success = False
         return response

@@ -123,7 +123,7 @@ class ResponseSupervisor:
 
     @property
     def ratio(self) -> ComplexArray:
-        """Measured over expected response on the lines; 1 if unknown."""
+        """Measured / expected response at `frequency`; 1 if unknown."""
         known = self._estimator.coherence >= LEAST_COHERENCE
         return np.where(known, self._estimator.response, 1.0)
 

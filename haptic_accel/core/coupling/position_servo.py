@@ -36,8 +36,8 @@ class PositionServoParameters(Checked):
     )
     damping: float = parameter(
         4.0,
-        "damping while a position is commanded; with the 3 N s/m of its joints this gives the"
-        " simulated slave (60 g) 0.9 of critical damping",
+        "damping while a position is commanded; the simulated slave (60 g, 3 N s/m in the joints)"
+        " then has 0.9 of critical damping",
         "N s/m",
         0,
         50.0,

@@ -123,7 +123,7 @@ class CompensationPart:
             self._compensation.adapt()
 
     def _before(self, stamp: int) -> tuple[bool, float | None]:
-        """Return whether the previous tick's handle sample is known or lost, and its value."""
+        """Return True and the previous tick's handle sample (None if lost); False if awaited."""
         wanted = stamp - self._period
         while self._handle and self._handle[0][0] < wanted - self._period / 2:
             self._handle.popleft()

@@ -292,7 +292,7 @@ class DrivenArm:
         self._send_frames([message.frame() for message in messages])
 
     def _send_torques(self, now: float, period: float = 0.0) -> None:
-        """Send torques, unless silent or sent in the last period."""
+        """Send torques if due and if the state is not FALLING_SILENT."""
         if self.state is not State.FALLING_SILENT and now - self._torques_sent >= period:
             self._torques_sent = now
             torques = zip(self.nodes, self.torques, strict=True)
