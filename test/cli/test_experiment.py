@@ -253,7 +253,8 @@ def test_a_recording_is_the_input_of_all_controllers(haptic_accel: Start, tmp_pa
 
 
 def test_an_experiment_needs_a_hand_that_moves_by_itself() -> None:
-    assert "master = 'pointer': not for an experiment" in refusal("experiment", "master:=pointer")
+    told = refusal("experiment", "master:=pointer")
+    assert "master = 'pointer': an experiment has no user" in told
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def test_lost_samples_hold_the_one_before_and_are_counted_and_told(tmp_path: Pat
     expected = rows()[topics.TOOL_ACCELERATION][99, 2]
     assert played[100].acceleration == played[101].acceleration == expected
     assert device.counters()["samples_lost_in_recording"] == 3
-    assert "3 samples are missing" in device.remark
+    assert "3 missing samples repeat the previous one" in device.remark
 
 
 def test_it_plays_from_where_the_arms_were_coupled(tmp_path: Path) -> None:
