@@ -26,9 +26,8 @@ from statistics import fmean
 from typing import Any
 
 import numpy as np
-from scipy import signal
 
-from haptic_accel.analysis.input_family import MEMBERS, member
+from haptic_accel.analysis.input_family import MEMBERS, band_noise, member, ringing
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import FloatArray, HandleParameters, held
@@ -178,10 +177,9 @@ def hand(
 
 def texture(low: float, rms: float, rate: float) -> FloatArray:
     """Return noise from a frequency in Hz to six times that, at most 400 Hz, m/s^2."""
-    noise = np.random.default_rng(3).standard_normal(round(DURATION * rate))
-    band = signal.butter(2, [low, min(400.0, 6 * low)], "band", fs=rate, output="sos")
-    found = signal.sosfilt(band, noise)
-    fading_in = np.minimum(np.arange(len(noise)) / (0.2 * rate), 1.0)
+    samples = round(DURATION * rate)
+    found = band_noise(np.random.default_rng(3), samples, low, min(400.0, 6 * low), rate)
+    fading_in = np.minimum(np.arange(samples) / (0.2 * rate), 1.0)
     return np.asarray(fading_in * found * (rms / np.std(found)))
 
 
@@ -191,9 +189,7 @@ def taps(peak: float, rate: float) -> FloatArray:
     time = np.arange(round(DURATION * rate)) / rate
     found, begin = np.zeros(len(time)), 0.3
     while begin < DURATION:
-        since = np.maximum(time - begin, 0.0)
-        ringing = np.sin(2 * np.pi * draw(60.0, 300.0) * since)
-        found += ringing * np.exp(-since / draw(3e-3, 20e-3))
+        found += ringing(time, begin, draw(60.0, 300.0), 1.0, draw(3e-3, 20e-3))
         begin += draw(0.3, 0.7)
     return np.asarray(found * (peak / np.abs(found).max()))
 

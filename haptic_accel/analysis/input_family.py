@@ -116,24 +116,40 @@ def _log_uniform(random: Random, low: float, high: float) -> float:
     return math.exp(random.uniform(math.log(low), math.log(high)))
 
 
-def _noise(random: Random, time: FloatArray, low: float, high: float, rate: float) -> FloatArray:
+def band_noise(random: Random, samples: int, low: float, high: float, rate: float) -> FloatArray:
+    """Return white noise through a band-pass of order 2, shape (samples,).
+
+    The band, Hz, is moved below `HIGHEST` of the rate where it would end above.
+    """
     highest = HIGHEST * rate
     edges = [min(low, 0.8 * highest), min(high, highest)]
     band = signal.butter(2, edges, "band", fs=rate, output="sos")
-    return np.asarray(signal.sosfilt(band, random.standard_normal(len(time))))
+    return np.asarray(signal.sosfilt(band, random.standard_normal(samples)))
+
+
+def ringing(
+    time: FloatArray, begin: float, frequency: float, amplitude: float, decay: float
+) -> FloatArray:
+    """Return an oscillation, Hz, that begins at a time and decays with a time constant, s."""
+    since = np.maximum(time - begin, 0.0)
+    return np.asarray(amplitude * np.sin(2 * np.pi * frequency * since) * np.exp(-since / decay))
 
 
 def _band(random: Random, time: FloatArray, rate: float) -> FloatArray:
     """Return noise in a band."""
     low = _log_uniform(random, 5.0, 60.0)
-    return _noise(random, time, low, max(2.0 * low, _log_uniform(random, 60.0, 480.0)), rate)
+    return band_noise(
+        random, len(time), low, max(2.0 * low, _log_uniform(random, 60.0, 480.0)), rate
+    )
 
 
 def _low(random: Random, time: FloatArray, rate: float) -> FloatArray:
     """Return noise whose power falls from a corner at 8 to 40 Hz: a scratch of a rough surface."""
     corner = _log_uniform(random, 8.0, 40.0)
     low_pass = signal.butter(1, min(corner * 1.5, 0.4 * rate), fs=rate, output="sos")
-    return np.asarray(signal.sosfilt(low_pass, _noise(random, time, corner / 2, 480.0, rate)))
+    return np.asarray(
+        signal.sosfilt(low_pass, band_noise(random, len(time), corner / 2, 480.0, rate))
+    )
 
 
 def _autoregressive(random: Random, time: FloatArray, rate: float) -> FloatArray:
@@ -143,7 +159,7 @@ def _autoregressive(random: Random, time: FloatArray, rate: float) -> FloatArray
         peak = _log_uniform(random, 20.0, 400.0)
         width = _log_uniform(random, 0.1, 0.8)
         edges = peak * (1.0 - width / 2), peak * (1.0 + width / 2)
-        part = _noise(random, time, *edges, rate)
+        part = band_noise(random, len(time), *edges, rate)
         found += part / np.std(part) * _log_uniform(random, 0.2, 1.0)
     return found
 
@@ -153,7 +169,7 @@ def _lines(random: Random, time: FloatArray, rate: float) -> FloatArray:
     frequency = _log_uniform(random, 20.0, 200.0)
     wander = np.cumsum(random.standard_normal(len(time))) * math.sqrt(1.0 / rate)
     phase = 2 * np.pi * np.cumsum(frequency * (1.0 + 0.01 * np.tanh(wander))) / rate
-    found = random.uniform(0.05, 0.5) * _noise(random, time, 20.0, 400.0, rate)
+    found = random.uniform(0.05, 0.5) * band_noise(random, len(time), 20.0, 400.0, rate)
     found /= max(1e-9, float(np.std(found))) / 0.2
     for harmonic in range(1, int(min(6.0, min(450.0, HIGHEST * rate) / frequency)) + 1):
         found += np.sin(harmonic * phase + random.uniform(0.0, 6.28)) / harmonic ** random.uniform(
@@ -165,13 +181,13 @@ def _lines(random: Random, time: FloatArray, rate: float) -> FloatArray:
 def _chatter(random: Random, time: FloatArray, rate: float) -> FloatArray:
     """Return bursts of a line at 40 to 300 Hz, as of stick and slip, in noise."""
     frequency = min(_log_uniform(random, 40.0, 300.0), HIGHEST * rate)
-    beat = _noise(random, time, 0.5, 4.0, rate)
+    beat = band_noise(random, len(time), 0.5, 4.0, rate)
     bursts = np.maximum(beat / np.std(beat), 0.0)
     line = (
         np.sign(np.sin(2 * np.pi * frequency * time))
         * np.abs(np.sin(2 * np.pi * frequency * time)) ** 0.5
     )
-    ground = _noise(random, time, 20.0, 400.0, rate)
+    ground = band_noise(random, len(time), 20.0, 400.0, rate)
     return np.asarray(bursts * line + 0.2 * ground / np.std(ground))
 
 
@@ -206,12 +222,9 @@ def _taps(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
     found = 0.3 * found
     begin = 0.3
     while begin < time[-1]:
-        since = np.maximum(time - begin, 0.0)
         frequency = min(_log_uniform(random, 60.0, 450.0), HIGHEST / (time[1] - time[0]))
-        ringing = np.sin(2 * np.pi * frequency * since)
-        found = found + random.uniform(2.0, CREST) * ringing * np.exp(
-            -since / random.uniform(3e-3, 20e-3)
-        )
+        amplitude, decay = random.uniform(2.0, CREST), random.uniform(3e-3, 20e-3)
+        found = found + ringing(time, begin, frequency, amplitude, decay)
         begin += random.uniform(0.3, 0.9)
     return found
 
