@@ -95,10 +95,10 @@ class AdaptiveController(InverseController):
         """Execute a part of the estimation; after its last part start to change the filter."""
         if self.frozen:
             return
-        looked = self._estimator.update()
-        if looked and self._learner.deviation < UNDESCRIBED:
+        estimated = self._estimator.update()
+        if estimated and self._learner.deviation < UNDESCRIBED:
             self._grip = self._estimator.grip
-        if looked or self._learner.update(self._grip):
+        if estimated or self._learner.update(self._grip):
             self._excursion.replace(self._family.taps(self._grip) + self._learner.correction)
 
     def freeze(self, frozen: bool) -> None:
@@ -153,7 +153,7 @@ motion in the handle's acceleration."""
 LEAST_FORCE = 0.01
 """Minimum root mean square of the actuator's force for learning, N."""
 
-LOWEST, CERTAIN = 6.0, 12.0
+LEARNT = 6.0, 12.0
 """Frequencies below which the plant is not learnt, and above which it is learnt fully, Hz: the
 hand's own motion is no response to the force."""
 
@@ -241,10 +241,10 @@ class Learner:
         self._known = plant.response(lines, rate) / handle_model(plant.handle).response(lines)
         self._equations = NormalEquations(plant.handle, lines, rate, goal)
         self._expected = goal.spectrum(lines)
-        self._above = np.clip((lines - LOWEST) / (CERTAIN - LOWEST), 0.0, 1.0)
+        self._above = _rising(lines, *LEARNT)
         assumed = plant.response(lines, rate)
         self._assumed_spectra = self._equations.spectra(self._expected, assumed)
-        self._textured = np.clip((lines - TEXTURED[0]) / (TEXTURED[1] - TEXTURED[0]), 0.0, 1.0)
+        self._textured = _rising(lines, *TEXTURED)
         self._assumed_sequences = assumed_sequences(plant, rate, goal)
         moving = replace(goal, spectrum=lambda lines: goal.spectrum(lines) + slow_motion(lines))
         self._slow_sequences = assumed_sequences(plant, rate, moving) - self._assumed_sequences
@@ -365,6 +365,11 @@ class Learner:
         from_zero[:, 1:] = spectra
         lags = np.fft.irfft(from_zero, 2 * len(self._lines))
         return np.asarray(lags[:, : self._assumed_sequences.shape[1]])
+
+
+def _rising(frequency: FloatArray, low: float, high: float) -> FloatArray:
+    """Return weights that rise linearly from 0 at one frequency to 1 at another."""
+    return np.clip((frequency - low) / (high - low), 0.0, 1.0)
 
 
 def slow_motion(frequency: FloatArray) -> FloatArray:
