@@ -23,6 +23,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from haptic_accel.core.control.inversion.convolution import SampleWindow
 from haptic_accel.core.model import ComplexArray, FloatArray
 
 WINDOW = 0.25
@@ -153,6 +154,89 @@ class ResponseEstimator:
         yield True
 
 
+class AutocorrelationEstimator:
+    """Autocorrelation of a signal, up to a lag, with forgetting.
+
+    The signal is weighted by an exponential that falls into the past, and its autocorrelation by
+    Bartlett's lag window, so that the spectrum is nowhere negative (Blackman and Tukey, Bell
+    System Tech. J. 37, 1958). At lags far below the longest the result is nearly exact.
+
+    `observe` only stores a sample; `update` does all computations in parts.
+
+    Parameters
+    ----------
+    rate : float
+        Samples per second.
+    memory : float
+        Time constant of forgetting, s.
+    longest : float
+        Longest lag, s.
+    least : float
+        Minimum root mean square of the level for an evaluation; below it nothing changes.
+
+    Attributes
+    ----------
+    sequence : ndarray, shape (n,)
+        Autocorrelation at the lags 0 to n - 1, summed over the samples; the unit of the signal
+        squared.
+    weight : float
+        Effective number of evaluations in the estimate, with forgetting.
+    """
+
+    def __init__(self, rate: float, memory: float, longest: float, least: float) -> None:
+        self._lags = 1 << max(4, round(math.log2(longest * rate)))
+        self._hop = self._lags // (2 * LOOKS)
+        self._least = self._hop * least**2
+        self._kept = math.exp(-self._hop / rate / memory)
+        # The weight of a product is the geometric mean of those of its two samples.
+        lag = np.arange(self._lags)
+        self._faded = self._kept ** (lag / (2 * self._hop)) * (1.0 - lag / self._lags)
+        self._window = SampleWindow(self._lags + self._hop)
+        self._count, self._power = 0, 0.0
+        self._work: Iterator[bool] = iter(())
+        self.reset()
+
+    def observe(self, level: float, value: float) -> None:
+        """Store one sample.
+
+        Parameters
+        ----------
+        level : float
+            Signal that shows whether there is something to learn.
+        value : float
+            Signal whose autocorrelation is estimated.
+        """
+        latest = self._window.push(value)
+        self._power += level * level
+        self._count += 1
+        if self._count == self._hop:
+            if self._power >= self._least:
+                self._work = self._look(latest.copy())
+            self._count, self._power = 0, 0.0
+
+    def update(self) -> bool:
+        """Execute a part of pending computations; return True after a new estimate."""
+        return next(self._work, False)
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        self.sequence = np.zeros(self._lags)
+        self.weight = 0.0
+        self._count, self._power = 0, 0.0
+        self._work = iter(())
+        self._window.reset()
+
+    def _look(self, latest: FloatArray) -> Iterator[bool]:
+        """Add the products of the newest samples with all before; finally yield True."""
+        newest = np.fft.rfft(latest[: self._hop], len(latest))
+        yield False
+        products = np.fft.irfft(newest.conj() * np.fft.rfft(latest), len(latest))[: self._lags]
+        yield False
+        self.sequence = self._kept * self.sequence + self._faded * products
+        self.weight = self._kept * self.weight + 1.0
+        yield True
+
+
 MOST_MISSING = 0.02
 """Maximum fraction of missing samples in a window; they repeat the previous value."""
 
@@ -186,13 +270,14 @@ class PairedWindow:
         cause : float
             Finite.
         effect : float
-            NaN or infinite if unknown.
+            NaN if missing, infinite if the sensor was saturated.
         """
         newest = self._newest - 1
         if newest < 0:
             newest = self._moved()
         if not math.isfinite(effect):
-            self._missing[-1] += 1
+            # A saturated sample hides the largest values: its window is not used.
+            self._missing[-1] += 1 if math.isnan(effect) else self._length
             effect = self._effect[newest + 1]
         self._newest = newest
         self._cause[newest] = cause

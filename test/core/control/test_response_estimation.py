@@ -23,8 +23,14 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from haptic_accel.core.control.response_estimation import PairedWindow, ResponseEstimator
+from haptic_accel.core.control.response_estimation import (
+    AutocorrelationEstimator,
+    PairedWindow,
+    ResponseEstimator,
+)
 from haptic_accel.core.model import FloatArray
+
+RATE = 1000.0
 
 
 def noise(samples: int, seed: int = 1) -> FloatArray:
@@ -173,3 +179,38 @@ def test_a_window_that_is_reset_forgets_all() -> None:
     assert not window.latest()[1].any()
     assert not window.push(1.0, 1.0)
     assert window.push(1.0, 1.0)
+
+
+def autocorrelation(signal: FloatArray, memory: float = 2.0) -> FloatArray:
+    estimator = AutocorrelationEstimator(RATE, memory, 0.512, 0.01)
+    for value in signal.tolist():
+        estimator.observe(value, value)
+        while estimator.update():
+            pass
+    return estimator.sequence
+
+
+def test_the_autocorrelation_of_a_line_is_a_cosine_under_a_triangle() -> None:
+    time = np.arange(round(8 * RATE)) / RATE
+    found = autocorrelation(np.sin(2 * np.pi * 20.0 * time), memory=1e6)
+    lag = np.arange(len(found))
+    expected = np.cos(2 * np.pi * 20.0 * lag / RATE) * (1.0 - lag / len(found))
+    assert found / found[0] == pytest.approx(expected, abs=0.03)
+
+
+def test_its_spectrum_is_nowhere_negative() -> None:
+    loud = np.random.default_rng(5).standard_normal(4000) * np.repeat([1.0, 0.05], 2000)
+    found = autocorrelation(loud)
+    spectrum = np.fft.rfft(np.concatenate([found, [0.0], found[:0:-1]])).real
+    assert spectrum.min() > -1e-3 * spectrum.max()
+
+
+def test_a_quiet_signal_changes_nothing() -> None:
+    assert not autocorrelation(np.full(2000, 1e-3)).any()
+
+
+def test_a_window_with_a_saturated_sample_is_not_used() -> None:
+    window = PairedWindow(64, 16)
+    due = [window.push(1.0, math.inf if number == 70 else 1.0) for number in range(256)]
+    used = np.flatnonzero(due)
+    assert set(used) == {63, *range(143, 256, 16)}

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
@@ -36,14 +37,18 @@ from haptic_accel.core.control.inversion.design import (
     Goal,
     InverseBank,
     NormalEquations,
-    assumed_sequences,
     caused_motion,
     design_basis,
+    expected_input,
+    extended_response,
     extension,
     travel_cost,
 )
 from haptic_accel.core.control.inversion.toeplitz import improved
-from haptic_accel.core.control.response_estimation import ResponseEstimator
+from haptic_accel.core.control.response_estimation import (
+    AutocorrelationEstimator,
+    ResponseEstimator,
+)
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 from haptic_accel.core.parameters import parameter
@@ -143,6 +148,9 @@ MEMORY = 2.0
 WINDOW = 0.5
 """Minimum signal length for one evaluation, s: lines 2 Hz apart."""
 
+LAGS_PER_WINDOW = 2.0
+"""Ratio of the longest lag of the tool's autocorrelation to `WINDOW`: lines 0.5 Hz apart."""
+
 WINDOW_PER_MEMORY = 2.0
 """Minimum ratio of `WINDOW` to the length of the convolution solved on these lines."""
 
@@ -157,21 +165,15 @@ LEARNT = 6.0, 12.0
 """Frequencies below which the plant is not learnt, and above which it is learnt fully, Hz: the
 hand's own motion is no response to the force."""
 
-PRIOR_WEIGHT = 0.3
-"""Weight of the expected spectrum relative to one evaluation; matters only at first."""
-
-TEXTURED = 4.0, 8.0
-"""Frequencies below which the spectrum is that of slow motion, and above which that of the
-texture, Hz."""
-
-SLOW = 2.5
-"""Frequency up to which a hand moves the tool, Hz: strokes to and fro (assumed)."""
-
-SLOW_LINES = 2
-"""Number of lines that show the slow motion: 2 and 4 Hz."""
+PRIOR_WEIGHT = 1.0
+"""Weight of the expected spectrum in evaluations, each of an eighth of a second."""
 
 EVER_EXPECTED = 5e-3
 """Fraction of the expected spectrum that always remains, by power."""
+
+FIRST_EXPECTED = 4.0
+"""The same while the plant is not known: a filter for a narrow spectrum needs an accurate
+plant."""
 
 CAUTION = 4.0
 """Ratio of a squared deviation to the variance of the estimated response at which half of the
@@ -193,21 +195,16 @@ STEPS = 6
 class Learner:
     """Redesign a bank of inverses for the observed spectrum and plant.
 
-    The spectrum is that of the extended desired acceleration by Welch's method, divided by the
-    response of high-pass and extension. (The desired acceleration itself has too little power
-    below the high-pass: leakage from above would look like a large slow motion.) The plant is the
-    model with the estimated grip, times the ratio of measured to expected response to the applied
-    force, line by line. An uncertain ratio is shifted towards 1. Without feedback the ratio has no
-    bias. It includes effects without a parameter: a mode of the mount, the describing function of
-    friction, another hand.
+    The tool's spectrum is that of the exact autocorrelation of the convolution's input. A windowed
+    spectrum would smear the slow motion of the hand, which is not felt, but needs most of the
+    travel. The plant is the model with the estimated grip, times the ratio of measured to expected
+    response to the applied force, line by line. An uncertain ratio is shifted towards 1. Without
+    feedback the ratio has no bias. It includes effects without a parameter: a mode of the mount,
+    the describing function of friction, another hand.
 
-    Slow motion of the tool is not felt, but needs most of the travel. Its density is learnt as one
-    number, as its peak is narrower than the lines. All members of the bank but the first expect
-    it: slow motion is tracked less only where travel is short.
-
-    The normal equations differ from the expected ones by the learnt part, which is smooth and
-    needs few lines. A few steps from the last solution solve them for all members of the bank
-    together. `observe` only stores values; `update` does all computations in parts.
+    The normal equations need the autocorrelation up to the length of the convolution and the
+    memory of handle and actuator. A few steps from the last solution solve them for all members of
+    the bank together. `observe` only stores values; `update` does all computations in parts.
 
     Parameters
     ----------
@@ -234,22 +231,26 @@ class Learner:
         self._family = family
         self._handle = plant.handle
         window = max(WINDOW, WINDOW_PER_MEMORY * goal.memory)
-        self._tool = ResponseEstimator(rate, MEMORY, window, LEAST_ACCELERATION)
+        self._tool = AutocorrelationEstimator(
+            rate, MEMORY, LAGS_PER_WINDOW * window, LEAST_ACCELERATION
+        )
         self._ratio = ResponseEstimator(rate, MEMORY, window, LEAST_FORCE)
-        lines = self._tool.frequency[1:]
+        lags = len(self._tool.sequence)
+        lines: FloatArray = np.fft.rfftfreq(2 * lags, 1.0 / rate).astype(np.float64)
+        lines[0] = 0.01 * lines[1]  # the responses are not defined at 0 Hz
         self._lines = lines
+        # The tool's spectrum has a multiple of the ratio's lines.
+        every = lags // (len(self._ratio.frequency) - 1)
+        self._every = slice(every, None, every)
         self._known = plant.response(lines, rate) / handle_model(plant.handle).response(lines)
         self._equations = NormalEquations(plant.handle, lines, rate, goal)
-        self._expected = goal.spectrum(lines)
+        self._expected, unexpected = expected_input(rate, goal, lags)
+        self._unexpected = _spectrum(unexpected)
         self._above = _rising(lines, *LEARNT)
-        assumed = plant.response(lines, rate)
-        self._assumed_spectra = self._equations.spectra(self._expected, assumed)
-        self._textured = _rising(lines, *TEXTURED)
-        self._assumed_sequences = assumed_sequences(plant, rate, goal)
-        moving = replace(goal, spectrum=lambda lines: goal.spectrum(lines) + slow_motion(lines))
-        self._slow_sequences = assumed_sequences(plant, rate, moving) - self._assumed_sequences
+        tool = 1.0 / np.abs(extended_response(goal.high_pass_frequency, lines, rate)) ** 2
+        self._tool_power = self._above * tool
+        self._taps = family.basis.shape[2]
         self._travel_costs = np.array([[travel_cost(corner)] for corner in TRAVEL_CORNERS])
-        self._giving = np.arange(len(TRAVEL_CORNERS))[:, np.newaxis] > 0  # travel for tracking
         self._work: Iterator[bool] = iter(())
         self.reset()
 
@@ -283,8 +284,8 @@ class Learner:
         done = next(self._work, None)
         if done is not None:
             return done
-        self._tool.update()
-        if self._ratio.update() and self._tool.weight:
+        self._ratio.update()
+        if self._tool.update():
             self._work = self._redesign(grip)
         return False
 
@@ -293,7 +294,9 @@ class Learner:
         self._tool.reset()
         self._ratio.reset()
         handle = self._handle
-        self._ratio.model[1:] = self._model(np.array([handle.m_h, handle.b_u, handle.k_u]))
+        self._ratio.model[1:] = self._model(np.array([handle.m_h, handle.b_u, handle.k_u]))[
+            self._every
+        ]
         self._work = iter(())
         self.correction = np.zeros_like(self._family.basis[:, 0])
         self.deviation, self.estimates = 0.0, 0
@@ -302,24 +305,25 @@ class Learner:
         """Solve for all members of the bank in parts; yield after each part, finally True."""
         model = self._model(grip)
         # Each later evaluation is compared with the model of its time.
-        self._ratio.model[1:] = model
+        self._ratio.model[1:] = model[self._every]
         yield False
-        ratio = self._certain_ratio()
-        excitation = self._ratio.excitation[1:]
-        self.deviation = float(np.sqrt(excitation @ np.abs(ratio - 1.0) ** 2 / excitation.sum()))
+        if self._ratio.weight:
+            ratio = self._certain_ratio()
+            excitation = self._ratio.excitation[1:]
+            deviation = excitation @ np.abs(ratio - 1.0) ** 2 / excitation.sum()
+            self.deviation = math.sqrt(deviation)
+            model = model * np.interp(self._lines, self._ratio.frequency[1:], ratio)
         yield False
-        power, slow = self._spectrum()
-        learnt = self._equations.spectra(power, model * ratio)
+        spectra = self._equations.spectra(self._driven(), self._unexpected, model)
         yield False
-        sequences = self._assumed_sequences + self._sequences(learnt - self._assumed_spectra)
+        sequences = np.fft.irfft(spectra)[:, : self._taps]
         given = self._family.taps(grip)
         taps = given + self.correction
         yield False
-        each = sequences[:, np.newaxis] + self._slow_sequences[:, np.newaxis] * slow * self._giving
-        columns = each[0] + self._travel_costs * each[1]
+        columns = sequences[0] + self._travel_costs * sequences[1]
         columns[:, 0] *= 1.0 + RIDGE
         steps = 0
-        for better in improved(columns, each[2], taps):
+        for better in improved(columns, sequences[2], taps):
             if better is not None:
                 taps = better
                 steps += 1
@@ -336,18 +340,17 @@ class Learner:
         handle = replace(self._handle, m_h=m_h, b_u=b_u, k_u=k_u)
         return np.asarray(self._known * handle_model(handle).response(self._lines))
 
-    def _spectrum(self) -> tuple[FloatArray, float]:
-        """Return the learnt spectrum of the tool and the density of its slow motion.
-
-        Both have the scale of the expected spectrum.
-        """
-        seen = self._tool.output[1:] / np.abs(self._equations.extended) ** 2
-        seen *= float(self._above @ self._expected) / float(self._above @ seen)
+    def _driven(self) -> FloatArray:
+        """Return the spectrum of the convolution's input, with the expected spectrum's scale."""
+        seen, expected = self._tool.sequence, self._expected
+        seen = seen * float(
+            (self._tool_power @ _spectrum(expected)) / (self._tool_power @ _spectrum(seen))
+        )
         weight = self._tool.weight / (self._tool.weight + PRIOR_WEIGHT)
-        more, shape = (seen - self._expected)[:SLOW_LINES], slow_motion(self._lines[:SLOW_LINES])
-        slow = weight * max(0.0, float(more @ shape) / float(shape @ shape))
-        learnt = self._expected + weight * self._textured * (seen - self._expected)
-        return np.asarray(learnt + EVER_EXPECTED * self._expected), slow
+        kept = EVER_EXPECTED if self._ratio.weight else FIRST_EXPECTED
+        driven = _spectrum(expected + weight * (seen - expected) + kept * expected)
+        # The rest of a pause leaves small negative densities.
+        return np.maximum(driven, EVER_EXPECTED * _spectrum(expected))
 
     def _certain_ratio(self) -> ComplexArray:
         """Return the ratio of plant to model on the lines, weighted by its certainty."""
@@ -357,24 +360,19 @@ class Learner:
         variance = np.abs(response) ** 2 * unexplained / np.maximum(coherence, 1e-6)
         squared = np.abs(response - 1.0) ** 2
         doubt = CAUTION * variance + NEGLIGIBLE**2
-        return np.asarray(1.0 + self._above * squared / (squared + doubt) * (response - 1.0))
+        accepted = np.maximum(0.0, 1.0 - doubt / np.maximum(squared, NEGLIGIBLE**2))
+        return np.asarray(1.0 + self._above[self._every] * accepted * (response - 1.0))
 
-    def _sequences(self, spectra: ComplexArray) -> FloatArray:
-        """Return the first lags of sequences with these spectra, shape (3, n)."""
-        from_zero = np.zeros((len(spectra), len(self._lines) + 1), dtype=np.complex128)
-        from_zero[:, 1:] = spectra
-        lags = np.fft.irfft(from_zero, 2 * len(self._lines))
-        return np.asarray(lags[:, : self._assumed_sequences.shape[1]])
+
+def _spectrum(sequence: FloatArray) -> FloatArray:
+    """Return the spectrum of an autocorrelation from lag zero on, shape (n + 1,) for n lags."""
+    both = np.concatenate([sequence, [0.0], sequence[:0:-1]])
+    return np.asarray(np.fft.rfft(both).real)
 
 
 def _rising(frequency: FloatArray, low: float, high: float) -> FloatArray:
     """Return weights that rise linearly from 0 at one frequency to 1 at another."""
     return np.clip((frequency - low) / (high - low), 0.0, 1.0)
-
-
-def slow_motion(frequency: FloatArray) -> FloatArray:
-    """Return the spectrum of a tool that a hand moves, with density 1 at 0 Hz."""
-    return np.asarray(1.0 / (1.0 + (frequency / SLOW) ** 6))
 
 
 @dataclass(frozen=True)

@@ -250,18 +250,27 @@ def design_bank(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> Inverse
     )
 
 
-def assumed_sequences(plant: Dynamics, rate: float, goal: Goal) -> FloatArray:
-    """Return the sequences of the normal equations for the expected spectrum.
+def expected_input(rate: float, goal: Goal, lags: int) -> FloatArray:
+    """Return the autocorrelations of the convolution's input for the expected tool.
 
-    Parameters, errors
-        As for `design_inverse`.
+    Parameters
+    ----------
+    rate : float
+        Samples per second.
+    goal : Goal
+        Spectrum of the tool, and high-pass.
+    lags : int
+        Number of lags, from zero on.
 
     Returns
     -------
-    ndarray, shape (3, n)
-        Sequences of `NormalEquations.spectra`.
+    ndarray, shape (2, lags)
+        For the tool's spectrum, and for the unexpected input in the cost of force.
     """
-    return _Problem(plant, rate, goal).sequences()
+    grid = grid_for(rate, lags)
+    squared = np.abs(extended_response(goal.high_pass_frequency, grid.frequency, rate)) ** 2
+    spectra = (goal.spectrum(grid.frequency) * squared, UNEXPECTED_DENSITY**2 * squared)
+    return np.stack([grid.sequence(each)[:lags] for each in spectra])
 
 
 def caused_motion(plant: Plant, rate: float, taps: FloatArray) -> FloatArray:
@@ -338,6 +347,14 @@ def nearest(keeps: Callable[[float], bool], start: float, end: float, halvings: 
     return end
 
 
+def extended_response(
+    high_pass_frequency: float, frequency: FloatArray, rate: float
+) -> ComplexArray:
+    """Return the response of high-pass and extension, from tool to the convolution's input."""
+    passed = high_pass_response(high_pass_frequency, frequency, rate)
+    return passed * section_response(extension(high_pass_frequency, rate), frequency, rate)
+
+
 class NormalEquations:
     """Spectra of the normal equations of `design_inverse` at given frequencies.
 
@@ -351,31 +368,32 @@ class NormalEquations:
         Samples per second.
     goal : Goal
         Granted delay and high-pass; its spectrum is not used.
-
-    Attributes
-    ----------
-    passed, extended : ndarray, shape (n,)
-        Response of the high-pass, alone and with the extension after it.
     """
 
     def __init__(
         self, handle: HandleParameters, frequency: FloatArray, rate: float, goal: Goal
     ) -> None:
-        self.passed = high_pass_response(goal.high_pass_frequency, frequency, rate)
         sections = extension(goal.high_pass_frequency, rate)
-        self.extended = self.passed * section_response(sections, frequency, rate)
         self._moved = np.abs(travel_response(handle, frequency)) ** 2
-        self._delay = np.exp(-2j * np.pi * goal.granted_delay / rate * frequency)
+        delay = np.exp(-2j * np.pi * goal.granted_delay / rate * frequency)
+        # From the convolution's input back to the desired acceleration.
+        self._wanted = delay / section_response(sections, frequency, rate)
 
     def spectra(
-        self, power: FloatArray, response: ComplexArray, target: ComplexArray | float = 1.0
+        self,
+        driven: FloatArray,
+        unexpected: FloatArray,
+        response: ComplexArray,
+        target: ComplexArray | float = 1.0,
     ) -> ComplexArray:
         """Return tracking and force, travel, and the costs of the taps.
 
         Parameters
         ----------
-        power : ndarray, shape (n,)
-            Spectrum of the tool's acceleration, (m/s^2)^2/Hz.
+        driven : ndarray, shape (n,)
+            Spectrum of the convolution's input for the tool's acceleration, (m/s^2)^2/Hz.
+        unexpected : ndarray, shape (n,)
+            Spectrum of additional input in the cost of force, (m/s^2)^2/Hz.
         response : ndarray, shape (n,)
             Response of the plant, m/s^2 per N.
         target : ndarray, shape (n,)
@@ -387,11 +405,8 @@ class NormalEquations:
             The matrix is built from the first sequence plus the cost of travel times the second;
             the right side from the third.
         """
-        # All terms refer to the convolution's input of this power:
-        squared = np.abs(self.extended) ** 2
-        driven = power * squared
-        force = FORCE_COST**2 * (driven + UNEXPECTED_DENSITY**2 * squared)
-        wanted = power * (response * self.extended).conj() * self.passed * self._delay * target
+        force = FORCE_COST**2 * (driven + unexpected)
+        wanted = driven * response.conj() * self._wanted * target
         return np.stack([driven * np.abs(response) ** 2 + force, driven * self._moved, wanted])
 
 
@@ -409,11 +424,13 @@ class _Problem:
         self.grid = grid_for(rate, self._length)
         frequency = self.grid.frequency
         self._equations = NormalEquations(plant.handle, frequency, rate, goal)
-        self._given = goal.spectrum(frequency), plant.response(frequency, rate)
+        squared = np.abs(extended_response(goal.high_pass_frequency, frequency, rate)) ** 2
+        self._inputs = goal.spectrum(frequency) * squared, UNEXPECTED_DENSITY**2 * squared
+        self._response = plant.response(frequency, rate)
 
     def sequences(self, target: ComplexArray | float = 1.0) -> FloatArray:
         """Return the sequences of the three spectra, shape (3, n)."""
-        spectra = self._equations.spectra(*self._given, target)
+        spectra = self._equations.spectra(*self._inputs, self._response, target)
         return np.stack([self.grid.sequence(each)[: self._length] for each in spectra])
 
     def solutions(

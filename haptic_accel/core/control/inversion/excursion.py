@@ -48,8 +48,9 @@ useless."""
 RELEASE = 0.5
 """Time constant of the return of low frequencies, s: a few periods."""
 
-FADING = 0.005
-"""Duration of the crossfade to other taps, s."""
+FADING = 0.06
+"""Duration of the crossfade to other taps, s. Two filters differ most in the force for the slow
+motion of the hand, up to some 3 Hz; a faster change of that force would be felt."""
 
 _BLOCKS = 8  # response lengths in the buffer, so that it is rarely moved
 _SETTLED = 1e-3  # negligible change of the bank index

@@ -210,12 +210,19 @@ def test_a_hand_outside_the_range_is_named() -> None:
     assert controller.warning == ""
 
 
-@pytest.mark.parametrize("measured", [math.nan, 0.0])
-def test_without_a_trusted_handle_it_goes_on_as_it_is(measured: float) -> None:
+@pytest.mark.parametrize("measured", [math.nan, math.inf, 0.0])
+def test_without_a_trusted_handle_grip_and_plant_stay_as_assumed(measured: float) -> None:
     controller = AdaptiveController(AdaptiveParameters(), LOOP)
     inverse = InverseController(InverseParameters(), LOOP)
+    assumed = controller.diagnostics()
+    forces = []
     for value in texture(2.0).tolist():
-        force = controller.force(value, measured)
-        assert force == pytest.approx(inverse.force(value, math.nan), abs=1e-9)
+        forces.append((controller.force(value, measured), inverse.force(value, math.nan)))
         controller.applied(0.0)
         controller.adapt()
+    later = controller.diagnostics()
+    for name in ("m_h (kg)", "b_u (N s/m)", "k_u (N/m)"):
+        assert later[name] == assumed[name]
+    # Only the surface is learnt.
+    own, given = np.array(forces).T
+    assert 0.5 * np.std(given) < np.std(own) < 1.1 * np.std(given)

@@ -140,13 +140,14 @@ def test_slow_motion_needs_less_travel_where_travel_is_short() -> None:
         for bank in (given, given + learner.correction)
     ]
     before, after = ([predict(each, PLANT, swaying) for each in bank] for bank in filters)
-    assert after[0].nrmse_percent < before[0].nrmse_percent + 0.5
+    assert after[0].nrmse_percent < 3.0
+    assert after[0].travel_rms < before[0].travel_rms / 5
     for corner, old, new in zip(TRAVEL_CORNERS[1:4], before[1:4], after[1:4], strict=True):
         goal = replace(GOAL, spectrum=swaying, travel_corner=corner)
         best_known = predict(design_inverse(PLANT, RATE, goal), PLANT, swaying)
         assert new.travel_rms < old.travel_rms / 5
         assert new.travel_rms == pytest.approx(best_known.travel_rms, rel=0.15)
-        assert new.nrmse_percent < best_known.nrmse_percent + 3.0
+        assert new.nrmse_percent < best_known.nrmse_percent + 5.0
 
 
 def test_noise_that_no_force_explains_is_no_plant() -> None:
