@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -147,6 +148,31 @@ def test_sample_of_a_tool_in_a_scene(benchmark: Benchmark, stiffness: float) -> 
         shares = (50.0, 99.0, 99.9)
         times = np.percentile(benchmark.stats.stats.data, shares) * 1e6
         print(*(f"p{share:g}: {each:.0f} us" for share, each in zip(shares, times, strict=True)))
+
+
+def _quickest(scene: Scene) -> float:
+    """Return the shortest time of a tool's sample, s, that moves to and fro on a scene."""
+    tool = VirtualTool(ToolParameters(), scene, RATE)
+    times = []
+    for tick in range(4000):
+        begun = time.perf_counter()
+        tool.advance((0.3 * math.cos(tick / 100), 0.2 * math.sin(tick / 70), -1.0))
+        times.append(time.perf_counter() - begun)
+    return float(np.quantile(times[200:], 0.05))
+
+
+@pytest.mark.parametrize("angle", [5.0, 15.0, 30.0, 60.0])
+def test_sample_in_an_acute_groove_takes_at_most_four_samples_on_a_plane(angle: float) -> None:
+    """20 us on a plane, and so at most 80 us in a groove: two planes, and a proxy between them."""
+    steep = math.radians(90.0 - angle / 2)
+    planes = [SceneObject("flat", Plane(), Material())]
+    sides = [
+        SceneObject(str(turn), Plane(), Material(), rotation=(0.0, turn, 0.0))
+        for turn in (steep, -steep)
+    ]
+    ratio = _quickest(Scene(tuple(sides))) / _quickest(Scene(tuple(planes)))
+    print(f"{angle:g} degrees: {ratio:.1f}")
+    assert ratio < 4.0
 
 
 def test_forces_of_the_coupling(benchmark: Benchmark) -> None:

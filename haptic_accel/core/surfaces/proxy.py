@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from haptic_accel.core.model import Vector
+from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.surfaces.scene import Scene
 
 SKIN = 1e-6
@@ -29,8 +29,10 @@ SKIN = 1e-6
 STEPS = 8
 """Maximum number of steps of the proxy in a sample; it continues in the next sample."""
 
-_SWEEPS = 4  # maximum sweeps over the planes to find the nearest position outside all
+_ABOVE = 1e-9  # m; a position this far below a plane counts as above it: rounding
+_PARALLEL = 1e-9  # sine squared of the angle between planes that count as parallel
 _ARRIVED = 3e-6  # m; a shorter step is the last: planes turn by less than 0.1 mrad
+_SHORTER = 0.1  # fraction of a sample's first step; a shorter step is the last
 
 
 class LocalPlane(NamedTuple):
@@ -89,6 +91,7 @@ class Proxy:
             Distance in m.
         """
         near: list[tuple[LocalPlane, float]] = []
+        short = _ARRIVED
         for _ in range(STEPS):
             x, y, z = self.place
             way = math.dist(self.place, tool)
@@ -99,14 +102,15 @@ class Proxy:
             share = min(_allowed(step, near), clearance / length) if length else 0.0
             self.place = (x + share * d_x, y + share * d_y, z + share * d_z)
             self._travelled += share * length
-            if not near or length < _ARRIVED:
+            if not near or length < short:
                 break
-        return [plane for plane, distance in near if distance <= margin]
+            short = max(short, _SHORTER * length)
+        return [plane for plane, height in near if height <= margin]
 
     def _near(
         self, x: float, y: float, z: float, reach: float
     ) -> tuple[list[tuple[LocalPlane, float]], float]:
-        """Return planes and distances of objects within reach, and the longest safe step."""
+        """Return planes of objects within reach, heights above them, and the longest safe step."""
         travelled, due = self._travelled, self._due
         near = []
         clearance = math.inf
@@ -118,37 +122,102 @@ class Proxy:
             due[index] = travelled + distance
             if distance > reach:
                 continue
-            normal = n_x, n_y, n_z = each.normal(x, y, z)
-            plane = LocalPlane(index, normal, n_x * x + n_y * y + n_z * z - distance)
-            near.append((plane, distance))
+            g_x, g_y, g_z = each.gradient(x, y, z)
+            slope = math.sqrt(g_x * g_x + g_y * g_y + g_z * g_z)
+            normal = n_x, n_y, n_z = g_x / slope, g_y / slope, g_z / slope
+            # Where the distance is only a lower bound, the tangent plane is further away.
+            height = distance / slope
+            plane = LocalPlane(index, normal, n_x * x + n_y * y + n_z * z - height)
+            near.append((plane, height))
             clearance = min(clearance, max(distance, each.shape.stride))
         return near, clearance
 
 
 def _allowed(step: Vector, near: list[tuple[LocalPlane, float]]) -> float:
-    """Return the fraction of a step that stays above all planes at given distances."""
+    """Return the fraction of a step that stays above all planes, from given heights."""
     share = 1.0
-    for (_, normal, _), distance in near:
+    for (_, normal, _), height in near:
         approach = -(normal[0] * step[0] + normal[1] * step[1] + normal[2] * step[2])
-        if approach > max(distance, 0.0):
-            share = min(share, max(distance, 0.0) / approach)
+        if approach > max(height, 0.0):
+            share = min(share, max(height, 0.0) / approach)
     return share
 
 
 def _nearest_outside(tool: Vector, planes: list[LocalPlane]) -> Vector:
-    """Return the position nearest to a tool that is above all planes (Hildreth, 1957)."""
+    """Return the position nearest to a tool that is above all planes.
+
+    Dual active-set method (Goldfarb and Idnani, 1983): the number of steps does not depend on the
+    angles between the planes. Without such a position, as between planes that face each other,
+    the result is above the planes of the last step.
+    """
     x, y, z = tool
-    shares = [0.0] * len(planes)
-    for _ in range(_SWEEPS if len(planes) > 1 else 1):
-        moved = False
-        for index, ((_, (n_x, n_y, n_z), offset), share) in enumerate(
-            zip(planes, shares, strict=True)
-        ):
-            push = max(-share, offset + SKIN - (n_x * x + n_y * y + n_z * z))
-            if push:
-                shares[index] = share + push
-                x, y, z = x + push * n_x, y + push * n_y, z + push * n_z
-                moved = True
-        if not moved:
+    active: list[Vector] = []
+    shares: list[float] = []
+    for _ in range(2 * len(planes)):
+        gap, normal = _deepest((x, y, z), planes)
+        if gap <= _ABOVE:
             break
+        if not active:  # most often the only step
+            active, shares = [normal], [gap]
+            x, y, z = x + gap * normal[0], y + gap * normal[1], z + gap * normal[2]
+            if len(planes) == 1:
+                break
+            continue
+        share = 0.0
+        while True:
+            (f_x, f_y, f_z), parts = _split(normal, active)
+            lift = normal[0] * f_x + normal[1] * f_y + normal[2] * f_z
+            push = gap / lift if lift > _PARALLEL else math.inf
+            limits = [u / part for u, part in zip(shares, parts, strict=True) if part > 0]
+            step = min([push, *limits])
+            if step == math.inf:
+                return x, y, z
+            if lift > _PARALLEL:
+                x, y, z = x + step * f_x, y + step * f_y, z + step * f_z
+                gap -= step * lift
+            shares = [u - step * part for u, part in zip(shares, parts, strict=True)]
+            share += step
+            if step == push:
+                active.append(normal)
+                shares.append(share)
+                break
+            least = shares.index(min(shares))
+            del active[least], shares[least]
     return x, y, z
+
+
+def _deepest(place: Vector, planes: list[LocalPlane]) -> tuple[float, Vector]:
+    """Return the depth of a position below the plane furthest above it, and its normal."""
+    x, y, z = place
+    most, found = -math.inf, ZERO
+    for _, normal, offset in planes:
+        gap = offset + SKIN - (normal[0] * x + normal[1] * y + normal[2] * z)
+        if gap > most:
+            most, found = gap, normal
+    return most, found
+
+
+def _split(normal: Vector, active: list[Vector]) -> tuple[Vector, list[float]]:
+    """Return the part of a normal orthogonal to up to three others, and its parts along them."""
+    x, y, z = normal
+    if not active:
+        return normal, []
+    a = active[0]
+    if len(active) == 1:
+        part = a[0] * x + a[1] * y + a[2] * z
+        return (x - part * a[0], y - part * a[1], z - part * a[2]), [part]
+    b = active[1]
+    ab = _cross(a, b)
+    c = ab if len(active) == 2 else active[2]
+    bc, ca = _cross(b, c), _cross(c, a)
+    volume = a[0] * bc[0] + a[1] * bc[1] + a[2] * bc[2]
+    parts = [(each[0] * x + each[1] * y + each[2] * z) / volume for each in (bc, ca, ab)]
+    if len(active) > 2:
+        return ZERO, parts
+    part = parts.pop()
+    return (part * c[0], part * c[1], part * c[2]), parts
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    """Return the vector product."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -77,13 +77,14 @@ class HeightField:
         (a, b), (c, d), u, v = self._cell(x, y)
         return (z - (1 - u) * ((1 - v) * a + v * b) - u * ((1 - v) * c + v * d)) * self._scale
 
-    def normal(self, x: float, y: float, z: float) -> Vector:
-        """Return the normal of the surface below a point."""
+    def gradient(self, x: float, y: float, z: float) -> Vector:
+        """Return the gradient of the distance: normal to the surface below a point."""
         (a, b), (c, d), u, v = self._cell(x, y)
-        return unit(
-            ((1 - v) * (a - c) + v * (b - d)) / self.spacing,
-            ((1 - u) * (a - b) + u * (c - d)) / self.spacing,
-            1.0,
+        share = self._scale / self.spacing
+        return (
+            ((1 - v) * (a - c) + v * (b - d)) * share,
+            ((1 - u) * (a - b) + u * (c - d)) * share,
+            self._scale,
         )
 
     def distances(self, points: FloatArray) -> FloatArray:
@@ -156,12 +157,13 @@ class DistanceGrid:
         # position.
         return math.hypot(value * self._scale, *outside)
 
-    def normal(self, x: float, y: float, z: float) -> Vector:
-        """Return the direction of increasing distance."""
+    def gradient(self, x: float, y: float, z: float) -> Vector:
+        """Return the gradient of the distance; its length is only as exact as the distance."""
         value, (g_x, g_y, g_z), (o_x, o_y, o_z) = self._look(x, y, z)
         if o_x or o_y or o_z:
-            g_x, g_y, g_z = value * g_x + o_x, value * g_y + o_y, value * g_z + o_z
-        return unit(g_x, g_y, g_z)
+            return unit(value * g_x + o_x, value * g_y + o_y, value * g_z + o_z)
+        g_x, g_y, g_z = unit(g_x, g_y, g_z)
+        return self._scale * g_x, self._scale * g_y, self._scale * g_z
 
     def distances(self, points: FloatArray) -> FloatArray:
         """Return the signed distances of points of shape (n, 3), m."""

@@ -77,10 +77,10 @@ class SceneObject:
         """Return the signed distance of a point in the base frame, m."""
         return self.shape.distance(*self._inside(x, y, z))
 
-    def normal(self, x: float, y: float, z: float) -> Vector:
-        """Return the direction of increasing distance at a point, in the base frame."""
-        normal = self.shape.normal(*self._inside(x, y, z))
-        return normal if self.rotation == ZERO else _product(self._rows, *normal)
+    def gradient(self, x: float, y: float, z: float) -> Vector:
+        """Return the gradient of the distance at a point, in the base frame."""
+        gradient = self.shape.gradient(*self._inside(x, y, z))
+        return gradient if self.rotation == ZERO else _product(self._rows, *gradient)
 
     def distances(self, points: FloatArray) -> FloatArray:
         """Return the signed distances of points of shape (n, 3) in the base frame, m."""

@@ -45,8 +45,8 @@ class Shape(Protocol):
     def distance(self, x: float, y: float, z: float) -> float:
         """Return the signed distance of a point, m."""
 
-    def normal(self, x: float, y: float, z: float) -> Vector:
-        """Return the direction of increasing distance as a unit vector."""
+    def gradient(self, x: float, y: float, z: float) -> Vector:
+        """Return the gradient of the distance; its length is at most 1."""
 
     def distances(self, points: FloatArray) -> FloatArray:
         """Return the signed distances of points of shape (n, 3), m."""
@@ -66,7 +66,7 @@ class Plane(Convex):
         """Return the height above the plane, m."""
         return z
 
-    def normal(self, x: float, y: float, z: float) -> Vector:
+    def gradient(self, x: float, y: float, z: float) -> Vector:
         """Return the direction of z."""
         return UP
 
@@ -85,7 +85,7 @@ class Sphere(Convex):
         """Return the signed distance of a point, m."""
         return math.sqrt(x * x + y * y + z * z) - self.radius
 
-    def normal(self, x: float, y: float, z: float) -> Vector:
+    def gradient(self, x: float, y: float, z: float) -> Vector:
         """Return the direction away from the centre; upwards at the centre."""
         return unit(x, y, z)
 
@@ -111,7 +111,7 @@ class Box(Convex):
         x, y, z = max(x, 0.0), max(y, 0.0), max(z, 0.0)
         return math.sqrt(x * x + y * y + z * z)
 
-    def normal(self, x: float, y: float, z: float) -> Vector:
+    def gradient(self, x: float, y: float, z: float) -> Vector:
         """Return the direction away from the nearest point of the surface."""
         a, b, c = abs(x) - self.length / 2, abs(y) - self.width / 2, abs(z) - self.height / 2
         deepest = max(a, b, c)
@@ -142,7 +142,7 @@ class Cylinder(Convex):
             return math.hypot(aside, above)
         return max(aside, above)
 
-    def normal(self, x: float, y: float, z: float) -> Vector:
+    def gradient(self, x: float, y: float, z: float) -> Vector:
         """Return the direction away from the nearest point of the surface."""
         aside, above = math.hypot(x, y) - self.radius, abs(z) - self.height / 2
         if aside > 0 and above > 0:

@@ -24,6 +24,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 from haptic_accel.core.model import Vector
@@ -171,3 +172,39 @@ def test_in_a_corner_of_three_walls_it_stays_in_the_corner() -> None:
         planes = proxy.follow(tool, MARGIN)
     assert proxy.place == pytest.approx((0.0, 0.0, 0.0), abs=2 * SKIN)
     assert sorted(plane.number for plane in planes) == [0, 1, 2]
+
+
+slopes = st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+
+
+@few
+@given(
+    st.lists(slopes, min_size=1, max_size=5),
+    st.tuples(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02), st.floats(-0.02, 0.0)),
+)
+def test_between_planes_it_comes_at_once_to_the_place_nearest_to_the_tool(
+    turned: list[tuple[float, float]], tool: Vector
+) -> None:
+    plane = scene(*((Plane(), (0.0, 0.0, 0.0), (roll, pitch, 0.0)) for roll, pitch in turned))
+    proxy = Proxy(plane, (0.0, 0.0, 0.06))
+    for _ in range(2):
+        proxy.follow(tool, MARGIN)
+    normals = np.array([each.gradient(*tool) for each in plane.objects])
+    # The nearest place in a cone: the tool, and a positive sum of normals (Moreau, 1962).
+    shares, _ = nnls(normals.T, -np.array(tool))
+    assert proxy.place == pytest.approx(tool + shares @ normals, abs=1e-4)
+
+
+@pytest.mark.parametrize("angle", [5.0, 15.0, 60.0])
+def test_in_an_acute_groove_it_stays_at_the_bottom(angle: float) -> None:
+    steep = math.radians(90.0 - angle / 2)
+    groove = scene(
+        (Plane(), (0.0, 0.0, 0.0), (0.0, steep, 0.0)),
+        (Plane(), (0.0, 0.0, 0.0), (0.0, -steep, 0.0)),
+    )
+    proxy = Proxy(groove, (0.0, 0.0, 0.03))
+    bottom = SKIN / math.sin(math.radians(angle / 2))
+    for tool in way((0.0, 0.0, -0.01), (0.001, 0.02, -0.01), speed=0.5):
+        planes = proxy.follow(tool, MARGIN)
+        assert proxy.place == pytest.approx((0.0, tool[1], bottom), abs=1e-8)
+        assert len(planes) == 2

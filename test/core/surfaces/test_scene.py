@@ -56,7 +56,7 @@ def test_an_object_is_its_shape_turned_and_moved(
     assert turned.distance(*place) == pytest.approx(BOX.distance(*own), abs=1e-12)
     assert turned.distances(np.array([place])) == pytest.approx([BOX.distance(*own)], abs=1e-12)
     # Along the normal the distance grows by the way; in the middle several directions are normal.
-    outwards = np.add(place, np.multiply(1e-3, turned.normal(*place)))
+    outwards = np.add(place, np.multiply(1e-3, turned.gradient(*place)))
     assert turned.distance(*outwards) == pytest.approx(turned.distance(*place) + 1e-3, abs=1e-9)
 
 
