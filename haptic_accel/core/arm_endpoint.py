@@ -17,19 +17,37 @@
 
 from __future__ import annotations
 
-from haptic_accel.core.coupling.passive import PassiveHalf, PassiveParameters, of_slave, scaled
+import math
+
+from haptic_accel.core.coupling.passive import (
+    NONSENSE,
+    PassiveHalf,
+    PassiveParameters,
+    of_slave,
+    scaled,
+)
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.endpoint import Endpoint, Motion, State
 from haptic_accel.core.network.packet import Packet
 from haptic_accel.core.topics import ARMS
 
+CATCH_UP = 0.05
+"""Speed at which the arms approach each other after engagement, m/s: half that of a stroke. It
+falls with the energy that the tank has to spare, so that following takes precedence."""
+
+RISE_TIME = 0.1
+"""Time in which stiffness and damping rise from zero after engagement, s: an arm that moves at 0.5
+m/s feels at most 15 mN more in each millisecond."""
+
 
 class ArmEndpoint:
     """Half of the coupling at an arm, and the packets exchanged with the peer's half.
 
-    All lengths in packets and in the half are relative to the position at engagement, in the
-    master's scale. Forces use this scale too, and energies are divided by its square. Times as for
-    `Endpoint`.
+    All lengths in packets and in the half are relative to the reference position, in the master's
+    scale. It is the position at engagement, or if the engagement is resumed, that of the previous
+    one. A force is zero at engagement: from the arm's own position, the set-point approaches the
+    peer's at `CATCH_UP`. Forces use this scale too, and energies are divided by its square.
+    Times as for `Endpoint`.
 
     Parameters
     ----------
@@ -58,6 +76,9 @@ class ArmEndpoint:
         self.half = PassiveHalf(own, rate, latency, leads=leads)
         self.endpoint = Endpoint(side, rate, session)
         self._origin = ZERO
+        self._approach = CATCH_UP / rate  # m in a sample
+        self._goal = ZERO
+        self._ahead: Vector | None = None  # of the peer's position; None until it is engaged
         self._pair = 0, 0
 
     @property
@@ -71,10 +92,12 @@ class ArmEndpoint:
         peer = self.endpoint.peer
         return (peer.position, peer.velocity) if peer and peer.engaged else (ZERO, ZERO)
 
-    def engage(self, position: Vector) -> None:
-        """Couple the arm at a position, m."""
-        self._origin = position
-        self.half.engage()
+    def engage(self, position: Vector, *, resume: bool = False) -> None:
+        """Couple the arm at a position, m, which is its reference position unless it resumes."""
+        if not resume:
+            self._origin = position
+        self._goal, self._ahead = self._own(position, self._origin), None
+        self.half.engage(RISE_TIME)
 
     def outgoing(self, state: State, motion: Motion, now: float, system: int) -> bytes | None:
         """Return the due packet, or None; a free arm is reported at rest.
@@ -102,14 +125,35 @@ class ArmEndpoint:
         self, position: Vector, velocity: Vector, now: float, work: float | None = None
     ) -> Vector:
         """Return the force for the arm, N; see `PassiveHalf.force`. Arguments are measurements."""
+        own = self._own(position, self._origin)
         force = self.half.force(
-            self._own(position, self._origin),
+            own,
             self._own(velocity),
-            *self.set_point,
+            *self._follow(),
             self.endpoint.round_trip_age(now),
             None if work is None else work / self._scale**2,
         )
+        if self._ahead and self.half.share < 1.0:
+            # Wait where the energy suffices, so that the force does not jump when more arrives.
+            d_x, d_y, d_z = scaled(own, 1.0 - self.half.share, self._goal)
+            a_x, a_y, a_z = self._ahead
+            self._ahead = a_x + d_x, a_y + d_y, a_z + d_z
         return scaled(force, self._scale)
+
+    def _follow(self) -> tuple[Vector, Vector]:
+        """Return set-point, m, and its velocity, m/s, which approaches the peer's position."""
+        peer = self.endpoint.peer
+        if not (peer and peer.engaged and math.hypot(*peer.position) < NONSENSE):
+            return self._goal, ZERO
+        x, y, z = peer.position
+        if self._ahead is None:
+            self._ahead = scaled(self._goal, 1.0, peer.position)
+        elif gap := math.hypot(*self._ahead):
+            step = self.half.supply * self._approach
+            self._ahead = scaled(self._ahead, max(0.0, 1.0 - step / gap))
+        d_x, d_y, d_z = self._ahead
+        self._goal = x + d_x, y + d_y, z + d_z
+        return self._goal, peer.velocity
 
     def _own(self, vector: Vector, origin: Vector = ZERO) -> Vector:
         """Return a vector relative to an origin in the master's scale."""

@@ -17,9 +17,12 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+
 import pytest
 
-from haptic_accel.core.arm_endpoint import ArmEndpoint
+from haptic_accel.core.arm_endpoint import CATCH_UP, ArmEndpoint
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.endpoint import Motion, State
@@ -78,6 +81,41 @@ def test_a_free_arm_is_said_to_be_at_rest_and_is_not_pulled() -> None:
     (master, slave), forces = coupled((0.001, 0.0, 0.0), (0.0, 0.004, 0.0), free=True)
     assert master.set_point == slave.set_point == (ZERO, ZERO)
     assert forces == [ZERO, ZERO]
+
+
+def resumed(apart: Vector, seconds: float) -> tuple[ArmEndpoint, list[float]]:
+    """Return a master's end, and its force's size in each sample after it resumes.
+
+    The arm has moved since it was released; the slave has not moved.
+    """
+    law = PassiveParameters(law="damped", stiffness=STIFFNESS)
+    master, slave = (
+        ArmEndpoint(side, law, RATE, 1, number) for number, side in ((1, "master"), (2, "slave"))
+    )
+    x, y, z = map(sum, zip(MASTER, apart, strict=True))
+    master.engage(MASTER)
+    master.half.disengage()
+    master.engage((x, y, z), resume=True)
+    slave.engage(SLAVE)
+    sizes = []
+    for tick in range(round(seconds * RATE)):
+        now, system = tick / RATE, BEGIN + tick * 1_000_000
+        for end, other, place in ((slave, master, SLAVE), (master, slave, (x, y, z))):
+            state = State(ready=True, engaged=True, engagement=2)
+            if data := end.outgoing(state, Motion(system, place, ZERO), now, system):
+                other.incoming(data, now, system)
+        sizes.append(math.hypot(*master.force((x, y, z), ZERO, now)))
+    return master, sizes
+
+
+def test_an_arm_that_resumes_approaches_its_reference_position_slowly_from_where_it_is() -> None:
+    master, sizes = resumed((0.006, 0.0, -0.008), seconds=0.5)
+    assert max(sizes[:3]) < 0.01
+    steps = [abs(after - before) for before, after in itertools.pairwise(sizes)]
+    # The set-point moves at CATCH_UP; the stiffness, too, rises slowly.
+    assert max(steps) < 2 * STIFFNESS * CATCH_UP / RATE
+    assert sizes[-1] == pytest.approx(master.half.stiffness * 0.01, rel=1e-3)
+    assert sizes[50] < 0.25 * sizes[-1]
 
 
 def test_an_account_of_energy_that_is_wrong_once_lets_energy_cross_again() -> None:

@@ -87,6 +87,8 @@ class Decision:
     ----------
     engage, release : bool
         Couple the arms at their positions; uncouple them and set their forces to zero.
+    resume : bool
+        Couple them at their previous reference positions.
     finished : bool
         The duration is over; remains true.
     warning : str
@@ -95,6 +97,7 @@ class Decision:
 
     engage: bool = False
     release: bool = False
+    resume: bool = False
     finished: bool = False
     warning: str = ""
 

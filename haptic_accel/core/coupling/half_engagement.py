@@ -21,6 +21,7 @@ The state machine has no clock: the caller passes times in s, which never decrea
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from haptic_accel.core.actuator.safety import MANUAL
 from haptic_accel.core.coupling.engagement import (
@@ -43,6 +44,13 @@ RESTARTED = "the peer has restarted"
 LEFT = "the peer disengaged"
 """Reason for a release after the peer has disengaged."""
 
+DIFFERENT = "the peer engaged at other reference positions"
+"""Reason for a release after one host resumed the engagement and the other did not."""
+
+RESUME_TIME = 2.0
+"""Time after a loss of packets in which an engagement may be resumed, s. It includes `FREE_TIME`;
+nobody expects an arm to return after a longer pause."""
+
 LOST = "the peer was lost: engage again by coupler/engage"
 """Reason for a free arm that engages again only on request after the loss of the peer."""
 
@@ -53,8 +61,9 @@ class HalfEngagement(Engagement):
     An arm is ready when its own conditions hold. It engages when the peer is ready or engaged. It
     is released when the peer sends no packets, restarts, or has another session or engagement. It
     engages again only after the peer has released its arm too, so that both start from the same
-    state. A stop that begins at the peer also stops this host, until released here. While the peer
-    is stopped, the arm stays free.
+    state. After a short loss of packets both resume the engagement: they keep their reference
+    positions, if both can. A stop that begins at the peer also stops this host, until released
+    here. While the peer is stopped, the arm stays free.
 
     Parameters
     ----------
@@ -68,6 +77,8 @@ class HalfEngagement(Engagement):
     ----------
     count : int
         Number of engagements of the arm.
+    resumes : bool
+        The arm keeps its reference position: in this engagement, or if free, in the next one.
     unusable : str
         Reason why received packets are unusable; empty if none are received. Set by the caller.
     """
@@ -75,12 +86,14 @@ class HalfEngagement(Engagement):
     def __init__(self, parameters: EngagementParameters, now: float, arm: str) -> None:
         super().__init__(parameters, now, (arm,))
         self.count = 0
+        self.resumes = False
         self.unusable = ""
         self._peer: Packet | None = None
         self._heard = -math.inf
         self._session = 0
         self._partner: tuple[int, int] | None = None  # session and engagement of the peer
         self._former: tuple[int, int] | None = None
+        self._resume_until = -math.inf
 
     def peer_heard(self, packet: Packet, now: float) -> None:
         """Handle the state in the peer's newest packet, which answers this host's session."""
@@ -106,14 +119,22 @@ class HalfEngagement(Engagement):
     def decide(self, now: float, listeners: int) -> Decision:
         """Return the actions that are due; arguments as for `missing`."""
         lost = self._lost(now)
+        by_network = not super().missing(now, listeners) and self._resumable_after(now)
         decision = super().decide(now, listeners)
+        if not self.engaged or decision.engage:
+            known = self._peer is not None and self._peer.session == self._session
+            self.resumes = known and now <= self._resume_until
         if decision.engage and self._peer:
+            self.resumes = self.resumes and self._peer.resumes
+            decision = replace(decision, resume=self.resumes)
             self.count += 1
             self._session = self._peer.session
             engaged = self._peer.engaged
             self._partner = (self._peer.session, self._peer.engagement) if engaged else None
         if decision.release:
             self._former = self._partner
+            self.resumes = by_network and not self.stop.stopped
+            self._resume_until = now + RESUME_TIME if self.resumes else -math.inf
             if lost and self._parameters.recovery == MANUAL:
                 self._freed = LOST
         return decision
@@ -130,6 +151,16 @@ class HalfEngagement(Engagement):
             return self.unusable or SILENT
         return RESTARTED if self.engaged and self._peer.session != self._session else ""
 
+    def _resumable_after(self, now: float) -> bool:
+        """Return whether the reason at the peer is a loss of packets after both were engaged."""
+        missing = self._missing_there(now)
+        return (
+            self._parameters.recovery != MANUAL
+            and (self._partner is not None or self.resumes)
+            and bool(missing)
+            and missing not in (RESTARTED, STOPPED_THERE, DIFFERENT)
+        )
+
     def _missing_there(self, now: float) -> str:
         """Return the reason why the peer is not ready."""
         lost, peer = self._lost(now), self._peer
@@ -140,6 +171,8 @@ class HalfEngagement(Engagement):
         partner = (peer.session, peer.engagement)
         if self.engaged:
             there = peer.engaged and self._partner == partner
+            if there and peer.resumes != self.resumes:
+                return DIFFERENT
             return "" if there or (self._partner is None and peer.ready) else LEFT
         if peer.engaged and partner == self._former:
             return "waiting for the peer to disengage"

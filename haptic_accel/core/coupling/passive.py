@@ -180,6 +180,8 @@ class PassiveHalf:
         Energy given to the present peer since `new_session`, J.
     stiffness, damping : float
         Present values, N/m and N s/m.
+    share : float
+        Fraction of the last force for which the energy in the tank suffices.
     limited : float
         Fraction of the last second in which the tank limited the force.
     """
@@ -200,7 +202,10 @@ class PassiveHalf:
         self._engaged = self._used = False
         self.energy = self.shipped = self._received = 0.0
         self.limited = 0.0
+        self.share = 1.0
         self.stiffness = self.damping = self._age = 0.0
+        self._bearable = 0.0  # stiffness for the age, N/m
+        self._risen = self._rise = 1.0
         self._clear()
 
     @property
@@ -208,11 +213,18 @@ class PassiveHalf:
         """True while the arm is coupled."""
         return self._engaged
 
-    def engage(self) -> None:
-        """Couple the arm at its position, with a stiffness for the age of the peer's data."""
+    def engage(self, rise_time: float = 0.0) -> None:
+        """Couple the arm, with a stiffness for the age of the peer's data.
+
+        Parameters
+        ----------
+        rise_time : float
+            Time in which stiffness and damping rise from zero, s.
+        """
         self._engaged = True
         self._ages = _AgeQuantile(1.0 / self._period)
-        self.stiffness = 0.0
+        self._bearable = 0.0
+        self._risen, self._rise = 0.0, self._period / max(self._period, rise_time)
 
     def disengage(self) -> None:
         """Uncouple: forces are zero until the next `engage`."""
@@ -269,6 +281,7 @@ class PassiveHalf:
         numbers = (*position, *velocity, *set_point, *set_point_velocity, work or 0.0)
         if not (self._engaged and sum(map(abs, numbers)) < NONSENSE):
             self._settle()
+            self.share = 1.0
             return ZERO
         self._start()
         self._book(position, work)
@@ -284,6 +297,14 @@ class PassiveHalf:
     def _under_way(self) -> float:
         """Maximum energy that the forces still acting can give to the arm, J."""
         return sum(force.reserve for force in self._forces)
+
+    @property
+    def supply(self) -> float:
+        """Energy that neither spring nor acting forces need, over the initial energy, 0 to 1."""
+        if not self._accounted:
+            return 1.0
+        spare = self.energy - self._spring_energy - self._under_way
+        return max(0.0, min(1.0, spare / self._p.energy))
 
     @property
     def _surplus(self) -> float:
@@ -342,16 +363,18 @@ class PassiveHalf:
 
     def _follow_age(self, age: float) -> None:
         """Set stiffness and damping for the age of the peer's data, s."""
-        p, before = self._p, self.stiffness
+        p, before = self._p, self._bearable
         if p.law == "spring":
             self.stiffness = p.stiffness
             return
         age = self._ages.put(age if 0.0 <= age < LONGEST_AGE else LONGEST_AGE)
         self._age = age = age + (2 * self._latency + 1) * self._period  # the force's own delay
         rise = p.stiffness * self._period / RAISE_TIME
-        self.stiffness = min(p.stiffness, 2 * p.local_damping / age)
+        self._bearable = min(p.stiffness, 2 * p.local_damping / age)
         if before:
-            self.stiffness = min(self.stiffness, before + rise)
+            self._bearable = min(self._bearable, before + rise)
+        self._risen = min(1.0, self._risen + self._rise)
+        self.stiffness = self._risen * self._bearable
         self.damping = self.stiffness * age / 2
 
     def _led(self, set_point: Vector, velocity: Vector) -> Vector:
@@ -387,6 +410,9 @@ class PassiveHalf:
         self._spring_energy = min(stretch, reach) ** 2 / (2.0 * k)
         reserve = size * shorter * travel
         b *= shorter
+        most = self._p.max_force
+        self.share = min(1.0, reach / min(stretch, most)) if stretch else 1.0
+        self.share *= min(1.0, limit / min(size, most)) if size else 1.0
         return _Force(
             (fx * shorter, fy * shorter, fz * shorter), (-b * vx, -b * vy, -b * vz), reserve
         )

@@ -117,14 +117,17 @@ class HalfCouplingPart:
             self._pulls.clear()
             self.end.half.disengage()
         if decision.engage and self._motion:
-            self.end.engage(self._motion.position)
+            self.end.engage(self._motion.position, resume=decision.resume)
         self._ready = self.engagement.ready(now, listeners)
         return decision
 
     def packet(self, now: float, system: int) -> bytes | None:
         """Return the datagram that is due for the peer, or None."""
         here = self.engagement
-        state = State(self._ready, here.engaged, here.stop.stopped, here.stop.began, here.count)
+        stop = here.stop
+        state = State(
+            self._ready, here.engaged, stop.stopped, here.resumes, stop.began, here.count
+        )
         motion = endpoint.Motion()
         if newest := self._motion:
             stamp = newest.stamp + self.offset

@@ -55,12 +55,13 @@ class State(NamedTuple):
     ready: bool = False
     engaged: bool = False
     stopped: bool = False
+    resumes: bool = False
     stops: int = 0
     engagement: int = 0
 
 
 class Motion(NamedTuple):
-    """Motion of an arm in a packet: stamp, ns; position from engagement, m; velocity, m/s."""
+    """Motion of an arm in a packet: stamp, ns; position from its reference, m; velocity, m/s."""
 
     stamp: int = 0
     position: Vector = ZERO

@@ -39,7 +39,7 @@ LARGEST_SAMPLE = 1e6
 _MAGIC = b"hapt"
 _COUNT = 7  # index of the number of samples; all versions share magic and version
 _CHECK = struct.Struct("<I")  # CRC-32 of the preceding bytes
-_READY, _ENGAGED, _STOPPED = 1, 2, 4
+_READY, _ENGAGED, _STOPPED, _RESUMES = 1, 2, 4, 8
 
 
 @cache
@@ -70,6 +70,9 @@ class Packet(NamedTuple):
         System time of the sender when that packet was received, ns.
     ready, engaged, stopped : bool
         The sender is ready to engage; is engaged; is under an emergency stop.
+    resumes : bool
+        The sender keeps the reference position of its previous engagement: if engaged, it does; if
+        free, it would at its next engagement.
     stops : int
         Number of emergency stops that began on the sender's side.
     engagement : int
@@ -77,7 +80,8 @@ class Packet(NamedTuple):
     stamp : int
         System time of the sender when the position was measured, ns.
     position, velocity : tuple of float
-        Motion of the sender's arm: position relative to engagement, m, and velocity, m/s.
+        Motion of the sender's arm: position relative to its reference position, m, and velocity,
+        m/s.
     shipped : float
         Energy that the sender gave to the session named by `echo_session`, J.
     rate : float
@@ -99,6 +103,7 @@ class Packet(NamedTuple):
     ready: bool
     engaged: bool
     stopped: bool
+    resumes: bool
     stops: int
     engagement: int
     stamp: int
@@ -111,15 +116,20 @@ class Packet(NamedTuple):
 
     def pack(self) -> bytes:
         """Return the datagram."""
-        flags = _READY * self.ready | _ENGAGED * self.engaged | _STOPPED * self.stopped
+        flags = (
+            _READY * self.ready
+            | _ENGAGED * self.engaged
+            | _STOPPED * self.stopped
+            | _RESUMES * self.resumes
+        )
         count = len(self.samples)
         data = _layout(count).pack(
             *(_MAGIC, VERSION, ARMS.index(self.side), flags, count),
             *self[1:8],
-            *self[11:14],
+            *self[12:15],
             *self.position,
             *self.velocity,
-            *self[16:19],
+            *self[17:20],
             *self.samples,
         )
         return data + _CHECK.pack(zlib.crc32(data))
@@ -161,7 +171,7 @@ def unpack(data: bytes) -> Packet:
     if side >= len(ARMS) or not (possible and session and real[-1] > 0):
         raise ValueError("damaged packet")
     px, py, pz, vx, vy, vz, shipped, rate = real
-    state = bool(flags & _READY), bool(flags & _ENGAGED), bool(flags & _STOPPED)
+    state = (bool(flags & flag) for flag in (_READY, _ENGAGED, _STOPPED, _RESUMES))
     motion = (px, py, pz), (vx, vy, vz)
     numbers = shipped, rate, values[18]
     return Packet._make(

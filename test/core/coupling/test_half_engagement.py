@@ -32,8 +32,10 @@ from haptic_accel.core.coupling.engagement import (
     EngagementParameters,
 )
 from haptic_accel.core.coupling.half_engagement import (
+    DIFFERENT,
     LOST,
     RESTARTED,
+    RESUME_TIME,
     SILENT,
     STOPPED_THERE,
     HalfEngagement,
@@ -127,6 +129,11 @@ class Run:
         one, other = (self.host(side).engagement.engaged for side in SIDES)
         return one, other
 
+    @property
+    def resumes(self) -> tuple[bool, bool]:
+        one, other = (self.host(side).engagement.resumes for side in SIDES)
+        return one, other
+
     def missing(self, side: str) -> str:
         return self.host(side).engagement.missing(self.now, 0)
 
@@ -183,6 +190,65 @@ def test_silence_frees_both_arms_within_the_time_out_and_they_return(side: str) 
     run.run(0.2)
     assert run.engaged == (True, True)
     assert run.host(MASTER).log.count("engaged") == 2
+
+
+@pytest.mark.parametrize("lost", [(MASTER,), (SLAVE,), SIDES])
+def test_after_a_short_loss_both_keep_their_reference_positions(lost: tuple[str, ...]) -> None:
+    run = engaged_run()
+    assert run.resumes == (False, False)
+    for side in lost:
+        run.cut(side)
+    run.run(0.3)
+    run.mend()
+    run.run(FREE_TIME + 0.2)
+    assert run.engaged == (True, True)
+    assert run.resumes == (True, True)
+
+
+def test_losses_in_succession_keep_the_reference_positions() -> None:
+    run = engaged_run()
+    for side in (*SIDES, *SIDES):
+        run.cut(side)
+        run.run(0.2)
+        run.mend()
+        run.run(FREE_TIME + 0.02)  # hardly engaged
+    run.run(FREE_TIME + 0.2)
+    assert run.engaged == (True, True)
+    assert run.resumes == (True, True)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_after_a_long_loss_a_request_or_a_stop_the_arms_engage_where_they_are(side: str) -> None:
+    run = engaged_run()
+    run.cut(side)
+    run.run(RESUME_TIME + 0.2)
+    run.mend()
+    run.run(0.2)
+    assert (run.engaged, run.resumes) == ((True, True), (False, False))
+    it = run.host(side).engagement
+    it.request(False)
+    run.run(0.1)
+    it.request(True)
+    run.run(FREE_TIME + 0.2)
+    assert (run.engaged, run.resumes) == ((True, True), (False, False))
+    it.stop.stop()
+    run.run(SETTLING + 0.1)
+    for each in SIDES:
+        run.release(each)
+    run.run(FREE_TIME + 0.2)
+    assert (run.engaged, run.resumes) == ((True, True), (False, False))
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_hosts_that_disagree_on_the_reference_positions_engage_once_more(side: str) -> None:
+    run = engaged_run()
+    host = run.host(side)
+    packet = host.end.peer
+    assert packet
+    host.engagement.peer_heard(packet._replace(resumes=True), run.now)
+    assert host.part.poll(run.now, 0).warning == f"let go: {DIFFERENT}"
+    run.run(FREE_TIME + 0.2)
+    assert (run.engaged, run.resumes) == ((True, True), (False, False))
 
 
 def test_a_peer_that_starts_again_is_engaged_with_anew() -> None:
@@ -355,6 +421,7 @@ def test_whatever_happened_both_return_once_nothing_is_in_the_way(
         run.host(side).engagement.request(True)
     run.run(FREE_TIME + 6 * (delay + jitter) + 0.5)
     assert run.engaged == (True, True)
+    assert len(set(run.resumes)) == 1
     counts = [run.host(side).engagement.count for side in SIDES]
     run.run(1.0)
     assert [run.host(side).engagement.count for side in SIDES] == counts, "not for long"

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 from collections.abc import Iterator
@@ -111,6 +112,19 @@ def test_arms_that_engage_again_forget_how_late_data_was() -> None:
     half.engage()
     half.force(ZERO, ZERO, ZERO, ZERO, 0.009)
     assert half.stiffness == pytest.approx(250.0)
+
+
+def test_stiffness_and_damping_rise_from_zero_within_the_rise_time() -> None:
+    half = PassiveHalf(RICH, RATE, 0)
+    half.engage(rise_time=0.1)
+    forces = [
+        half.force(ZERO, (0.1, 0.0, 0.0), (0.0, 0.002, 0.0), ZERO, 0.009) for _ in range(150)
+    ]
+    steps = [math.dist(*pair) for pair in itertools.pairwise([ZERO, *forces])]
+    # K = 250 N/m at 2 mm, B = K A / 2 at 0.1 m/s: 0.5 N and 0.125 N after 100 samples.
+    assert forces[99] == pytest.approx((-0.125, 0.5, 0.0))
+    assert forces[-1] == pytest.approx(forces[99])
+    assert steps[:100] == pytest.approx([math.hypot(0.125, 0.5) / 100] * 100)
 
 
 # Set-point

@@ -39,7 +39,7 @@ PACKETS = st.builds(
     Packet,
     *(st.sampled_from(ARMS), SESSION, WORD, WORD),
     *(st.integers(0, 2**64 - 1), WORD, WORD, WORD),
-    *(st.booleans(), st.booleans(), st.booleans(), COUNT, COUNT),
+    *(st.booleans(), st.booleans(), st.booleans(), st.booleans(), COUNT, COUNT),
     *(WORD, VECTOR, VECTOR, REAL, st.floats(1.0, 1e5), WORD, SAMPLES),
 )
 
@@ -47,7 +47,8 @@ PACKETS = st.builds(
 def example(**values: object) -> Packet:
     zero = (0.0, 0.0, 0.0)
     packet = Packet(
-        "slave", 7, 1, 0, 0, 0, 0, 0, True, False, False, 0, 0, 0, zero, zero, 0.0, 1e3, 0, (1.0,)
+        *("slave", 7, 1, 0, 0, 0, 0, 0, True, False, False, False, 0, 0, 0),
+        *(zero, zero, 0.0, 1e3, 0, (1.0,)),
     )
     return packet._replace(**values)  # type: ignore[arg-type]
 

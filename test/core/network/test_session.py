@@ -41,7 +41,7 @@ NEWEST, OVERTAKEN, HANDSHAKE = Admission.NEWEST, Admission.OVERTAKEN, Admission.
 
 def packet(sequence: int, session: int = 7, side: str = "slave", answers: int = OWN) -> Packet:
     return Packet(
-        *(side, session, sequence, 0, answers, 0, 0, 0, True, False, False, 0, 0, 0),
+        *(side, session, sequence, 0, answers, 0, 0, 0, True, False, False, False, 0, 0, 0),
         *(ZERO, ZERO, 0.0, 1e3, 0, ()),
     )
 

@@ -1,0 +1,119 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Coupling over bursts of losses in one direction: ``python benchmarks/loss_bursts.py``.
+
+A hand strokes with the master; the slave is free and has no friction. Lockstep, without ROS.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+from collections import deque
+
+import click
+
+from haptic_accel.core.coupling.passive import PassiveParameters
+from haptic_accel.core.model import ZERO
+from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.topics import ARMS
+from haptic_accel.core.two_arms import ENGAGING, RATE, TwoArms, free, stroke
+
+NETWORK = ChannelParameters(delay=0.02, jitter=0.01, loss=0.05)
+"""Both directions between bursts."""
+
+LOST = ChannelParameters(loss=1.0)
+
+BURST = 0.1, 0.5
+"""Shortest and longest burst, s: from the time-out of the coupling on."""
+
+BETWEEN = 4.0, 8.0
+"""Shortest and longest time from a burst to the next, s."""
+
+STROKE_TIME = 2.0
+"""Time before a burst in which the largest distance between the arms counts, s: two strokes."""
+
+AFTER_ENGAGING = 1.0
+"""Time from an engagement in which force steps count, s."""
+
+
+def measure(seconds: float, seed: int) -> dict[str, float]:
+    """Return the metrics of the coupling over random bursts.
+
+    Returns
+    -------
+    dict
+        bursts, engagements : numbers of bursts, and of engagements of the master.
+        distance_mm : largest distance between the arms before a burst, as the last one is over.
+        last_distance_mm : the same before the last burst.
+        force_step_n : largest change of an arm's force from a sample to the next, in the second
+        after an engagement.
+        energy_out_mj : largest net energy that the motors gave to both arms.
+    """
+    chance = random.Random(seed)
+    arms = TwoArms(PassiveParameters(), NETWORK, stroke, free, seed)
+    hosts = arms.hosts
+    recent: deque[float] = deque(maxlen=round(STROKE_TIME * RATE))
+    forces, counts, since = (
+        dict.fromkeys(ARMS, ZERO),
+        dict.fromkeys(ARMS, 0),
+        dict.fromkeys(ARMS, 0),
+    )
+    begins, ends = ENGAGING + BETWEEN[0], math.inf
+    distances: list[float] = []
+    largest_step = energy = 0.0
+    for tick, at in enumerate(arms.move(seconds)):
+        now = tick / RATE
+        recent.append(math.dist(at.master, at.slave))
+        energy = max(energy, at.given)
+        if now >= begins:
+            distances.append(max(recent))
+            chance.choice(hosts.channels).parameters = LOST
+            begins, ends = math.inf, now + chance.uniform(*BURST)
+        if now >= ends:
+            for channel in hosts.channels:
+                channel.parameters = NETWORK
+            begins, ends = now + chance.uniform(*BETWEEN), math.inf
+        for arm, half in hosts.halves.items():
+            pulls = hosts.loops[arm].pulls
+            force, before = pulls[-1].force if pulls else ZERO, forces[arm]
+            forces[arm] = force
+            if half.engagement.count != counts[arm]:
+                counts[arm], since[arm] = half.engagement.count, tick
+            if half.engagement.engaged and tick - since[arm] <= AFTER_ENGAGING * RATE:
+                largest_step = max(largest_step, math.dist(force, before))
+    return {
+        "seconds": seconds,
+        "bursts": len(distances),
+        "engagements": counts[ARMS[0]],
+        "distance_mm": 1e3 * max(distances),
+        "last_distance_mm": 1e3 * distances[-1],
+        "force_step_n": largest_step,
+        "energy_out_mj": 1e3 * energy,
+    }
+
+
+@click.command()
+@click.option("--seconds", type=click.FloatRange(10.0), default=60.0, help="Simulated time, s.")
+@click.option("--seed", type=int, default=0, help="Seed of bursts and network.")
+def loss_bursts(*, seconds: float, seed: int) -> None:
+    """Print the metrics of the coupling over random bursts of losses in one direction."""
+    click.echo(json.dumps(measure(seconds, seed), indent=2))
+
+
+if __name__ == "__main__":
+    loss_bursts()
