@@ -133,7 +133,7 @@ class ArmEndpoint:
             self.endpoint.round_trip_age(now),
             None if work is None else work / self._scale**2,
         )
-        if self._ahead and self.half.share < 1.0:
+        if self._ahead is not None and self._ahead != ZERO and self.half.share < 1.0:
             # Wait where the energy suffices, so that the force does not jump when more arrives.
             d_x, d_y, d_z = scaled(own, 1.0 - self.half.share, self._goal)
             a_x, a_y, a_z = self._ahead

@@ -82,6 +82,10 @@ is 30 Hz at an age of 50 ms."""
 RAISE_TIME = 1.0
 """Minimum time in which the stiffness rises from zero to its parameter, s; it falls at once."""
 
+SHARE_TIME = 0.03
+"""Minimum time in which a force that the tank had limited to zero recovers, s. Energy arrives in
+lumps, which without this are felt as jolts."""
+
 
 @dataclass(frozen=True)
 class PassiveParameters(Checked):
@@ -180,8 +184,6 @@ class PassiveHalf:
         Energy given to the present peer since `new_session`, J.
     stiffness, damping : float
         Present values, N/m and N s/m.
-    share : float
-        Fraction of the last force for which the energy in the tank suffices.
     limited : float
         Fraction of the last second in which the tank limited the force.
     """
@@ -202,7 +204,6 @@ class PassiveHalf:
         self._engaged = self._used = False
         self.energy = self.shipped = self._received = 0.0
         self.limited = 0.0
-        self.share = 1.0
         self.stiffness = self.damping = self._age = 0.0
         self._bearable = 0.0  # stiffness for the age, N/m
         self._risen = self._rise = 1.0
@@ -281,7 +282,6 @@ class PassiveHalf:
         numbers = (*position, *velocity, *set_point, *set_point_velocity, work or 0.0)
         if not (self._engaged and sum(map(abs, numbers)) < NONSENSE):
             self._settle()
-            self.share = 1.0
             return ZERO
         self._start()
         self._book(position, work)
@@ -297,6 +297,11 @@ class PassiveHalf:
     def _under_way(self) -> float:
         """Maximum energy that the forces still acting can give to the arm, J."""
         return sum(force.reserve for force in self._forces)
+
+    @property
+    def share(self) -> float:
+        """Fraction of the last force for which the energy in the tank sufficed."""
+        return self._spring_share * self._total_share
 
     @property
     def supply(self) -> float:
@@ -327,6 +332,7 @@ class PassiveHalf:
         self._work: float | None = None
         self._forces = deque([_NO_FORCE] * (self._latency + 1))
         self._spring_energy = 0.0
+        self._spring_share = self._total_share = 1.0
         self._set_point: Vector | None = None
         self._led_velocity = ZERO
 
@@ -396,25 +402,32 @@ class PassiveHalf:
         vx, vy, vz = velocity
         ex, ey, ez = set_point[0] - x, set_point[1] - y, set_point[2] - z
         travel = (math.sqrt(vx * vx + vy * vy + vz * vz) + SPEED_MARGIN) * self._period
-        reach = limit = self._p.max_force
+        most = self._p.max_force
+        reach = limit = math.inf
         if self._accounted:
             spare = max(0.0, self.energy - self._under_way)
-            reach = min(reach, math.sqrt(2.0 * spare * k))
-            limit = min(limit, spare / (2.0 * travel))
+            reach, limit = math.sqrt(2.0 * spare * k), spare / (2.0 * travel)
         stretch = k * math.sqrt(ex * ex + ey * ey + ez * ez)
-        ratio = k * min(1.0, reach / stretch) if stretch else k
+        spring = min(stretch, most)
+        self._spring_share = self._recovered(self._spring_share, reach, spring)
+        ratio = k * self._spring_share * (spring / stretch if stretch else 1.0)
         fx, fy, fz = ratio * ex - b * vx, ratio * ey - b * vy, ratio * ez - b * vz
         size = math.sqrt(fx * fx + fy * fy + fz * fz)
-        shorter = min(1.0, limit / size) if size else 1.0
-        self._note_limited(max(stretch - reach, size - limit) > 0.0)
-        self._spring_energy = min(stretch, reach) ** 2 / (2.0 * k)
+        wanted = min(size, most)
+        self._total_share = self._recovered(self._total_share, limit, wanted)
+        shorter = self._total_share * (wanted / size if size else 1.0)
+        self._note_limited(min(reach, most) < stretch or min(limit, most) < size)
+        self._spring_energy = min(spring, reach) ** 2 / (2.0 * k)
         reserve = size * shorter * travel
         b *= shorter
-        most = self._p.max_force
-        self.share = min(1.0, reach / min(stretch, most)) if stretch else 1.0
-        self.share *= min(1.0, limit / min(size, most)) if size else 1.0
         return _Force(
             (fx * shorter, fy * shorter, fz * shorter), (-b * vx, -b * vy, -b * vz), reserve
+        )
+
+    def _recovered(self, share: float, possible: float, wanted: float) -> float:
+        """Return the share of a wanted force that is possible, and rises slowly from the last."""
+        return min(
+            possible / wanted if possible < wanted else 1.0, share + self._period / SHARE_TIME
         )
 
     def _note_limited(self, limited: bool) -> None:
