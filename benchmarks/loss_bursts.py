@@ -23,7 +23,6 @@ from __future__ import annotations
 import json
 import math
 import random
-from collections import deque
 
 import click
 
@@ -44,8 +43,9 @@ BURST = 0.1, 0.5
 BETWEEN = 4.0, 8.0
 """Shortest and longest time from a burst to the next, s."""
 
-STROKE_TIME = 2.0
-"""Time before a burst in which the largest distance between the arms counts, s: two strokes."""
+RECOVERY = 3.0
+"""Time after a burst and an engagement from which the distance between the arms counts, s. In a
+gap the arms part by up to 100 mm, and then approach each other at 50 mm/s."""
 
 AFTER_ENGAGING = 1.0
 """Time from an engagement in which force steps count, s."""
@@ -58,8 +58,9 @@ def measure(seconds: float, seed: int) -> dict[str, float]:
     -------
     dict
         bursts, engagements : numbers of bursts, and of engagements of the master.
-        distance_mm : largest distance between the arms before a burst, as the last one is over.
-        last_distance_mm : the same before the last burst.
+        distance_mm : largest distance between the arms from `RECOVERY` after a burst and an
+        engagement to the next burst.
+        last_distance_mm : distance at the last of these samples.
         force_step_n : largest change of an arm's force from a sample to the next, in the second
         after an engagement.
         energy_out_mj : largest net energy that the motors gave to both arms.
@@ -67,27 +68,32 @@ def measure(seconds: float, seed: int) -> dict[str, float]:
     chance = random.Random(seed)
     arms = TwoArms(PassiveParameters(), NETWORK, stroke, free, seed)
     hosts = arms.hosts
-    recent: deque[float] = deque(maxlen=round(STROKE_TIME * RATE))
     forces, counts, since = (
         dict.fromkeys(ARMS, ZERO),
         dict.fromkeys(ARMS, 0),
         dict.fromkeys(ARMS, 0),
     )
     begins, ends = ENGAGING + BETWEEN[0], math.inf
-    distances: list[float] = []
-    largest_step = energy = 0.0
+    bursts = disturbed = 0
+    distance = last_distance = largest_step = energy = 0.0
     for tick, at in enumerate(arms.move(seconds)):
         now = tick / RATE
-        recent.append(math.dist(at.master, at.slave))
         energy = max(energy, at.given)
         if now >= begins:
-            distances.append(max(recent))
+            bursts += 1
             chance.choice(hosts.channels).parameters = LOST
             begins, ends = math.inf, now + chance.uniform(*BURST)
+        if begins == math.inf:
+            disturbed = tick
         if now >= ends:
             for channel in hosts.channels:
                 channel.parameters = NETWORK
             begins, ends = now + chance.uniform(*BETWEEN), math.inf
+        if not all(half.engagement.engaged for half in hosts.halves.values()):
+            disturbed = tick
+        if tick - disturbed > RECOVERY * RATE:
+            last_distance = math.dist(at.master, at.slave)
+            distance = max(distance, last_distance)
         for arm, half in hosts.halves.items():
             pulls = hosts.loops[arm].pulls
             force, before = pulls[-1].force if pulls else ZERO, forces[arm]
@@ -98,10 +104,10 @@ def measure(seconds: float, seed: int) -> dict[str, float]:
                 largest_step = max(largest_step, math.dist(force, before))
     return {
         "seconds": seconds,
-        "bursts": len(distances),
+        "bursts": bursts,
         "engagements": counts[ARMS[0]],
-        "distance_mm": 1e3 * max(distances),
-        "last_distance_mm": 1e3 * distances[-1],
+        "distance_mm": 1e3 * distance,
+        "last_distance_mm": 1e3 * last_distance,
         "force_step_n": largest_step,
         "energy_out_mj": 1e3 * energy,
     }
