@@ -254,7 +254,8 @@ class CouplingNode(GraphNode):
         if decision.warning:
             self.get_logger().warning(decision.warning)
         if decision.engage:
-            self.get_logger().info("engaged")
+            where = " at the former reference positions" if decision.resume else ""
+            self.get_logger().info(f"engaged{where}")
         if decision.finished:
             self.finish(f"duration of {self.parameters.duration:g} s is over")
 
