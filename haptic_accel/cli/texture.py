@@ -45,7 +45,7 @@ from haptic_accel.core.topics import CONTACT_FORCE, SLAVE, SLAVE_ARM_FORCE
 from haptic_accel.devices.playback import bag_track, is_bag
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.foreign import import_texture
-from haptic_accel.materials.recordings import FULL_SCALE, read_recording
+from haptic_accel.materials.recordings import FULL_SCALE, cleaned, read_recording
 from haptic_accel.materials.texture_files import read_texture, write_texture
 
 SOUND_RATE = 8000
@@ -79,8 +79,9 @@ def build_texture(
 
     A CSV file has columns speed (mm/s), force (N) and acceleration or accel (m/s^2); speed is
     along the surface and force normal to it. In a bag z is normal to the surface, and the force
-    is that of the contact or, where it was not recorded, that of the slave's arm. Beside the
-    model a plot is written: spectra, measured and modelled, and the plane of speed and force.
+    is that of the contact or, where it was not recorded, that of the slave's arm. Glitches of
+    sensors are counted and replaced. Beside the model a plot is written: spectra, measured and
+    modelled, and the plane of speed and force.
     """
     check_writable(out, "out")
     read = [_bag(path) if is_bag(str(path)) else _csv(path, rate) for path in recordings]
@@ -232,4 +233,6 @@ def _bag(path: Path) -> Recording:
     track = bag_track(bag, replace(SLAVE, position=CONTACT_FORCE if contact else SLAVE_ARM_FORCE))
     pressing = track.position[:, 2] * (1 if contact else -1)
     speed = np.hypot(track.velocity[:, 0], track.velocity[:, 1])
-    return Recording(str(path), track.rate, speed, pressing, track.acceleration)
+    columns = {"speed": speed, "force": pressing, "acceleration": track.acceleration}
+    signals = (cleaned(f"{path}: {name}", each) for name, each in columns.items())
+    return Recording(str(path), track.rate, *signals)

@@ -27,7 +27,8 @@ import yaml
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.document import Document, read_yaml_document
 from haptic_accel.core.parameters import checked, shown
-from haptic_accel.graph.former_names import current_names, warn_once, warning_of
+from haptic_accel.core.warning import warn_once
+from haptic_accel.graph.former_names import current_names, warning_of
 from haptic_accel.graph.node_parameters import NODES, USE_SIM_TIME, check_clock, node_schema
 from haptic_accel.materials.folders import config_folder, is_recording, preset_file
 

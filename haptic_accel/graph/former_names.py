@@ -20,12 +20,11 @@ Those in bags are always read.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable, Mapping
-from functools import cache
 from typing import Any
 
 from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel.core.warning import warn_once
 
 FORMER = {
     **{"can_serial.arm.": "can.", "can_serial.handle.": "serial."},
@@ -38,8 +37,6 @@ FORMER_WORDS = ("recording", "scene")
 
 RECORDED = "surface:=recording"
 """Word that came with a recording."""
-
-_LOG = logging.getLogger(__name__)
 
 
 def current_names(values: Mapping[str, Any]) -> dict[str, str]:
@@ -105,12 +102,6 @@ def current_arguments(recorded: Mapping[str, Any]) -> dict[str, Any]:
     if not now.get("surface"):
         now.pop("surface", None)
     return now
-
-
-@cache
-def warn_once(line: str) -> None:
-    """Log a warning once, however often its cause is read."""
-    _LOG.warning("%s", line)
 
 
 def _current(name: str) -> str:

@@ -37,7 +37,9 @@ from haptic_accel.core import resampling
 from haptic_accel.core.bounded_files import opened
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.outliers import without_outliers
 from haptic_accel.core.parameters import ParameterError, one_line, shown
+from haptic_accel.core.warning import warn_once
 
 # scipy.io is slow to import: only reading a WAV file needs it.
 
@@ -75,7 +77,7 @@ def read_recording(
     A CSV file has a first row with the names of its columns. Commas, semicolons or tabs separate
     columns, decimals use a point, empty lines are skipped. A WAV file (recognised by its first
     bytes, or by its name) has integer samples with full scale `full_scale`, or floating-point
-    samples in m/s^2. An offset is kept.
+    samples in m/s^2. An offset is kept. Outliers are replaced, see `cleaned`.
 
     Parameters
     ----------
@@ -102,7 +104,8 @@ def read_recording(
     ------
     ParameterError
         The message is one line with the file, line, column or parameter, its value, and the
-        allowed values. A recording shorter than `SHORTEST` is rejected, as are NaN and infinity.
+        allowed values. A recording shorter than `SHORTEST` is rejected, as are NaN and infinity,
+        and more than 1 % of outliers.
     """
     rate = resampling.checked_rate("rate", rate)
     name = shown(os.fspath(path))
@@ -166,7 +169,23 @@ def read_samples(
             f"{name}: {len(samples)} samples at {recording_rate:g} Hz last {seconds:.3g} s, "
             f"must be at least {SHORTEST:g} s"
         )
-    return samples, recording_rate
+    return cleaned(f"{name}: {column}" if column else name, samples), recording_rate
+
+
+def cleaned(name: str, samples: FloatArray) -> FloatArray:
+    """Replace the outliers of a recorded signal, and tell the user their number once.
+
+    Raises
+    ------
+    ParameterError
+        There are too many, see `without_outliers`.
+    """
+    samples, rejected = without_outliers(name, samples)
+    if rejected:
+        warn_once(
+            f"{name}: {rejected} of {len(samples)} samples are outliers: replaced by interpolation"
+        )
+    return samples
 
 
 def _too_long(name: str, samples: int) -> ParameterError:

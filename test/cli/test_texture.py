@@ -29,6 +29,7 @@ from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.rig.slave_rig import SlaveRigParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.core.trial import RigParameters, run_trial
+from haptic_accel.core.warning import warn_once
 from haptic_accel.graph.files import surface_parameters
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.recordings import read_recording
@@ -76,6 +77,28 @@ def test_a_model_is_built_from_files_with_a_report(tmp_path: Path) -> None:
     assert status_of("texture", "show", "wood.yaml") == 0
     assert (tmp_path / "wood_report.png").read_bytes() == picture
     assert (tmp_path / "wood.png").read_bytes() != picture
+
+
+def test_a_glitch_of_the_force_sensor_does_not_change_the_model(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    warn_once.cache_clear()
+    for force in (0.5, 1.0):
+        write_drag(tmp_path / f"{force}.csv", force)
+    words = ("--rate", "1000", "--out")
+    assert status_of("texture", "build", "0.5.csv", "1.0.csv", *words, "good.yaml") == 0
+    assert not caplog.messages
+    lines = (tmp_path / "1.0.csv").read_text().splitlines()
+    speed, _, acceleration = lines[1200].split(",")
+    lines[1200] = f"{speed},36870,{acceleration}"
+    (tmp_path / "bad.csv").write_text("\n".join(lines))
+    assert status_of("texture", "build", "0.5.csv", "bad.csv", *words, "bad.yaml") == 0
+    assert caplog.messages == [
+        "bad.csv: force: 1 of 3000 samples are outliers: replaced by interpolation"
+    ]
+    good, bad = (read_texture(tmp_path / name) for name in ("good.yaml", "bad.yaml"))
+    assert np.array_equal(good.deviation, bad.deviation)
+    assert np.array_equal(good.forces, bad.forces)
 
 
 def test_what_is_rendered_is_read_again_with_the_models_rms(tmp_path: Path) -> None:

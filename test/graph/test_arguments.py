@@ -20,8 +20,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.warning import warn_once
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
-from haptic_accel.graph.former_names import current_arguments, warn_once
+from haptic_accel.graph.former_names import current_arguments
 from haptic_accel.graph.words import described, parse_words
 
 

@@ -245,6 +245,40 @@ def test_a_result_too_long_is_refused_before_it_is_made(tmp_path: Path) -> None:
     assert message == f"{path}: 100 s are 1e+08 samples at 1e+06 Hz, must be at most 20000000"
 
 
+@pytest.mark.parametrize("suffix", ["csv", "wav"])
+def test_glitches_are_replaced_and_counted_in_one_line(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, suffix: str
+) -> None:
+    true = tone(30.0, 1000.0)
+    damaged = true.copy()
+    damaged[[700, 1500, 1501, 1502]] = -400.0
+    path = tmp_path / f"a.{suffix}"
+    if suffix == "wav":
+        wavfile.write(path, 1000, damaged)
+    else:
+        write_csv(path, {"accel": damaged})
+    assert read_recording(path, 1000.0, 1000.0) == pytest.approx(true, abs=0.1)
+    assert caplog.messages == [
+        f"{path}: 4 of 3000 samples are outliers: replaced by interpolation"
+    ]
+
+
+def test_a_recording_without_glitches_says_nothing(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    read_recording(write_csv(tmp_path / "a.csv", {"accel": tone(30.0, 1000.0)}), 1000.0, 1000.0)
+    assert not caplog.messages
+
+
+def test_a_recording_full_of_glitches_is_refused(tmp_path: Path) -> None:
+    samples = tone(30.0, 1000.0)
+    samples[20::70] = 1e5
+    path = write_csv(tmp_path / "a.csv", {"accel": samples})
+    assert refusal(path, 1000.0, 1000.0, "accel") == (
+        f"{path}: accel: 43 of 3000 samples are outliers: must be at most 1 %"
+    )
+
+
 # WAV
 
 
@@ -486,7 +520,7 @@ def test_numbers_are_read_exactly_and_what_is_none_is_refused_with_its_line(
 
 
 @untimed
-@given(st.lists(st.floats(-1e6, 1e6), min_size=10, max_size=60))
+@given(st.lists(st.floats(-1e6, 1e6), min_size=10, max_size=32))  # too few to have outliers
 def test_any_numbers_are_read_exactly(tmp_path: Path, values: list[float]) -> None:
     path = write_csv(tmp_path / "a.csv", {"b": np.array(values), "a": np.array(values)})
     assert read_recording(path, 10.0, 10.0).tolist() == values
