@@ -23,7 +23,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from haptic_accel.core.model import FloatArray
 from haptic_accel.core.surfaces.building import BAND, Built, HeldOut, Segment
 from haptic_accel.core.surfaces.texture import TextureModel
 from haptic_accel.core.tables import Column, ResultTable
@@ -74,19 +73,9 @@ def described(built: Built) -> Iterator[str]:
 
 def nodes_table(model: TextureModel) -> ResultTable:
     """Return the nodes of a model."""
-    nodes = sorted(zip(model.speeds, model.forces, node_rms(model), strict=True))
+    nodes = sorted(zip(model.speeds, model.forces, model.rms, strict=True))
     rows = [dict(zip((each.key for each in NODES), node, strict=True)) for node in nodes]
     return ResultTable.of(NODES, rows, title="nodes", left=0)
-
-
-def node_rms(model: TextureModel) -> FloatArray:
-    """Return the root mean square of the acceleration at each node, m/s^2."""
-    frequency = np.linspace(0.0, model.rate / 2, 2048)
-    spectra = [
-        model.spectrum(speed, force, frequency)
-        for speed, force in zip(model.speeds.tolist(), model.forces.tolist(), strict=True)
-    ]
-    return np.asarray(np.sqrt(np.mean(spectra, axis=1) * model.rate / 2))
 
 
 def draw(
@@ -105,7 +94,7 @@ def draw(
     spectra.legend(fontsize=7)
     speeds = model.speeds / MILLI
     plane.triplot(speeds, model.forces, model.triangles, color="#bbbbbb", linewidth=0.8)
-    nodes = plane.scatter(speeds, model.forces, c=node_rms(model), cmap="viridis", zorder=3)
+    nodes = plane.scatter(speeds, model.forces, c=model.rms, cmap="viridis", zorder=3)
     figure.colorbar(nodes, ax=plane, label="RMS (m/s²)")
     places = np.array([(each.speed / MILLI, each.force) for each in segments]).reshape(-1, 2)
     plane.plot(*places.T, ".", color="#d55e00", markersize=3, label="segments")
@@ -125,7 +114,7 @@ def _draw_compared(panel: Axes, held_out: Sequence[HeldOut]) -> None:
 def _draw_spectra(panel: Axes, model: TextureModel) -> None:
     """Draw the model's spectra at its loudest nodes; nodes at rest have none."""
     frequency = np.linspace(1.0, model.rate / 2, 500)
-    rms = node_rms(model)
+    rms = model.rms
     loudest = np.argsort(-rms)[: min(MOST_DRAWN, np.count_nonzero(rms))]
     for node in loudest.tolist():
         speed, force = float(model.speeds[node]), float(model.forces[node])

@@ -30,7 +30,6 @@ from haptic_accel.analysis.textures import (
     described,
     draw,
     held_out_table,
-    node_rms,
     nodes_table,
 )
 from haptic_accel.cli.options import FILE, json_option, verb
@@ -129,7 +128,7 @@ def import_file(file: Path, rate: float, calibration: float | None, out: Path) -
     check_writable(out, "out")
     model = import_texture(file, rate, calibration)
     write_texture(out, model)
-    loudest = node_rms(model).max()
+    loudest = model.rms.max()
     print(f"{out}: order {model.lsf.shape[1]}, {model.rate:g} Hz, up to {loudest:.2f} m/s^2 RMS")
     print(f"licence: {model.provenance.licence or 'none stated: that of the file'}")
 
@@ -142,7 +141,7 @@ def show(model: str, out: Path | None, json_file: Path | None) -> None:
     """Show a model's provenance, range and spectra."""
     found = read_texture(preset_file("texture", model))
     order, moving = found.lsf.shape[1], found.ma_lsf.shape[1]
-    rms = node_rms(found)
+    rms = found.rms
     about = {name: text for name, text in asdict(found.provenance).items() if text}
     orders = f"{order} and {moving}" if moving else f"{order}"
     print(f"{printable(found.name)}: order {orders}, {found.rate:g} Hz")

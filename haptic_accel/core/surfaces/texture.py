@@ -240,10 +240,10 @@ class TextureModel:
         return _Plane(self.speeds, self.forces)
 
     @cached_property
-    def power(self) -> FloatArray:
-        """Mean square of the acceleration at the nodes, (m/s^2)^2, shape (n,)."""
+    def rms(self) -> FloatArray:
+        """Root mean square of the acceleration at the nodes, m/s^2, shape (n,)."""
         gain = power_gain(to_polynomial(self.ma_lsf), to_polynomial(self.lsf))
-        return np.asarray((self.deviation * self.gain) ** 2 * gain)
+        return np.asarray(self.deviation * self.gain * np.sqrt(gain))
 
     @property
     def triangles(self) -> IntArray:
@@ -266,8 +266,10 @@ class TextureModel:
         """
         places = self.locate(np.array([speed]), np.array([force]))
         lsf, ma_lsf = places.interpolate(self.lsf), places.interpolate(self.ma_lsf)
-        power = places.interpolate(self.power) / power_gain(*map(to_polynomial, (ma_lsf, lsf)))
-        return np.asarray(power * self._shapes(lsf, ma_lsf, frequency)[0])
+        gain = power_gain(*map(to_polynomial, (ma_lsf, lsf)))
+        return np.asarray(
+            places.interpolate(self.rms) ** 2 / gain * self._shapes(lsf, ma_lsf, frequency)[0]
+        )
 
     def _shapes(self, lsf: FloatArray, ma_lsf: FloatArray, frequency: FloatArray) -> FloatArray:
         """Return the one-sided power densities of filtered unit white noise, 1/Hz."""
@@ -311,10 +313,10 @@ class _Cells:
     ----------
     forward, feedback : ndarray, shape ((`CELLS` + 1)^2, order)
         Coefficients without the first, 1.
-    variance : ndarray, shape ((`CELLS` + 1)^2, 3)
-        Its product with (speed, force, 1) is the variance of the innovation in a cell.
+    deviation : ndarray, shape ((`CELLS` + 1)^2, 3)
+        Its product with (speed, force, 1) is the deviation of the innovation in a cell, m/s^2.
     largest : ndarray, shape ((`CELLS` + 1)^2,)
-        Maximum of this variance, for cells that extend into another triangle.
+        Maximum of this deviation, for cells that extend into another triangle.
     """
 
     def __init__(self, model: TextureModel) -> None:
@@ -324,12 +326,13 @@ class _Cells:
         forward = to_polynomial(places.interpolate(model.ma_lsf))
         feedback = to_polynomial(places.interpolate(model.lsf))
         self.forward, self.feedback = forward[:, 1:], feedback[:, 1:]
-        # Interpolate the acceleration's variance, not the innovation's. Between nodes with
-        # different spectra, peaks are wider than at either, and the same innovation gives less
-        # acceleration.
-        power = model.power[places.corners] / power_gain(forward, feedback)[:, None]
-        self.variance = np.einsum("mi,mij->mj", power, places.affine)
-        self.largest = power.max(axis=1)
+        # Interpolate the acceleration's RMS, not the innovation's. Between nodes with different
+        # spectra, peaks are wider than at either, and the same innovation gives less acceleration.
+        # Nor its power: vibration grows in proportion to speed or faster, so that a line in power
+        # from rest to the slowest node is too loud in between, by 41 % in the middle.
+        corners = model.rms[places.corners] / np.sqrt(power_gain(forward, feedback))[:, None]
+        self.deviation = np.einsum("mi,mij->mj", corners, places.affine)
+        self.largest = corners.max(axis=1)
 
 
 @lru_cache(maxsize=32)
@@ -381,7 +384,7 @@ class Texture:
     def _enter(self, cell: int) -> None:
         """Use the filter of a cell."""
         self._cell = cell
-        self._variance = self._cells.variance[cell].tolist()
+        self._deviation = self._cells.deviation[cell].tolist()
         self._largest = self._cells.largest[cell].item()
         self._forward = self._cells.forward[cell].tolist()
         self._feedback = self._cells.feedback[cell].tolist()
@@ -404,10 +407,10 @@ class Texture:
             cell = row * (CELLS + 1) + int(speed / self._top_speed * CELLS + 0.5)
             if cell != self._cell:
                 self._enter(cell)
-            by_speed, by_force, offset = self._variance
-            variance = by_speed * speed + by_force * force + offset
-            if variance > 0:
-                innovation = math.sqrt(min(variance, self._largest)) * next(self._noise)
+            by_speed, by_force, offset = self._deviation
+            deviation = by_speed * speed + by_force * force + offset
+            if deviation > 0:
+                innovation = min(deviation, self._largest) * next(self._noise)
         moved = innovation + sum(map(mul, self._forward, self._innovations))
         output: float = moved - sum(map(mul, self._feedback, self._outputs))
         if abs(output) > self._limit:

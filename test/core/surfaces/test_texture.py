@@ -146,18 +146,18 @@ def test_speed_comes_through_a_low_pass_of_20_hz() -> None:
     texture = Texture(model((1.0,), rate=4000), 4000, seed=1)
     step = texture.block(np.full(200, 0.05), np.full(200, 2.0))
     noise = np.random.default_rng(1).standard_normal(256)[:200]
-    # Of white noise, the variance tells the speed: 4 (m/s^2)^2 at 0.11 m/s, linear from rest.
-    speed = 0.11 * (step / noise) ** 2 / 4
+    # Of white noise, the deviation tells the speed: 2 m/s^2 at 0.11 m/s, linear from rest.
+    speed = 0.11 * np.abs(step / noise) / 2
     phase = 2 * np.pi * 20 * np.arange(200) / 4000 / np.sqrt(2)
     expected = 0.05 * (1 - np.exp(-phase) * (np.cos(phase) + np.sin(phase)))
     assert speed == pytest.approx(expected, abs=1e-3)
 
 
-def test_power_is_interpolated_between_different_spectra() -> None:
+def test_rms_is_interpolated_between_different_spectra() -> None:
     low, high = (from_polynomial(np.array([1.0, a, 0.9])) for a in (-1.8, 1.0))
     mixed = replace(model((1.0, 0.0, 0.0)), lsf=np.array([low, low, low, low, high]))
-    assert mixed.power[4] == pytest.approx(4 * 1.9 / (0.1 * (1.9**2 - 1)))
-    half = 0.5 * (mixed.power[3] + mixed.power[4])
+    assert mixed.rms[4] ** 2 == pytest.approx(4 * 1.9 / (0.1 * (1.9**2 - 1)))
+    half = (0.5 * (mixed.rms[3] + mixed.rms[4])) ** 2
     at = (0.5 * (SPEEDS[3] + SPEEDS[4]), 0.5 * (FORCES[3] + FORCES[4]))
     frequency = np.linspace(0.0, 500.0, 5001)
     assert integrate.trapezoid(mixed.spectrum(*at, frequency), frequency) == pytest.approx(half)
