@@ -59,13 +59,24 @@ def held_out_table(built: Built) -> ResultTable:
 
 
 def described(built: Built) -> Iterator[str]:
-    """Yield order and coverage of a model, and the unused parts of recordings."""
+    """Yield order, coverage and errors of a model, and the unused parts of recordings."""
     yield (
         f"order {built.order}, {len(built.segments)} segments, measured nodes: {built.measured},"
         f" log-spectral distance {built.distance:.2f} dB; they cover {100 * built.coverage:.0f} %"
         f" of the plane to {built.model.speeds.max() / MILLI:.0f} mm/s and"
         f" {built.model.forces.max():.2f} N"
     )
+    own = built.following
+    yield (
+        f"single segments, left out: RMS off by {100 * own.rms_error:.0f} %, spectrum by"
+        f" {own.distance:.1f} dB; with the mean spectrum by {100 * own.constant_rms_error:.0f} %"
+        f" and {own.constant_distance:.1f} dB"
+    )
+    if not own.better:
+        yield (
+            "does not follow speed and force: no better than the mean spectrum; record strokes at"
+            " more varied speeds and forces"
+        )
     for reason in dict.fromkeys(each.reason for each in built.refused):
         seconds = sum(each.end - each.begin for each in built.refused if each.reason == reason)
         yield f"not used: {seconds:.2f} s {reason}"

@@ -97,6 +97,8 @@ def build_texture(
         "nodes": len(built.model.speeds),
         "held_out_spectral_distance_db": built.distance,
         "coverage": built.coverage,
+        "following": asdict(built.following),
+        "follows_speed_and_force": built.following.better,
         "held_out": records(HELD_OUT, built.held_out),
         "refused": [asdict(each) for each in built.refused],
     }

@@ -72,11 +72,26 @@ def test_a_model_is_built_from_files_with_a_report(tmp_path: Path) -> None:
     assert report["held_out_spectral_distance_db"] < 1.5
     assert report["coverage"] == pytest.approx(0.25, abs=0.01)
     assert report["refused"] == []
+    assert report["follows_speed_and_force"] is True
+    assert report["following"]["rms_error"] < report["following"]["constant_rms_error"]
     picture = (tmp_path / "wood_report.png").read_bytes()
     assert len(picture) > 10_000
     assert status_of("texture", "show", "wood.yaml") == 0
     assert (tmp_path / "wood_report.png").read_bytes() == picture
     assert (tmp_path / "wood.png").read_bytes() != picture
+
+
+def test_a_recording_that_shows_no_change_with_speed_and_force_is_called_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = np.column_stack(
+        [np.tile([100.0, 1.0], (3000, 1)), np.random.default_rng(0).normal(size=3000)]
+    )
+    np.savetxt(tmp_path / "one.csv", rows, delimiter=",", header="speed,force,accel", comments="")
+    words = ("one.csv", "--rate", "1000", "--out", "one.yaml", "--json", "one.json")
+    assert status_of("texture", "build", *words) == 0
+    assert "does not follow speed and force: no better than" in capsys.readouterr().out
+    assert json.loads((tmp_path / "one.json").read_text())["follows_speed_and_force"] is False
 
 
 def test_a_glitch_of_the_force_sensor_does_not_change_the_model(

@@ -18,7 +18,8 @@
 Recordings are divided into stationary segments by exact dynamic programming, with the minimum
 description length of Davis, Lee and Rodriguez-Yam (2006). Segments with similar speed and force
 share a node of the model (Culbertson, Unwin and Kuchenbecker 2014). The number of nodes follows
-from cross-validation.
+from cross-validation. Within a node, and beyond all of them, power grows with powers of speed and
+force that are fitted to all segments.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, without_hand_
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, check_positive_rate
 from haptic_accel.core.sampling import BoolArray, IntArray
-from haptic_accel.core.surfaces.line_spectrum import from_polynomial, levinson
+from haptic_accel.core.surfaces.line_spectrum import autocovariance, from_polynomial, levinson
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
 
 RENDER_RATE = 1000.0
@@ -78,9 +79,23 @@ FLAT = 0.01
 """Minimum reduction of Akaike's criterion per sample for a higher order: 0.04 dB of prediction
 error."""
 
+CLOSE = 0.02
+"""Distance, relative to the largest speed and force, within which segments share a node, and the
+edge of the segments needs none of its own: a texture hardly changes, but the noise of segments
+does."""
+
 MOST_NODES = 64
 """Maximum number of measured nodes; the Penn Haptic Texture Toolkit has 25 to 57 nodes of all
 kinds."""
+
+PRIOR = 2.0
+"""Standard deviation, around 0, of the exponents with which power grows with speed and force
+before segments are seen; vibration in proportion to speed has 2. The fit is Bayesian linear
+regression: a recording at one speed and force gives exponents near 0."""
+
+BETTER = 0.9
+"""Maximum error relative to that of a constant texture for a model that follows speed and force.
+With segments at one condition, ratios from 0.94 to 1.08 occur."""
 
 BAND = (20.0, 450.0)
 """Frequency band for comparing spectra, Hz."""
@@ -229,6 +244,37 @@ class HeldOut:
 
 
 @dataclass(frozen=True)
+class Following:
+    """Errors for single segments that a model was built without, and of a constant texture.
+
+    The constant texture has the mean spectrum of the segments that the model was built from, as an
+    autoregressive model of the same order.
+
+    Attributes
+    ----------
+    rms_error, constant_rms_error : float
+        Typical error of the RMS, relative: root mean square of the logarithm of the ratio, and
+        the ratio minus 1 that has this logarithm.
+    distance, constant_distance : float
+        Mean log-spectral distance within `BAND`, dB; that of noise from equal spectra is 2 to 4,
+        as segments are short.
+    """
+
+    rms_error: float
+    distance: float
+    constant_rms_error: float
+    constant_distance: float
+
+    @property
+    def better(self) -> bool:
+        """True if both errors of the model are below `BETTER` times those of a constant one."""
+        return (
+            self.rms_error < BETTER * self.constant_rms_error
+            and self.distance < BETTER * self.constant_distance
+        )
+
+
+@dataclass(frozen=True)
 class Built:
     """Texture model with information on its construction.
 
@@ -241,6 +287,8 @@ class Built:
     segments : tuple of Segment
     held_out : tuple of HeldOut
         Halves of the segments, each compared with a model of the other half.
+    following : Following
+        The same for single segments.
     coverage : float
         Fraction of the plane, from rest to the largest speed and force, within the hull of the
         segments.
@@ -252,6 +300,7 @@ class Built:
     measured: int
     segments: tuple[Segment, ...]
     held_out: tuple[HeldOut, ...]
+    following: Following
     coverage: float
     refused: tuple[Refusal, ...]
 
@@ -289,20 +338,21 @@ def build(name: str, recordings: Sequence[Recording], provenance: Provenance) ->
             f"{', '.join(each.name for each in recordings)}: has {len(segments)} segments of"
             f" contact and motion, must have 2 at least ({reasons})"
         )
-    order = _order(segments)
-    plane = _Plane(name, rate, order, largest, provenance)
     halves = segments[::2], segments[1::2]
     folds = [(halves[0], halves[1]), (halves[1], halves[0])]
     most = min(len(halves[1]), MOST_NODES)
+    order = _order(_groups(segments, most, largest))
+    plane = _Plane(name, rate, order, largest, provenance)
     counts = dict.fromkeys(np.geomspace(1, most, 12).round().astype(int).tolist())
     count = min(counts, key=lambda n: sum(plane.surprise(own, n, out) for own, out in folds))
     held_out = [each for own, out in folds for each in plane.compared(own, count, out)]
     return Built(
         plane.model(segments, count),
         order,
-        len(plane.groups(segments, count)),
+        len(_groups(segments, count, largest)),
         tuple(segments),
         tuple(held_out),
+        plane.following(folds, count),
         _coverage(segments, largest),
         tuple(refused),
     )
@@ -415,11 +465,14 @@ def _description(products: FloatArray, samples: IntArray, total: int) -> FloatAr
     return np.asarray((PILOT_ORDER + 2) / 2 * np.log(samples) + np.log(total) + fit)
 
 
-def _order(segments: Sequence[Segment]) -> int:
-    """Return the order at which Akaike's corrected criterion of all segments becomes flat."""
-    samples = np.array([each.samples for each in segments], dtype=float)
-    products = np.array([each.products[: LARGEST_ORDER + 1] for each in segments])
-    _, variances = levinson(products / samples[:, None])
+def _order(groups: Sequence[Sequence[Segment]]) -> int:
+    """Return the order at which Akaike's corrected criterion of all groups becomes flat.
+
+    The criterion of segments of a tenth of a second would be too low an order for their nodes.
+    """
+    samples = np.array([sum(each.samples for each in group) for group in groups], dtype=float)
+    covariance = np.array([_covariance(group)[: LARGEST_ORDER + 1] for group in groups])
+    _, variances = levinson(covariance)
     orders = np.arange(LARGEST_ORDER + 1)
     penalty = 2 * (orders + 1) * samples[:, None] / (samples[:, None] - orders - 2)
     criterion = (samples[:, None] * np.log(variances) + penalty).sum(axis=0) / samples.sum()
@@ -441,17 +494,27 @@ class _Plane:
     provenance: Provenance
 
     def model(self, segments: Sequence[Segment], count: int) -> TextureModel:
-        """Return a model of some segments with a number of measured nodes, and the frame nodes."""
-        groups = self.groups(segments, count)
+        """Return a model of some segments with a number of measured nodes, and nodes around them.
+
+        Nodes at the edge of the segments, and of the frame, have the spectrum of the nearest
+        measured node and follow the law of growth. Without those at the edge the texture would
+        fade from the mean force of the lightest node on, within the recorded range.
+        """
+        groups = _groups(segments, count, self.largest)
         labels = np.array([_label(group) for group in groups])
         covariance = np.array([_covariance(group) for group in groups])[:, : self.order + 1]
+        growth = _Growth(segments)
+        expected = np.array([growth.mean_power(group) for group in groups])
+        # A group's mean power is not that at its mean speed and force.
+        covariance *= (growth.power(labels) / expected)[:, None]
         polynomials, variances = levinson(covariance)
         lsf = np.array([from_polynomial(each) for each in polynomials])
         deviation = np.sqrt(variances[:, -1])
-        around = FRAME * self.largest
+        around = np.concatenate([_edge(segments, labels, self.largest), FRAME * self.largest])
         offsets = (around[:, None] - labels) / self.largest
         near = np.argmin((offsets**2).sum(axis=-1), axis=1)
         still = (around == 0).any(axis=1)
+        louder = np.sqrt(growth.power(around) / growth.power(labels[near]))
         speeds, forces = np.concatenate([labels, around]).T
         return TextureModel(
             self.name,
@@ -459,22 +522,9 @@ class _Plane:
             speeds,
             forces,
             np.concatenate([lsf, lsf[near]]),
-            np.concatenate([deviation, np.where(still, 0.0, deviation[near])]),
+            np.concatenate([deviation, np.where(still, 0.0, louder * deviation[near])]),
             provenance=self.provenance,
         )
-
-    def groups(self, segments: Sequence[Segment], count: int) -> list[list[Segment]]:
-        """Return groups of segments with similar speed and force, by Ward's criterion."""
-        from scipy.cluster.hierarchy import fcluster, linkage
-
-        if len(segments) == 1:
-            return [list(segments)]
-        places = np.array([(each.speed, each.force) for each in segments]) / self.largest
-        numbers = fcluster(linkage(places, "ward"), count, "maxclust")
-        found = [
-            [s for s, n in zip(segments, numbers, strict=True) if n == k] for k in set(numbers)
-        ]
-        return found
 
     def surprise(self, known: Sequence[Segment], count: int, held_out: Sequence[Segment]) -> float:
         """Return Whittle's negative log-likelihood of held-out segments for a model, nats."""
@@ -492,17 +542,90 @@ class _Plane:
     ) -> Iterator[HeldOut]:
         """Yield groups of held-out segments and the spectra of a model for them."""
         model = self.model(known, count)
-        for group in self.groups(held_out, count):
+        for group in _groups(held_out, count, self.largest):
             frequency, measured, modelled = _densities(group, model)
             rms = [float(np.sqrt(each.mean() * self.rate / 2)) for each in (measured, modelled)]
             seconds = sum(each.samples for each in group) / self.rate
             yield HeldOut(*_label(group), seconds, frequency, measured, modelled, *rms)
 
+    def following(
+        self, folds: Sequence[tuple[Sequence[Segment], Sequence[Segment]]], count: int
+    ) -> Following:
+        """Return the errors for single segments of the second part of each fold."""
+        weights, errors = [], []
+        for known, held_out in folds:
+            model = self.model(known, count)
+            polynomial, variances = levinson(_covariance(known)[: self.order + 1])
+            alike = variances[-1] * autocovariance(polynomial, LAGS - 1)
+            for each in held_out:
+                frequency, measured, modelled = _densities([each], model)
+                seen = np.maximum(0, 1 - np.arange(LAGS) / each.samples)
+                constant = _smoothed(alike * seen, self.rate)
+                within = _within_band(frequency)
+                ratios = np.log(np.array([modelled, constant]) / measured)[:, within]
+                levels = np.log(
+                    [np.sum(density[within]) for density in (modelled, constant, measured)]
+                )
+                decibels = 10 / np.log(10) * np.sqrt(np.mean(ratios**2, axis=1))
+                errors.append([*((levels[:2] - levels[2]) / 2) ** 2, *decibels])
+                weights.append(each.samples)
+        own, others, *distances = np.average(errors, axis=0, weights=weights).tolist()
+        rms_errors = [float(np.expm1(np.sqrt(each))) for each in (own, others)]
+        return Following(rms_errors[0], distances[0], rms_errors[1], distances[1])
+
+
+class _Growth:
+    """Power law of speed and force, fitted to the powers of segments.
+
+    Attributes
+    ----------
+    exponents : ndarray, shape (2,)
+        Of speed and force; at least 0, as no texture is louder at rest.
+    """
+
+    def __init__(self, segments: Sequence[Segment]) -> None:
+        weights = np.array([each.samples for each in segments], dtype=float)
+        weights /= weights.mean()
+        places = np.log([(each.speed, each.force) for each in segments])
+        powers = np.log([each.products[0] / each.samples for each in segments])
+        places -= np.average(places, axis=0, weights=weights)
+        powers -= np.average(powers, weights=weights)
+        root = np.sqrt(weights)
+        places, powers = places * root[:, None], powers * root
+        unexplained = powers - places @ np.linalg.lstsq(places, powers)[0]
+        noise = float(unexplained @ unexplained) / max(len(segments) - 3, 1)
+        doubt = noise / PRIOR**2 * np.eye(2)
+        # Least squares, as without noise and at one force the matrix has no inverse.
+        fitted = np.linalg.lstsq(places.T @ places + doubt, places.T @ powers)[0]
+        self.exponents = np.maximum(fitted, 0.0)
+
+    def power(self, places: FloatArray) -> FloatArray:
+        """Return the relative power at speeds, m/s, and forces, N: shape (n,) for (n, 2)."""
+        return np.asarray(np.prod(places**self.exponents, axis=1))
+
+    def mean_power(self, group: Sequence[Segment]) -> float:
+        """Return the mean relative power over segments."""
+        powers = self.power(np.array([(each.speed, each.force) for each in group]))
+        return float(np.average(powers, weights=[each.samples for each in group]))
+
 
 FRAME = np.array([(0, 0), (1, 0), (0, 1), (1, 0.5), (0.5, 1), (1, 1)])
 """Frame nodes around the measured nodes, relative to the largest speed and force. They are silent
-where speed or force is 0, and equal the nearest measured node elsewhere. A circle through the
+where speed or force is 0, and follow the nearest measured node elsewhere. A circle through the
 three silent nodes contains the whole plane, so they never form a triangle."""
+
+
+def _groups(segments: Sequence[Segment], count: int, largest: FloatArray) -> list[list[Segment]]:
+    """Return groups of segments with similar speed and force, by Ward's criterion."""
+    from scipy.cluster.hierarchy import fcluster, linkage
+
+    if len(segments) == 1:
+        return [list(segments)]
+    places = np.array([(each.speed, each.force) for each in segments]) / largest
+    tree = linkage(places, "ward")
+    apart = 1 + int(np.count_nonzero(tree[:, 2] > CLOSE))
+    numbers = fcluster(tree, min(count, apart), "maxclust")
+    return [[s for s, n in zip(segments, numbers, strict=True) if n == k] for k in set(numbers)]
 
 
 def _label(group: Sequence[Segment]) -> tuple[float, float]:
@@ -527,24 +650,27 @@ def _densities(
 
     Both have the resolution of `LAGS` samples; the model's is for segments of equal length.
     """
-    from scipy.signal.windows import parzen
-
     samples = np.array([each.samples for each in group])
     frequency = np.asarray(np.fft.rfftfreq(GRID, 1 / model.rate), dtype=np.float64)
-    window = parzen(2 * LAGS - 1)[LAGS - 1 :]
     own = np.array([model.spectrum(each.speed, each.force, frequency) for each in group])
     mean = np.average(own, axis=0, weights=samples)
     shown = np.average(
         np.maximum(0, 1 - np.arange(LAGS) / samples[:, None]), axis=0, weights=samples
     )
     exact = np.fft.irfft(mean * model.rate / 2)[:LAGS]
+    measured, modelled = (
+        _smoothed(each, model.rate) for each in (_covariance(group), exact * shown)
+    )
+    return frequency, measured, modelled
 
-    def smoothed(covariance: FloatArray) -> FloatArray:
-        covariance = covariance * window
-        padded = np.concatenate([covariance, np.zeros(GRID + 1 - 2 * LAGS), covariance[:0:-1]])
-        return np.asarray(np.fft.rfft(padded).real * 2 / model.rate)
 
-    return frequency, smoothed(_covariance(group)), smoothed(exact * shown)
+def _smoothed(covariance: FloatArray, rate: float) -> FloatArray:
+    """Return the power density of `LAGS` autocovariances at the frequencies of `GRID`."""
+    from scipy.signal.windows import parzen
+
+    covariance = covariance * parzen(2 * LAGS - 1)[LAGS - 1 :]
+    padded = np.concatenate([covariance, np.zeros(GRID + 1 - 2 * LAGS), covariance[:0:-1]])
+    return np.asarray(np.fft.rfft(padded).real * 2 / rate)
 
 
 def _within_band(frequency: FloatArray) -> BoolArray:
@@ -553,10 +679,27 @@ def _within_band(frequency: FloatArray) -> BoolArray:
 
 def _coverage(segments: Sequence[Segment], largest: FloatArray) -> float:
     """Return the segment hull's area, relative to the area up to the largest values."""
+    return _hull(segments, largest)[1]
+
+
+def _edge(segments: Sequence[Segment], labels: FloatArray, largest: FloatArray) -> FloatArray:
+    """Return the corners of the segments' hull that are not at a label, shape (n, 2)."""
+    corners = _hull(segments, largest)[0]
+    away = np.abs(corners[:, None] - labels / largest).max(axis=-1).min(axis=-1, initial=np.inf)
+    return np.asarray(corners[away > CLOSE] * largest)
+
+
+def _hull(segments: Sequence[Segment], largest: FloatArray) -> tuple[FloatArray, float]:
+    """Return corners of the hull of segments, relative to the largest values, and its area.
+
+    The hull of segments at one speed, or one force, is a line.
+    """
     from scipy.spatial import ConvexHull, QhullError
 
+    places = np.array([(each.speed, each.force) for each in segments]) / largest
     try:
-        hull = ConvexHull(np.array([(each.speed, each.force) for each in segments]) / largest)
+        hull = ConvexHull(places)
     except (QhullError, ValueError):  # fewer than three, or collinear
-        return 0.0
-    return float(hull.volume)
+        order = np.lexsort(places.T)
+        return places[order[[0, -1]]], 0.0
+    return places[hull.vertices], float(hull.volume)

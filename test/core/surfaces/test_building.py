@@ -102,6 +102,57 @@ def test_only_what_was_measured_is_covered_and_standing_still_is_refused(built: 
     ] * 3
 
 
+def test_a_texture_that_changes_with_speed_and_force_is_told_from_a_constant_one(
+    built: Built,
+) -> None:
+    assert built.following.better
+    # RMS over the recordings spans a factor of 8: 5 speed sqrt(force).
+    assert built.following.rms_error < 0.25 < 0.5 < built.following.constant_rms_error
+    assert built.following.distance < built.following.constant_distance - 3.0
+
+
+def test_a_recording_at_one_speed_and_force_does_not_follow_them() -> None:
+    recording = drag(1.0, seconds=4.0)
+    one = slice(500, 4500)
+    part = Recording(
+        "one", RATE, recording.speed[one], recording.force[one], recording.acceleration[one]
+    )
+    following = build("one", [part], Provenance()).following
+    assert not following.better
+    assert following.rms_error == pytest.approx(following.constant_rms_error, rel=0.1)
+
+
+def test_power_grows_by_its_law_up_to_the_largest_speed_and_force() -> None:
+    # The largest force is never pressed at the largest speed.
+    parts = [drag(force) for force in FORCES]
+    kept = [
+        Recording(each.name, RATE, *(values[begin:end] for values in signals))
+        for each, begin, end in zip(parts, (500, 500, 500), (6500, 5000, 3500), strict=True)
+        for signals in [(each.speed, each.force, each.acceleration)]
+    ]
+    model = build("part", kept, Provenance()).model
+    for speed, force in ((0.2, 2.0), (0.15, 2.0), (0.2, 1.0)):
+        true, own = (
+            np.sqrt(density.mean())
+            for density in (true_density(speed, force), model.spectrum(speed, force, BAND))
+        )
+        # The nearest node is off by 30 or 50 % at the corner.
+        assert own == pytest.approx(true, rel=0.25)
+
+
+def test_a_texture_does_not_fade_within_the_recorded_forces() -> None:
+    # Force sways, so that the lightest node has more than the smallest recorded force.
+    random = np.random.default_rng(3)
+    force = 1.2 + 0.9 * np.sin(np.arange(20_000) / 700)
+    noise = random.standard_normal(len(force))
+    swaying = Recording("sway", RATE, np.full(len(force), 0.1), force, noise)
+    model = build("sway", [swaying], Provenance()).model
+    frequency = np.linspace(20.0, 450.0, 100)
+    for pressed in (0.35, 1.0, 2.0):
+        rms = np.sqrt(model.spectrum(0.1, pressed, frequency).mean() * RATE / 2)
+        assert rms == pytest.approx(1.0, abs=0.15)
+
+
 def test_a_model_is_silent_without_speed_or_force(built: Built) -> None:
     model = built.model
     still = (model.speeds == 0) | (model.forces == 0)
