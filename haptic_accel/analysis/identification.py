@@ -35,7 +35,7 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification.estimate import RecordingError, dft_ratio
 from haptic_accel.core.identification.evaluation import Identification, centred, identify_handle
-from haptic_accel.core.identification.fit import HandleFit
+from haptic_accel.core.identification.fit import INTERVAL, HandleFit
 from haptic_accel.core.identification.stops import (
     LIMITED,
     STOPS_HIT,
@@ -52,10 +52,6 @@ from haptic_accel.graph.files import parameter_text
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 from haptic_accel.materials.recordings import read_recording
-
-INTERVAL = 1.96
-"""Half width of a 95 % interval, in standard errors."""
-
 
 LOWEST_COMPARED = 15.0
 """Frequency below which the compensator's high-pass passes nothing (paper), Hz."""
@@ -77,8 +73,8 @@ class Result:
         Latency of the recordings, samples.
     band : tuple of float
         Lowest and highest frequency of a comparison with the true response, Hz.
-    doubt : str
-        Reason to doubt the fit, or empty.
+    doubts : sequence of str
+        Reasons to doubt the fit, one line each.
     truth : HandleParameters or None
         Parameters of a simulated handle, if known.
     errors : mapping of ModelError
@@ -89,14 +85,14 @@ class Result:
     actuator: ActuatorParameters
     latency: int
     band: tuple[float, float]
-    doubt: str
+    doubts: Sequence[str]
     truth: HandleParameters | None = None
     errors: Mapping[str, ModelError] = field(default_factory=dict)
 
     @property
     def notes(self) -> list[str]:
         """Warnings to the reader of the metrics."""
-        return [self.doubt] * bool(self.doubt) + [POOLED_NOTE] * (len(self.found.grips) > 1)
+        return [*self.doubts] + [POOLED_NOTE] * (len(self.found.grips) > 1)
 
     def sentences(self) -> Iterator[str]:
         """Yield errors against the true response, and the delay of the hardware."""
@@ -147,15 +143,16 @@ def evaluate(recorded: Recorded, arguments: IdentifyArguments, free: Sequence[st
         ),
         free=free,
     )
-    doubts = [
-        check_travel(name, trial, grip.fit.handle, actuator.travel)
+    # Of each grip, the doubt on the largest travel.
+    travel = [
+        max(check_travel(name, each, grip.fit.handle, actuator.travel) for each in grip.trials)
         for name, grip in found.grips.items()
-        for trial in grip.trials
     ]
+    doubts = [*filter(None, travel), *found.doubts]
     lowest, highest = arguments.sweep.start_frequency, 0.9 * arguments.sweep.end_frequency
     band = max(LOWEST_COMPARED, lowest), min(highest, HIGHEST_COMPARED)
     latency = next(iter(recorded.values()))[0].latency
-    return Result(found, actuator, latency, band, max(doubts))  # that of the largest travel
+    return Result(found, actuator, latency, band, doubts)
 
 
 def beside_truth(result: Result, arguments: IdentifyArguments, on_arrival: bool) -> Result:
@@ -179,7 +176,7 @@ def parameter_file(result: Result, age: float) -> str:
     Parameters
     ----------
     result : Result
-        The compensator reports its doubt as a warning.
+        The compensator reports its doubts as a warning.
     age : float
         Age of forces applied on arrival, s. It is part of the delay that a controller compensates,
         but not of the simulated handle's own delay.
@@ -212,7 +209,7 @@ def parameter_file(result: Result, age: float) -> str:
                 "delay": float(f"{max(0.0, fit.delay):.6f}"),
                 "bandwidth": fit.low_pass_frequency,
                 "friction": friction,
-                "doubt": result.doubt,
+                "doubt": "; ".join(result.doubts),
             },
         },
     }
@@ -295,6 +292,7 @@ def identification_metrics(result: Result) -> dict[str, Any]:
         "max_magnitude_error_db": discrete.magnitude_db if discrete else None,
         "max_phase_error_deg": discrete.phase_deg if discrete else None,
         "band_hz": list(result.band),
+        "doubts": list(result.doubts),
         "physical_model": asdict(errors["physical"]) if errors else None,
         "grips": {name: _fit_metrics(grip.fit) for name, grip in found.grips.items()},
         "approximate_model": asdict(found.approximate),
@@ -322,6 +320,9 @@ def _fit_metrics(fit: HandleFit) -> dict[str, Any]:
         "friction_n": fit.bearing.friction,
         "friction_standard_error_n": fit.standard_errors.get("friction"),
         "mount": asdict(fit.mount),
+        "mount_standard_errors": {
+            name: fit.standard_errors.get(f"mount_{name}") for name in asdict(fit.mount)
+        },
         "residual": fit.residual,
     }
 

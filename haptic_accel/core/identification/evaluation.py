@@ -17,7 +17,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from statistics import fmean
@@ -29,13 +30,21 @@ from haptic_accel.core.handle.discrete import DiscreteModel
 from haptic_accel.core.identification.discrete import identify_discrete
 from haptic_accel.core.identification.estimate import (
     FrequencyResponse,
+    RecordingError,
     check_recording,
     dft_ratio,
     h1,
     h2,
 )
 from haptic_accel.core.identification.fit import DEFAULT_FREE as OF_RESPONSES
-from haptic_accel.core.identification.fit import MOUNT, Friction, HandleFit, fit_handle
+from haptic_accel.core.identification.fit import (
+    HANDLE,
+    INTERVAL,
+    MOUNT,
+    Friction,
+    HandleFit,
+    fit_handle,
+)
 from haptic_accel.core.identification.motion import fit_motion
 from haptic_accel.core.identification.sweep import (
     IdentificationTrial,
@@ -50,6 +59,17 @@ DISCRETE_ORDER = 7
 
 UNEXPLAINED = 2.0
 """Residual, in standard deviations of the noise, above which a model counts as incomplete."""
+
+UNDECIDED = 3.0
+"""Twice the logarithm of the likelihood ratio above which a mode of the mount is not excluded (a
+fifth of the rigs without a mode, by the chi-squared distribution with two degrees of freedom)."""
+
+WIDEST = 0.5
+"""Half width of an interval, relative to the value, above which a parameter is doubtful
+(assumed)."""
+
+LARGEST_MISFIT = 0.1
+"""Error of the model, relative to the acceleration, above which the fit is doubtful (assumed)."""
 
 DEFAULT_FREE = (*OF_RESPONSES, "friction")
 """Fitted parameters."""
@@ -75,6 +95,8 @@ class GripIdentification:
         H1 and H2 estimates over the segments of all trials, with their coherence.
     fit : HandleFit
         Physical parameters from all trials together.
+    undecided : tuple of str
+        Reasons to doubt the choice of the model.
     """
 
     trials: list[IdentificationTrial]
@@ -82,6 +104,12 @@ class GripIdentification:
     averaged_h1: FrequencyResponse
     averaged_h2: FrequencyResponse
     fit: HandleFit
+    undecided: tuple[str, ...] = ()
+
+    @property
+    def doubts(self) -> list[str]:
+        """Reasons to doubt the fit, one line each; empty if there is none."""
+        return [*self.undecided, *_wide(self.fit), *_misfit(self.fit)]
 
 
 @dataclass(frozen=True)
@@ -107,6 +135,11 @@ class Identification:
     discrete: DiscreteModel
     approximate: ApproximateModel
     band: tuple[float, float]
+
+    @property
+    def doubts(self) -> list[str]:
+        """Reasons to doubt the fits of the grips, one line each; empty if there is none."""
+        return [f"{name}: {doubt}" for name, grip in self.grips.items() for doubt in grip.doubts]
 
 
 def identify_handle(
@@ -151,6 +184,8 @@ def identify_handle(
         for name, trials in recorded.items()
     }
     pooled = _pooled(list(grips.values()), fit, free)
+    for name, found in [*((name, grip.fit) for name, grip in grips.items()), ("", pooled)]:
+        _check_determined(name, found)
     trials = [trial for grip in grips.values() for trial in grip.trials]
     discrete = identify_discrete(
         np.concatenate([trial.actuator_force for trial in trials]),
@@ -184,21 +219,101 @@ def _identify_grip(
     averaged = h1(
         np.concatenate(forces), np.concatenate(accelerations), trials[0].rate, sweep.band
     )
-    found = _fit_responses(responses, fit, [name for name in free if name != "friction"])
-    if "friction" in free:
-        found = fit_motion(trials, sweep, found)
-    return GripIdentification(trials, responses, averaged, h2(averaged), found)
+    of_responses = [name for name in free if name != "friction"]
+    rigid = fit(responses, free=of_responses)
+    moving = fit(responses, free=_with_mount(of_responses), mount=MOUNT_START)
+    refine = partial(fit_motion, trials, sweep) if "friction" in free else lambda fitted: fitted
+    doubts: tuple[str, ...] = ()
+    if _obvious(rigid, moving):
+        found = refine(moving)
+    elif _gain(rigid, moving) > UNDECIDED:
+        # In a response, dry friction may appear as a mount.
+        found, doubts = _chosen(refine(rigid), refine(moving))
+    else:
+        found = refine(rigid)
+    return GripIdentification(trials, responses, averaged, h2(averaged), found, doubts)
 
 
-def _fit_responses(
-    responses: Sequence[FrequencyResponse], fit: Fit, free: Sequence[str]
-) -> HandleFit:
-    """Fit a handle on a rigid mount, or on an elastic mount if that fits much better."""
-    found = fit(responses, free=free)
-    if found.residual > UNEXPLAINED:
-        moving = fit(responses, free=_with_mount(free), mount=MOUNT_START)
-        found = moving if moving.residual < found.residual / 2 else found
-    return found
+def _check_determined(grip: str, fit: HandleFit) -> None:
+    """Reject a fit with parameters at a limit of the search.
+
+    Raises
+    ------
+    RecordingError
+        The message contains the name of the grip.
+    """
+    if fit.limited:
+        values = ", ".join(f"{name} = {fit.value(name):.3g}" for name in fit.limited)
+        raise RecordingError(
+            f"{values} ({grip or 'all grips'}): at a limit of the search, so the recording does"
+            " not determine it; use a larger amplitude or more trials"
+        )
+
+
+def _wide(fit: HandleFit) -> Iterator[str]:
+    """Yield a doubt if the intervals of some parameters of the handle are wide."""
+    wide = [
+        f"{name} = {fit.value(name):.3g} \N{PLUS-MINUS SIGN} {INTERVAL * error:.2g}"
+        for name, error in fit.standard_errors.items()
+        if name in HANDLE and INTERVAL * error > WIDEST * fit.value(name)
+    ]
+    if wide:
+        yield (
+            f"{', '.join(wide)}: the recording hardly determines it (95 % interval);"
+            " use a larger amplitude or more trials"
+        )
+
+
+def _misfit(fit: HandleFit) -> Iterator[str]:
+    """Yield a doubt if the model lacks a large part of the recorded motion."""
+    beyond_noise = math.sqrt(max(0.0, 1.0 - 1.0 / max(fit.residual, 1.0) ** 2))
+    share = fit.relative_residual * beyond_noise
+    if share > LARGEST_MISFIT:
+        yield (
+            f"residual = {fit.residual:.2f} times the noise, {100 * share:.2g} % of the"
+            f" acceleration: must be at most {100 * LARGEST_MISFIT:g} %, the model lacks something"
+        )
+
+
+def _obvious(rigid: HandleFit, moving: HandleFit) -> bool:
+    """Return whether responses show a mode of the mount that no friction can imitate."""
+    unexplained = max(UNEXPLAINED, 2.0 * moving.residual)
+    return rigid.residual > unexplained and not _at_limit(moving)
+
+
+def _at_limit(moving: HandleFit) -> bool:
+    """Return whether the mode of a mount is at a limit of the search, and thus none."""
+    return not set(MOUNT).isdisjoint(moving.limited)
+
+
+def _gain(rigid: HandleFit, moving: HandleFit) -> float:
+    """Return twice the logarithm of the likelihood ratio of a mount with a mode to a rigid one."""
+    gain = rigid.count * rigid.residual**2 - moving.count * moving.residual**2
+    return gain / moving.inflation
+
+
+def _chosen(rigid: HandleFit, moving: HandleFit) -> tuple[HandleFit, tuple[str, ...]]:
+    """Return the better of two fits, or the simpler one with a doubt.
+
+    By the Bayesian information criterion (Schwarz, Annals of Statistics 6, 1978), a parameter must
+    raise twice the log-likelihood by the logarithm of the number of values. With less, the
+    intervals of the simpler fit are extended by those of the other.
+    """
+    gain = _gain(rigid, moving)
+    if gain > len(MOUNT) * math.log(moving.count) and not _at_limit(moving):
+        return moving, ()
+    if gain <= UNDECIDED:
+        return rigid, ()
+    extended = {
+        name: max(error, abs(moving.value(name) - rigid.value(name)) / INTERVAL + other)
+        for name, error in rigid.standard_errors.items()
+        for other in (moving.standard_errors[name],)
+    }
+    doubt = (
+        f"mount_frequency = {moving.mount.frequency:.0f} Hz: a mode of the accelerometer's mount"
+        " is neither shown nor excluded; use a larger end_frequency or amplitude"
+    )
+    return replace(rigid, standard_errors=extended), (doubt,)
 
 
 def _pooled(grips: Sequence[GripIdentification], fit: Fit, free: Sequence[str]) -> HandleFit:

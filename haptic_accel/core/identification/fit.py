@@ -48,7 +48,12 @@ MOUNT = ("mount_frequency", "mount_damping")
 FRICTION = ("friction", "slip_velocity", "friction_lag")
 """Parameters of dry friction. They are fitted to the motion, as no response shows them."""
 
-_HANDLE = tuple(field.name for field in fields(HandleParameters))
+INTERVAL = 1.96
+"""Half width of a 95 % interval, in standard errors."""
+
+HANDLE = tuple(field.name for field in fields(HandleParameters))
+"""Parameters of the handle."""
+
 _UNITS = {"delay": 1e-3, "friction": 0.01, "friction_lag": 1e-4}
 """Units, s and N, of the parameters that may be zero; all others use logarithms."""
 _REACH = math.log(1e3)  # a parameter is searched within this factor of its initial value
@@ -65,6 +70,10 @@ _START_FACTORS = {  # stiffness and damping of the grip vary that much between p
 }
 _START_DELAYS = 2.5e-4  # spacing, s: a sixth of a turn at 200 Hz would be 8e-4
 _START_LINES = 40  # lines in the search for initial values
+_NEAR = 1e-3  # samples by which an identified delay may be below a whole number
+_SETTLED = 7.0  # time constants until a low-pass follows a jump within 0.1 %
+_SHORT = 0.06  # maximum part of a sampling period for a low-pass that counts as absent
+_AT_LIMIT = 1e-4  # distance to a limit, in search variables, that counts as zero
 
 
 @dataclass(frozen=True)
@@ -127,7 +136,7 @@ class Point:
 
     def replaced(self, values: dict[str, float]) -> Point:
         """Return the point with other values for the named parameters."""
-        handle = {n: v for n, v in values.items() if n in _HANDLE}
+        handle = {n: v for n, v in values.items() if n in HANDLE}
         mount = {n.removeprefix("mount_"): v for n, v in values.items() if n in MOUNT}
         bearing = {n: v for n, v in values.items() if n in FRICTION}
         return replace(
@@ -137,6 +146,17 @@ class Point:
             delay=values.get("delay", self.delay),
             bearing=replace(self.bearing, **bearing),
         )
+
+    def exchanged(self) -> Point:
+        """Return the point with exchanged damping of bearing and grip.
+
+        Both dampings mainly affect two coefficients of eq. (3): s^3 by b_u + (1 + m_h/m_a) b_s,
+        and s^2 by b_u b_s, which gives two solutions. Only coefficients that are small above 10 Hz
+        distinguish the solutions. A search may find the wrong one.
+        """
+        handle = self.handle
+        ratio = 1.0 + handle.m_h / handle.m_a
+        return self.replaced({"b_s": handle.b_u / ratio, "b_u": handle.b_s * ratio})
 
 
 @dataclass(frozen=True)
@@ -170,14 +190,48 @@ class Coordinates:
             }
         )
 
-    def bounds(self, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the lower and upper bounds of a search from an initial point."""
-        pairs = [
-            _BOUNDS.get(name, (value - _REACH, value + _REACH))
-            for name, value in zip(self.free, start, strict=True)
-        ]
+    def bounds(self, start: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
+        """Return the lower and upper bounds of a search from an initial point.
+
+        Parameters
+        ----------
+        start : ndarray, shape (n,)
+            Search variables of the initial point.
+        rate : float
+            Samples per second of the recording.
+        """
+        known = zip(self.free, self.values(self.known).tolist(), strict=True)
+        pairs = [_BOUNDS.get(name, (value - _REACH, value + _REACH)) for name, value in known]
+        if "delay" in self.free and self.known.low_pass_frequency > rate:
+            at = self.free.index("delay")
+            pairs[at] = self._continuous(start[at] * _UNITS["delay"], rate)
         low, high = np.transpose(pairs)
         return low, high
+
+    def _continuous(self, delay: float, rate: float) -> tuple[float, float]:
+        """Return the range of the delay around a value, in its unit, without a jump.
+
+        If a force acts just before a sample instead of just after it, a sensor without low-pass
+        reacts one sample earlier. A search with derivatives cannot cross this jump, nor should it
+        end within the jump, where the delay acts as a gain.
+        """
+        whole = math.floor(delay * rate + _NEAR)
+        settling = _SETTLED / (2 * math.pi * self.known.low_pass_frequency)
+        end = (whole + 1) / rate - (settling if settling * rate <= _SHORT else 0.0)
+        return whole / rate / _UNITS["delay"], end / _UNITS["delay"]
+
+    def limited(self, values: FloatArray) -> tuple[str, ...]:
+        """Return the names of the parameters at a limit of the search.
+
+        The limits of friction and of a delay without low-pass are physical, and do not count.
+        """
+        low, high = self.bounds(values, math.inf)
+        at_limit = (values - low < _AT_LIMIT) | (high - values < _AT_LIMIT)
+        return tuple(
+            name
+            for name, limited in zip(self.free, at_limit.tolist(), strict=True)
+            if limited and name not in FRICTION
+        )
 
     def errors(self, point: Point, covariance: FloatArray) -> dict[str, float]:
         """Return standard errors by name, in the parameters' units, from a covariance."""
@@ -212,12 +266,21 @@ class HandleFit(Point):
         Root mean square of |error| over |response|.
     band : tuple of float
         Lower and upper frequency limit of the fit, Hz.
+    count : int
+        Number of fitted values.
+    inflation : float
+        Factor of the noise's variance that includes the model's errors.
+    limited : tuple of str
+        Names of the parameters at a limit of the search: the data does not determine them.
     """
 
     standard_errors: dict[str, float]
     residual: float
     relative_residual: float
     band: Band
+    count: int
+    inflation: float
+    limited: tuple[str, ...]
 
 
 def fit_handle(
@@ -282,14 +345,15 @@ class _Problem:
             )
 
     def solve(self) -> HandleFit:
-        found = self._searched(self._start())
+        found = min(map(self._searched, self._starts()), key=self._preference)
         if {"b_s", "b_u"} <= set(self._free):
-            other = self._searched(self._mirrored(found.x))
+            exchanged = self._coordinates.point(found.x).exchanged()
+            other = self._searched(self._coordinates.values(exchanged))
             found = min(found, other, key=self._preference)
         point = self._coordinates.point(found.x)
         jacobian = np.asarray(found.jac)
-        count = len(found.fun)
-        variance = 2.0 * found.cost / (count - len(self._free))
+        count, free = len(found.fun), len(self._free)
+        variance = 2.0 * found.cost / (count - free)
         covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
         ends = [float(lines.frequency[end]) for lines in self._lines for end in (0, -1)]
         return HandleFit(
@@ -298,13 +362,17 @@ class _Problem:
             residual=math.sqrt(2.0 * found.cost / count),
             relative_residual=self._relative(point),
             band=(min(ends), max(ends)),
+            count=count,
+            inflation=variance,
+            limited=self._coordinates.limited(found.x),
         )
 
     def _searched(self, start: FloatArray) -> Any:
         """Return the least-squares solution from an initial point."""
         from scipy.optimize import least_squares
 
-        bounds = self._coordinates.bounds(start)
+        bounds = self._coordinates.bounds(start, self._lines[0].rate)
+        start = np.clip(start, *bounds)
         return least_squares(self._residuals, start, bounds=bounds, x_scale="jac")
 
     def _preference(self, found: Any) -> tuple[float, float]:
@@ -313,36 +381,26 @@ class _Problem:
         cost = float(f"{found.cost:.6g}")
         return cost, float(np.linalg.norm(found.x - self._coordinates.values(self._known)))
 
-    def _mirrored(self, point: FloatArray) -> FloatArray:
-        """Return the point with exchanged damping of bearing and grip.
-
-        Both dampings mainly affect two coefficients of eq. (3): s^3 by b_u + (1 + m_h/m_a) b_s,
-        and s^2 by b_u b_s, which gives two solutions. Only coefficients that are small above 10 Hz
-        distinguish the solutions. The search may have found the wrong solution.
-        """
-        handle = self._coordinates.point(point).handle
-        ratio = 1.0 + handle.m_h / handle.m_a
-        mirrored = point.copy()
-        mirrored[self._free.index("b_s")] = math.log(handle.b_u / ratio)
-        mirrored[self._free.index("b_u")] = math.log(handle.b_s * ratio)
-        return mirrored
-
     def _residuals(self, point: FloatArray) -> FloatArray:
-        decoded = self._coordinates.point(point)
         parts = []
-        for line in self._lines:
-            error = (line.modelled(decoded) - line.response) / line.deviation
+        for line, modelled in _modelled(self._lines, self._coordinates.point(point)):
+            error = (modelled - line.response) / line.deviation
             parts += [error.real, error.imag]
         return np.concatenate(parts)
 
     def _relative(self, point: Point) -> float:
         errors = [
-            np.abs(lines.modelled(point) / lines.response - 1.0) ** 2 for lines in self._lines
+            np.abs(modelled / line.response - 1.0) ** 2
+            for line, modelled in _modelled(self._lines, point)
         ]
         return float(np.sqrt(np.mean(np.concatenate(errors))))
 
-    def _start(self) -> FloatArray:
-        """Return the best point of a coarse grid, to avoid local minima in the search.
+    def _starts(self) -> list[FloatArray]:
+        """Return initial points: the best of a coarse grid, to avoid local minima in the search.
+
+        Without a low-pass, the delay jumps by whole samples: then also one sample before and
+        after.
+
 
         Uses relative errors: with weights by standard deviation, a few lines would dominate.
         """
@@ -356,7 +414,16 @@ class _Problem:
             at = int(np.argmin(costs))
             if costs[at] < best_cost:
                 best, best_cost = point.replaced({"delay": delays[at]}), costs[at]
-        return self._coordinates.values(best)
+        best_values = self._coordinates.values(best)
+        rate = self._lines[0].rate
+        if "delay" not in self._free or self._known.low_pass_frequency <= rate:
+            return [best_values]
+        neighbours = [best.delay + samples / rate for samples in (-1, 0, 1)]
+        return [
+            self._coordinates.values(best.replaced({"delay": delay}))
+            for delay in neighbours
+            if EARLIEST_DELAY <= delay <= LONGEST_DELAY
+        ]
 
     def _grid(self) -> Iterator[Point]:
         """Yield points around the initial one."""
@@ -369,8 +436,8 @@ class _Problem:
     def _costs(self, point: Point, delays: Sequence[float], lines: Sequence[_Lines]) -> FloatArray:
         """Return the summed squared relative errors for each of several delays."""
         costs = np.zeros(len(delays))
-        for line in lines:
-            ratio = line.modelled(point.replaced({"delay": 0.0})) / line.response
+        for line, modelled in _modelled(lines, point.replaced({"delay": 0.0})):
+            ratio = modelled / line.response
             # A rotated phase represents the delay: accurate enough for initial values.
             turns = np.exp(-2j * np.pi * np.outer(delays, line.frequency))
             costs += np.sum(np.minimum(np.abs(turns * ratio - 1.0), 2.0) ** 2, axis=1)
@@ -386,9 +453,15 @@ class _Lines:
     deviation: FloatArray
     rate: float
 
-    def modelled(self, point: Point) -> ComplexArray:
-        """Return the model's response on these lines."""
-        return point.response(self.frequency, self.rate)
+
+def _modelled(every: Sequence[_Lines], point: Point) -> Iterator[tuple[_Lines, ComplexArray]]:
+    """Yield lines and the model's response on them; usually all responses have the same lines."""
+    frequency, rate, modelled = np.zeros(0), 0.0, np.zeros(0, dtype=np.complex128)
+    for lines in every:
+        if lines.rate != rate or not np.array_equal(lines.frequency, frequency):
+            frequency, rate = lines.frequency, lines.rate
+            modelled = point.response(frequency, rate)
+        yield lines, modelled
 
 
 def _weighted(response: FrequencyResponse) -> _Lines:
@@ -416,7 +489,7 @@ _ROUNDING = 1e-9  # relative
 
 
 def _check(start: Point, free: Sequence[str]) -> None:
-    names = (*_HANDLE, *MOUNT, "delay")
+    names = (*HANDLE, *MOUNT, "delay")
     for name in free:
         if name not in names:
             raise ParameterError(f"free = {name!r}: must be among {', '.join(names)}, friction")
@@ -426,7 +499,7 @@ def _check(start: Point, free: Sequence[str]) -> None:
         raise ParameterError("free = (): must hold at least one parameter")
     if len(set(free)) < len(free):
         raise ParameterError(f"free = {', '.join(free)}: must hold each parameter once")
-    if set(_HANDLE) <= set(free):
+    if set(HANDLE) <= set(free):
         raise ParameterError(
             "free = all six parameters of the handle: must be at most five, as eq. (3) has only"
             " five coefficients"

@@ -32,6 +32,7 @@ from haptic_accel.core.handle.mechanics import axial_mechanics, zero_order_hold
 from haptic_accel.core.identification.estimate import smoothed
 from haptic_accel.core.identification.fit import (
     FRICTION,
+    INTERVAL,
     Coordinates,
     HandleFit,
     Point,
@@ -69,7 +70,11 @@ LARGEST_SHARE = 0.49
 _FRICTION_START = 0.01  # N
 _DIFFERENCE = 1e-4  # step of the search variables for slopes
 _CLOSE = 1e-6  # relative step and relative gain that end the search
-_NEAR = 1e-3  # samples by which an identified delay may be below a whole number
+_NEGLIGIBLE = 0.01  # squared error of the coarse simulation: a tenth of a standard error
+_SAME = 0.01  # distance of solutions, in search variables, that counts as zero
+_LINEAR = 0.2  # relative error of a rise in cost that counts as predicted
+_MOST_STEPS = 10  # to the end of an interval; three to five suffice
+_LONGEST_STEP = 1.0  # in search variables
 _LEAST_NOISE = 1e-6  # relative to the strongest line: rounding errors without noise
 
 
@@ -97,39 +102,74 @@ def fit_motion(
     HandleFit
         Fit with `FRICTION` among the fitted parameters.
     """
-    from scipy.optimize import least_squares
-
     begun = start.replaced({"friction": _FRICTION_START})
     coordinates = Coordinates(begun, (*start.standard_errors, *FRICTION))
-    values = coordinates.values(begun)
-    bounds = coordinates.bounds(values)
-    if "delay" in coordinates.free and start.low_pass_frequency > trials[0].rate:
-        at = coordinates.free.index("delay")
-        for bound, delay in zip(bounds, _continuous(start.delay, trials[0].rate), strict=True):
-            bound[at] = coordinates.values(start.replaced({"delay": delay}))[at]
-        values = np.clip(values, *bounds)
-    for step in STEPS:
-        problem = _Problem(trials, sweep, coordinates, step)
-        values = least_squares(
-            problem.residuals,
-            values,
-            jac=problem.jacobian,
-            bounds=bounds,
-            x_scale="jac",
-            xtol=_CLOSE,
-            ftol=_CLOSE,
-        ).x
-    return problem.fit(values, start)
+    coarse, fine = (_Problem(trials, sweep, coordinates, step) for step in STEPS)
+    begins = [begun]
+    if {"b_s", "b_u"} <= set(coordinates.free):
+        begins.append(begun.exchanged())
+    minima = [coarse.minimum(coordinates.values(each)) for each in begins]
+    lowest = min(minima, key=coarse.cost)
+    most = coarse.cost(lowest) + INTERVAL**2 * coarse.inflation(lowest)
+    others = [values for values in minima if not np.allclose(values, lowest, atol=_SAME)]
+    near = [lowest, *(values for values in others if coarse.cost(values) <= most)]
+    # Without friction, or with much noise, the coarse simulation is as good.
+    error = fine.residuals(lowest) - coarse.residuals(lowest)
+    last = fine if float(error @ error) > _NEGLIGIBLE else coarse
+    refined = [last.minimum(values) for values in near] if last is fine else near
+    at = min(range(len(refined)), key=lambda index: last.cost(refined[index]))
+    fit = last.fit(refined[at], start)
+    # The coarse simulation shifts the minimum, but hardly changes the shape around it.
+    low, high = _region(coarse, near, INTERVAL**2 * fit.inflation)
+    below, above = low - near[at], high - near[at]
+    return replace(fit, standard_errors=_errors(fit, coordinates, refined[at], below, above))
 
 
-def _continuous(delay: float, rate: float) -> tuple[float, float]:
-    """Return the delay range, s, in which a sensor without low-pass has no jump.
+def _errors(
+    fit: HandleFit,
+    coordinates: Coordinates,
+    values: FloatArray,
+    below: FloatArray,
+    above: FloatArray,
+) -> dict[str, float]:
+    """Return standard errors whose interval contains a range of search variables.
 
-    If a force acts just before a sample instead of just after it, such a sensor reacts one sample
-    earlier. A search with derivatives cannot cross this jump.
+    Parameters
+    ----------
+    fit : HandleFit
+    coordinates : Coordinates
+    values, below, above : ndarray, shape (n,)
+        Search variables of the fit, and differences of the range's ends to them.
     """
-    whole = math.floor(delay * rate + _NEAR)
-    return whole / rate, (whole + 1) / rate
+    ends = [coordinates.point(values + difference) for difference in (below, above)]
+    return {
+        name: max(abs(end.value(name) - fit.value(name)) for end in ends) / INTERVAL
+        for name in coordinates.free
+    }
+
+
+def _region(
+    problem: _Problem, minima: Sequence[FloatArray], rise: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the ends of profile-likelihood intervals, which contain all minima that qualify.
+
+    Parameters
+    ----------
+    problem : _Problem
+    minima : sequence of ndarray, shape (n,)
+        Local minima of the cost.
+    rise : float
+        Cost above the least one at the ends of an interval.
+
+    Returns
+    -------
+    low, high : ndarray, shape (n,)
+        Search variables.
+    """
+    most = min(map(problem.cost, minima)) + rise
+    ends = [problem.ends(minimum, most) for minimum in minima if problem.cost(minimum) < most]
+    low, high = zip(*ends, strict=True)
+    return np.min(low, axis=0), np.max(high, axis=0)
 
 
 def simulated(
@@ -276,15 +316,138 @@ class _Problem:
         self._linearise(values)
         return self._jacobian
 
-    def fit(self, values: FloatArray, start: HandleFit) -> HandleFit:
-        """Return the fit for a solution."""
-        jacobian, error = self.jacobian(values), self.residuals(values)[: -len(EXPECTED)]
+    def cost(self, values: FloatArray) -> float:
+        """Return the sum of the squared residuals."""
+        return float(np.sum(self.residuals(values) ** 2))
+
+    def inflation(self, values: FloatArray) -> float:
+        """Return the factor of the noise's variance that includes the model's errors."""
+        error = self.residuals(values)[: -len(EXPECTED)]
         free = len(values)
         # A standard deviation of the sum may result from noise, and is no sign of a misfit.
         chance = math.sqrt(2 * len(error) * (1 + 1 / self._freedom))
         misfit = max(0.0, float(error @ error) - (len(error) - free) - chance)
-        covariance = np.asarray(np.linalg.pinv(jacobian.T @ jacobian), dtype=np.float64)
-        covariance *= 1.0 + misfit / (PATTERNS * free)
+        return 1.0 + misfit / (PATTERNS * free)
+
+    def minimum(self, start: FloatArray) -> FloatArray:
+        """Return the local minimum of the cost that a search from a point finds."""
+        from scipy.optimize import least_squares
+
+        bounds = self._coordinates.bounds(start, self._rate)
+        found = least_squares(
+            self.residuals,
+            np.clip(start, *bounds),
+            jac=self.jacobian,
+            bounds=bounds,
+            x_scale="jac",
+            xtol=_CLOSE,
+            ftol=_CLOSE,
+        )
+        return np.asarray(found.x)
+
+    def ends(self, minimum: FloatArray, most: float) -> tuple[FloatArray, FloatArray]:
+        """Return the smallest and largest value of each variable with a limited cost.
+
+        The other variables take the values with the least cost (profile likelihood). A step to an
+        end is exact for a linear model; it is repeated where the cost is not as predicted.
+
+        Parameters
+        ----------
+        minimum : ndarray, shape (n,)
+            Local minimum of the cost.
+        most : float
+            Cost at the ends.
+        """
+        bounds = self._coordinates.bounds(minimum, self._rate)
+        rise = most - self.cost(minimum)
+        sides = [(at, sign) for sign in (-1.0, 1.0) for at in range(len(minimum))]
+        # The first steps of all variables are simulated at once.
+        first = [self._step_to_end(minimum, at, sign, most, bounds) for at, sign in sides]
+        errors = self._errors([self._coordinates.point(values) for values in first])
+        predicted = np.abs(np.sum(errors**2, axis=1) - most) < _LINEAR * rise
+        # The range of the friction's reversal is assumed, so an estimate is enough.
+        reversal = [name in EXPECTED for name in self._coordinates.free]
+        predicted |= np.tile(reversal, 2)
+        ends = [
+            values[at] if good else self._end(minimum, values, at, sign, most, bounds)
+            for values, good, (at, sign) in zip(first, predicted.tolist(), sides, strict=True)
+        ]
+        low, high = np.reshape(ends, (2, len(minimum)))
+        return low, high
+
+    def _end(
+        self,
+        minimum: FloatArray,
+        values: FloatArray,
+        at: int,
+        sign: float,
+        most: float,
+        bounds: tuple[FloatArray, FloatArray],
+    ) -> float:
+        """Return the farthest value of a variable with a limited cost, from a first guess."""
+        rise = most - self.cost(minimum)
+        inside = minimum
+        for _ in range(_MOST_STEPS):
+            cost = self.cost(values)
+            if cost > most + rise:
+                values = (values + inside) / 2
+                continue
+            if cost <= most + _LINEAR * rise and sign * (values[at] - inside[at]) > 0.0:
+                inside = values
+            following = self._step_to_end(values, at, sign, most, bounds)
+            change = abs(following[at] - values[at])
+            if cost <= most + _LINEAR * rise and change <= _LINEAR * abs(values[at] - minimum[at]):
+                break
+            values = following
+        return float(inside[at])
+
+    def _step_to_end(
+        self,
+        values: FloatArray,
+        at: int,
+        sign: float,
+        most: float,
+        bounds: tuple[FloatArray, FloatArray],
+    ) -> FloatArray:
+        """Return the end of a variable's interval, for residuals that are linear around a point.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n,)
+        at : int
+            Index of the variable.
+        sign : float
+            Direction, -1 or 1.
+        most : float
+            Cost at the end.
+        bounds : tuple of ndarray, shape (n,)
+            Lower and upper bounds of the variables.
+        """
+        jacobian, residuals = self.jacobian(values), self.residuals(values)
+        low, high = bounds
+        free = np.ones(len(values), dtype=bool)
+        step = np.zeros(len(values))
+        for _ in range(2):  # again without the variables that would leave their bounds
+            used = jacobian[:, free]
+            covariance = np.linalg.pinv(used.T @ used)
+            slope = used.T @ residuals
+            newton = -covariance @ slope
+            room = max(0.0, most - float(residuals @ residuals) - float(slope @ newton))
+            toward = covariance[np.flatnonzero(free).tolist().index(at)]
+            own = float(toward[np.flatnonzero(free).tolist().index(at)])
+            step[:] = 0.0
+            step[free] = newton + sign * toward * math.sqrt(room / own)
+            outside = (values + step <= low) & (step < 0) | (values + step >= high) & (step > 0)
+            outside[at] = False
+            if not outside.any():
+                break
+            free &= ~outside
+        step *= min(1.0, _LONGEST_STEP / float(np.abs(step).max()))
+        return np.clip(values + step, low, high)
+
+    def fit(self, values: FloatArray, start: HandleFit) -> HandleFit:
+        """Return the fit for a solution."""
+        error = self.residuals(values)[: -len(EXPECTED)]
         point = self._coordinates.point(values)
         point = point.replaced({"friction": max(0.0, point.value("friction"))})
         weight = np.tile(self._deviation, 2)
@@ -294,11 +457,13 @@ class _Problem:
             mount=point.mount,
             delay=point.delay,
             bearing=point.bearing,
-            standard_errors=self._coordinates.errors(point, covariance),
             residual=math.sqrt(float(np.mean(error**2))),
             relative_residual=float(
                 np.linalg.norm(error * weight) / np.linalg.norm(self._measured)
             ),
+            count=len(error),
+            inflation=self.inflation(values),
+            limited=self._coordinates.limited(values),
         )
 
     def _linearise(self, values: FloatArray) -> None:
@@ -306,11 +471,14 @@ class _Problem:
         if np.array_equal(values, self._at):
             return
         shifted = values + _DIFFERENCE * np.eye(len(values))
-        points = [self._coordinates.point(each) for each in (values, *shifted)]
-        errors = (self._simulated(points) - self._measured) / self._deviation
-        parts = np.hstack([errors.real, errors.imag, [_unexpected(point) for point in points]])
+        parts = self._errors([self._coordinates.point(each) for each in (values, *shifted)])
         self._at, self._residuals = values.copy(), parts[0]
         self._jacobian = (parts[1:] - parts[0]).T / _DIFFERENCE
+
+    def _errors(self, points: Sequence[Point]) -> FloatArray:
+        """Return the residuals of several points, shape (len(points), n)."""
+        errors = (self._simulated(points) - self._measured) / self._deviation
+        return np.hstack([errors.real, errors.imag, [_unexpected(point) for point in points]])
 
     def _simulated(self, points: Sequence[Point]) -> ComplexArray:
         """Return the mean spectra of simulated handles, shape (len(points), lines)."""

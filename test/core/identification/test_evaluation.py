@@ -15,20 +15,28 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from haptic_accel.core.identification.estimate import RecordingError
-from haptic_accel.core.identification.evaluation import identify_handle
+from haptic_accel.core.identification.evaluation import Identification, identify_handle
+from haptic_accel.core.identification.fit import INTERVAL
 from haptic_accel.core.identification.sweep import (
     IdentificationTrial,
     SweepParameters,
     excitation,
     find_trials,
 )
-from haptic_accel.core.model import POSTURES, GripParameters, HandleParameters, held
+from haptic_accel.core.model import (
+    POSTURES,
+    GripParameters,
+    HandleParameters,
+    MountParameters,
+    held,
+)
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.trial import run_identification
@@ -102,6 +110,99 @@ def test_no_trial_at_all_is_refused() -> None:
     for nothing in ({}, {"pinch": []}):
         with pytest.raises(ParameterError, match="at least one trial"):
             identify_handle(nothing, SWEEP, SENSOR.range, SENSOR.bandwidth)
+
+
+# Loud noise
+
+
+FULL = SweepParameters()
+HANDLE = ("b_s", "m_h", "k_u", "b_u")
+
+
+def loud(noise: float, corner: float, handle: HandleParameters) -> MasterRigParameters:
+    """Return a rig with noise of a standard deviation in m/s^2, and a sensor's corner in Hz."""
+    density = noise / math.sqrt(math.pi / 2 * corner)
+    sensor = replace(SENSOR, bandwidth=corner, noise_density=density)
+    return replace(RIG, handle=handle, accelerometer=sensor)
+
+
+def identified(
+    rig: MasterRigParameters, seed: int, sweep: SweepParameters = FULL
+) -> Identification:
+    """Identify a rig by four trials, with its true actuator and sensor."""
+    trials = run_identification(rig, sweep, RATE, seed, trials=4, latency=0)
+    known = HandleParameters(m_a=rig.handle.m_a, k_s=rig.handle.k_s)
+    sensor = rig.accelerometer
+    return identify_handle({"average": trials}, sweep, sensor.range, sensor.bandwidth, known=known)
+
+
+def within_intervals(found: Identification, rig: MasterRigParameters) -> bool:
+    """Return whether the 95 % intervals contain the handle and the delay."""
+    true = {name: getattr(rig.handle, name) for name in HANDLE} | {"delay": rig.drive.delay}
+    fit = found.fit
+    return all(
+        abs(fit.value(name) - value) <= INTERVAL * fit.standard_errors[name]
+        for name, value in true.items()
+    )
+
+
+UNFILTERED = 100e3
+"""Corner of a sensor without low-pass at the sampling rate, Hz."""
+
+
+def test_noise_is_not_taken_for_a_mount_nor_for_a_delay() -> None:
+    # The response of a sensor without low-pass jumps at whole samples of delay, and the truth lies
+    # at a jump.
+    handle = HandleParameters(
+        m_a=0.02041, k_s=224.71, b_s=1.6951, m_h=0.15138, k_u=1638.4, b_u=7.953
+    )
+    rig = loud(0.95, UNFILTERED, handle)
+    found = identified(rig, seed=34)
+    assert found.fit.mount.frequency == 0.0
+    assert found.fit.delay < 100e-6
+    assert within_intervals(found, rig)
+    assert found.doubts == []
+
+
+def test_a_mount_is_found_beneath_loud_noise() -> None:
+    handle = HandleParameters(
+        m_a=0.01888, k_s=217.36, b_s=2.9209, m_h=0.11414, k_u=1184.9, b_u=13.169
+    )
+    mount = MountParameters(frequency=298.3, damping=0.1375)
+    rig = replace(loud(1.9, 500.0, handle), mount=mount)
+    found = identified(rig, seed=28)
+    assert found.fit.mount.frequency == pytest.approx(298.3, rel=0.03)
+    assert within_intervals(found, rig)
+
+
+def test_two_dampings_that_noise_may_exchange_lie_within_their_intervals() -> None:
+    handle = HandleParameters(
+        m_a=0.02295, k_s=213.74, b_s=1.664, m_h=0.15914, k_u=1681.7, b_u=7.4043
+    )
+    rig = replace(loud(0.69, UNFILTERED, handle), drive=replace(RIG.drive, delay=40e-6))
+    found = identified(rig, seed=59)
+    other = found.fit.exchanged()
+    for name in ("b_s", "b_u"):
+        distance = abs(other.value(name) - found.fit.value(name))
+        assert distance <= 1.1 * INTERVAL * found.fit.standard_errors[name]
+    assert within_intervals(found, rig)
+
+
+def test_what_the_sweep_hardly_shows_is_doubtful() -> None:
+    # Above its resonance the handle moves as a mass, so the grip's stiffness does not matter.
+    sweep = SweepParameters(start_frequency=80.0, duration=1.0)
+    try:
+        found = identified(loud(1.0, 500.0, RIG.handle), seed=1, sweep=sweep)
+    except RecordingError as refusal:
+        assert "at a limit of the search" in str(refusal)
+    else:
+        assert any("k_u = " in doubt for doubt in found.doubts)
+
+
+def test_a_model_that_lacks_something_is_doubtful() -> None:
+    trials = {"average": recorded(RIG)}
+    found = identify_handle(trials, SWEEP, SENSOR.range, bandwidth=50.0, free=HANDLE)
+    assert any("the model lacks something" in doubt for doubt in found.doubts)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])

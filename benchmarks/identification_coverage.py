@@ -1,0 +1,242 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Coverage of identified intervals on random rigs of known parameters.
+
+Run as ``python benchmarks/identification_coverage.py``. Each rig is identified with the paper's
+sweep in lockstep. A table gives, for each kind of rig and each parameter, how often the 95 %
+interval contains the true value.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from haptic_accel.cli.tables import print_table
+from haptic_accel.core.identification.estimate import RecordingError
+from haptic_accel.core.identification.evaluation import identify_handle
+from haptic_accel.core.identification.fit import INTERVAL, HandleFit
+from haptic_accel.core.identification.stops import check_stops
+from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
+from haptic_accel.core.model import HandleParameters
+from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.tables import ResultTable
+from haptic_accel.core.trial import run_identification
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.processes import graph_parameters, rig_parameters
+
+KINDS = ("ideal", "paper")
+"""Rigs of config/rigs around which the random ones lie."""
+
+SPREAD = {"m_a": 0.3, "k_s": 0.3, "b_s": 0.5, "m_h": 0.5, "k_u": 0.5, "b_u": 0.5}
+"""Largest relative deviation of the handle's parameters; both signs have the same factor."""
+
+MOUNT_SPREAD = {"frequency": 0.3, "damping": 0.5}
+"""Largest relative deviation of the mount's parameters, if it has a mode."""
+
+NOISE = (0.02, 3.0)
+"""Range of the accelerometer's noise, m/s^2, logarithmically uniform."""
+
+LONGEST_DELAY = 1e-3
+"""Largest delay of the drive, s; half of the rigs have none."""
+
+LARGEST_FRICTION = 0.05
+"""Largest dry friction of rigs that have any, N."""
+
+CLOCK = 1e-5
+"""Step of the simulated drive's delay, s."""
+
+RATE = 1000.0
+"""Samples per second."""
+
+
+def main() -> None:
+    """Identify random rigs; print a line on each and a table at the end."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rigs", type=int, default=100, help="rigs of each kind (default: 100)")
+    parser.add_argument("--first", type=int, default=0, help="first index of a rig (default: 0)")
+    parser.add_argument("--trials", type=int, default=4, help="trials of each rig (default: 4)")
+    parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
+    given = parser.parse_args()
+    conditions = [
+        (kind, index, given.trials)
+        for index in range(given.first, given.first + given.rigs)
+        for kind in KINDS
+    ]
+    outcomes = []
+    with ProcessPoolExecutor(given.jobs) as pool:
+        try:
+            for outcome in pool.map(_outcome, conditions):
+                outcomes.append(outcome)
+                print(outcome.line, flush=True)
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+    print_table(coverage(outcomes))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Identification of one rig.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    index : int
+        Index of the rig.
+    noise : float
+        Accelerometer's noise, m/s^2.
+    refused : str
+        Reason of a refusal; empty if there is a result.
+    doubts : tuple of str
+        Stated doubts.
+    errors : dict of str to float
+        Error of each identified parameter, in half widths of its interval.
+    """
+
+    kind: str
+    index: int
+    noise: float
+    refused: str = ""
+    doubts: tuple[str, ...] = ()
+    errors: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def line(self) -> str:
+        """Description for a terminal, with the parameters whose interval misses the truth."""
+        missed = (f"{name} {error:+.2f}" for name, error in self.errors.items() if abs(error) > 1)
+        said = self.refused or "; ".join(self.doubts)
+        return f"{self.kind} {self.index}, noise {self.noise:.2f}: {', '.join(missed)} | {said}"
+
+
+def random_rig(kind: str, index: int) -> MasterRigParameters:
+    """Return the master of a random rig; the same for the same arguments.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    index : int
+        Index of the rig.
+    """
+    random = np.random.default_rng((KINDS.index(kind), index))
+
+    def varied(value: float, spread: float) -> float:
+        return value * math.exp(math.log1p(spread) * random.uniform(-1.0, 1.0))
+
+    master = rig_parameters(graph_parameters(GraphArguments(rig=kind))).master
+    handle = {name: varied(getattr(master.handle, name), w) for name, w in SPREAD.items()}
+    mount = {name: varied(getattr(master.mount, name), w) for name, w in MOUNT_SPREAD.items()}
+    delay = random.uniform(0.0, LONGEST_DELAY) * random.integers(2)
+    friction = random.uniform(0.0, LARGEST_FRICTION) if master.drive.coulomb_friction else 0.0
+    noise = math.exp(random.uniform(*np.log(NOISE)))
+    density = noise / math.sqrt(math.pi / 2 * master.accelerometer.bandwidth)
+    return replace(
+        master,
+        handle=replace(master.handle, **handle),
+        grip=replace(master.grip, variation=0.0),
+        mount=replace(master.mount, **mount) if master.mount.frequency else master.mount,
+        drive=replace(master.drive, delay=round(delay / CLOCK) * CLOCK, coulomb_friction=friction),
+        accelerometer=replace(master.accelerometer, noise_density=density),
+    )
+
+
+def identified(rig: MasterRigParameters, trials: Sequence[IdentificationTrial]) -> Outcome:
+    """Identify a rig from its trials, with its true actuator and accelerometer as known."""
+    noise = rig.accelerometer.noise
+    recorded = {"average": trials}
+    try:
+        check_stops(recorded)
+        found = identify_handle(
+            recorded,
+            SweepParameters(),
+            rig.accelerometer.range,
+            rig.accelerometer.bandwidth,
+            known=HandleParameters(m_a=rig.handle.m_a, k_s=rig.handle.k_s),
+        )
+    except RecordingError as reason:
+        return Outcome("", 0, noise, refused=str(reason))
+    errors = dict(_errors(found.fit, rig))
+    return Outcome("", 0, noise, doubts=tuple(found.doubts), errors=errors)
+
+
+def _errors(fit: HandleFit, rig: MasterRigParameters) -> Iterator[tuple[str, float]]:
+    """Yield each identified parameter and its error in half widths of its interval.
+
+    A mount's mode that the rig does not have counts as an infinite error, and so does one that
+    is missing without a doubt.
+    """
+    if bool(rig.mount.frequency) != bool(fit.mount.frequency):
+        yield "mount_frequency", math.inf if fit.mount.frequency else -math.inf
+    for name, value in _true(rig).items():
+        if name in fit.standard_errors:
+            yield name, (fit.value(name) - value) / (INTERVAL * fit.standard_errors[name])
+
+
+def _true(rig: MasterRigParameters) -> dict[str, float]:
+    """Return the true values of all parameters that can be identified."""
+    mount = MOUNT_SPREAD if rig.mount.frequency else {}
+    return {
+        **{name: getattr(rig.handle, name) for name in SPREAD},
+        "delay": rig.drive.delay,
+        "friction": rig.drive.coulomb_friction,
+        **{f"mount_{name}": getattr(rig.mount, name) for name in mount},
+    }
+
+
+def coverage(outcomes: Sequence[Outcome]) -> ResultTable:
+    """Return the share of intervals that contain the truth, among results without a doubt.
+
+    Returns
+    -------
+    ResultTable
+        A row for each kind: numbers of rigs, refusals and doubts, then a percentage for each
+        parameter.
+    """
+    sure = [each for each in outcomes if not (each.refused or each.doubts)]
+    names = list(dict.fromkeys(name for each in outcomes for name in each.errors))
+    rows = []
+    for kind in KINDS:
+        rigs = [each for each in outcomes if each.kind == kind]
+        cells = []
+        for name in names:
+            inside = [
+                abs(each.errors[name]) <= 1.0
+                for each in sure
+                if each.kind == kind and name in each.errors
+            ]
+            cells.append(f"{100 * float(np.mean(inside)):.0f}" if inside else "")
+        refused = sum(bool(each.refused) for each in rigs)
+        doubted = sum(bool(each.doubts) for each in rigs)
+        rows.append([kind, f"{len(rigs)}", f"{refused}", f"{doubted}", *cells])
+    headings = ("kind", "rigs", "refused", "doubted", *names)
+    return ResultTable(headings, rows, "intervals that contain the truth (%)", left=1)
+
+
+def _outcome(condition: tuple[str, int, int]) -> Outcome:
+    kind, index, trials = condition
+    rig = random_rig(kind, index)
+    recorded = run_identification(rig, SweepParameters(), RATE, index, trials, latency=0)
+    return replace(identified(rig, recorded), kind=kind, index=index)
+
+
+if __name__ == "__main__":
+    main()
