@@ -92,7 +92,7 @@ class Result:
     @property
     def notes(self) -> list[str]:
         """Warnings to the reader of the metrics."""
-        return [*self.doubts] + [POOLED_NOTE] * (len(self.found.grips) > 1)
+        return [*self.doubts, *self.found.outliers] + [POOLED_NOTE] * (len(self.found.grips) > 1)
 
     def sentences(self) -> Iterator[str]:
         """Yield errors against the true response, and the delay of the hardware."""
@@ -293,6 +293,10 @@ def identification_metrics(result: Result) -> dict[str, Any]:
         "max_phase_error_deg": discrete.phase_deg if discrete else None,
         "band_hz": list(result.band),
         "doubts": list(result.doubts),
+        "outliers": {
+            name: sum(trial.counters[sweeps.OUTLIERS] for trial in grip.trials)
+            for name, grip in found.grips.items()
+        },
         "physical_model": asdict(errors["physical"]) if errors else None,
         "grips": {name: _fit_metrics(grip.fit) for name, grip in found.grips.items()},
         "approximate_model": asdict(found.approximate),

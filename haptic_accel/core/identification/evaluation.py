@@ -47,6 +47,7 @@ from haptic_accel.core.identification.fit import (
 )
 from haptic_accel.core.identification.motion import fit_motion
 from haptic_accel.core.identification.sweep import (
+    OUTLIERS,
     IdentificationTrial,
     SweepParameters,
     kept_repeats,
@@ -88,7 +89,7 @@ class GripIdentification:
     Attributes
     ----------
     trials : list of IdentificationTrial
-        Recorded trials, without latency.
+        Recorded trials, without latency and without outliers of the acceleration.
     responses : list of FrequencyResponse
         The paper's DFT ratio of each trial.
     averaged_h1, averaged_h2 : FrequencyResponse
@@ -137,6 +138,19 @@ class Identification:
     band: tuple[float, float]
 
     @property
+    def outliers(self) -> list[str]:
+        """Lines on the grips with outliers in the acceleration; empty if there are none."""
+        lines = []
+        for name, grip in self.grips.items():
+            samples = sum(len(trial.handle_acceleration) for trial in grip.trials)
+            if count := sum(trial.counters[OUTLIERS] for trial in grip.trials):
+                lines.append(
+                    f"{name}: {count} of {samples} samples of handle_acceleration are outliers:"
+                    " replaced by interpolation"
+                )
+        return lines
+
+    @property
     def doubts(self) -> list[str]:
         """Reasons to doubt the fits of the grips, one line each; empty if there is none."""
         return [f"{name}: {doubt}" for name, grip in self.grips.items() for doubt in grip.doubts]
@@ -179,7 +193,7 @@ def identify_handle(
     fit = partial(fit_handle, known=known, low_pass_frequency=bandwidth)
     grips = {
         name: _identify_grip(
-            [trial.aligned for trial in trials], sweep, acceleration_range, fit, free
+            [trial.aligned.cleaned for trial in trials], sweep, acceleration_range, fit, free
         )
         for name, trials in recorded.items()
     }

@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 from haptic_accel.core.identification.estimate import RecordingError, check_pair
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.outliers import without_outliers
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate, parameter
 
 ALIKE = 0.95
@@ -32,6 +33,9 @@ ALIKE = 0.95
 
 SAMPLES_MISSING = "samples_missing"
 """Status entry of a trial: number of samples that were not recorded."""
+
+OUTLIERS = "outliers"
+"""Status entry of a trial: number of false samples of the acceleration that were replaced."""
 
 DROPPED_REPEATS = 1
 """Number of initial repeats that are not evaluated, while the handle settles (paper)."""
@@ -233,6 +237,26 @@ class IdentificationTrial:
             handle_acceleration=self.handle_acceleration[self.latency :],
             latency=0,
         )
+
+    @property
+    def cleaned(self) -> IdentificationTrial:
+        """Trial whose false samples of the acceleration are replaced by interpolation.
+
+        The force is commanded, not measured, and stays as it is.
+
+        Raises
+        ------
+        RecordingError
+            Too many samples are false, see `without_outliers`.
+        """
+        try:
+            acceleration, rejected = without_outliers(
+                "handle_acceleration", self.handle_acceleration
+            )
+        except ParameterError as reason:
+            raise RecordingError(str(reason)) from None
+        counters = self.counters | {OUTLIERS: rejected}
+        return replace(self, handle_acceleration=acceleration, counters=counters)
 
 
 def find_trials(

@@ -205,6 +205,50 @@ def test_a_model_that_lacks_something_is_doubtful() -> None:
     assert any("the model lacks something" in doubt for doubt in found.doubts)
 
 
+# Glitches
+
+
+OF_RESPONSES = ("b_s", "m_h", "k_u", "b_u", "delay")
+
+
+def with_glitches(
+    trials: list[IdentificationTrial], count: int, seed: int = 0
+) -> list[IdentificationTrial]:
+    """Return trials with false samples, larger than any acceleration, at random places."""
+    random = np.random.default_rng(seed)
+    glitched = []
+    for trial in trials:
+        acceleration = trial.handle_acceleration.copy()
+        places = 20 + random.choice(len(acceleration) // 40 - 2, count, replace=False) * 40
+        acceleration[places] += random.choice((-1.0, 1.0), count) * random.uniform(500, 5e3, count)
+        glitched.append(replace(trial, handle_acceleration=acceleration))
+    return glitched
+
+
+def test_glitches_are_replaced_and_counted() -> None:
+    clean = recorded(RIG, trials=2)
+    sound, mended = (
+        identify_handle(
+            {"pinch": trials}, SWEEP, SENSOR.range, SENSOR.bandwidth, free=OF_RESPONSES
+        )
+        for trials in (clean, with_glitches(clean, 7))
+    )
+    assert sound.outliers == []
+    samples = 2 * len(clean[0].aligned.handle_acceleration)
+    assert mended.outliers == [
+        f"pinch: 14 of {samples} samples of handle_acceleration are outliers: replaced by"
+        " interpolation"
+    ]
+    for name, error in sound.fit.standard_errors.items():
+        assert abs(mended.fit.value(name) - sound.fit.value(name)) < 3 * error
+
+
+def test_many_glitches_are_refused() -> None:
+    trials = {"pinch": with_glitches(recorded(RIG), 60)}
+    with pytest.raises(RecordingError, match="60 of 3000 samples are outliers: must be at most 1"):
+        identify_handle(trials, SWEEP, SENSOR.range, SENSOR.bandwidth)
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_trials_are_found_where_the_force_looks_like_the_sweep(noise: float) -> None:
     force = excitation(SWEEP, RATE)
