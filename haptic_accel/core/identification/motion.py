@@ -324,9 +324,8 @@ class _Problem:
         """Return the factor of the noise's variance that includes the model's errors."""
         error = self.residuals(values)[: -len(EXPECTED)]
         free = len(values)
-        # A standard deviation of the sum may result from noise, and is no sign of a misfit.
-        chance = math.sqrt(2 * len(error) * (1 + 1 / self._freedom))
-        misfit = max(0.0, float(error @ error) - (len(error) - free) - chance)
+        # Noise alone may cause a part of it, but an error of the model may be hidden by noise too.
+        misfit = max(0.0, float(error @ error) - (len(error) - free))
         return 1.0 + misfit / (PATTERNS * free)
 
     def minimum(self, start: FloatArray) -> FloatArray:
