@@ -61,7 +61,7 @@ _BOUNDS: dict[str, Any] = {  # in search units: the delay in its unit, the mount
     "delay": (EARLIEST_DELAY / _UNITS["delay"], LONGEST_DELAY / _UNITS["delay"]),
     "friction": (-0.02 / _UNITS["friction"], 10.0 / _UNITS["friction"]),  # below 0 due to noise
     "friction_lag": (-1e-3 / _UNITS["friction_lag"], 2e-3 / _UNITS["friction_lag"]),
-    "mount_frequency": np.log((20.0, 2000.0)),
+    "mount_frequency": np.log((20.0, 1990.0)),  # steps for slopes stay within 2000
     "mount_damping": np.log((0.011, 1.9)),
 }
 _START_FACTORS = {  # stiffness and damping of the grip vary that much between people

@@ -121,31 +121,14 @@ def fit_motion(
     fit = last.fit(refined[at], start)
     # The coarse simulation shifts the minimum, but hardly changes the shape around it.
     low, high = _region(coarse, near, INTERVAL**2 * fit.inflation)
-    below, above = low - near[at], high - near[at]
-    return replace(fit, standard_errors=_errors(fit, coordinates, refined[at], below, above))
-
-
-def _errors(
-    fit: HandleFit,
-    coordinates: Coordinates,
-    values: FloatArray,
-    below: FloatArray,
-    above: FloatArray,
-) -> dict[str, float]:
-    """Return standard errors whose interval contains a range of search variables.
-
-    Parameters
-    ----------
-    fit : HandleFit
-    coordinates : Coordinates
-    values, below, above : ndarray, shape (n,)
-        Search variables of the fit, and differences of the range's ends to them.
-    """
-    ends = [coordinates.point(values + difference) for difference in (below, above)]
-    return {
+    shift = refined[at] - near[at]
+    bounds = coordinates.bounds(refined[at], trials[0].rate)
+    ends = [coordinates.point(np.clip(end + shift, *bounds)) for end in (low, high)]
+    errors = {
         name: max(abs(end.value(name) - fit.value(name)) for end in ends) / INTERVAL
         for name in coordinates.free
     }
+    return replace(fit, standard_errors=errors)
 
 
 def _region(
