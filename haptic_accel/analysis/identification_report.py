@@ -37,7 +37,6 @@ from haptic_accel.core.handle.discrete import DiscreteModel
 from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification.estimate import FrequencyResponse
 from haptic_accel.core.identification.evaluation import (
-    UNEXPLAINED,
     GripIdentification,
     Identification,
 )
@@ -278,7 +277,7 @@ def explained(found: Identification) -> str:
         f"The residual of the fit is {residual:.3g} times the scatter of the data, or"
         f" {100 * found.fit.relative_residual:.2g} % of the response (root mean square)."
     )
-    if residual <= UNEXPLAINED:
+    if not found.fit.deviates:
         return (
             f"{sentence} Noise alone gives about 1: the data shows no significant deviation from"
             " the model."

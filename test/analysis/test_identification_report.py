@@ -21,6 +21,7 @@ import base64
 import dataclasses
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -160,6 +161,9 @@ def test_models_and_their_errors_are_named(page: Page, two: Identification) -> N
 def test_what_the_fit_leaves_is_explained(page: Page, one: Identification, tmp_path: Path) -> None:
     assert "compromise between the grips" in page.text
     assert "no significant deviation from the model" in report(one, tmp_path).text
+    # Of 2,000 values, noise alone gives a residual of 1.00 within 0.016.
+    off = replace(one, fit=replace(one.fit, residual=1.2, count=2000))
+    assert "the handle deviates from the model" in report(off, tmp_path).text
 
 
 def test_a_single_grip_needs_no_pooled_columns(one: Identification, tmp_path: Path) -> None:

@@ -59,7 +59,8 @@ DISCRETE_ORDER = 7
 """Order of the discrete model: eq. (3) has 4, the accelerometer 1, its mount 2."""
 
 UNEXPLAINED = 2.0
-"""Residual, in standard deviations of the noise, above which a model counts as incomplete."""
+"""Residual with a rigid mount, in standard deviations of the noise, above which a mode that halves
+it is taken for certain."""
 
 UNDECIDED = 3.0
 """Twice the logarithm of the likelihood ratio above which a mode of the mount is not excluded (a

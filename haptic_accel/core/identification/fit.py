@@ -282,6 +282,11 @@ class HandleFit(Point):
     inflation: float
     limited: tuple[str, ...]
 
+    @property
+    def deviates(self) -> bool:
+        """Whether the residual exceeds that of noise by four of its standard deviations."""
+        return self.residual > 1.0 + 4.0 / math.sqrt(2.0 * self.count)
+
 
 def fit_handle(
     responses: FrequencyResponse | Sequence[FrequencyResponse],
