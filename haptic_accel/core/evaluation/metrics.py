@@ -154,7 +154,7 @@ def align(desired: FloatArray, actual: FloatArray, samples: int) -> tuple[FloatA
     ValueError
         The signals differ in length, or `samples` is out of range.
     """
-    _check_pair(desired, actual)
+    check_pair(desired, actual)
     length = len(desired)
     if not 0 <= samples < length:
         raise ValueError(f"samples = {samples}: must be from 0 to less than the length, {length}")
@@ -182,7 +182,7 @@ def nrmse(desired: FloatArray, actual: FloatArray) -> float:
     ValueError
         The signals differ in length, are empty or not finite, or `desired` is zero throughout.
     """
-    _check_pair(desired, actual)
+    check_pair(desired, actual)
     reference = float(np.linalg.norm(desired))
     if reference < _SMALLEST:
         raise ValueError("desired: is zero throughout, no error can be relative to it")
@@ -209,7 +209,7 @@ def regress(desired: FloatArray, actual: FloatArray) -> Regression:
     ValueError
         The signals differ in length, are empty, or hold NaN or infinity.
     """
-    _check_pair(desired, actual)
+    check_pair(desired, actual)
     varying_desired, varying_actual = _without_mean(desired), _without_mean(actual)
     norm_desired = float(np.linalg.norm(varying_desired))
     norm_actual = float(np.linalg.norm(varying_actual))
@@ -248,7 +248,7 @@ def spectra(desired: FloatArray, actual: FloatArray, rate: float) -> Spectra:
         The signals differ in length, are too short, hold NaN or infinity, or `rate` is not
         positive.
     """
-    _check_pair(desired, actual, fewest=4 * _FEWEST_SEGMENTS)
+    check_pair(desired, actual, fewest=4 * _FEWEST_SEGMENTS)
     check_positive_rate(rate)
     quarter = len(desired) // _FEWEST_SEGMENTS
     segment = min(max(math.ceil(SEGMENT_SECONDS * rate), 4), quarter)
@@ -301,7 +301,7 @@ def evaluate(
     if not (math.isfinite(delay) and delay >= 0.0):
         raise ValueError(f"delay = {delay}: must be at least 0 s")
     shift = math.floor(delay * rate + 0.5)
-    _check_pair(desired, actual, fewest=shift + 2)
+    check_pair(desired, actual, fewest=shift + 2)
     desired, actual = align(desired, actual, shift)
     return Evaluation(100.0 * nrmse(desired, actual), **vars(regress(desired, actual)))
 
@@ -313,7 +313,15 @@ def _without_mean(values: FloatArray) -> FloatArray:
     return values - np.mean(values)
 
 
-def _check_pair(desired: FloatArray, actual: FloatArray, fewest: int = 1) -> None:
+def check_pair(desired: FloatArray, actual: FloatArray, fewest: int = 1) -> None:
+    """Check that two signals can be compared.
+
+    Raises
+    ------
+    ValueError
+        They differ in length, have fewer than `fewest` samples or several dimensions, or hold
+        NaN, infinity or a huge value.
+    """
     for name, values in (("desired", desired), ("actual", actual)):
         if values.ndim != 1:
             raise ValueError(f"{name}: has {values.ndim} dimensions, must have one")

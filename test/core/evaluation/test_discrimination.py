@@ -1,0 +1,186 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The share that a hand could not tell, for signals whose answer is known by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_accel.core.evaluation.discrimination import detection_threshold, indistinguishable
+from haptic_accel.core.model import FloatArray
+
+SECONDS = 4.0
+
+untimed = settings(deadline=None)
+rates = st.sampled_from([200.0, 1000.0, 1001.3, 4000.0])
+seeds = st.integers(0, 2**32 - 1)
+
+
+def tone(frequency: float, displacement: float, rate: float = 1000.0) -> FloatArray:
+    """Return the acceleration of a vibrating stylus, m/s^2, from its displacement (peak), m."""
+    time = np.arange(round(SECONDS * rate)) / rate
+    omega = 2 * np.pi * frequency
+    return displacement * omega**2 * np.sin(omega * time)
+
+
+def noise(seed: int, rate: float = 1000.0) -> FloatArray:
+    return np.random.default_rng(seed).normal(0.0, 3.0, round(SECONDS * rate))
+
+
+def louder(signal: FloatArray, decibels: float) -> FloatArray:
+    return 10 ** (decibels / 20) * signal
+
+
+# Level
+
+
+@untimed
+@given(seeds, rates)
+def test_equal_signals_cannot_be_told_apart(seed: int, rate: float) -> None:
+    assert indistinguishable(noise(seed, rate), noise(seed, rate), rate) == 1.0
+
+
+@untimed
+@given(seeds, rates, st.floats(-2.19, 2.19))
+def test_a_difference_of_up_to_two_decibels_is_not_noticed(
+    seed: int, rate: float, decibels: float
+) -> None:
+    wanted = noise(seed, rate)
+    assert indistinguishable(wanted, louder(wanted, decibels), rate) == 1.0
+
+
+@untimed
+@given(seeds, rates, st.floats(2.5, 60.0), st.sampled_from([-1, 1]))
+def test_a_difference_from_two_and_a_half_decibels_on_is_noticed_everywhere(
+    seed: int, rate: float, decibels: float, sign: int
+) -> None:
+    wanted = noise(seed, rate)
+    assert indistinguishable(wanted, louder(wanted, sign * decibels), rate) == 0.0
+
+
+@untimed
+@given(seeds, seeds)
+def test_either_signal_may_be_the_desired_one(one: int, other: int) -> None:
+    first, second = noise(one), noise(other)
+    assert indistinguishable(first, second, 1000.0) == indistinguishable(second, first, 1000.0)
+
+
+# Detection
+
+
+@pytest.mark.parametrize(
+    ("frequency", "displacement"), [(20.0, 8.5e-6), (160.0, 0.065e-6), (320.0, 0.06e-6)]
+)
+def test_a_tone_counts_from_the_published_threshold_on(
+    frequency: float, displacement: float
+) -> None:
+    weak, strong = tone(frequency, displacement / 1.3), tone(frequency, 1.3 * displacement)
+    assert math.isnan(indistinguishable(weak, weak, 1000.0))
+    assert indistinguishable(strong, strong, 1000.0) == 1.0
+
+
+def test_a_hand_is_most_sensitive_to_acceleration_near_125_hz() -> None:
+    # Griffin, Industrial Health 50, 2012, for a hand grip.
+    frequency = np.geomspace(20.0, 500.0, 200)
+    assert 100.0 < frequency[np.argmin(detection_threshold(frequency))] < 165.0
+
+
+def test_a_difference_that_nobody_feels_is_not_counted() -> None:
+    strong = tone(100.0, 10e-6)
+    hidden = strong + tone(25.0, 1e-6)
+    assert indistinguishable(strong, hidden, 1000.0) == 1.0
+
+
+def test_without_anything_to_feel_there_is_no_share() -> None:
+    assert math.isnan(indistinguishable(np.zeros(4000), np.zeros(4000), 1000.0))
+
+
+@pytest.mark.parametrize("silent", ["desired", "actual"])
+def test_false_and_missing_vibration_are_told(silent: str) -> None:
+    signals = {"desired": noise(1), "actual": noise(1)} | {silent: np.zeros(4000)}
+    assert indistinguishable(rate=1000.0, **signals) == 0.0
+
+
+# Time and frequency
+
+
+def test_vibration_at_a_wrong_frequency_is_told() -> None:
+    assert indistinguishable(tone(80.0, 10e-6), tone(125.0, 10e-6), 1000.0) == 0.0
+
+
+def test_one_wrong_band_of_two_is_half() -> None:
+    right, wrong = tone(50.0, 10e-6), tone(200.0, 10e-6)
+    assert indistinguishable(right + wrong, right + 2 * wrong, 1000.0) == 0.5
+
+
+def test_a_wrong_half_of_the_time_is_half() -> None:
+    wanted = noise(1)
+    actual = np.where(np.arange(wanted.size) < wanted.size / 2, wanted, 0.0)
+    assert indistinguishable(wanted, actual, 1000.0) == pytest.approx(0.5, abs=0.07)
+
+
+def test_an_event_between_two_cells_is_felt() -> None:
+    time = np.arange(4000) / 1000.0
+    tap = np.where(time >= 0.5, 5 * np.exp(-(time - 0.5) / 0.01), 0) * np.sin(800 * (time - 0.5))
+    assert indistinguishable(np.zeros(4000), tap, 1000.0) == 0.0
+
+
+@untimed
+@given(st.floats(25.0, 80.0), st.sampled_from([0.0, 2.0, 3.0]))
+def test_the_share_does_not_depend_on_the_rate(frequency: float, decibels: float) -> None:
+    shares = {
+        indistinguishable(own := tone(frequency, 20e-6, rate), louder(own, decibels), rate)
+        for rate in (250.0, 1000.0, 4000.0)
+    }
+    assert len(shares) == 1
+
+
+def test_phase_and_waveform_are_not_compared() -> None:
+    wanted = noise(1)
+    assert indistinguishable(wanted, -wanted, 1000.0) == 1.0
+    assert 0.3 < indistinguishable(wanted, noise(2), 1000.0) < 0.8
+
+
+# Limits
+
+
+def test_a_signal_shorter_than_a_cell_has_no_share() -> None:
+    assert math.isnan(indistinguishable(noise(1)[:400], noise(1)[:400], 1000.0))
+
+
+def test_a_rate_below_all_bands_has_no_share() -> None:
+    assert math.isnan(indistinguishable(noise(1), noise(1), 40.0))
+
+
+@pytest.mark.parametrize(
+    ("desired", "actual", "rate", "message"),
+    [
+        (np.ones(5), np.ones(4), 1000.0, "5 and 4 samples"),
+        (np.zeros(0), np.zeros(0), 1000.0, "0 samples"),
+        (np.ones(5), np.full(5, np.nan), 1000.0, "actual: holds NaN"),
+        (np.ones(5), np.ones(5), 0.0, "rate"),
+    ],
+)
+def test_signals_that_cannot_be_compared_are_refused(
+    desired: FloatArray, actual: FloatArray, rate: float, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        indistinguishable(desired, actual, rate)
