@@ -34,6 +34,7 @@ from haptic_accel.core.model import FloatArray, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import crossfaded
 from haptic_accel.core.tables import ResultTable, Row
+from haptic_accel.core.tables import number as figure
 from haptic_accel.core.trial import DEFAULT_RATE, GripChange, Trial
 from haptic_accel.graph.arguments import SURFACES, GraphArguments
 from haptic_accel.graph.lockstep import lockstep_trial
@@ -366,6 +367,7 @@ def run_case(case: Case) -> Row:
         "nrmse_percent": evaluation.nrmse_percent,
         "slope_desired_on_actual": evaluation.slope_desired_on_actual,
         "r2": evaluation.r2,
+        "indistinguishable_percent": 100.0 * trial.indistinguishable(first),
         "bound_percent": bound.causal,
         "limited_bound_percent": bound.limited,
         "nrmse_by_2_s_percent": list(_by_window(trial, first)),
@@ -389,7 +391,7 @@ def _by_window(trial: Trial, first: int) -> Iterator[float | None]:
 
 
 def summary(rows: Sequence[Row]) -> list[Row]:
-    """Return mean and worst error, and mean bounds, by condition and controller."""
+    """Return mean and worst error and share, and mean bounds, by condition and controller."""
     idle = {_key(row): row for row in rows if row["controller"] == "none"}
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
@@ -400,6 +402,7 @@ def summary(rows: Sequence[Row]) -> list[Row]:
             "controller": controller,
             "mean_percent": fmean(row["nrmse_percent"] for row in found),
             "worst_percent": max(row["nrmse_percent"] for row in found),
+            **_shares(found),
             "mean_bound_percent": fmean(row["bound_percent"] for row in found),
             "mean_limited_bound_percent": fmean(row["limited_bound_percent"] for row in found),
             "mean_force_rms_n": fmean(row["force_rms_n"] for row in found),
@@ -411,42 +414,65 @@ def summary(rows: Sequence[Row]) -> list[Row]:
     ]
 
 
+def _shares(rows: Sequence[Row]) -> Row:
+    """Return mean and worst share that a hand could not tell, over the trials that have one."""
+    every = [row["indistinguishable_percent"] for row in rows]
+    found = [share for share in every if math.isfinite(share)] or [math.nan]
+    return {
+        "mean_indistinguishable_percent": fmean(found),
+        "worst_indistinguishable_percent": min(found),
+    }
+
+
 BOUNDS = {"limited_bound": "limited bound", "bound": "bound"}
 """Headings of the bounds by name."""
 
 
-def table(lines: Sequence[Row]) -> ResultTable:
-    """Return a summary as a table: conditions by controllers."""
+def tables(lines: Sequence[Row]) -> Iterator[ResultTable]:
+    """Yield the errors and the shares of a summary: conditions by controllers."""
     rows: dict[str, dict[str, Row]] = {}
     for line in lines:
         rows.setdefault(line["condition"], {})[line["controller"]] = line
     controllers = [name for name in CONTROLLERS if any(name in own for own in rows.values())]
-    cells = [
-        (
-            condition,
-            *(_cell(own[name]) if name in own else "" for name in controllers),
-            *(
-                f"{fmean(one[f'mean_{bound}_percent'] for one in own.values()):.1f}"
-                for bound in BOUNDS
-            ),
-        )
-        for condition, own in rows.items()
-    ]
-    title = "error of the handle after the delay granted, %: mean (worst) over inputs and grips"
-    return ResultTable(("condition", *controllers, *BOUNDS.values()), cells, title)
+
+    def table(title: str, name: str, bounds: Sequence[str] = ()) -> ResultTable:
+        found = [
+            (
+                condition,
+                *(
+                    _cell(own[controller], name) if controller in own else ""
+                    for controller in controllers
+                ),
+                *(_cell_of_bound(own, bound) for bound in bounds),
+            )
+            for condition, own in rows.items()
+        ]
+        headings = ("condition", *controllers, *(BOUNDS[bound] for bound in bounds))
+        return ResultTable(headings, found, f"{title}, %: mean (worst) over inputs and grips")
+
+    yield table("error of the handle after the delay granted", "percent", [*BOUNDS])
+    yield table(
+        "vibration whose strength a hand could not tell from the desired one",
+        "indistinguishable_percent",
+    )
 
 
-def _cell(line: Row) -> str:
-    return f"{line['mean_percent']:.1f} ({line['worst_percent']:.1f})"
+def _cell(line: Row, name: str) -> str:
+    return f"{figure(line[f'mean_{name}'], 1)} ({figure(line[f'worst_{name}'], 1)})"
+
+
+def _cell_of_bound(lines: Mapping[str, Row], bound: str) -> str:
+    return figure(fmean(line[f"mean_{bound}_percent"] for line in lines.values()), 1)
 
 
 def progress(row: Row) -> str:
-    """Return a trial's error and bounds for a reader, and the first warning."""
+    """Return a trial's error, bounds and share for a reader, and the first warning."""
     told = "".join(f"; {time:.2f} s: {words}" for time, words in row["warnings"][:1])
     return (
         f"{row['condition']}: {row['input']}, {row['grip']}, {row['controller']}:"
         f" {row['nrmse_percent']:.1f} % after {row['delay_ms']:g} ms granted (limited bound"
-        f" {row['limited_bound_percent']:.1f}, bound {row['bound_percent']:.1f}){told}"
+        f" {row['limited_bound_percent']:.1f}, bound {row['bound_percent']:.1f}),"
+        f" {figure(row['indistinguishable_percent'], 1, ' %')} indistinguishable{told}"
     )
 
 

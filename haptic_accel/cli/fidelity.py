@@ -30,7 +30,7 @@ from haptic_accel.analysis.fidelity import (
     progress,
     run_case,
     summary,
-    table,
+    tables,
     with_controllers,
 )
 from haptic_accel.cli.options import (
@@ -100,7 +100,8 @@ def fidelity(
     (unusual hands), grips (that change), textures, taps, modes (of a handle that the controllers
     do not know), inputs (a family of 200) and recordings (scaled); surfaces, hands and grips by
     default. Prints errors beside the lowest that a causal linear filter could reach, without
-    limits and within them.
+    limits and within them, and the share of the vibration whose strength a hand could not tell
+    from the desired one.
     """
     names = [one_of(CONDITIONS)(name) for name in conditions] or DEFAULT_CONDITIONS
     if "recordings" in names and not recordings:
@@ -113,7 +114,8 @@ def fidelity(
     found, end = run_side_by_side(workers, run_case, cases, "trials", progress, beside(json_file))
     if rows := [*found.values()]:
         means = summary(rows)
-        print_table(table(means))
+        for each in tables(means):
+            print_table(each)
         save({"rows": rows, "summary": means}, json_file)
     if end:
         raise end

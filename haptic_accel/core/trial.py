@@ -41,7 +41,8 @@ from haptic_accel.core.coupling.position_position import (
     CouplingParameters,
     PositionPositionCoupling,
 )
-from haptic_accel.core.evaluation.metrics import Evaluation, evaluate
+from haptic_accel.core.evaluation.discrimination import indistinguishable
+from haptic_accel.core.evaluation.metrics import Evaluation, align, evaluate
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.identification.stops import LIMITED
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters, excitation
@@ -224,9 +225,28 @@ class Trial:
         ValueError
             The desired acceleration is zero, or there are too few samples.
         """
+        return evaluate(*self.compared(first, end), self.rate, delay=0.0)
+
+    def indistinguishable(self, first: int = 0, end: int | None = None) -> float:
+        """Return the share that a hand could not tell, from a sample to an end; NaN without any.
+
+        Raises
+        ------
+        ValueError
+            There are too few samples.
+        """
+        return indistinguishable(*self.compared(first, end), self.rate)
+
+    def compared(self, first: int = 0, end: int | None = None) -> tuple[FloatArray, FloatArray]:
+        """Return desired and actual acceleration, aligned after latency and granted delay, m/s^2.
+
+        Raises
+        ------
+        ValueError
+            There are too few samples.
+        """
         part = slice(first, end)
-        desired, actual = self.desired_acceleration[part], self.actual_acceleration[part]
-        return evaluate(desired, actual, self.rate, self.after / self.rate)
+        return align(self.desired_acceleration[part], self.actual_acceleration[part], self.after)
 
     def bounds(self, rig: RigParameters, handle: HandleParameters, first: int = 0) -> Bounds:
         """Return the error bounds from a sample on, for a handle on a rig."""

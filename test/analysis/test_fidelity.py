@@ -17,12 +17,24 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
-from haptic_accel.analysis.fidelity import CONDITIONS, SPREAD, Case, Wanted, hand, run_case
+from haptic_accel.analysis.fidelity import (
+    CONDITIONS,
+    SPREAD,
+    Case,
+    Wanted,
+    hand,
+    run_case,
+    summary,
+    tables,
+)
 from haptic_accel.analysis.input_family import member
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.lockstep import lockstep_trial
 
 
 @pytest.mark.slow
@@ -76,3 +88,30 @@ def test_the_family_of_inputs_is_measured_by_halves() -> None:
         "family of inputs, reported, ideal, 0.5 kHz",
     }
     assert len({case.input for case in cases}) == 200
+
+
+@pytest.mark.parametrize("rig", ["ideal", "paper"])
+def test_a_better_controller_leaves_less_that_a_hand_could_tell(rig: str) -> None:
+    none, constant, dynamic, adaptive = (
+        lockstep_trial(
+            GraphArguments(rig=rig, surface="text", controller=name, duration=3.0)
+        ).indistinguishable()
+        for name in ("none", "constant", "dynamic", "adaptive")
+    )
+    assert none < 0.05
+    assert none < constant - 0.2
+    assert constant < dynamic - 0.05
+    # On the ideal rig nothing is left to tell with dynamic either.
+    assert dynamic < adaptive - (0.2 if rig == "paper" else -0.01)
+    assert adaptive > 0.95
+
+
+def test_trials_without_anything_to_feel_enter_no_mean_share() -> None:
+    row = run_case(Case("all", "text", "Table I", GraphArguments(rate=500.0, controller="none")))
+    shares = (math.nan, 80.0, 90.0)
+    still, *felt = (row | {"indistinguishable_percent": share} for share in shares)
+    (line,) = summary([still, *felt])
+    assert line["mean_indistinguishable_percent"] == 85.0
+    assert line["worst_indistinguishable_percent"] == 80.0
+    assert line["trials"] == 3
+    assert [table.rows for table in tables(summary([still]))][1] == [("all", "– (–)")]

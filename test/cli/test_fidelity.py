@@ -37,6 +37,7 @@ ROW = {
     "nrmse_percent",
     "slope_desired_on_actual",
     "r2",
+    "indistinguishable_percent",
     "bound_percent",
     "limited_bound_percent",
     "force_rms_n",
@@ -81,6 +82,7 @@ def test_the_table_is_printed_and_saved(haptic_accel: Start, tmp_path: Path) -> 
     assert by_name["ideal, 1 kHz", "none"] == pytest.approx(100.0, abs=2.0)
     assert by_name["ideal, 1 kHz", "inverse"] < 9.0
     assert "ideal, 4 kHz" in command.text
+    assert "a hand could not tell" in " ".join(command.text.split())
 
 
 @pytest.mark.quiet
