@@ -40,7 +40,7 @@ from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.materials.folders import is_recording
 
 EVALUATED = (
-    *("nrmse_percent", "bound_percent", "limited_bound_percent"),
+    *("nrmse_percent", "bound_percent", "limited_bound_percent", "indistinguishable_percent"),
     *("slope_desired_on_actual", "slope_actual_on_desired", "r2"),
 )
 """Metrics of a condition in the JSON file."""

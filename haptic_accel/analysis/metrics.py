@@ -36,6 +36,7 @@ from haptic_accel.core.control.inversion.bound import bounds
 from haptic_accel.core.control.supervision import supervise
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.evaluation.delay import Delay, estimate_delay, shift_back
+from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import band_nrmse, bands, evaluate
 from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
 from haptic_accel.core.model import AccelerometerParameters, FloatArray
@@ -69,6 +70,7 @@ METRICS: Mapping[str, Column] = {
     column.key: column
     for column in (
         Column("nrmse_percent", "NRMSE", "%", 1),
+        Column("indistinguishable_percent", "indistinguishable", "%", 1),
         Column("bound_percent", "bound", "%", 1),
         Column("limited_bound_percent", "limited bound", "%", 1),
         Column("slope_desired_on_actual", "slope, desired on actual", "", 2),
@@ -348,6 +350,7 @@ def _compared(
     if math.isnan(delay.seconds):
         notes.append("no delay: the actual acceleration does not correlate with the desired one")
     metrics = asdict(evaluation) | {
+        "indistinguishable_percent": PERCENT * indistinguishable(desired, actual, rate),
         "delay_ms": MILLI * delay.seconds,
         "delay_correlation": delay.correlation,
         "shift_ms": MILLI * seconds,

@@ -58,9 +58,11 @@ _OMITTED = "nrmse_percent delay_correlation shift_ms age_p50_us age_max_us"
 PER_TRIAL = tuple(name for name in METRICS if name not in _OMITTED.split())
 """Columns of the table of trials after the error."""
 
-_REGRESSION_AND_DELAY = PER_TRIAL[2:6]
-_BESIDE = ("delay_correlation", "st_sim", "deadlines_missed_percent", "late_time_percent")
-PER_GROUP = (*_REGRESSION_AND_DELAY, *_BESIDE)
+PER_GROUP = (
+    *("indistinguishable_percent", "slope_desired_on_actual", "slope_actual_on_desired", "r2"),
+    *("delay_ms", "delay_correlation", "st_sim"),
+    *("deadlines_missed_percent", "late_time_percent"),
+)
 """Columns of the table of groups, each with its interval over trials."""
 
 _UNITS = {"travel": MILLI}  # of signals over time, if not SI

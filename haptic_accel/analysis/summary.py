@@ -51,6 +51,7 @@ def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[st
         *_runs(frame),
         *_without_contact(frame),
         _errors(analysis),
+        *_shares(frame),
         _delays(frame, analysis),
         *_ages(frame),
         _losses(frame, analysis),
@@ -125,6 +126,22 @@ def _errors(analysis: Analysis) -> str:
         f"Error (NRMSE), shifted back by {analysis.shifted_by}: {', '.join(apart)}; there is no"
         " average, as no surface has an error of every controller."
     )
+
+
+def _shares(frame: pd.DataFrame) -> list[str]:
+    """Return a sentence on the vibration that a hand could not tell from the desired one."""
+    touching = frame[frame.contact]
+    means = touching.groupby("controller")["indistinguishable_percent"].mean().dropna()
+    if means.empty:
+        return []
+    ordered = sorted(
+        ((str(name), share) for name, share in means.items()), key=lambda m: rank(m[0])
+    )
+    each = ", ".join(f"{controller} {percent(share)}" for controller, share in ordered)
+    return [
+        "Share of the vibration, by third octave and half second, whose strength a hand could not"
+        f" tell from the desired one: {each}."
+    ]
 
 
 def _beside(cell: Cell) -> str:
@@ -253,6 +270,7 @@ def difference(comparison: Comparison) -> str:
 
 
 SHOWN = (
+    "indistinguishable_percent",
     "slope_desired_on_actual",
     "slope_actual_on_desired",
     "r2",

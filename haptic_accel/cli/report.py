@@ -39,11 +39,13 @@ def print_trials(done: int, total: int, name: str, trials: Sequence[AnalysedTria
         print(f"{done} of {total}: {name}: no trial", flush=True)
     for trial in trials:
         condition = printable(f"{trial.name}: {trial.controller} on {trial.surface}")
-        error, *bounds = (
-            number(trial.metrics[name], 1) for name in ("nrmse_percent", *frames.BOUNDS)
-        )
+        names = ("nrmse_percent", "indistinguishable_percent", *frames.BOUNDS)
+        error, share, *bounds = (number(trial.metrics[name], 1) for name in names)
         against = f"limited bound {bounds[0]}, bound {bounds[1]}"
-        print(f"{done} of {total}: {condition} {error} % ({against})", flush=True)
+        print(
+            f"{done} of {total}: {condition} {error} % ({against}), {share} % indistinguishable",
+            flush=True,
+        )
 
 
 def divergences(analysis: Analysis, spread: Spread) -> Iterator[Divergence]:

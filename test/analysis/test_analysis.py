@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -83,6 +84,18 @@ def test_a_scaled_and_delayed_copy_has_exact_figures(tmp_path: Path) -> None:
     assert found["nrmse_low_percent"] <= found["nrmse_percent"] <= found["nrmse_high_percent"]
     desired = texture(0, 6.0)
     assert found["force_rms_N"] == pytest.approx(0.128 * np.sqrt(np.mean(desired**2)))
+
+
+def test_the_share_that_a_hand_could_not_tell_is_reported_beside_the_error(tmp_path: Path) -> None:
+    # A hand notices 3 dB, a gain of 0.71, but not 2 dB, a gain of 0.79.
+    for controller, gain in (("constant", 0.68), ("dynamic", 0.81)):
+        write_bag(tmp_path / controller, copy(controller, gain=gain))
+    analysis = load(tmp_path, perceptual=False)
+    found = trials(analysis).set_index("controller").indistinguishable_percent
+    assert found["constant"] == pytest.approx(0.0, abs=1.0)
+    assert found["dynamic"] == pytest.approx(100.0, abs=1.0)
+    (told,) = [line for line in summary(analysis) if "a hand could not tell" in line]
+    assert re.search(r": constant \d\.\d %, dynamic (99|100)\.\d %\.$", told)
 
 
 def test_the_shift_is_what_was_asked_for(tmp_path: Path) -> None:
