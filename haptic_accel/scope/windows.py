@@ -26,6 +26,7 @@ import numpy as np
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control import filters
+from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import Spectra, evaluate, spectra
 from haptic_accel.core.model import FloatArray, Vector
 from haptic_accel.core.sampling import LATENCY, NANOSECONDS, IntArray, half_period, places
@@ -169,9 +170,11 @@ class Metrics:
         Finite numbers by name, without metrics of too few samples. ``rate``: samples of the handle
         acceleration per second. ``nrmse_percent``, ``slope`` (desired on actual) and ``r2``:
         comparison with the handle acceleration shifted back by the latency and one sample, missing
-        where the tool touches nothing. ``rms_desired``, ``rms_actual``: m/s^2. ``age_p50``,
-        ``age_p99``: time from the tool's sample to the arrival of the actuator force here, s.
-        ``peak_force``, ``peak_travel``: largest magnitudes, N and m.
+        where the tool touches nothing. ``indistinguishable_percent``: share of their vibration
+        whose strength a hand could not tell, missing where it would feel neither.
+        ``rms_desired``, ``rms_actual``: m/s^2. ``age_p50``, ``age_p99``: time from the tool's
+        sample to the arrival of the actuator force here, s. ``peak_force``, ``peak_travel``:
+        largest magnitudes, N and m.
     spectra : Spectra or None
         Spectra of desired and actual acceleration; None if there are too few samples.
     desired, actual : ndarray
@@ -258,6 +261,7 @@ class Windows:
             found = None
         if found is None:
             return Metrics(_finite(values))
+        values["indistinguishable_percent"] = 100.0 * indistinguishable(desired, actual, rate)
         values["rms_desired"], values["rms_actual"] = np.sqrt(np.mean([desired**2, actual**2], 1))
         if values["rms_desired"] >= LEAST_VIBRATION:
             evaluation = evaluate(desired, actual, rate, delay=0.0)

@@ -37,6 +37,7 @@ KEYS = {
     "nrmse_percent",
     "bound_percent",
     "limited_bound_percent",
+    "indistinguishable_percent",
     "slope_desired_on_actual",
     "slope_actual_on_desired",
     "r2",

@@ -147,6 +147,7 @@ def test_curves_move(shared: Shared, tmp_path: Path) -> None:
     assert page.evaluate(COLOURED) > 0.8
     shared.wait("state.metrics.nrmse_percent > 0 && state.metrics.rate === 1000", "figures")
     assert 0 < float(page.locator("#nrmse").inner_text()) < 1000
+    assert 0 <= float(page.locator("#indistinguishable").inner_text()) <= 100
     shared.wait("!state.limits.assumed", "the compensator's parameters are known")
     picture = tmp_path / "scope.png"
     page.screenshot(path=picture, full_page=True)

@@ -205,6 +205,7 @@ def test_metrics_are_those_of_a_known_gain_without_gravity_and_strokes(latency: 
     assert values["nrmse_percent"] == pytest.approx(20.0, abs=1.0)
     assert values["slope"] == pytest.approx(1 / 0.8, rel=0.03)
     assert values["r2"] > 0.98
+    assert values["indistinguishable_percent"] > 98.0  # 0.8 is 2 dB, which no hand notices
     assert values["rms_desired"] == pytest.approx(3.0, rel=0.05)
     assert values["age_p50"] == pytest.approx(200e-6)
     assert values["age_p99"] == pytest.approx(900e-6)
@@ -269,7 +270,17 @@ def test_a_tool_that_touches_nothing_has_no_error() -> None:
     # The noise of an accelerometer of 250 ug/sqrt(Hz) over 500 Hz: 0.06 m/s^2.
     values = filled(4.0, amplitude=0.06)[0].metrics().values
     assert values["rms_desired"] == pytest.approx(0.06, rel=0.1)
-    assert not {"nrmse_percent", "slope", "r2"} & set(values)
+    assert not {"nrmse_percent", "indistinguishable_percent", "slope", "r2"} & set(values)
+
+
+def test_a_handle_that_shakes_by_itself_is_told_though_the_tool_touches_nothing() -> None:
+    made = Windows()
+    for index in range(4000):
+        made.desired.put(START + index * MILLISECOND, 0.0)
+        made.handle.put(START + index * MILLISECOND, np.sin(2 * np.pi * 150 * index / RATE))
+    values = made.metrics().values
+    assert "nrmse_percent" not in values
+    assert values["indistinguishable_percent"] < 1.0
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
