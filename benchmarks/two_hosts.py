@@ -347,7 +347,7 @@ def _figures(folder: Path, at: Moments, found: dict[str, Any]) -> dict[str, Any]
         # With zenoh also what the link left out, as the network took less.
         own["lost_unexplained"] = own["packets_lost"] - own["lost_on_the_wire"]
         figures[side] = own
-    analysis = analyse([*bags.values()], perceptual=True)
+    analysis = analyse([*bags.values()])
     figures["across"] = [vars(each) for each in analysis.across[:1]]
     figures["trial"] = [trial.metrics for trial in analysis.trials[:1]]
     figures["problems"] = analysis.problems

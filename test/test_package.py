@@ -74,7 +74,6 @@ OPTIONAL = {
     "mujoco",
     "sounddevice",
     "trimesh",
-    "vibromaf",
     "zenoh",
     *OF_ROSBAGS,
 }
@@ -243,7 +242,7 @@ def test_every_dependency_has_the_bounds_of_the_policy() -> None:
     found = requirements()
     assert [name for name, versions in found.items() if not bounds(versions, {">="})] == []
     bounded = {name for name, versions in found.items() if bounds(versions, {"<"})}
-    assert bounded == {"aiohttp", "mujoco", "rosbags", "trimesh", "vibromaf"}
+    assert bounded == {"aiohttp", "mujoco", "rosbags", "trimesh"}
     policy = (SOURCE / "CONTRIBUTING.md").read_text()
     assert all(name in policy for name in bounded)
 

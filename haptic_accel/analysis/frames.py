@@ -53,7 +53,7 @@ _CONDITION = ["controller", "surface"]
 _FIRST = ["trial", *_CONDITION, "grip", "pair", "contact"]
 
 
-def load(*paths: Path | str, shift: str = "granted", perceptual: bool = True) -> Analysis:
+def load(*paths: Path | str, shift: str = "granted") -> Analysis:
     """Analyse bags.
 
     Parameters
@@ -63,8 +63,6 @@ def load(*paths: Path | str, shift: str = "granted", perceptual: bool = True) ->
     shift : str
         ``granted`` for latency and granted delay, ``paper`` for one sample, ``measured``, or
         milliseconds.
-    perceptual : bool
-        Compute ST-SIM, which takes longest.
 
     Returns
     -------
@@ -76,7 +74,7 @@ def load(*paths: Path | str, shift: str = "granted", perceptual: bool = True) ->
     ParameterError
         A path does not exist or has no bag, or the shift is malformed.
     """
-    return analyse([Path(p) for p in paths], Shift.read(shift), perceptual=perceptual)
+    return analyse([Path(p) for p in paths], Shift.read(shift))
 
 
 def trials(analysis: Analysis) -> pd.DataFrame:

@@ -75,7 +75,6 @@ def analyse(
     paths: Sequence[Path],
     shift: Shift | None = None,
     *,
-    perceptual: bool = True,
     rig: RigParameters | None = None,
     rate: float | None = None,
     spread: Spread = map,
@@ -93,8 +92,6 @@ def analyse(
         Bags, files of bags, or folders to search for bags.
     shift : Shift, optional
         Default: each trial's latency and granted delay.
-    perceptual : bool
-        Compute ST-SIM, which takes longest.
     rig, rate
         Values for bags without metadata, see `cut`.
     spread : callable
@@ -111,7 +108,7 @@ def analyse(
     found = {bag.resolve(): (bag, path) for path in paths for bag in find_bags(path)}
     names = _names([bag for bag, _ in found.values()])
     tasks = [
-        _Task(bag, source, name, shift, perceptual, rig, rate)
+        _Task(bag, source, name, shift, rig, rate)
         for name, (bag, source) in zip(names, found.values(), strict=True)
     ]
     trials: list[AnalysedTrial] = []
@@ -150,7 +147,6 @@ class _Task:
     source: Path
     name: str
     shift: Shift
-    perceptual: bool
     rig: RigParameters | None
     rate: float | None
 
@@ -171,7 +167,7 @@ def _measured(task: _Task) -> tuple[list[tuple[AnalysedTrial, bytes]], list[str]
     measured = []
     for segment in parts.segments:
         name = task.name if segment.number == 1 else f"{task.name} #{segment.number}"
-        trial = measure(segment, name, task.source, task.shift, perceptual=task.perceptual)
+        trial = measure(segment, name, task.source, task.shift)
         measured.append((trial, _digest(segment)))
     return measured, list(parts.problems), host
 
@@ -239,7 +235,7 @@ def _moved(task: tuple[AnalysedTrial, float]) -> AnalysedTrial:
     trial, begin = task
     segment = read_segment(trial.segment.bag, trial.segment.number)
     shift = Shift("fixed", trial.metrics["shift_ms"] / MILLI)
-    again = measure(segment, trial.name, trial.source, shift, perceptual=False, begin=begin)
+    again = measure(segment, trial.name, trial.source, shift, begin=begin)
     return replace(trial, portrait=again.portrait, traces=again.traces)
 
 

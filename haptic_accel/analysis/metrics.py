@@ -24,7 +24,6 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_accel.analysis.perception import perceive
 from haptic_accel.analysis.plots import Portrait
 from haptic_accel.analysis.segments import Segment
 from haptic_accel.analysis.traces import Traces
@@ -79,7 +78,6 @@ METRICS: Mapping[str, Column] = {
         Column("delay_ms", "delay", "ms", 3),
         Column("delay_correlation", "correlation at it", "", 2),
         Column("shift_ms", "shift", "ms", 3),
-        Column("st_sim", "ST-SIM", "", 3),
         Column("force_rms_N", "force RMS", "N", 2),
         Column("force_peak_N", "force peak", "N", 2),
         Column("travel_mm", "travel used", "mm", 2),
@@ -213,7 +211,6 @@ def measure(
     source: Path,
     shift: Shift,
     *,
-    perceptual: bool = True,
     begin: float | None = None,
 ) -> AnalysedTrial:
     """Return the metrics of a segment.
@@ -224,8 +221,6 @@ def measure(
     name, source
         See `AnalysedTrial`.
     shift : Shift
-    perceptual : bool
-        Compute ST-SIM, which takes longest.
     begin : float, optional
         Start of another trial's excerpt, s, to be used here.
     """
@@ -245,7 +240,7 @@ def measure(
             f" contact is at least {CONTACT:.2g} m/s²"
         )
     elif desired is not None and actual is not None:
-        likeness = _compared(desired, actual, segment, shift, perceptual, notes, begin)
+        likeness = _compared(desired, actual, segment, shift, notes, begin)
         likeness.metrics.update(_bounds(segment, likeness.shift, notes))
     notes += _deviation(segment)
     travel = _travel(segment)
@@ -331,7 +326,6 @@ def _compared(
     actual: FloatArray,
     segment: Segment,
     shift: Shift,
-    perceptual: bool,
     notes: list[str],
     begin: float | None,
 ) -> _Likeness:
@@ -355,10 +349,6 @@ def _compared(
         "delay_correlation": delay.correlation,
         "shift_ms": MILLI * seconds,
     }
-    if perceptual:
-        perception = perceive(desired, actual, rate)
-        metrics["st_sim"] = perception.st_sim
-        notes += [perception.note] if perception.note else []
     own = nrmse_interval(desired, actual, rate)
     low, high = PERCENT * own.low, PERCENT * own.high
     nrmse = replace(own, value=evaluation.nrmse_percent, low=low, high=high)

@@ -22,7 +22,6 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from haptic_accel.analysis.perception import perceive
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import Vector
 from haptic_accel.core.network.channel import ChannelParameters
@@ -108,7 +107,11 @@ def row(condition: Condition) -> Row:
         "energy_out_mj": 1e3 * max(at.given for at in contact),
         "end_speed_m_s": max(at.slave_speed for at in contact[end:]),
         "free_error_mm": 1e3 * math.sqrt(sum(lag) / len(lag)),
-        **({"nrmse_percent": None, "st_sim": None} if before else _vibration(condition)),
+        **(
+            {"nrmse_percent": None, "indistinguishable_percent": None}
+            if before
+            else _vibration(condition)
+        ),
     }
 
 
@@ -129,15 +132,11 @@ def _run(
 
 
 def _vibration(condition: Condition) -> Row:
-    """Return error and similarity of the handle against the played acceleration."""
+    """Return error and share of the handle against the played acceleration."""
     trial = lockstep_trial(VIBRATION, channel=condition.network, law=condition.law)
-    desired, actual = (
-        signal[SETTLED:] for signal in (trial.desired_acceleration, trial.actual_acceleration)
-    )
-    similarity = perceive(desired[: -trial.after], actual[trial.after :], trial.rate).st_sim
     return {
         "nrmse_percent": trial.evaluate(SETTLED).nrmse_percent,
-        "st_sim": None if math.isnan(similarity) else similarity,
+        "indistinguishable_percent": 100.0 * trial.indistinguishable(SETTLED),
     }
 
 
@@ -199,6 +198,6 @@ COLUMNS = (
     Column("end_speed_m_s", "end speed", "m/s", 4),
     Column("free_error_mm", "free", "mm", 2),
     Column("nrmse_percent", "NRMSE", "%", 1),
-    Column("st_sim", "ST-SIM", digits=3),
+    Column("indistinguishable_percent", "indistinguishable", "%", 1),
 )
 """Columns of the table."""

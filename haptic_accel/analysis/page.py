@@ -60,7 +60,7 @@ PER_TRIAL = tuple(name for name in METRICS if name not in _OMITTED.split())
 
 PER_GROUP = (
     *("indistinguishable_percent", "slope_desired_on_actual", "slope_actual_on_desired", "r2"),
-    *("delay_ms", "delay_correlation", "st_sim"),
+    *("delay_ms", "delay_correlation"),
     *("deadlines_missed_percent", "late_time_percent"),
 )
 """Columns of the table of groups, each with its interval over trials."""

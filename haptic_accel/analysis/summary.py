@@ -275,7 +275,6 @@ SHOWN = (
     "slope_actual_on_desired",
     "r2",
     "delay_ms",
-    "st_sim",
     "force_rms_N",
     "travel_mm",
     "deadlines_missed_percent",

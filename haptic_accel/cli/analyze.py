@@ -60,15 +60,6 @@ if TYPE_CHECKING:
     " given do; paired by trial.",
 )
 @click.option(
-    "--no-perceptual",
-    "perceptual",
-    is_flag=True,
-    flag_value=False,
-    default=True,
-    show_default=False,
-    help="Leave out ST-SIM, which takes longest.",
-)
-@click.option(
     "--lockstep",
     is_flag=True,
     help="Run each trial of simulated devices again in lockstep, and name the first sample at"
@@ -91,7 +82,6 @@ def analyze(
     *,
     shift: str,
     comparison: str | None,
-    perceptual: bool,
     lockstep: bool,
     rig: str | None,
     rate: float | None,
@@ -128,7 +118,6 @@ def analyze(
             analysis = analyse(
                 places,
                 chosen,
-                perceptual=perceptual,
                 rig=parameters,
                 rate=rate,
                 spread=spread,

@@ -217,7 +217,7 @@ def _run_live(
             return stop()
 
         run_to_end(Supervisor(graph(replace(arguments, bag=str(bag)))), asked)
-        trials = analyse([bag], perceptual=False).trials
+        trials = analyse([bag]).trials
         yield (
             index,
             condition_line(arguments, trials[0].metrics["nrmse_percent"] if trials else math.nan),

@@ -36,8 +36,9 @@ def network(*, workers: Workers, json_file: Path | None) -> None:
 
     Two arms of 0.1 kg, a hand at the master, and at the slave a wall of 3 kN/m or nothing: net
     energy that the motors gave, speed at the end with the hand at rest, and error between the arms
-    at 100 mm/s; error and ST-SIM of the vibration at its own delay. Then random networks, hands
-    and walls: the most energy relative to what the coupling is granted.
+    at 100 mm/s; error of the vibration at its own delay, and the share whose strength a hand could
+    not tell. Then random networks, hands and walls: the most energy relative to what the coupling
+    is granted.
     """
     items = [*study.CONDITIONS, *range(study.TRIALS)]
     found, end = run_side_by_side(

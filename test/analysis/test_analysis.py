@@ -90,7 +90,7 @@ def test_the_share_that_a_hand_could_not_tell_is_reported_beside_the_error(tmp_p
     # A hand notices 3 dB, a gain of 0.71, but not 2 dB, a gain of 0.79.
     for controller, gain in (("constant", 0.68), ("dynamic", 0.81)):
         write_bag(tmp_path / controller, copy(controller, gain=gain))
-    analysis = load(tmp_path, perceptual=False)
+    analysis = load(tmp_path)
     found = trials(analysis).set_index("controller").indistinguishable_percent
     assert found["constant"] == pytest.approx(0.0, abs=1.0)
     assert found["dynamic"] == pytest.approx(100.0, abs=1.0)
@@ -101,8 +101,7 @@ def test_the_share_that_a_hand_could_not_tell_is_reported_beside_the_error(tmp_p
 def test_the_shift_is_what_was_asked_for(tmp_path: Path) -> None:
     write_bag(tmp_path / "bag", copy(gain=1.0, delay=3))
     paper, measured, fixed = (
-        trials(load(tmp_path, shift=shift, perceptual=False)).iloc[0]
-        for shift in ("paper", "measured", "3")
+        trials(load(tmp_path, shift=shift)).iloc[0] for shift in ("paper", "measured", "3")
     )
     assert (paper["shift_ms"], fixed["shift_ms"]) == (1.0, 3.0)
     assert measured["shift_ms"] == pytest.approx(3.0, abs=0.01)
@@ -121,7 +120,7 @@ def test_a_bag_is_shifted_by_its_latency_and_one_sample(
     if stated is not None:
         content.facts["arguments"]["latency"] = stated
     write_bag(tmp_path / "bag", content)
-    analysis = load(tmp_path, perceptual=False)
+    analysis = load(tmp_path)
     found = trials(analysis).iloc[0]
     assert found["shift_ms"] == samples
     assert found["latency_samples"] == samples - 1
@@ -136,7 +135,7 @@ def test_a_bag_is_shifted_by_the_delay_that_its_controller_is_granted(tmp_path: 
         content.facts["arguments"]["latency"] = 1
         content.facts["parameters"]["compensator"]["inverse.granted_delay"] = 3
         write_bag(tmp_path / controller, content)
-    found = trials(load(tmp_path, perceptual=False)).set_index("controller")
+    found = trials(load(tmp_path)).set_index("controller")
     assert found.shift_ms.to_dict() == {"inverse": 4.0, "dynamic": 2.0}
     assert found.granted_samples.to_dict() == {"inverse": 3, "dynamic": 1}
     assert (found.nrmse_percent < 3.0).all()
@@ -149,7 +148,7 @@ def test_the_bounds_are_those_of_the_handle_that_was_simulated(tmp_path: Path) -
         content.facts["arguments"]["master"] = "simulated"
         content.facts["parameters"]["master_device"] = {"simulated.drive.delay": delay}
         write_bag(tmp_path / name, content)
-        analysis = load(tmp_path / name, perceptual=False)
+        analysis = load(tmp_path / name)
         found = trials(analysis).iloc[0]
         assert found.bound_percent <= found.limited_bound_percent
         bounds[name] = found.bound_percent
@@ -162,8 +161,8 @@ def test_a_rig_stands_for_the_handle_of_a_bag_that_does_not_describe_it(tmp_path
     write_bag(tmp_path / "described", content)
     content.facts.clear()
     bag = write_bag(tmp_path / "bare", content)
-    (unknown,) = analyse([bag], perceptual=False).trials
-    (known,) = analyse([bag], perceptual=False, rig=RigParameters(), rate=RATE).trials
+    (unknown,) = analyse([bag]).trials
+    (known,) = analyse([bag], rig=RigParameters(), rate=RATE).trials
     assert math.isnan(unknown.metrics["bound_percent"])
     assert known.metrics["bound_percent"] < 5.0
     with pytest.raises(ParameterError, match="described describes its own handle"):
@@ -177,14 +176,14 @@ def test_bags_of_several_latencies_are_named_together(tmp_path: Path) -> None:
         content = copy(delay=latency + 1, seed=latency, seconds=2.0)
         content.facts["arguments"]["latency"] = latency
         write_bag(tmp_path / f"bag{latency}", content)
-    found = load(tmp_path, perceptual=False).shifted_by
+    found = load(tmp_path).shifted_by
     assert found == "1 ms (1 sample) or 2 ms (2 samples)"
 
 
 def test_controllers_without_a_surface_in_common_have_their_errors_told(tmp_path: Path) -> None:
     write_bag(tmp_path / "a", copy("constant", "plywood", gain=0.75))
     write_bag(tmp_path / "b", copy("dynamic", "vinyl", gain=0.9))
-    (told,) = [line for line in summary(load(tmp_path, perceptual=False)) if "rror" in line]
+    (told,) = [line for line in summary(load(tmp_path)) if "rror" in line]
     assert "constant on plywood 25.0 %" in told
     assert "dynamic on vinyl 10.0 %" in told
     assert "no average" in told
@@ -198,7 +197,7 @@ def test_an_average_is_over_the_surfaces_that_have_all_errors(tmp_path: Path) ->
     blind = copy("constant", "vinyl", seed=1)
     del blind.signals[topics.HANDLE_ACCELERATION.name]  # type: ignore[attr-defined]
     write_bag(tmp_path / "blind", blind)
-    (told,) = [s for s in summary(load(tmp_path, perceptual=False)) if s.startswith("Error")]
+    (told,) = [s for s in summary(load(tmp_path)) if s.startswith("Error")]
     shift = "shifted back by 1 ms (1 sample)"
     assert told.startswith(f"Error (NRMSE, averaged over text), {shift}: dynamic 10.0 %")
 
@@ -207,7 +206,7 @@ def test_where_no_trial_has_an_error_none_is_told(tmp_path: Path) -> None:
     blind = copy()
     del blind.signals[topics.HANDLE_ACCELERATION.name]  # type: ignore[attr-defined]
     write_bag(tmp_path / "bag", blind)
-    assert "No error could be determined." in summary(load(tmp_path, perceptual=False))
+    assert "No error could be determined." in summary(load(tmp_path))
 
 
 @pytest.mark.parametrize("shift", ["", "later", "nan", "1e9"])
@@ -218,7 +217,7 @@ def test_a_shift_that_is_none_is_refused(tmp_path: Path, shift: str) -> None:
 
 def test_coherence_is_that_of_signal_in_noise(tmp_path: Path) -> None:
     write_bag(tmp_path / "bag", copy(noise=0.5, seconds=30.0))
-    found = spectra(load(tmp_path, perceptual=False))
+    found = spectra(load(tmp_path))
     inside = found[(found.frequency_Hz > 60) & (found.frequency_Hz < 250)]
     assert inside.coherence.mean() == pytest.approx(1 / (1 + 0.5**2), abs=0.03)
 
@@ -227,7 +226,7 @@ def test_trials_are_grouped_and_their_scatter_is_told(tmp_path: Path) -> None:
     for seed, gain in enumerate((0.7, 0.8, 0.9)):
         write_bag(tmp_path / f"run{seed}" / "bag", copy(gain=gain, seed=seed))
     write_bag(tmp_path / "other", copy("none", "vinyl", gain=0.0))
-    analysis = load(tmp_path, perceptual=False)
+    analysis = load(tmp_path)
     table = groups(analysis).set_index(["controller", "surface"])
     group = table.loc[("dynamic", "plywood")]
     assert group["trials"] == 3
@@ -250,7 +249,7 @@ def test_controllers_are_compared_pair_by_pair(tmp_path: Path) -> None:
         write_bag(tmp_path / f"b{seed}", copy("inverse", gain=other, seed=seed))
         expected.append(100 * ((1 - other) - (1 - one)))
     write_bag(tmp_path / "alone", copy("inverse", gain=0.5, seed=77))
-    found = compare(load(tmp_path, perceptual=False), "controller:constant,inverse").iloc[0]
+    found = compare(load(tmp_path), "controller:constant,inverse").iloc[0]
     assert found["pairs"] == 4
     assert found["difference_percent"] == pytest.approx(np.mean(expected), abs=0.1)
     assert found["p_t"] < 0.05
@@ -261,7 +260,7 @@ def test_two_single_runs_are_a_pair_and_not_tested(tmp_path: Path) -> None:
     places = [tmp_path / "a", tmp_path / "b"]
     for place, gain in zip(places, (0.5, 0.9), strict=True):
         write_bag(place, replace(copy(gain=gain), facts={}))
-    found = compare(load(*places, perceptual=False), RUNS, places).iloc[0]
+    found = compare(load(*places), RUNS, places).iloc[0]
     assert found["pairs"] == 1
     assert found["difference_percent"] == pytest.approx(-40.0, abs=0.1)
     assert math.isnan(found["p_t"])
@@ -272,14 +271,14 @@ def test_two_single_runs_are_a_pair_and_not_tested(tmp_path: Path) -> None:
 def test_a_comparison_that_cannot_be_is_refused(tmp_path: Path, wanted: str) -> None:
     write_bag(tmp_path / "bag", copy(seconds=2.0))
     with pytest.raises(ParameterError, match="compare"):
-        compare(load(tmp_path, perceptual=False), wanted)
+        compare(load(tmp_path), wanted)
 
 
 def test_a_truncated_bag_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", copy())
     (file,) = bag.glob("*.mcap")
     file.write_bytes(file.read_bytes()[: int(0.7 * file.stat().st_size)])
-    analysis = load(bag, perceptual=False)
+    analysis = load(bag)
     assert any("cut off" in line for line in analysis.problems["bag"])
     (trial,) = analysis.trials
     assert 2.0 < trial.segment.seconds < 6.0
@@ -292,7 +291,7 @@ def test_what_is_no_bag_harms_no_other(tmp_path: Path) -> None:
     (tmp_path / "bad" / "bad_0.mcap").write_bytes(b"nonsense")
     (tmp_path / "empty").mkdir()
     (tmp_path / "empty" / "metadata.yaml").write_text("")
-    analysis = load(tmp_path, perceptual=False)
+    analysis = load(tmp_path)
     assert [trial.name for trial in analysis.trials] == ["good"]
     assert set(analysis.problems) == {"bad", "empty"}
 
@@ -301,7 +300,7 @@ def test_without_a_handle_the_force_is_told_all_the_same(tmp_path: Path) -> None
     written = copy()
     del written.signals[topics.HANDLE_ACCELERATION.name]  # type: ignore[attr-defined]
     write_bag(tmp_path / "bag", written)
-    found = trials(load(tmp_path, perceptual=False)).iloc[0]
+    found = trials(load(tmp_path)).iloc[0]
     assert math.isnan(found["nrmse_percent"])
     assert math.isnan(found["travel_mm"])
     assert found["force_peak_N"] > 0
@@ -314,7 +313,7 @@ def test_travel_is_that_of_the_suspension(tmp_path: Path) -> None:
     zero = np.zeros(samples)
     trial = Trial("plywood", "none", RATE, zero, zero, zero, zero, np.full(samples, 0.5))
     write_bag(tmp_path / "bag", of_trial(trial))
-    found = trials(load(tmp_path, perceptual=False)).iloc[0]
+    found = trials(load(tmp_path)).iloc[0]
     assert found["travel_mm"] == pytest.approx(1e3 * 0.5 / 266.0, rel=5e-3)
     assert math.isnan(found["nrmse_percent"])  # nothing was desired
 
@@ -326,7 +325,7 @@ def test_a_travel_beyond_the_stops_is_left_out_and_said(tmp_path: Path) -> None:
     for name, force in (("hard", 1.5), ("soft", 0.5)):
         trial = Trial("text", name, RATE, zero, desired, desired, zero, np.full(zero.size, force))
         write_bag(tmp_path / name, of_trial(trial))
-    analysis = load(tmp_path, perceptual=False)
+    analysis = load(tmp_path)
     found = trials(analysis).set_index("trial")
     assert math.isnan(found.travel_mm["hard"])
     assert "stops" in found.notes["hard"]
@@ -353,7 +352,7 @@ def test_a_handle_that_is_not_as_the_compensator_was_told_is_named(tmp_path: Pat
         mount = {"plant.mount.frequency": 290.0, "plant.mount.damping": 0.05}
         content.facts["parameters"]["compensator"] |= mount
         write_bag(tmp_path / name, content)
-    analysis = load(tmp_path, perceptual=False)
+    analysis = load(tmp_path)
     told = {t.name: [n for n in t.notes if "not as described" in n] for t in analysis.trials}
     assert told["known"] == []
     assert len(told["unknown"]) == 1
@@ -364,7 +363,7 @@ def test_a_handle_that_is_not_as_the_compensator_was_told_is_named(tmp_path: Pat
         # The live compensator knew which samples were missing or out of order.
         said = [(seconds, "compensator", message, {}) for seconds in (1.0, 2.0)]
         write_bag(tmp_path / name / "bag", replace(content, diagnostics=said))
-        analysis = load(tmp_path / name, perceptual=False)
+        analysis = load(tmp_path / name)
         assert [n for t in analysis.trials for n in t.notes if "not as described" in n] == []
         assert any("above 1 Hz" in line for line in summary(analysis)) == (name == "loud")
 
@@ -376,7 +375,7 @@ def test_trials_without_contact_are_in_no_mean(tmp_path: Path) -> None:
     for values in air.signals.values():
         values *= 0.02
     write_bag(tmp_path / "air", air)
-    analysis = load(tmp_path, perceptual=False)
+    analysis = load(tmp_path)
     (group,) = groups(analysis).to_dict("records")
     assert group["trials"] == 3
     assert group["nrmse_percent"] == pytest.approx(25.0, abs=0.2)
@@ -391,7 +390,7 @@ def test_of_trials_without_contact_alone_there_is_no_table(tmp_path: Path) -> No
     for values in air.signals.values():
         values *= 0.001
     write_bag(tmp_path / "air", air)
-    analysis = load(tmp_path, perceptual=False)
+    analysis = load(tmp_path)
     assert groups(analysis).empty
     (told,) = [line for line in summary(analysis) if "1 of 1 trial had no contact" in line]
     assert "Check that the tool touched the surface" in told
@@ -406,7 +405,7 @@ def test_trials_of_one_seed_show_the_same_excerpt(tmp_path: Path) -> None:
             desired[:] += 0.3 * texture(len(controller), 2.0)
             write_bag(tmp_path / f"{controller}{seed}", written)
     found: dict[str, set[float]] = {}
-    for trial in load(tmp_path, perceptual=False).trials:
+    for trial in load(tmp_path).trials:
         assert trial.portrait is not None
         assert trial.portrait.begin == trial.traces.excerpt
         found.setdefault(trial.segment.pair[0], set()).add(trial.portrait.begin)
@@ -417,7 +416,7 @@ def test_lost_samples_are_counted_by_topic(tmp_path: Path) -> None:
     force, tool = topics.ACTUATOR_FORCE.name, topics.TOOL_ACCELERATION.name
     dropped = {force: [500, 501, 900], tool: [700]}
     bag = write_bag(tmp_path / "bag", replace(copy(seconds=2.0), dropped=dropped))
-    found = load(bag, perceptual=False).trials[0].segment.delivery
+    found = load(bag).trials[0].segment.delivery
     assert (found.lost[force], found.lost[tool]) == (3, 1)
     assert sum(found.lost.values()) == 4
     assert found.missed["slave"] == 0
@@ -432,7 +431,7 @@ def late_forces(tmp_path: Path, **counts: str) -> tuple[list[str], dict[str, Any
     content = replace(copy(), diagnostics=[(3.0, "master_device", "", reported)])
     content.facts["arguments"]["master"] = "simulated"
     write_bag(tmp_path / "bag", content)
-    analysis = load(tmp_path, perceptual=False)
+    analysis = load(tmp_path)
     (row,) = as_json(analysis)["trials"]
     return summary(analysis), row
 
@@ -463,7 +462,7 @@ def test_forces_that_were_late_as_the_arms_let_go_are_counted(tmp_path: Path) ->
 
     reports = [report(5.5, 1), report(6.5, 90), report(7.5, 95)]
     write_bag(tmp_path / "bag", replace(copy(seconds=6.0), diagnostics=reports))
-    (trial,) = load(tmp_path, perceptual=False).trials
+    (trial,) = load(tmp_path).trials
     counts = trial.segment.delivery.deadlines["actuator force"]
     assert (counts["missed"], counts["longest_us"], counts["late_s"]) == (90, 90e3, 0.09)
 
@@ -503,14 +502,14 @@ def test_a_report_tells_how_its_trials_ran(
     else:
         content = replace(content, diagnostics=[(1.0, "master_device", "OK", {})])
     write_bag(tmp_path / "bag", content)
-    analysis = load(tmp_path, perceptual=False)
+    analysis = load(tmp_path)
     assert f"1 trial ran {words}." in summary(analysis)
     assert trials(analysis).run[0] == words
 
 
 def test_how_a_trial_ran_is_not_guessed(tmp_path: Path) -> None:
     write_bag(tmp_path / "bag", copy(seconds=2.0))
-    told = summary(load(tmp_path, perceptual=False))
+    told = summary(load(tmp_path))
     assert "How 1 trial ran is not stated by the bags." in told
 
 
@@ -538,7 +537,7 @@ def test_a_signal_with_a_damaged_value_is_not_used(
 def test_trials_of_one_seed_may_differ_in_length(tmp_path: Path) -> None:
     for controller, seconds in (("constant", 6.0), ("dynamic", 1.5)):
         write_bag(tmp_path / controller, copy(controller, seconds=seconds, seed=4))
-    analysis = load(tmp_path, perceptual=False)
+    analysis = load(tmp_path)
     write_analysis(analysis, tmp_path)
     assert all(trial.portrait for trial in analysis.trials)
 
@@ -556,7 +555,7 @@ def test_samples_of_a_trial_come_with_their_time(tmp_path: Path) -> None:
 
 def test_a_bag_named_twice_counts_once(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", copy(seconds=2.0))
-    assert len(load(bag, tmp_path, perceptual=False).trials) == 1
+    assert len(load(bag, tmp_path).trials) == 1
 
 
 def test_a_place_without_a_bag_is_refused(tmp_path: Path) -> None:
@@ -570,17 +569,17 @@ def test_a_single_file_is_a_bag(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", copy(seconds=2.0))
     (file,) = bag.glob("*.mcap")
     shutil.copy(file, tmp_path / "alone.mcap")
-    analysis = load(tmp_path / "alone.mcap", perceptual=False)
+    analysis = load(tmp_path / "alone.mcap")
     assert [trial.name for trial in analysis.trials] == ["alone.mcap"]
 
 
 def test_a_copy_is_not_another_trial(tmp_path: Path) -> None:
     write_bag(tmp_path / "a", copy(seconds=2.0))
     shutil.copytree(tmp_path / "a", tmp_path / "b")
-    analysis = load(tmp_path, perceptual=False)
+    analysis = load(tmp_path)
     assert [trial.name for trial in analysis.trials] == ["a"]
     assert any("same samples as a" in line for line in analysis.problems["b"])
     # What is compared may well be equal.
     places = [tmp_path / "a", tmp_path / "b"]
-    compared = compare(load(*places, perceptual=False), RUNS, places).iloc[0]
+    compared = compare(load(*places), RUNS, places).iloc[0]
     assert (compared["pairs"], compared["difference_percent"]) == (1, 0.0)

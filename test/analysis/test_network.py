@@ -28,7 +28,7 @@ from verbs import status_of
 
 FIELDS = (
     *("law", "one_way_ms", "jitter_ms", "loss", "energy_out_mj", "end_speed_m_s"),
-    *("free_error_mm", "nrmse_percent", "st_sim"),
+    *("free_error_mm", "nrmse_percent", "indistinguishable_percent"),
 )
 
 

@@ -92,7 +92,7 @@ def robot(drift: float = 0.0, **others: Any) -> BagContent:
 def compared(folder: Path, *contents: BagContent) -> list[Across]:
     for number, content in enumerate(contents):
         write_bag(folder / str(number), content)
-    return analyse([folder], perceptual=False).across
+    return analyse([folder]).across
 
 
 def test_the_handle_is_compared_with_the_robots_own_tool_at_the_delay_of_the_run(
@@ -120,7 +120,7 @@ def test_the_summary_and_the_file_state_both_errors_and_how_well_the_clocks_are_
 ) -> None:
     write_bag(tmp_path / "desk", operator())
     write_bag(tmp_path / "robot", robot())
-    analysis = analyse([tmp_path / "desk", tmp_path / "robot"], perceptual=False)
+    analysis = analyse([tmp_path / "desk", tmp_path / "robot"])
     (trial,) = analysis.trials
     assert trial.surface == "vinyl"  # the robot's, which the operator does not know
     text = " ".join(summary(analysis))
@@ -134,7 +134,7 @@ def test_only_bags_of_one_run_are_compared(tmp_path: Path) -> None:
     later = robot(start=START + int(AHEAD) + 10**12)
     elsewhere = robot(facts=arguments("slave", namespace="second"))
     assert compared(tmp_path, operator(), later, elsewhere) == []
-    problems = analyse([tmp_path], perceptual=False).problems
+    problems = analyse([tmp_path]).problems
     assert {
         name for name, lines in problems.items() for line in lines if "of a robot alone" in line
     } == {"1", "2"}
@@ -153,5 +153,5 @@ def test_a_handle_that_does_not_follow_is_named(tmp_path: Path) -> None:
     signals = {**there.signals, topics.HANDLE_ACCELERATION.name: noise}
     write_bag(tmp_path / "desk", replace(there, signals=signals))
     write_bag(tmp_path / "robot", robot())
-    problems = analyse([tmp_path], perceptual=False).problems
+    problems = analyse([tmp_path]).problems
     assert any("no delay was found" in line for line in problems["desk"])

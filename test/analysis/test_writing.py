@@ -66,7 +66,7 @@ def trial(surface: str, controller: str, seconds: float = 1.5, rate: float = 100
 def analysed(folder: Path, *conditions: tuple[str, str]) -> Analysis:
     for surface, controller in conditions:
         write_bag(folder / f"{surface}_{controller}", of_trial(trial(surface, controller)))
-    return load(folder, perceptual=False)
+    return load(folder)
 
 
 @pytest.fixture(scope="module")
@@ -154,7 +154,7 @@ def test_numbers_that_are_none_never_reach_the_reader(tmp_path: Path) -> None:
     zero = np.zeros(samples)
     still = Trial("text", "none", 1000.0, np.arange(samples) / 1000, zero, zero, zero, zero)
     write_bag(tmp_path / "bags" / "still", of_trial(still))
-    path = write_analysis(load(tmp_path / "bags", perceptual=False), tmp_path)
+    path = write_analysis(load(tmp_path / "bags"), tmp_path)
     words = {word.lower() for word in re.findall(r"[A-Za-z]+", Page(path).text)}
     assert not {"nan", "inf"} & words
     assert ["none"] not in [row[:1] for row in Page(path).tables[0]]  # nothing was touched
@@ -165,7 +165,7 @@ def test_numbers_that_are_none_never_reach_the_reader(tmp_path: Path) -> None:
 @pytest.mark.parametrize("rate", [500.0, 4000.0])
 def test_a_handle_at_rest_can_be_drawn(rate: float, tmp_path: Path) -> None:
     write_bag(tmp_path / "bags" / "rest", of_trial(trial("text", "none", rate=rate)))
-    write_analysis(load(tmp_path / "bags", perceptual=False), tmp_path)
+    write_analysis(load(tmp_path / "bags"), tmp_path)
     assert (tmp_path / "fig11_spectra.png").stat().st_size > 0
 
 

@@ -129,7 +129,7 @@ def test_the_page_needs_nothing_but_itself(report: Path) -> None:
 def test_what_a_person_reads(
     bags: Path, tmp_path: Path, haptic_accel: Callable[..., Command]
 ) -> None:
-    words = ("--shift", "measured", "--no-perceptual", "--out", tmp_path / "out")
+    words = ("--shift", "measured", "--out", tmp_path / "out")
     command = haptic_accel("analyze", bags / "seed0", *words)
     assert command.end() == 0, command.text
     assert "Table II" in command.text
@@ -146,7 +146,7 @@ def test_bags_side_by_side_give_the_same_and_each_is_told_as_it_ends(
     found = {}
     for jobs in ("1", "3"):
         command = haptic_accel(
-            *("analyze", str(bags / "seed0"), "--no-perceptual", "--jobs", jobs),
+            *("analyze", str(bags / "seed0"), "--jobs", jobs),
             *("--json", f"{jobs}.json", "--out", jobs),
         )
         assert command.end() == 0, command.text
@@ -160,7 +160,7 @@ def test_a_bag_that_says_nothing_has_bounds_with_a_rig(tmp_path: Path) -> None:
     bare.facts.clear()
     write_bag(tmp_path / "bare", bare)
     file = tmp_path / "figures.json"
-    words = ("--rig", "ideal", "--rate", "1000", "--no-perceptual", "--json", file)
+    words = ("--rig", "ideal", "--rate", "1000", "--json", file)
     assert status_of("analyze", tmp_path / "bare", *words, "--out", tmp_path / "out") == 0
     (trial,) = json.loads(file.read_text())["trials"]
     assert 0.0 < trial["bound_percent"] <= trial["limited_bound_percent"] < 100.0
@@ -177,7 +177,7 @@ def test_rig_and_rate_of_bags_that_state_theirs_are_refused(bags: Path, tmp_path
 
 def test_a_bag_with_markup_in_its_name_is_only_a_name(tmp_path: Path) -> None:
     write_bag(tmp_path / "<script>alert(1)[bold]", content("none", "vinyl", seconds=2.0))
-    write_page(load(tmp_path, perceptual=False), tmp_path / "page.html")
+    write_page(load(tmp_path), tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
     assert "&lt;script&gt;alert(1)[bold]" in page
     assert "<script>alert" not in page

@@ -203,7 +203,7 @@ def test_a_pause_of_a_simulated_world_counts_as_a_real_handle_would_feel_it(
     time.sleep(pause)
     os.kill(process, signal.SIGCONT)
     assert command.end() == 0, command.text
-    analysis = load(tmp_path / "bag", perceptual=False)
+    analysis = load(tmp_path / "bag")
     deadlines = analysis.trials[-1].segment.delivery.deadlines
     assert set(deadlines) == {"actuator force", "master arm force", "slave arm force"}
     for kind, counts in deadlines.items():
