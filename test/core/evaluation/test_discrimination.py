@@ -23,6 +23,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import signal
 
 from haptic_accel.core.evaluation.discrimination import detection_threshold, indistinguishable
 from haptic_accel.core.model import FloatArray
@@ -45,8 +46,8 @@ def noise(seed: int, rate: float = 1000.0) -> FloatArray:
     return np.random.default_rng(seed).normal(0.0, 3.0, round(SECONDS * rate))
 
 
-def louder(signal: FloatArray, decibels: float) -> FloatArray:
-    return 10 ** (decibels / 20) * signal
+def louder(values: FloatArray, decibels: float) -> FloatArray:
+    return 10 ** (decibels / 20) * values
 
 
 # Level
@@ -157,6 +158,37 @@ def test_phase_and_waveform_are_not_compared() -> None:
     wanted = noise(1)
     assert indistinguishable(wanted, -wanted, 1000.0) == 1.0
     assert 0.3 < indistinguishable(wanted, noise(2), 1000.0) < 0.8
+
+
+@settings(deadline=None, max_examples=20)
+@given(seeds, st.floats(40.0, 300.0), st.floats(-0.8, 3.0))
+def test_third_octave_filters_find_the_same_share(
+    seed: int, frequency: float, resonance: float
+) -> None:
+    fading = np.interp(np.arange(20_000), [0, 10_000, 20_000], [0.01, 1.0, 0.1])
+    wanted = fading * np.random.default_rng(seed).normal(0.0, 1.0, 20_000)
+    edges = (0.7 * frequency, 1.4 * frequency)
+    band = signal.butter(1, edges, "bandpass", fs=1000.0, output="sos")
+    actual = wanted + resonance * signal.sosfilt(band, wanted)
+    share = indistinguishable(wanted, actual, 1000.0)
+    assert share == pytest.approx(filtered_share(wanted, actual), abs=0.06)
+
+
+def filtered_share(desired: FloatArray, actual: FloatArray, rate: float = 1000.0) -> float:
+    """Return the share by Butterworth filters (IEC 61260) and cells side by side."""
+    told, felt = 0, 0
+    for centre in 1000.0 * 10.0 ** (np.arange(-17, -3) / 10):
+        edges = (centre * 10**-0.05, centre * 10**0.05)
+        band = signal.butter(3, edges, "bandpass", fs=rate, output="sos")
+        levels = [
+            20 * np.log10(np.std(signal.sosfilt(band, each).reshape(-1, round(rate / 2)), axis=1))
+            for each in (desired, actual)
+        ]
+        (least,) = 20 * np.log10(detection_threshold(np.array([centre])))
+        counted = np.max(levels, axis=0) >= least
+        felt += np.count_nonzero(counted)
+        told += np.count_nonzero(counted & (np.abs(levels[0] - levels[1]) > 2.2))
+    return 1.0 - told / felt
 
 
 # Limits
