@@ -51,12 +51,13 @@ was not available. Beyond 320 Hz the minimum is used, so that a cell counts rath
 JUST_NOTICEABLE = 2.2
 """Smallest difference of two vibrations' levels that people notice, dB.
 
-Israr, Tan and Reed, 10.1109/HAPTIC.2006.1627110: 2.2 to 2.5 dB for sines of 2 to 200 Hz at the
-fingertip, 20 to 35 dB above threshold; more beside another vibration.
+Israr et al., "Tactual frequency and amplitude discrimination with fixed and roving background",
+HAPTICS 2006, 10.1109/HAPTIC.2006.1627110: 2.2 to 2.5 dB for sines of 2 to 200 Hz at the fingertip,
+20 to 35 dB above threshold; more beside another vibration.
 """
 
 CELL = 0.5
-"""Duration of a cell, s. Its spectrum has two lines in the lowest band."""
+"""Duration of a cell, s. Its spectral lines, 2 Hz apart, resolve the lowest band, 4.6 Hz wide."""
 
 CENTRES: FloatArray = 1000.0 * 10.0 ** (np.arange(-17, -2) / 10.0)
 """Centres of the third-octave bands (IEC 61260, base ten), 20 to 500 Hz: above the compensator's
