@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -27,9 +26,12 @@ from typing import Any
 
 import numpy as np
 
+from haptic_accel.analysis import handle_family
+from haptic_accel.analysis.handle_family import SPREAD, WIDE, hand
 from haptic_accel.analysis.input_family import MEMBERS, band_noise, member, ringing
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import crossfaded
@@ -56,14 +58,12 @@ USERS = 3
 CHANGES = 10
 """Number of trials with a grip change each second."""
 
-WINDOW = 2.0
-"""Length of the sections of a trial whose errors are compared with those without controller, s."""
+WINDOW, WINDOW_HOP = 2.0, 0.5
+"""Length of the sections of a trial whose errors are compared with those without controller, and
+the time from one to the next, s."""
 
-SPREAD = {"m_h": (0.7, 1.3), "k_u": (0.5, 2.0), "b_u": (0.5, 2.0)}
-"""Ranges of random hands relative to Table I: mass uniform, stiffness and damping log-uniform."""
-
-WIDE = {"m_h": (0.4, 3.0), "k_u": (0.2, 8.0), "b_u": (0.2, 6.0)}
-"""Ranges of unusual hands, from a light touch to a firm grip."""
+ACCEPTED = 2.0
+"""Increase of a section's error over that of no control that does not count, points."""
 
 GRANTED = (2, 3)
 """Additional granted delays, samples."""
@@ -158,22 +158,12 @@ def inputs(recordings: Sequence[str], rates: Sequence[float]) -> list[GraphArgum
 def with_controllers(case: Case, controllers: Sequence[str]) -> Iterator[Case]:
     """Yield a trial per controller; with a granted delay, only for those with that parameter."""
     for name in controllers:
-        if "compensator" not in case.changes or hasattr(CONTROLLERS[name].Parameters, GRANT):
+        granted = any(GRANT in value for value in case.changes.get("compensator", ()))
+        if not granted or hasattr(CONTROLLERS[name].Parameters, GRANT):
             yield replace(case, arguments=replace(case.arguments, controller=name))
 
 
-# Inputs and hands
-
-
-def hand(
-    seed: int, number: int, spread: Mapping[str, tuple[float, float]] = SPREAD
-) -> HandleParameters:
-    """Return a random hand within given ranges."""
-    draw = np.random.default_rng((seed, number)).uniform
-    factors = {"m_h": draw(*spread["m_h"])}
-    factors |= {name: math.exp(draw(*np.log(spread[name]))) for name in ("k_u", "b_u")}
-    average = HandleParameters()
-    return replace(average, **{name: getattr(average, name) * f for name, f in factors.items()})
+# Inputs
 
 
 def texture(low: float, rms: float, rate: float) -> FloatArray:
@@ -317,6 +307,24 @@ def _modes(wanted: Wanted) -> Iterator[Case]:
         )
 
 
+def _handles(wanted: Wanted) -> Iterator[Case]:
+    for number in handle_family.members():
+        around = wanted.on(handle_family.rig_of(number))
+        given = wanted.inputs[number % len(wanted.inputs)]
+        arguments = _given(given, around, number)
+        master = rig_parameters(graph_parameters(arguments)).master
+        described = Plant(master.handle, delay=master.drive.delay)
+        kind, played, reported = handle_family.member(number, described, DURATION, wanted.seed)
+        half = "reported" if reported else "developed with"
+        name = f"{number}: {played.name}, {_rig(around)}"
+        condition = f"handles, {half}, {kind}"
+        yield Case(
+            *(condition, _name(given), name, arguments, played.grips),
+            start=TOLD,
+            changes=played.changes,
+        )
+
+
 CONDITIONS: dict[str, Callable[[Wanted], Iterator[Case]]] = {
     "surfaces": _surfaces,
     "granted": _granted,
@@ -326,6 +334,7 @@ CONDITIONS: dict[str, Callable[[Wanted], Iterator[Case]]] = {
     "textures": _textures,
     "taps": _taps,
     "modes": _modes,
+    "handles": _handles,
     "inputs": _inputs,
     "recordings": _recordings,
 }
@@ -351,8 +360,8 @@ def run_case(case: Case) -> Row:
     first = round(case.start * trial.rate)
     evaluation = trial.evaluate(first)
     handle = held(rig.master.handle, rig.master.grip, arguments.seed)
-    if case.grips:
-        _, handle = case.grips[-1]
+    hands = [changed for _, changed in case.grips if isinstance(changed, HandleParameters)]
+    handle = hands[-1] if hands else handle
     bound = trial.bounds(rig, handle, first)
     travel = TravelEstimator(rig.master.handle, trial.rate)
     pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
@@ -380,7 +389,8 @@ def run_case(case: Case) -> Row:
 def _by_window(trial: Trial, first: int) -> Iterator[float | None]:
     """Yield the error of each `WINDOW` of a trial, %; None for a desired acceleration of zero."""
     length = round(WINDOW * trial.rate)
-    for begin in range(first, len(trial.time) - length + 1, length):
+    hop = round(WINDOW_HOP * trial.rate)
+    for begin in range(first, len(trial.time) - length + 1, hop):
         try:
             yield trial.evaluate(begin, begin + length).nrmse_percent
         except ValueError:
@@ -407,7 +417,8 @@ def summary(rows: Sequence[Row]) -> list[Row]:
             "mean_limited_bound_percent": fmean(row["limited_bound_percent"] for row in found),
             "mean_force_rms_n": fmean(row["force_rms_n"] for row in found),
             "largest_travel_mm": max(row["travel_peak_mm"] for row in found),
-            "above_none_points": _above(found, idle),
+            "above_none_points": max(above := _above(found, idle), default=None),
+            "windows_above_none_percent": _share_above(above),
             "trials": len(found),
         }
         for (condition, controller), found in groups.items()
@@ -429,11 +440,8 @@ BOUNDS = {"limited_bound": "limited bound", "bound": "bound"}
 
 
 def tables(lines: Sequence[Row]) -> Iterator[ResultTable]:
-    """Yield the errors and the shares of a summary: conditions by controllers."""
-    rows: dict[str, dict[str, Row]] = {}
-    for line in lines:
-        rows.setdefault(line["condition"], {})[line["controller"]] = line
-    controllers = [name for name in CONTROLLERS if any(name in own for own in rows.values())]
+    """Yield a summary's errors and shares, and the comparison with none where it was measured."""
+    rows, controllers = _by_condition(lines)
 
     def table(title: str, name: str, bounds: Sequence[str] = ()) -> ResultTable:
         found = [
@@ -455,6 +463,40 @@ def tables(lines: Sequence[Row]) -> Iterator[ResultTable]:
         "vibration whose strength a hand could not tell from the desired one",
         "indistinguishable_percent",
     )
+    if worse := comparison_with_none(lines):
+        yield worse
+
+
+def comparison_with_none(lines: Sequence[Row]) -> ResultTable | None:
+    """Return the windows that are worse than no control as a table; None without `none`."""
+    lines = [line for line in lines if line["above_none_points"] is not None]
+    rows, controllers = _by_condition(lines)
+    cells = [
+        (
+            condition,
+            *(
+                f"{own[name]['above_none_points']:+.1f}"
+                f" ({own[name]['windows_above_none_percent']:.1f} %)"
+                if name in own
+                else ""
+                for name in controllers
+            ),
+        )
+        for condition, own in rows.items()
+    ]
+    title = (
+        f"largest error of any {WINDOW:g} s above that of none, points"
+        f" (share of those above {ACCEPTED:g})"
+    )
+    return ResultTable(("condition", *controllers), cells, title) if cells else None
+
+
+def _by_condition(lines: Sequence[Row]) -> tuple[dict[str, dict[str, Row]], list[str]]:
+    """Return a summary's lines by condition and controller, and the controllers in order."""
+    rows: dict[str, dict[str, Row]] = {}
+    for line in lines:
+        rows.setdefault(line["condition"], {})[line["controller"]] = line
+    return rows, [name for name in CONTROLLERS if any(name in own for own in rows.values())]
 
 
 def _cell(line: Row, name: str) -> str:
@@ -481,14 +523,20 @@ def _key(row: Row) -> tuple[str, str, str]:
     return row["condition"], row["input"], row["grip"]
 
 
-def _above(rows: Sequence[Row], idle: Mapping[tuple[str, str, str], Row]) -> float | None:
-    """Return the largest increase of a window's error over no control, points."""
+def _above(rows: Sequence[Row], idle: Mapping[tuple[str, str, str], Row]) -> list[float]:
+    """Return the increase of each window's error over no control, points."""
     name = "nrmse_by_2_s_percent"
-    differences = [
+    return [
         own - without
         for row in rows
         if _key(row) in idle
         for own, without in zip(row[name], idle[_key(row)][name], strict=True)
         if own is not None and without is not None
     ]
-    return max(differences, default=None)
+
+
+def _share_above(increases: Sequence[float]) -> float | None:
+    """Return the fraction of increases beyond `ACCEPTED`, %."""
+    if not increases:
+        return None
+    return 100.0 * fmean(increase > ACCEPTED for increase in increases)

@@ -26,6 +26,7 @@ from haptic_accel.analysis.fidelity import (
     CONDITIONS,
     DEFAULT_CONDITIONS,
     Wanted,
+    comparison_with_none,
     inputs,
     progress,
     run_case,
@@ -98,10 +99,11 @@ def fidelity(
 
     Conditions are surfaces (both rigs, also at 4 kHz), granted (more delay granted), hands, wide
     (unusual hands), grips (that change), textures, taps, modes (of a handle that the controllers
-    do not know), inputs (a family of 200) and recordings (scaled); surfaces, hands and grips by
-    default. Prints errors beside the lowest that a causal linear filter could reach, without
-    limits and within them, and the share of the vibration whose strength a hand could not tell
-    from the desired one.
+    do not know), handles (a family of 104 that differ from their description), inputs (a family of
+    200) and recordings (scaled); surfaces, hands and grips by default. Prints errors beside the
+    lowest that a causal linear filter could reach, without limits and within them, the share of
+    the vibration whose strength a hand could not tell from the desired one, and how much worse
+    than without controller any two seconds are.
     """
     names = [one_of(CONDITIONS)(name) for name in conditions] or DEFAULT_CONDITIONS
     if "recordings" in names and not recordings:

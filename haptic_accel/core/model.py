@@ -248,6 +248,29 @@ class MountParameters(Checked):
 
 
 @dataclass(frozen=True)
+class ModeParameters(Checked):
+    """Second structural mode between handle and accelerometer, in series or parallel to the mount.
+
+    The accelerometer measures the share of the mode plus the rest of the mount: 1 in series with
+    the mount is a fourth-order low-pass; a share in parallel is a sum of two modes with an
+    antiresonance, or a resonance beside an antiresonance where the mount is rigid.
+    """
+
+    frequency: float = parameter(0.0, "resonance of a second mode; 0 for none", "Hz", 0, 2000.0)
+    damping: float = parameter(0.2, "damping ratio of the second mode", low=0.01, high=2.0)
+    share: float = parameter(
+        1.0,
+        "fraction of the measured acceleration that passes through the second mode",
+        low=0.0,
+        high=1.0,
+    )
+    on_mount: bool = parameter(
+        True,
+        "excite the second mode by the mount (in series) in place of the handle (in parallel)",
+    )
+
+
+@dataclass(frozen=True)
 class GripParameters(Checked):
     """Variation between users, posture of the hand, and gravity."""
 

@@ -24,6 +24,7 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
@@ -44,18 +45,26 @@ from haptic_accel.core.coupling.position_position import (
 from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import Evaluation, align, evaluate
 from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.identification.stops import LIMITED
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters, excitation
 from haptic_accel.core.loop.compensation import CompensationPart
 from haptic_accel.core.loop.coupling import CouplingPart
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, rig_side
 from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
-from haptic_accel.core.model import ZERO, FloatArray, HandleParameters
+from haptic_accel.core.model import (
+    ZERO,
+    ComplexArray,
+    FloatArray,
+    HandleParameters,
+    ModeParameters,
+    MountParameters,
+)
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.network.playout import Played
-from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate
+from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate, like
 from haptic_accel.core.rig.interface import Rig
-from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+from haptic_accel.core.rig.master_rig import DriveParameters, MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters, Vibrating
 from haptic_accel.core.sampling import LATENCY, NANOSECONDS, check_latency
 from haptic_accel.core.surfaces.scene import Scene
@@ -67,8 +76,8 @@ from haptic_accel.core.two_hosts import TwoHosts
 DEFAULT_RATE = 1000.0
 """Samples per second of the paper's servo loop."""
 
-GripChange = tuple[float, HandleParameters]
-"""Time of a grip change, s, and the new handle parameters."""
+GripChange = tuple[float, HandleParameters | MountParameters]
+"""Time of a change of the handle, s, and its new parameters with the grip, or the new mount."""
 
 
 Warned = tuple[float, str]
@@ -76,6 +85,20 @@ Warned = tuple[float, str]
 
 LOOK = 0.05
 """Interval for checking the compensator's warnings, s."""
+
+
+@dataclass(frozen=True)
+class PlayedPlant(Plant):
+    """Plant of a virtual rig, with what only a rig can play."""
+
+    second: ModeParameters = field(default_factory=ModeParameters)
+    force_scale: float = like(DriveParameters, "force_scale")
+
+    def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
+        """Return sampled acceleration over held force, m/s^2 per N, at frequencies in Hz."""
+        return self.force_scale * sampled_response(
+            *(self.handle, frequency, rate, self.delay, self.bandwidth, self.mount, self.second)
+        )
 
 
 @dataclass(frozen=True)
@@ -105,7 +128,12 @@ class RigParameters:
         master = self.master
         sensor, delay = master.accelerometer.bandwidth, master.drive.delay
         stiffness = self.halves.stiffness if self.halves else self.coupling.k_m
-        return Plant(handle, master.mount, delay, sensor, coupling=stiffness).coupled()
+        return PlayedPlant(
+            *(handle, master.mount, delay, sensor),
+            coupling=stiffness,
+            second=master.second,
+            force_scale=master.drive.force_scale,
+        ).coupled()
 
     @property
     def safety(self) -> tuple[SafetyParameters, SafetyParameters]:
@@ -317,7 +345,7 @@ def run_trial(
     controllers : mapping, optional
         Parameters of controllers, and of the actuator's limits, by name.
     grips : sequence of GripChange
-        Changes of grip in order of time; until the first, the rig's grip.
+        Changes of grip or mount in order of time; until the first, those of the rig.
     physics_step : float
         Maximum integration step of the contact, s.
     channel : ChannelParameters, optional
@@ -453,7 +481,11 @@ def _samples(
     for tick, time in enumerate(times):
         if grips and grips[0][0] <= time:
             master.advance(time)
-            master.change_grip(grips.popleft()[1])
+            _, changed = grips.popleft()
+            if isinstance(changed, MountParameters):
+                master.change_mount(changed)
+            else:
+                master.change_grip(changed)
         hosts.step(tick)
         (_, (_, handle, _)), (_, (_, tool, _)) = (each for loop in loops for each in loop.samples)
         forces = {pull.arm: pull.force for loop in loops for pull in loop.pulls}

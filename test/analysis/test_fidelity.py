@@ -23,14 +23,15 @@ import pytest
 
 from haptic_accel.analysis.fidelity import (
     CONDITIONS,
-    SPREAD,
     Case,
     Wanted,
-    hand,
+    comparison_with_none,
+    inputs,
     run_case,
     summary,
     tables,
 )
+from haptic_accel.analysis.handle_family import KINDS, SPREAD, hand
 from haptic_accel.analysis.input_family import member
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.graph.arguments import GraphArguments
@@ -115,3 +116,34 @@ def test_trials_without_anything_to_feel_enter_no_mean_share() -> None:
     assert line["worst_indistinguishable_percent"] == 80.0
     assert line["trials"] == 3
     assert [table.rows for table in tables(summary([still]))][1] == [("all", "– (–)")]
+def test_the_family_of_handles_has_every_kind_in_both_halves_and_on_both_rigs() -> None:
+    cases = list(CONDITIONS["handles"](Wanted(inputs([], []), "", 0.0, 0, 0)))
+    kinds = {(case.condition.split(", ")[2], case.condition.split(", ")[1]) for case in cases}
+    assert len(kinds) == 2 * len(KINDS)
+    rigs = {(case.condition, case.arguments.rig) for case in cases}
+    assert len(rigs) == 2 * len(kinds)
+    for case in cases:
+        assert case.start > 0.0
+        # The controllers keep their description, but for the travel, which they know.
+        assert set(case.changes.get("compensator", ())) <= {"actuator.travel"}
+
+
+def test_a_window_that_is_worse_than_none_is_counted() -> None:
+    key = {"condition": "c", "input": "i", "grip": "g"}
+    numbers = dict.fromkeys(
+        ("bound_percent", "limited_bound_percent", "force_rms_n", "travel_peak_mm"), 1.0
+    )
+    rows = [
+        key | numbers | {"controller": name, "nrmse_percent": 1.0, "nrmse_by_2_s_percent": errors}
+        for name, errors in (
+            ("none", [100.0, None, 99.0, 98.0]),
+            ("inverse", [101.0, 7.0, 104.0, 1.0]),
+        )
+    ]
+    idle, inverse = summary(rows)
+    assert inverse["above_none_points"] == 5.0
+    assert inverse["windows_above_none_percent"] == pytest.approx(100.0 / 3.0)
+    assert idle["above_none_points"] == 0.0
+    shown = comparison_with_none([idle, inverse])
+    assert shown is not None
+    assert "+5.0 (33.3 %)" in shown.rows[0]

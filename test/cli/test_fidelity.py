@@ -101,7 +101,7 @@ def test_chosen_conditions_give_the_same_with_any_number_of_jobs(
     for row in found["1"]["rows"]:
         assert (row["condition"], row["rig"], row["rate_hz"]) == ("taps", "paper", 500.0)
         assert f"{row['input']}, Table I, {row['controller']}: " in command.text
-        assert len(row["nrmse_by_2_s_percent"]) == 4
+        assert len(row["nrmse_by_2_s_percent"]) == 13  # from 0, 0.5, ... 6 s on
     idle, dynamic = found["1"]["summary"]
     assert idle["above_none_points"] == 0.0
     assert dynamic["above_none_points"] == pytest.approx(

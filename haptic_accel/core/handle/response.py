@@ -22,11 +22,12 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.handle.mechanics import axial_mechanics, zero_order_hold
+from haptic_accel.core.handle.mechanics import SIMPLE, axial_mechanics, zero_order_hold
 from haptic_accel.core.model import (
     ComplexArray,
     FloatArray,
     HandleParameters,
+    ModeParameters,
     MountParameters,
     handle_model,
 )
@@ -45,6 +46,7 @@ def sampled_response(
     delay: float = 0.0,
     low_pass_frequency: float = ACCELEROMETER_CORNER,
     mount: MountParameters = RIGID,
+    second: ModeParameters = SIMPLE,
 ) -> ComplexArray:
     """Return the response of sampled acceleration to actuator force, with delay and low-pass.
 
@@ -65,6 +67,8 @@ def sampled_response(
         Corner of the accelerometer's first-order low-pass, Hz.
     mount : MountParameters
         Mount of the accelerometer.
+    second : ModeParameters
+        Second mode.
 
     Returns
     -------
@@ -72,7 +76,7 @@ def sampled_response(
         Complex, m/s^2 per N.
     """
     frequency = np.asarray(frequency, dtype=np.float64)
-    a, b = axial_mechanics(handle, mount, low_pass_frequency)
+    a, b = axial_mechanics(handle, mount, low_pass_frequency, second)
     late = math.ceil(delay * rate)  # whole samples until the force first appears
     over, step = zero_order_hold(a, b, 1.0 / rate)
     # A force held from sample m acts from then plus the delay. Each later sample is the sum of the

@@ -44,6 +44,7 @@ from haptic_accel.core.handle.mechanics import (
     Y_A,
     Y_H,
     Y_M,
+    Y_S,
     Y_U,
     G,
     mechanics,
@@ -53,6 +54,7 @@ from haptic_accel.core.model import (
     FloatArray,
     GripParameters,
     HandleParameters,
+    ModeParameters,
     MountParameters,
     Sample,
     Vector,
@@ -88,6 +90,12 @@ class DriveParameters(Checked):
         0,
         0.02,
     )
+    force_scale: float = parameter(
+        1.0,
+        "force over commanded force; negative if the coil's wires are swapped",
+        low=-2.0,
+        high=2.0,
+    )
     coulomb_friction: float = parameter(0.0, "dry friction of the actuator's bearing", "N", 0, 1.0)
     slip_velocity: float = parameter(
         2e-3, "slip velocity above which dry friction is constant", "m/s", 2e-3, 1.0
@@ -101,6 +109,7 @@ class MasterRigParameters:
     handle: HandleParameters = field(default_factory=HandleParameters)
     grip: GripParameters = field(default_factory=GripParameters)
     mount: MountParameters = field(default_factory=MountParameters)
+    second: ModeParameters = field(default_factory=ModeParameters)
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
     drive: DriveParameters = field(default_factory=DriveParameters)
     accelerometer: AccelerometerParameters = field(default_factory=AccelerometerParameters)
@@ -218,7 +227,8 @@ class MasterRig:
         """
         converted = self._converter.convert(0.0 if math.isnan(force) else force)
         self._started = self._started or converted != 0.0
-        self._commands.append((self._now + self._delay, converted))
+        acting = self._p.drive.force_scale * converted
+        self._commands.append((self._now + self._delay, acting))
         self._apply_commands()
 
     def change_grip(self, handle: HandleParameters) -> None:
@@ -229,6 +239,11 @@ class MasterRig:
         self._system.state[:], self._system.inputs[:] = before.state, before.inputs
         if not self._started:
             self._rest()
+
+    def change_mount(self, mount: MountParameters) -> None:
+        """Change the accelerometer's mount from now on, without a jump of the motion."""
+        self._p = replace(self._p, mount=mount)
+        self.change_grip(self.handle)
 
     def hold(self, grip: GripParameters) -> None:
         """Change the grip of the same user from now on."""
@@ -270,7 +285,7 @@ class MasterRig:
         """Build the mechanics of the handle with its present grip."""
         h, drive = self.handle, self._p.drive
         self._system = LinearSystem(
-            *mechanics(h, self._p.mount, self._p.accelerometer.bandwidth),
+            *mechanics(h, self._p.mount, self._p.accelerometer.bandwidth, self._p.second),
             self._step,
             self._longest,
         )
@@ -336,6 +351,8 @@ class MasterRig:
         self._system.inputs[G] = -gravity
         sag = (h.m_a + h.m_h) * gravity / h.k_u if h.k_u else 0.0
         state[Y_H] = state[Y_M] = state[Y_U] - sag
+        if self._p.second.frequency:
+            state[Y_S] = state[Y_H]
         state[Y_A] = state[Y_H] - (h.m_a * gravity / h.k_s if h.k_s else 0.0)
         state[X_H] = state[X_U]
 

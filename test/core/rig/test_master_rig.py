@@ -31,6 +31,7 @@ from haptic_accel.core.model import (
     AccelerometerParameters,
     GripParameters,
     HandleParameters,
+    ModeParameters,
     MountParameters,
     held,
 )
@@ -144,6 +145,73 @@ def test_the_handle_follows_eq_3_behind_hold_and_low_pass(
         "actuator_saturated": 0,
         "travel_stops_hit": 0,
     }
+
+
+def transmitted(frequency: float, mode: float, damping: float) -> complex:
+    """Motion of a mass on spring and damper over that of its base (Den Hartog, sec. 2.12)."""
+    ratio = frequency / mode
+    damper = 2j * damping * ratio
+    return (1 + damper) / (1 - ratio**2 + damper)
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (MountParameters(120.0, 0.1), ModeParameters(210.0, 0.05, 1.0, on_mount=True)),
+        (MountParameters(120.0, 0.1), ModeParameters(210.0, 0.05, 0.4, on_mount=False)),
+        (MountParameters(), ModeParameters(150.0, 0.08, 0.6, on_mount=False)),
+    ],
+    ids=["in series", "in parallel", "beside the rigid handle"],
+)
+def test_two_modes_are_transmitted_in_series_or_in_parallel(
+    ideal_master: MasterRigParameters, first: MountParameters, second: ModeParameters
+) -> None:
+    # The low-pass and the hold are the same with and without modes: a high rate has no aliases.
+    rate = 8000.0
+    gains = []
+    for mount, other in ((first, second), (MountParameters(), ModeParameters())):
+        rig = MasterRig(replace(ideal_master, mount=mount, second=other), rate)
+        measured = []
+        for index in range(8000):
+            rig.advance(index / rate)
+            measured.append(rig.measure().acceleration)
+            rig.apply_actuator_force(1.0 if index == 0 else 0.0)
+        gains.append(np.fft.rfft(measured))
+    for frequency in (40, 100, 140, 180, 205, 250):
+        of_first = transmitted(frequency, first.frequency, first.damping) if first.frequency else 1
+        of_second = transmitted(frequency, second.frequency, second.damping)
+        base = of_first if second.on_mount else 1.0
+        expected = (1 - second.share) * of_first + second.share * base * of_second
+        assert gains[0][frequency] / gains[1][frequency] == pytest.approx(expected, rel=0.02)
+
+
+def test_swapped_wires_push_the_other_way(ideal_master: MasterRigParameters) -> None:
+    moved = []
+    for scale in (1.0, 0.7, -1.0):
+        drive = replace(ideal_master.drive, force_scale=scale)
+        rig = MasterRig(replace(ideal_master, drive=drive), RATE)
+        rig.apply_actuator_force(0.5)
+        rig.advance(5 * PERIOD)
+        moved.append(rig.travel)
+    assert moved[1] == pytest.approx(0.7 * moved[0])
+    assert moved[2] == pytest.approx(-moved[0])
+
+
+def test_another_mount_changes_the_ringing_and_nothing_jumps(
+    ideal_master: MasterRigParameters,
+) -> None:
+    rig = MasterRig(replace(ideal_master, mount=MountParameters(100.0, 0.01)), RATE)
+    rig.disturb(handle_velocity=0.1)
+    rig.advance(0.05)
+    before, travel = rig.measure().acceleration, rig.travel
+    rig.change_mount(MountParameters(200.0, 0.01))
+    assert rig.measure().acceleration == before
+    assert rig.travel == travel
+    rung = []
+    for index in range(51, 551):
+        rig.advance(index * PERIOD)
+        rung.append(rig.measure().acceleration)
+    assert np.argmax(np.abs(np.fft.rfft(rung))) * RATE / len(rung) == pytest.approx(200.0, abs=4.0)
 
 
 def test_a_force_pushes_handle_and_actuator_apart(ideal_master: MasterRigParameters) -> None:

@@ -1,0 +1,120 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The family of handles: its ranges, and that it is the same everywhere."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from haptic_accel.analysis.handle_family import (
+    FORCE_DEVIATION,
+    FRICTION,
+    HANDS_EVERY,
+    KINDS,
+    MODE_DAMPING,
+    MODE_FREQUENCY,
+    MORE_DELAY,
+    PER_KIND,
+    TRAVEL,
+    HandleMember,
+    member,
+    members,
+    rig_of,
+)
+from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.model import HandleParameters, MountParameters
+
+SECONDS = 8.0
+DESCRIBED = Plant()
+
+
+def of_kind(kind: str) -> list[HandleMember]:
+    every = [member(number, DESCRIBED, SECONDS) for number in members()]
+    return [each for each in every if each.kind == kind]
+
+
+def value(found: HandleMember, name: str) -> float:
+    return float(found.played.changes["master_device"][f"simulated.{name}"])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_is_in_both_halves(kind: str) -> None:
+    found = of_kind(kind)
+    assert len(found) == PER_KIND
+    assert sum(each.reported for each in found) == PER_KIND // 2
+    for half in (0, 1):
+        numbers = [n for n in members() if n % 2 == half and list(KINDS)[n % len(KINDS)] == kind]
+        assert {rig_of(number) for number in numbers} == {"ideal", "paper"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "low", "high"),
+    [
+        ("one mode", "mount.frequency", *MODE_FREQUENCY),
+        ("one mode", "mount.damping", *MODE_DAMPING),
+        ("modes in series", "second.frequency", *MODE_FREQUENCY),
+        ("modes in parallel", "second.share", 0.2, 0.8),
+        ("resonance and antiresonance", "mount.frequency", 0.0, 0.0),
+        ("force constant", "drive.force_scale", 1 - FORCE_DEVIATION[1], 1 + FORCE_DEVIATION[1]),
+        ("more delay", "drive.delay", *MORE_DELAY),
+        ("friction", "drive.coulomb_friction", *FRICTION),
+        ("polarity", "drive.force_scale", -1.0, -1.0),
+    ],
+)
+def test_values_are_within_their_ranges(kind: str, name: str, low: float, high: float) -> None:
+    found = [value(each, name) for each in of_kind(kind)]
+    assert low <= min(found) <= max(found) <= high
+    assert low == high or len(set(found)) == PER_KIND
+
+
+def test_the_controllers_know_the_travel() -> None:
+    for each in of_kind("travel"):
+        by_node = each.played.changes
+        assert by_node["master_device"] == by_node["compensator"]
+        assert TRAVEL[0] <= by_node["compensator"]["actuator.travel"] <= TRAVEL[1]
+
+
+def test_a_mode_drifts_within_the_range_in_small_steps_within_the_trial() -> None:
+    for each in of_kind("drifting mode"):
+        times = [time for time, _ in each.played.grips]
+        mounts = [mount for _, mount in each.played.grips if isinstance(mount, MountParameters)]
+        frequencies = [value(each, "mount.frequency"), *(mount.frequency for mount in mounts)]
+        assert len(mounts) == len(times)
+        assert times[0] >= 1.0
+        assert times[-1] < SECONDS
+        assert MODE_FREQUENCY[0] <= min(frequencies) < max(frequencies) <= MODE_FREQUENCY[1]
+        ratio = frequencies[-1] / frequencies[0]
+        assert 2**0.5 <= max(ratio, 1 / ratio) <= 2.0 * (1 + 1e-9)
+        for before, after in pairwise(frequencies):
+            assert abs(np.log(after / before)) < 0.011
+
+
+def test_another_hand_grips_twice_a_second() -> None:
+    for each in of_kind("grips"):
+        times = [time for time, _ in each.played.grips]
+        assert times == pytest.approx(np.arange(1, SECONDS / HANDS_EVERY) * HANDS_EVERY)
+        hands = [hand for _, hand in each.played.grips]
+        assert all(isinstance(hand, HandleParameters) for hand in hands)
+        assert len({hand.m_h for hand in hands if isinstance(hand, HandleParameters)}) == 15
+
+
+def test_a_member_is_the_same_again_and_another_seed_gives_another() -> None:
+    one, same = (member(3, DESCRIBED, SECONDS) for _ in range(2))
+    assert one == same
+    assert member(3, DESCRIBED, SECONDS, seed=1) != one
