@@ -313,7 +313,8 @@ def _handles(wanted: Wanted) -> Iterator[Case]:
         given = wanted.inputs[number % len(wanted.inputs)]
         arguments = _given(given, around, number)
         master = rig_parameters(graph_parameters(arguments)).master
-        described = Plant(master.handle, delay=master.drive.delay)
+        sensor, delay = master.accelerometer.bandwidth, master.drive.delay
+        described = Plant(master.handle, delay=delay, bandwidth=sensor)
         kind, played, reported = handle_family.member(number, described, DURATION, wanted.seed)
         half = "reported" if reported else "developed with"
         name = f"{number}: {played.name}, {_rig(around)}"

@@ -142,7 +142,7 @@ def member(number: int, described: Plant, seconds: float, seed: int = 0) -> Hand
     number : int
         One of `members`. Consecutive members are of different kinds.
     described : Plant
-        Handle and delay of the rig `rig_of` the number, as described to the controllers.
+        Handle, delay and bandwidth of the rig `rig_of` the number, as described to the controllers.
     seconds : float
         Duration of the trial, s.
     seed : int
@@ -264,7 +264,9 @@ def _friction(random: Random, described: Plant, seconds: float) -> Played:
 
 def _noise(random: Random, described: Plant, seconds: float) -> Played:
     factor = _log_uniform(random, NOISE_FACTOR)
-    density = factor * AccelerometerParameters().noise_density
+    # The same noise of a sample, whatever the bandwidth of the described sensor.
+    paper = AccelerometerParameters()
+    density = factor * paper.noise_density * math.sqrt(paper.bandwidth / described.bandwidth)
     return Played(f"{factor:.1f}", _with("accelerometer", noise_density=density))
 
 
