@@ -142,7 +142,7 @@ def member(number: int, described: Plant, seconds: float, seed: int = 0) -> Hand
     number : int
         One of `members`. Consecutive members are of different kinds.
     described : Plant
-        Handle, delay and bandwidth of the rig `rig_of` the number, as described to the controllers.
+        Description of the rig `rig_of` the number: handle, delay and bandwidth.
     seconds : float
         Duration of the trial, s.
     seed : int

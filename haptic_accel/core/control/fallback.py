@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Replacement of a controller that is worse than no compensation."""
+"""Reduction or replacement of a controller that is worse than no compensation."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ from collections import deque
 
 import numpy as np
 
+from haptic_accel.core.control.authority import Authority
+from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.controllers.dynamic import DynamicController
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.inversion.convolution import SampleConvolution
@@ -82,7 +84,10 @@ and above."""
 
 
 class Fallback:
-    """Replace the force of a controller that is worse than no compensation.
+    """Reduce or replace the force of a controller that is worse than no compensation.
+
+    Controllers that are designed for the identified handle are reduced: see `Authority`. Those of
+    the paper are used as they are, or replaced, as follows.
 
     The handle's error is compared with the error without force, from spectra with exponential
     forgetting. If the error is larger for most of a second, the force is faded out. The force of
@@ -116,6 +121,7 @@ class Fallback:
         lines = self._tracking.frequency
         self._counted = ((lines >= LOWEST) & (lines <= HIGHEST_SHARE * loop.rate)).astype(float)
         self._tracked = self._dynamic_response(loop)
+        self._authority = Authority(loop.rate)
         self._step = 1.0 / max(1, round(FADING * loop.rate))
         self._settling = round(SETTLING * loop.rate)
         self.start(NONE, 1)
@@ -129,7 +135,14 @@ class Fallback:
             replaced = f"{self._name} is worse than no compensation: {took_over}"
         elif self._on_trial:
             replaced = f"{self._name} was worse than no compensation: it is tried again"
+        elif self._authority.reduced:
+            replaced = f"{self._name} is worse than no compensation: its force is reduced"
         return ", ".join(filter(None, (self.supervisor.warning, replaced)))
+
+    @property
+    def fraction(self) -> float:
+        """Fraction of the controller's force that is used."""
+        return self._share * self._authority.fraction
 
     def start(self, name: str, granted_delay: int) -> None:
         """Return to the initial state, for a controller and its additional delay."""
@@ -143,6 +156,8 @@ class Fallback:
     def follow(self, name: str, granted_delay: int) -> None:
         """Evaluate another controller, or restart for the same; fade out any substitute."""
         self._name, self.substitute = name, ""
+        self._reducible = CONTROLLERS[name].reducible
+        self._authority.reset()
         self._pace = self._step
         self._trial = math.inf  # time since the last return, s
         self._granted = granted_delay
@@ -157,6 +172,8 @@ class Fallback:
 
     def force(self, desired_acceleration: float, wanted: float) -> float:
         """Return the force to send in place of the controller's force, N."""
+        if self._reducible:
+            wanted *= self._authority.fraction
         self._wanted = wanted
         if self._share == 1.0 and not self.substitute and self._gain == 0.0:
             return wanted
@@ -184,6 +201,9 @@ class Fallback:
         if self._name == NONE:
             return
         self._desired.append(desired)
+        if self._reducible:
+            self._authority.observe(self._desired[0], measured)
+            return
         # `dynamic` lags by one sample, independent of the controller's granted delay.
         later = max(0, self._granted - 1) if self.substitute == DYNAMIC else 0
         self._tracking.observe(self._desired[later], measured)
@@ -196,6 +216,9 @@ class Fallback:
         self._turn = (self._turn + 1) % 3
         if self._turn == 0:
             return self.supervisor.update()
+        if self._reducible:
+            self._authority.update()
+            return False
         if self._turn == 1 and self._tracking.update():
             self._judge()
         if self._turn == 2 and self.substitute and self._prospect.update():

@@ -109,8 +109,10 @@ def test_no_controller_stays_worse_than_none(controller: str) -> None:
     assert loop.error(1000) <= 1.02
     if controller != "none":
         assert "the handle is not as described" in loop.warnings[999]
-        replaced = f"{controller} is worse than no compensation: none took over"
-        assert replaced in loop.warnings[999] or loop.error(0) < 1.02
+        reducible = CONTROLLERS[controller].reducible
+        done = "its force is reduced" if reducible else "none took over"
+        said = f"{controller} is worse than no compensation: {done}"
+        assert said in loop.warnings[999] or loop.error(0) < 1.02
 
 
 def test_on_the_handle_as_described_nothing_takes_over() -> None:
@@ -151,7 +153,7 @@ def test_a_controller_returns_when_its_force_would_be_better() -> None:
 
 
 def test_a_part_of_the_force_is_tried_and_given_up_where_it_does_harm() -> None:
-    loop = Loop(compensation("inverse"), RESONANT).run(texture(5.0, 80.0, 300.0))
+    loop = Loop(compensation("constant"), RESONANT).run(texture(5.0, 80.0, 300.0))
     said = [warning.split("compensation: ")[-1] for warning in loop.warnings]
     found = [now for before, now in pairwise(said) if now != before and "handle" not in now]
     assert found[:3] == ["none took over", "a fraction is tried", "none took over"]
@@ -161,22 +163,38 @@ def test_a_part_of_the_force_is_tried_and_given_up_where_it_does_harm() -> None:
 
 def test_the_pause_between_trials_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fallback, "LONGEST_PAUSE", 2.0)
-    loop = Loop(compensation("inverse"), RESONANT).run(texture(10.0, 80.0, 300.0))
+    loop = Loop(compensation("constant"), RESONANT).run(texture(10.0, 80.0, 300.0))
     tried = ["a fraction is tried" in warning for warning in loop.warnings]
     began = [at for at, (before, now) in enumerate(pairwise(tried)) if now and not before]
     assert np.diff(began).max() < (2.0 + 2.0 * TRIAL) * RATE
 
 
 def test_a_controller_that_is_selected_anew_has_another_turn() -> None:
-    loop = Loop(compensation("inverse"), UNKNOWN).run(texture(1.4))
-    assert "inverse is worse" in loop.warnings[-1]
+    loop = Loop(compensation("constant"), UNKNOWN).run(texture(1.4))
+    assert "constant is worse" in loop.warnings[-1]
     assert loop.forces[-1] == 0.0
-    loop.stream.select("inverse")
+    loop.stream.select("constant")
     loop.run(texture(0.1, seed=2))
     assert "worse" not in loop.warnings[-1]
     assert loop.forces[-1] != 0.0
     loop.run(texture(2.0, seed=3))
-    assert "inverse is worse" in loop.warnings[-1]
+    assert "constant is worse" in loop.warnings[-1]
+
+
+def test_a_designed_controller_keeps_the_part_of_its_force_that_does_no_harm() -> None:
+    loop = Loop(compensation("inverse"), RESONANT).run(texture(5.0, 80.0, 300.0))
+    assert "inverse is worse than no compensation: its force is reduced" in loop.warnings[-1]
+    assert loop.stream.diagnostics()[1]["replaced by"] == "-"
+    for begin in range(500, 4500, 250):
+        assert loop.error(begin, begin + 500) <= 1.02
+    assert np.std(loop.forces[1000:]) > 0.0
+
+
+def test_a_reduced_controller_starts_with_its_full_force_when_selected_anew() -> None:
+    loop = Loop(compensation("inverse"), RESONANT).run(texture(2.0, 80.0, 300.0))
+    assert float(loop.stream.diagnostics()[1]["force used (%)"]) < 50.0
+    loop.stream.select("inverse")
+    assert loop.stream.diagnostics()[1]["force used (%)"] == "100"
 
 
 def test_another_controller_is_judged_by_itself() -> None:

@@ -158,8 +158,9 @@ LEAST_ACCELERATION = 0.05
 """Minimum root mean square of the desired acceleration for learning, m/s^2: twice the arm's own
 motion in the handle's acceleration."""
 
-LEAST_FORCE = 0.01
-"""Minimum root mean square of the actuator's force for learning, N."""
+LEAST_FORCE = 1e-3
+"""Minimum root mean square of the actuator's force for learning, N: a force that is reduced as the
+handle resonates is this small."""
 
 LEARNT = 6.0, 12.0
 """Frequencies below which the plant is not learnt, and above which it is learnt fully, Hz: the

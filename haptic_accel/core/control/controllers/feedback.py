@@ -117,6 +117,7 @@ class FeedbackController(Controller):
     """
 
     Parameters = FeedbackParameters
+    reducible = True
 
     def __init__(self, parameters: FeedbackParameters, loop: Loop) -> None:
         self._feedforward, response = _feedforward(parameters, loop)

@@ -80,6 +80,10 @@ class Controller(ABC):
 
     Parameters: ClassVar[type[Checked]] = NoParameters
 
+    reducible: ClassVar[bool] = False
+    """True if the force is reduced while it is worse than no force; the paper's controllers are
+    replaced."""
+
     @abstractmethod
     def __init__(self, parameters: Any, loop: Loop) -> None: ...
 

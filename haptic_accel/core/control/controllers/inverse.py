@@ -84,6 +84,7 @@ class InverseController(Controller):
     """
 
     Parameters = InverseParameters
+    reducible = True
 
     def __init__(self, parameters: InverseParameters, loop: Loop) -> None:
         goal = parameters.goal(loop)

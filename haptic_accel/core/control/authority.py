@@ -1,0 +1,172 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Reduction of a controller's force to the fraction that is better than no compensation."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from haptic_accel.core.model import FloatArray
+
+BLOCK = 0.016
+"""Time between updates, s: a period of 60 Hz."""
+
+MEMORY = 0.1
+"""Time constant of the running powers and of the fraction, s: some periods of the lowest band."""
+
+CORNER = 9.0
+"""Corner of the high-pass of order 2 that removes gravity and the hand's motion, Hz."""
+
+GROWTH = 1.15
+"""Factor by which the fraction may exceed the best one. A controller whose error does not
+correlate with the desired acceleration thus keeps its full force up to an error of 39 %."""
+
+SLIGHT = 0.015
+"""Accepted increase of the error's power over that of no force, relative to it; 0.75 % of the
+error. A response must be seen to be judged, and to be learnt."""
+
+SILENT = 0.2
+"""Desired acceleration below which the handle's motion counts as noise, m/s^2 RMS: ten times the
+arm's own motion and noise."""
+
+LARGEST_NOISE = 1.0
+"""Maximum noise, m/s^2 RMS: more than ten times that of the paper's accelerometer. What moves more
+in silence is moved by the force."""
+
+LOWEST = 1e-3
+"""Minimum fraction; even a resonance with a damping ratio of 0.01 is below the noise then."""
+
+FASTEST = 0.1, 4.0
+"""Bounds of the factor by which the fraction changes within `MEMORY`."""
+
+REDUCED, RESTORED = 0.5, 0.9
+"""Fraction below which a reduction is reported, and above which its report ends."""
+
+
+class Authority:
+    """Scale a controller's force to the fraction with the least error.
+
+    For the desired acceleration d and the handle's acceleration y, both through the same
+    high-pass, the error of d - s y is least for s = <d y> / <y^2>, and then never above that
+    without force. The fraction is multiplied by s, at the pace of the running means, and the means
+    are converted to the new fraction. No model of the handle is needed.
+
+    Where y fits d, s is near one or above, and the full force is used, exactly. Where it does not,
+    the fraction falls until the error's power is at most `SLIGHT` above that without force. It
+    rises again as soon as the response fits, for example because it has been learnt.
+
+    `observe` only stores two values; `update` does all computations.
+
+    Parameters
+    ----------
+    rate : float
+        Samples per second.
+
+    Attributes
+    ----------
+    fraction : float
+        Factor of the controller's force, from `LOWEST` to 1.
+    reduced : bool
+        True while the force is reduced notably.
+    """
+
+    def __init__(self, rate: float) -> None:
+        # Imported here, as scipy.signal is slow to import, and most nodes have no controller.
+        from scipy import signal
+
+        self._rate = rate
+        self._length = max(1, round(BLOCK * rate))
+        corner = min(CORNER, 0.4 * rate)
+        self._sections = np.asarray(signal.butter(2, corner, "high", fs=rate, output="sos"))
+        self._filtered = signal.sosfilt
+        self._desired: list[float] = []
+        self._measured: list[float] = []
+        self._state: FloatArray = np.zeros((len(self._sections), 2, 2))
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the full force."""
+        self.fraction = 1.0
+        self.reduced = False
+        self._rest = math.nan  # gravity at the first sample, m/s^2
+        self._latest = 0.0
+        self._desired.clear()
+        self._measured.clear()
+        self._state = np.zeros_like(self._state)
+        # Running means of <d^2>, <d y>, <y^2>, and of the noise in the last one, (m/s^2)^2.
+        self._wanted = self._common = self._moved = self._noise = 0.0
+
+    def observe(self, desired: float, measured: float) -> None:
+        """Store one sample.
+
+        Parameters
+        ----------
+        desired : float
+            Desired acceleration, m/s^2.
+        measured : float
+            Handle acceleration that should equal it, m/s^2; NaN or infinite if unknown.
+        """
+        if math.isfinite(measured):
+            if math.isnan(self._rest):
+                self._rest = measured
+            self._latest = measured - self._rest
+        self._desired.append(desired)
+        self._measured.append(self._latest)
+
+    def update(self) -> None:
+        """Update the fraction if enough samples are stored."""
+        length = len(self._desired)
+        if length < self._length:
+            return
+        block = np.array([self._desired, self._measured])
+        self._desired.clear()
+        self._measured.clear()
+        block, self._state = self._filtered(self._sections, block, zi=self._state)
+        wanted, common, _, moved = (block @ block.T / length).ravel().tolist()
+        pace = length / self._rate / MEMORY
+        share = -math.expm1(-pace)
+        self._wanted += share * (wanted - self._wanted)
+        self._common += share * (common - self._common)
+        self._moved += share * (moved - self._moved)
+        if wanted >= SILENT**2 or moved >= LARGEST_NOISE**2:
+            self._scale(self._change() ** pace)
+        elif self._wanted < SILENT**2:
+            self._noise += share * (moved - self._noise)
+        limit = RESTORED if self.reduced else REDUCED
+        self.reduced = self.fraction < limit
+
+    def _change(self) -> float:
+        """Return the factor to the best fraction, or to the one that is accepted."""
+        moved = max(self._moved - self._noise, 1e-3 * self._noise, 1e-9)
+        best = self._common / moved
+        accepted = math.sqrt(SLIGHT * self._wanted / moved)
+        if best > 0.0:
+            change = math.hypot(GROWTH * best, accepted)
+        else:
+            # Where change^2 <y^2> - 2 change <d y> = SLIGHT <d^2>.
+            change = best + math.hypot(best, accepted)
+        low, high = FASTEST
+        return min(max(change, low), high)
+
+    def _scale(self, change: float) -> None:
+        """Multiply the fraction, and convert the means to what it will cause."""
+        before = self.fraction
+        self.fraction = min(max(LOWEST, before * change), 1.0)
+        change = self.fraction / before
+        self._common *= change
+        self._moved += (change**2 - 1.0) * max(0.0, self._moved - self._noise)

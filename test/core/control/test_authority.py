@@ -1,0 +1,166 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The fraction of a force that is used, against known responses of the handle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+
+from haptic_accel.core.control.authority import LOWEST, MEMORY, SILENT, SLIGHT, Authority
+from haptic_accel.core.model import FloatArray
+
+RATE = 1000.0
+
+few = settings(deadline=None, max_examples=20)
+
+
+def texture(seconds: float, rms: float = 2.0, seed: int = 0, rate: float = RATE) -> FloatArray:
+    noise = np.random.default_rng(seed).standard_normal(round(seconds * rate))
+    band = signal.butter(2, [40.0, 300.0], "band", fs=rate, output="sos")
+    found = signal.sosfilt(band, noise)
+    return np.asarray(found * (rms / np.std(found)))
+
+
+def run(
+    authority: Authority,
+    desired: FloatArray,
+    response: FloatArray,
+    other: FloatArray | float = 0.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the fraction and the motion of a handle that responds to the full force.
+
+    The motion is the response times the fraction, plus another motion.
+    """
+    others = np.broadcast_to(other, desired.shape)
+    fractions, moved = [], []
+    for wanted, full, more in zip(
+        desired.tolist(), response.tolist(), others.tolist(), strict=True
+    ):
+        moved.append(authority.fraction * full + more)
+        authority.observe(wanted, moved[-1])
+        authority.update()
+        fractions.append(authority.fraction)
+    return np.array(fractions), np.array(moved)
+
+
+def error(desired: FloatArray, moved: FloatArray) -> float:
+    return float(np.std(moved - desired) / np.std(desired))
+
+
+def test_a_handle_that_follows_gets_the_full_force_exactly() -> None:
+    desired = texture(3.0)
+    disturbed = desired + texture(3.0, 0.3, seed=1)  # an error of 15 %
+    fractions, _ = run(Authority(RATE), desired, disturbed)
+    assert np.array_equal(fractions, np.ones_like(fractions))
+
+
+@few
+@given(gain=st.floats(1.5, 100.0), seed=st.integers(0, 100))
+def test_a_response_that_is_too_large_is_scaled_to_about_what_is_desired(
+    gain: float, seed: int
+) -> None:
+    desired = texture(2.0, seed=seed)
+    fractions, moved = run(Authority(RATE), desired, gain * desired)
+    # The fraction of least error is 1 / gain.
+    assert fractions[500:] * gain == pytest.approx(1.0, abs=0.3)
+    assert error(desired[500:], moved[500:]) < 0.3
+
+
+@few
+@given(gain=st.floats(0.5, 50.0), seed=st.integers(0, 100))
+def test_a_response_to_nothing_desired_is_reduced_until_it_does_no_harm(
+    gain: float, seed: int
+) -> None:
+    desired, unrelated = texture(4.0, seed=seed), texture(4.0, seed=seed + 1000)
+    _, moved = run(Authority(RATE), desired, gain * unrelated)
+    assert error(desired[1000:], moved[1000:]) <= 1.02
+
+
+@pytest.mark.parametrize("gain", [-0.5, -1.0, -10.0])
+def test_swapped_wires_cost_what_is_accepted(gain: float) -> None:
+    desired = texture(4.0)
+    fractions, moved = run(Authority(RATE), desired, gain * desired)
+    # (1 + f g)^2 = 1 + SLIGHT with the fraction f and the gain g.
+    assert error(desired[1000:], moved[1000:]) <= math.sqrt(1.0 + 2.0 * SLIGHT)
+    assert fractions[1000:].max() < 0.1
+
+
+def test_the_full_force_returns_once_the_response_fits() -> None:
+    authority = Authority(RATE)
+    desired = texture(4.0)
+    response = np.concatenate([-5.0 * desired[:2000], desired[2000:]])
+    fractions, _ = run(authority, desired, response)
+    assert fractions[1999] < 0.02
+    assert fractions[2000 + round(12 * MEMORY * RATE)] == 1.0
+    assert not authority.reduced
+
+
+def test_noise_that_was_there_before_the_contact_is_not_the_force_s() -> None:
+    desired = texture(4.0, 0.5)
+    desired[:1000] = 0.0
+    noise = np.random.default_rng(3).normal(0.0, 0.5, len(desired))
+    fractions, _ = run(Authority(RATE), desired, desired, noise)
+    assert fractions[1500:].mean() > 0.9
+
+
+def test_silence_changes_nothing() -> None:
+    authority = Authority(RATE)
+    desired = texture(3.0)
+    desired[1000:2000] *= 0.1 * SILENT / 2.0
+    fractions, _ = run(authority, desired, -3.0 * desired)
+    assert np.ptp(fractions[1050:2000]) == 0.0
+
+
+def test_an_oscillation_in_silence_is_reduced() -> None:
+    silence = np.zeros(2000)
+    unstable = 20.0 * np.sin(2 * np.pi * 150.0 * np.arange(2000) / RATE)
+    fractions, moved = run(Authority(RATE), silence, unstable)
+    assert fractions[-1] < 0.1
+    assert np.abs(moved[-500:]).max() < 2.0
+
+
+def test_gravity_and_the_motion_of_the_hand_do_not_count() -> None:
+    desired = texture(4.0)
+    time = np.arange(len(desired)) / RATE
+    hand = 6.9 + 0.5 * np.sin(2 * np.pi * 1.0 * time)
+    fractions, _ = run(Authority(RATE), desired, desired, hand)
+    assert np.array_equal(fractions, np.ones_like(fractions))
+
+
+def test_samples_that_are_missing_are_bridged() -> None:
+    authority, desired = Authority(RATE), texture(1.0)
+    for number, value in enumerate(desired.tolist()):
+        authority.observe(value, math.nan if number % 100 == 0 else value)
+        authority.update()
+    assert authority.fraction == 1.0
+
+
+@pytest.mark.parametrize("rate", [100.0, 500.0, 4000.0])
+def test_any_rate_will_do(rate: float) -> None:
+    authority = Authority(rate)
+    noise = np.random.default_rng(2).standard_normal(round(4 * rate))
+    fractions, _ = run(authority, noise, -10.0 * noise)
+    assert LOWEST <= fractions[-1] < 0.1
+    authority.reset()
+    assert authority.fraction == 1.0
+    fractions, _ = run(authority, noise, noise)
+    assert np.array_equal(fractions, np.ones_like(fractions))
