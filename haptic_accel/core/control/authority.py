@@ -48,11 +48,18 @@ LARGEST_NOISE = 1.0
 """Maximum noise, m/s^2 RMS: more than ten times that of the paper's accelerometer. What moves more
 in silence is moved by the force."""
 
+LISTENED = 0.2
+"""Time of silence after which the noise is known, s: two time constants."""
+
 LOWEST = 1e-3
 """Minimum fraction; even a resonance with a damping ratio of 0.01 is below the noise then."""
 
-FASTEST = 0.1, 4.0
-"""Bounds of the factor by which the fraction changes within `MEMORY`."""
+FALLING, RISING = 0.1, 2.0
+"""Bounds of the factor by which the fraction changes within `MEMORY`: a resonance takes some
+periods to show."""
+
+RECOVERING = 10.0
+"""Upper bound on a handle as described: what has moved it was another cause, as a new grip."""
 
 REDUCED, RESTORED = 0.5, 0.9
 """Fraction below which a reduction is reported, and above which its report ends."""
@@ -83,6 +90,8 @@ class Authority:
         Factor of the controller's force, from `LOWEST` to 1.
     reduced : bool
         True while the force is reduced notably.
+    noise : float
+        Least motion in silence, m/s^2 RMS; infinite while unknown.
     """
 
     def __init__(self, rate: float) -> None:
@@ -110,6 +119,8 @@ class Authority:
         self._state = np.zeros_like(self._state)
         # Running means of <d^2>, <d y>, <y^2>, and of the noise in the last one, (m/s^2)^2.
         self._wanted = self._common = self._moved = self._noise = 0.0
+        self._silent = 0.0  # time of silence so far, s
+        self.noise = math.inf
 
     def observe(self, desired: float, measured: float) -> None:
         """Store one sample.
@@ -128,8 +139,15 @@ class Authority:
         self._desired.append(desired)
         self._measured.append(self._latest)
 
-    def update(self) -> None:
-        """Update the fraction if enough samples are stored."""
+    def update(self, described: bool) -> None:
+        """Update the fraction if enough samples are stored.
+
+        Parameters
+        ----------
+        described : bool
+            True if the handle's response is as described, as far as known. Its motion in silence
+            is then not caused by the force.
+        """
         length = len(self._desired)
         if length < self._length:
             return
@@ -143,10 +161,14 @@ class Authority:
         self._wanted += share * (wanted - self._wanted)
         self._common += share * (common - self._common)
         self._moved += share * (moved - self._moved)
-        if wanted >= SILENT**2 or moved >= LARGEST_NOISE**2:
-            self._scale(self._change() ** pace)
+        if wanted >= SILENT**2 or (moved >= LARGEST_NOISE**2 and not described):
+            rising = RECOVERING if described else RISING
+            self._scale(min(max(self._change(), FALLING), rising) ** pace)
         elif self._wanted < SILENT**2:
             self._noise += share * (moved - self._noise)
+            self._silent += length / self._rate
+            if self._silent >= LISTENED:
+                self.noise = min(self.noise, math.sqrt(self._noise))
         limit = RESTORED if self.reduced else REDUCED
         self.reduced = self.fraction < limit
 
@@ -156,12 +178,9 @@ class Authority:
         best = self._common / moved
         accepted = math.sqrt(SLIGHT * self._wanted / moved)
         if best > 0.0:
-            change = math.hypot(GROWTH * best, accepted)
-        else:
-            # Where change^2 <y^2> - 2 change <d y> = SLIGHT <d^2>.
-            change = best + math.hypot(best, accepted)
-        low, high = FASTEST
-        return min(max(change, low), high)
+            return math.hypot(GROWTH * best, accepted)
+        # Where change^2 <y^2> - 2 change <d y> = SLIGHT <d^2>.
+        return best + math.hypot(best, accepted)
 
     def _scale(self, change: float) -> None:
         """Multiply the fraction, and convert the means to what it will cause."""

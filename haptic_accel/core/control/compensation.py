@@ -252,11 +252,12 @@ class Compensation:
         if self._asleep:
             return
         channels = [self._active, self._follower] if self._follower else [self._active]
-        judged = self._fallback.update()
+        fallback = self._fallback
+        judged = fallback.update()
         for channel in channels:
             channel.controller.adapt()
             if judged:
-                channel.controller.judged(self._fallback.supervisor.fitting)
+                channel.controller.judged(fallback.supervisor.fitting, fallback.fraction)
 
     def freeze(self, frozen: bool) -> None:
         """Stop or resume the adaptation of all controllers."""

@@ -64,6 +64,10 @@ LEAST_PART, LARGEST_PART = 0.05, 0.25
 """Bounds of the fraction of the force that is tried while no substitute is active: without force,
 nothing can be learnt about the handle."""
 
+LOUD = 0.2
+"""Noise of the handle's accelerometer that is reported, m/s^2 RMS: three times that of the paper's
+sensor, or a tenth of a strong texture."""
+
 FADING = 5e-3
 """Duration of the crossfade to a substitute, s."""
 
@@ -137,7 +141,12 @@ class Fallback:
             replaced = f"{self._name} was worse than no compensation: it is tried again"
         elif self._authority.reduced:
             replaced = f"{self._name} is worse than no compensation: its force is reduced"
-        return ", ".join(filter(None, (self.supervisor.warning, replaced)))
+        noisy = ""
+        if LOUD <= self._authority.noise < math.inf:
+            noisy = (
+                f"the handle's accelerometer has {self._authority.noise:.2f} m/s^2 RMS of noise"
+            )
+        return ", ".join(filter(None, (self.supervisor.warning, noisy, replaced)))
 
     @property
     def fraction(self) -> float:
@@ -217,7 +226,7 @@ class Fallback:
         if self._turn == 0:
             return self.supervisor.update()
         if self._reducible:
-            self._authority.update()
+            self._authority.update(self.supervisor.described)
             return False
         if self._turn == 1 and self._tracking.update():
             self._judge()

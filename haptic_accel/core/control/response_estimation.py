@@ -57,6 +57,8 @@ class ResponseEstimator:
 
     Attributes
     ----------
+    memory : float
+        Time constant of forgetting, s; may be changed.
     model : ndarray, shape (n,)
         Factor of the input's spectrum, 1 at first. With a model of the response here, the estimate
         is the ratio to the model, even if the model changes between evaluations.
@@ -87,7 +89,7 @@ class ResponseEstimator:
         self._shape = shape * math.sqrt(2.0 / rate / float(np.sum(shape**2)))
         self._least = least
         self.model: ComplexArray = np.ones(len(self.frequency), dtype=np.complex128)
-        self._kept = math.exp(-self.interval / memory)
+        self.memory = memory
         self._window = PairedWindow(self._length, self._hop)
         self._work: Iterator[bool] = iter(())
         self.reset()
@@ -142,7 +144,7 @@ class ResponseEstimator:
         yield False
         effect = np.fft.rfft((shown - shown.mean()) * self._shape)
         yield False
-        weight = self._kept * self.weight + 1.0
+        weight = math.exp(-self.interval / self.memory) * self.weight + 1.0
         share = 1.0 / weight
         excitation = self.excitation + share * (np.abs(cause) ** 2 - self.excitation)
         output = self.output + share * (np.abs(effect) ** 2 - self.output)

@@ -45,6 +45,7 @@ def run(
     desired: FloatArray,
     response: FloatArray,
     other: FloatArray | float = 0.0,
+    described: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the fraction and the motion of a handle that responds to the full force.
 
@@ -57,7 +58,7 @@ def run(
     ):
         moved.append(authority.fraction * full + more)
         authority.observe(wanted, moved[-1])
-        authority.update()
+        authority.update(described)
         fractions.append(authority.fraction)
     return np.array(fractions), np.array(moved)
 
@@ -138,6 +139,14 @@ def test_an_oscillation_in_silence_is_reduced() -> None:
     assert np.abs(moved[-500:]).max() < 2.0
 
 
+def test_what_moves_a_handle_as_described_in_silence_is_not_the_force() -> None:
+    silence = np.zeros(1000)
+    jolt = 20.0 * np.exp(-np.arange(1000) / 50.0) * np.sin(np.arange(1000) / 10.0)
+    authority = Authority(RATE)
+    run(authority, silence, silence, jolt, described=True)
+    assert authority.fraction == 1.0
+
+
 def test_gravity_and_the_motion_of_the_hand_do_not_count() -> None:
     desired = texture(4.0)
     time = np.arange(len(desired)) / RATE
@@ -150,7 +159,7 @@ def test_samples_that_are_missing_are_bridged() -> None:
     authority, desired = Authority(RATE), texture(1.0)
     for number, value in enumerate(desired.tolist()):
         authority.observe(value, math.nan if number % 100 == 0 else value)
-        authority.update()
+        authority.update(described=False)
     assert authority.fraction == 1.0
 
 

@@ -106,6 +106,10 @@ class AdaptiveController(InverseController):
         if estimated or self._learner.update(self._grip):
             self._excursion.replace(self._family.taps(self._grip) + self._learner.correction)
 
+    def judged(self, fitting: float, fraction: float) -> None:
+        """Forget the handle's response faster while the force does harm: it has changed."""
+        self._learner.hasten(fraction)
+
     def freeze(self, frozen: bool) -> None:
         """Freeze the present filter, or resume the adaptation to the grip."""
         self.frozen = frozen
@@ -144,6 +148,9 @@ class AdaptiveController(InverseController):
 
 MEMORY = 2.0
 """Time constant of forgetting, in excited time, s: some strokes over a surface."""
+
+HASTY = 0.15
+"""Smallest memory of the plant relative to `MEMORY`: some independent evaluations."""
 
 WINDOW = 0.5
 """Minimum signal length for one evaluation, s: lines 2 Hz apart."""
@@ -290,8 +297,13 @@ class Learner:
             self._work = self._redesign(grip)
         return False
 
+    def hasten(self, fraction: float) -> None:
+        """Shorten the memory of the plant, down to `HASTY`, for the used fraction of the force."""
+        self._ratio.memory = MEMORY * (HASTY + (1.0 - HASTY) * fraction)
+
     def reset(self) -> None:
         """Discard everything learnt."""
+        self._ratio.memory = MEMORY
         self._tool.reset()
         self._ratio.reset()
         handle = self._handle

@@ -175,7 +175,7 @@ class FeedbackController(Controller):
             taken = self._feedforward.friction_force
         self._surplus = actuator_force - taken - self._known
 
-    def judged(self, fitting: float) -> None:
+    def judged(self, fitting: float, fraction: float) -> None:
         """Accept the measurement again after the response has fitted the plant for long enough."""
         if fitting >= FITTING:
             self._distrusted = False

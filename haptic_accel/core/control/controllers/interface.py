@@ -111,8 +111,16 @@ class Controller(ABC):
     def adapt(self) -> None:  # noqa: B027 - most have none
         """Execute a part of slow computations, tens of microseconds, while no force is due."""
 
-    def judged(self, fitting: float) -> None:  # noqa: B027 - most need not know
-        """Receive the time for which the response has fitted the plant, s of excitation."""
+    def judged(self, fitting: float, fraction: float) -> None:  # noqa: B027 - most need not know
+        """Receive a new result of the supervision.
+
+        Parameters
+        ----------
+        fitting : float
+            Time for which the response has fitted the plant, s of excitation.
+        fraction : float
+            Fraction of the controller's force that is used, from 0 to 1.
+        """
 
     def freeze(self, frozen: bool) -> None:  # noqa: B027 - most have nothing to
         """Stop or resume adaptation."""

@@ -207,10 +207,10 @@ def test_after_saturation_it_stays_off_until_the_response_fits() -> None:
     controller = fresh()
     for measured in [*texture(RATE, 0.2), math.inf, *texture(RATE, 0.5)]:
         controller.force(1.0, measured)
-    controller.judged(FITTING - 0.1)
+    controller.judged(FITTING - 0.1, 1.0)
     assert controller.warning.startswith("feedback off: handle acceleration was saturated")
     assert controller.diagnostics()["feedback gain (N per m/s^2)"] == "0.000"
-    controller.judged(FITTING)
+    controller.judged(FITTING, 1.0)
     assert controller.warning == ""
     for measured in texture(RATE, 0.1):
         controller.force(1.0, measured)
