@@ -21,6 +21,7 @@ import math
 
 import numpy as np
 
+from haptic_accel.core.control.diagnosis import Diagnosis
 from haptic_accel.core.control.feedback_design import MODEL_MEMORY, GripRange
 from haptic_accel.core.control.inversion.convolution import SampleConvolution
 from haptic_accel.core.control.response_estimation import ResponseEstimator
@@ -110,6 +111,7 @@ class ResponseSupervisor:
         self._bands = np.array(inside, dtype=float).reshape(len(self._edges), len(lines))
         self._tolerated = TOLERANCE + _ordinary_deviation(plant, lines, self._bands)
         self._friction = plant.friction
+        self._diagnosis = Diagnosis(plant, rate, lines)
         self._per_force = np.zeros(len(lines))
         counted = lines >= CONTINUOUS
         self._expected = 0.0  # model's acceleration at the tick of the next measurement, m/s^2
@@ -134,7 +136,10 @@ class ResponseSupervisor:
 
     @property
     def warning(self) -> str:
-        """Deviating bands and the recommended action; empty if there are none."""
+        """Deviating bands, the recommended action, and what differs; empty if nothing does."""
+        return ", ".join(filter(None, (self._deviating_bands(), self._diagnosis.difference)))
+
+    def _deviating_bands(self) -> str:
         bad = np.flatnonzero(self._bad)
         if not len(bad):
             return ""
@@ -162,15 +167,21 @@ class ResponseSupervisor:
 
     def update(self) -> bool:
         """Execute a part of pending computations; return True after a new result."""
-        done = self._estimator.update()
+        estimator = self._estimator
+        done = estimator.update()
         if done:
             self._judge()
+            response, coherence = estimator.response, estimator.coherence
+            self._diagnosis.judge(
+                *(response, coherence, estimator.excitation, estimator.interval, estimator.weight)
+            )
         return done
 
     def reset(self) -> None:
         """Discard all samples and results."""
         self._model.reset()
         self._estimator.reset()
+        self._diagnosis.reset()
         self._expected = 0.0
         bands = len(self._edges)
         self._over, self._under = np.zeros(bands), np.zeros(bands)

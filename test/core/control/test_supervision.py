@@ -74,7 +74,7 @@ def test_an_unknown_mode_is_told_within_a_second(frequency: float, damping: floa
     watching = supervisor()
     warning = feed(watching, sent, response(with_mode(frequency, damping), sent))[-1]
     assert warning.startswith("the handle is not as described ")
-    assert warning.endswith(" Hz: run identify")
+    assert " Hz: run identify" in warning
     assert not watching.described
     assert watching.fitting == 0.0
 
@@ -90,7 +90,8 @@ def test_it_names_the_bands_that_deviate() -> None:
     measured = response(PLANT, sent)
     wide, narrow = supervisor(), supervisor()
     upper = signal.butter(8, 170.0, "highpass", fs=RATE, output="sos")
-    assert feed(wide, sent, measured + 3.0 * signal.sosfilt(upper, measured))[-1] in (
+    warning = feed(wide, sent, measured + 3.0 * signal.sosfilt(upper, measured))[-1]
+    assert warning.split(",")[0] in (
         "the handle is not as described above 150 Hz: run identify",
         "the handle is not as described above 190 Hz: run identify",
     )

@@ -1,0 +1,250 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Name of what differs between a handle and its description, from the ratio of their responses."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.response import inverse_terms
+from haptic_accel.core.model import ComplexArray, FloatArray, MountParameters, handle_model
+
+LOWEST, HIGHEST = 20.0, 450.0
+"""Range of the lines, Hz: from where the hand's own motion ends to where textures end."""
+
+LEAST_COHERENCE = 0.7
+"""Minimum coherence of a line."""
+
+LEAST_SHARE = 1e-2
+"""Minimum density of a line relative to the largest, so that leakage does not count."""
+
+MOST = 0.6
+"""Minimum fraction of the level that is in coherent lines."""
+
+FEWEST_LINES = 10
+"""Minimum number of lines: three parameters of the grip and the delay are fitted."""
+
+LEAST_EXPECTED = 0.2
+"""Minimum expected acceleration over all lines, m/s^2 RMS: three times the noise of the paper's
+accelerometer."""
+
+DELAYS = np.arange(-10, 31) * 50e-6
+"""Delays that are tried, s."""
+
+UNEXPLAINED = 0.12
+"""Relative deviation from the best grip and delay above which a mode is assumed; friction and
+noise of the paper's rig leave half of it."""
+
+SAME = 1.3
+"""Ratio of the deviation of a simple explanation to that of the general one below which the
+simple one is accepted."""
+
+NEGLIGIBLE = 0.015
+"""Deviation that counts as an exact fit."""
+
+PULL = 1e-5
+"""Weight of the described grip relative to the excitation."""
+
+NOTICEABLE_SCALE = 0.1
+"""Relative deviation of the force that is named."""
+
+NOTICEABLE_DELAY = 0.15e-3
+"""Deviation of the delay that is named, s."""
+
+LOWEST_MODE = 50.0
+"""Frequency above which a peak is a mode, Hz; below, the hand's grip has its resonance."""
+
+CAUTION = 2.0
+"""Weight of the variance of the estimated response in the limit of the deviation."""
+
+INDEPENDENCE = 0.5
+"""Independent evaluations per evaluation (Welch 1967)."""
+
+CLOSE = 0.1
+"""Relative change below which a name is kept."""
+
+RAISING = 0.25
+"""Time for which the same difference must be found before it is named, s."""
+
+FITTING = 2.0
+"""Time without difference after which the name ends, s."""
+
+
+class Difference(NamedTuple):
+    """Kind of a difference, its number, and a text on both; the kind is empty for none."""
+
+    kind: str
+    value: float
+    text: str
+
+
+NOTHING = Difference("", 0.0, "")
+
+
+class Diagnosis:
+    """Find the simplest difference that explains the ratio of measured to expected response.
+
+    With the ratio R, the described handle H_0 and a delay tau, eq. (1) and (2) give
+
+        R H_0 (m_h T_1 + b_u T_2 + k_u T_3 + T_4) = exp(-j w tau)
+
+    which is linear in the grip; T are the terms of 1/H. A grip explains any hand. If a constant R
+    explains as much, it is the scale of the force per mass: hands rarely change mass, damping and
+    stiffness alike. What neither grip nor delay explains is a mode, at the peak of R.
+
+    Parameters
+    ----------
+    plant : Plant
+        Described plant.
+    rate : float
+        Samples per second.
+    frequency : ndarray, shape (n,)
+        Lines of the ratio, Hz.
+
+    Attributes
+    ----------
+    difference : str
+        Named difference; empty if there is none.
+    """
+
+    def __init__(self, plant: Plant, rate: float, frequency: FloatArray) -> None:
+        self._inside = (frequency >= LOWEST) & (frequency <= min(HIGHEST, 0.45 * rate))
+        self._lines = lines = frequency[self._inside]
+        handle = plant.handle
+        self._grip = np.array([handle.m_h, handle.b_u, handle.k_u])
+        terms = inverse_terms(handle, lines) * handle_model(handle).response(lines)
+        # Relative to the described grip: the sum of all four is 1.
+        self._terms: ComplexArray = terms * np.append(self._grip, 1.0)[:, np.newaxis]
+        self._mount = _transmission(plant.mount, lines)
+        self._late = np.exp(-2j * np.pi * np.outer(DELAYS, lines))
+        self._undelayed = int(np.argmin(np.abs(DELAYS)))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all names."""
+        self.difference = ""
+        self._named = NOTHING  # the difference as named
+        self._kind = ""
+        self._since = 0.0  # time for which the last kind has been found, s
+
+    def judge(
+        self,
+        response: ComplexArray,
+        coherence: FloatArray,
+        density: FloatArray,
+        interval: float,
+        evaluations: float,
+    ) -> None:
+        """Process a new estimate.
+
+        Parameters
+        ----------
+        response : ndarray, shape (n,)
+            Ratio of measured to expected acceleration, complex.
+        coherence : ndarray, shape (n,)
+            Coherence of both.
+        density : ndarray, shape (n,)
+            Density of the expected acceleration, (m/s^2)^2 per Hz.
+        interval : float
+            Time since the last estimate, s.
+        evaluations : float
+            Number of windows in the estimate, which overlap by three quarters.
+        """
+        response = response[self._inside]
+        coherence, density = coherence[self._inside], density[self._inside]
+        step = float(self._lines[1] - self._lines[0]) if len(self._lines) > 1 else 0.0
+        if float(density.sum()) * step < LEAST_EXPECTED**2:
+            return
+        # A line counts by its level, not its power: all of the range shows the handle.
+        levels = (density >= LEAST_SHARE * density.max()) * np.sqrt(density)
+        weights = (coherence >= LEAST_COHERENCE) * levels
+        # Few lines that are coherent by chance have too large a response.
+        if np.count_nonzero(weights) < FEWEST_LINES or weights.sum() < MOST * levels.sum():
+            return
+        weights /= weights.sum()
+        scatter = 1.0 / np.maximum(coherence, LEAST_COHERENCE) - 1.0
+        independent = max(1.0, INDEPENDENCE * evaluations)
+        found = self._explanation(response, weights, float(scatter @ weights) / independent)
+        self._since = self._since + interval if found.kind == self._kind else 0.0
+        self._kind = found.kind
+        if self._since >= (RAISING if found.kind else FITTING):
+            self._name(found)
+
+    def _name(self, found: Difference) -> None:
+        """Name a difference, unless the present name is close enough."""
+        close = CLOSE * abs(self._named.value)
+        if found.kind != self._named.kind or abs(found.value - self._named.value) > close:
+            self._named, self.difference = found, found.text
+
+    def _explanation(
+        self, response: ComplexArray, weights: FloatArray, variance: float
+    ) -> Difference:
+        """Return the simplest explanation of a response with a relative variance."""
+        terms = self._terms * response
+        grip = terms[:3]
+        matrix = (grip.conj() * weights @ grip.T).real
+        targets = self._late - terms[3]
+        vectors = (grip.conj() * weights @ targets.T).real
+        powers = (np.abs(targets) ** 2) @ weights
+        # A texture without low frequencies does not show spring and damper: pull them to 1.
+        pull = PULL * np.trace(matrix)
+        factors = np.linalg.solve(matrix + pull * np.eye(3), vectors + pull)
+        explained = np.sum(factors * (2.0 * vectors - matrix @ factors), axis=0)
+        left = np.sqrt(np.maximum(0.0, powers - explained))
+        best = int(np.argmin(left))
+        now = self._undelayed
+        scale, left_scaled = self._scaled(response, weights)
+        limit = math.sqrt(UNEXPLAINED**2 + CAUTION * variance)
+        if left[now] < limit:
+            if scale < 0.0:
+                text = "the force acts in the opposite direction: swap the wires of the coil"
+                return Difference("polarity", scale, text)
+            alike = left_scaled < max(NEGLIGIBLE, SAME * left[now])
+            if alike and abs(scale - 1.0) > max(NOTICEABLE_SCALE, left_scaled):
+                share = f"{1.0 / scale:.2f} of what is described"
+                text = f"the force per mass is {share} (force constant, or mass)"
+                return Difference("scale", scale, text)
+            return NOTHING
+        late = float(DELAYS[best])
+        if left[best] < limit and abs(late) > NOTICEABLE_DELAY:
+            than = "later" if late > 0.0 else "earlier"
+            text = f"the force acts {1e3 * abs(late):.1f} ms {than} than described"
+            return Difference("delay", late, text)
+        peak = np.argmax(np.abs(response * self._mount) * (weights > 0.0))
+        frequency = float(self._lines[peak])
+        if frequency < LOWEST_MODE:
+            return NOTHING
+        text = f"a mode near {frequency:.0f} Hz is not described"
+        return Difference("mode", frequency, text)
+
+    def _scaled(self, response: ComplexArray, weights: FloatArray) -> tuple[float, float]:
+        """Return the factor that makes a response 1, and the relative deviation left."""
+        power = float(np.abs(response) ** 2 @ weights)
+        factor = float(response.real @ weights) / power
+        return factor, math.sqrt(max(0.0, 1.0 - factor**2 * power))
+
+
+def _transmission(mount: MountParameters, frequency: FloatArray) -> ComplexArray:
+    """Return the motion of a mount over that of the handle."""
+    if not mount.frequency:
+        return np.ones(len(frequency), dtype=np.complex128)
+    ratio = frequency / mount.frequency
+    damper = 2j * mount.damping * ratio
+    return np.asarray((1.0 + damper) / (1.0 - ratio**2 + damper))

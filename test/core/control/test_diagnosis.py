@@ -1,0 +1,140 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Names of differences, from responses of plants that have exactly one of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_accel.core.control.diagnosis import FITTING, RAISING, Diagnosis
+from haptic_accel.core.control.feedback_design import GripRange
+from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.model import ComplexArray, HandleParameters, MountParameters
+
+RATE = 1000.0
+LINES = np.arange(129) * RATE / 256
+INNER = (LINES > 0.0) & (LINES < 450.0)
+INTERVAL = 0.064
+PAPER = Plant(mount=MountParameters(287.0, 0.105), delay=68e-6).coupled()
+IDEAL = Plant(bandwidth=100e3).coupled()
+
+few = settings(deadline=None, max_examples=25)
+
+
+def named(
+    described: Plant, response: ComplexArray, coherence: float = 0.99, seconds: float = 0.5
+) -> str:
+    """Return the name for a response of the real plant over the described one."""
+    ratio = np.ones(len(LINES), dtype=np.complex128)
+    ratio[INNER] = response / described.response(LINES[INNER], RATE)
+    density = np.where((LINES > 20.0) & (LINES < 400.0), 1e-2, 0.0)
+    diagnosis = Diagnosis(described, RATE, LINES)
+    for _ in range(round(seconds / INTERVAL)):
+        diagnosis.judge(ratio, np.full(len(LINES), coherence), density, INTERVAL, 8.0)
+    return diagnosis.difference
+
+
+def response(plant: Plant) -> ComplexArray:
+    return plant.response(LINES[INNER], RATE)
+
+
+@pytest.mark.parametrize("described", [IDEAL, PAPER])
+@pytest.mark.parametrize("number", range(9))
+def test_ordinary_hands_are_no_difference(described: Plant, number: int) -> None:
+    hand = GripRange().grips(described.handle)[number]
+    assert named(described, response(replace(described, handle=hand))) == ""
+
+
+@few
+@given(scale=st.one_of(st.floats(0.5, 0.85), st.floats(1.18, 2.0)))
+@pytest.mark.parametrize("described", [IDEAL, PAPER])
+def test_the_scale_of_the_force_is_named(described: Plant, scale: float) -> None:
+    text = named(described, scale * response(described))
+    assert text.startswith("the force per mass is ")
+    assert float(text.split()[5]) == pytest.approx(scale, rel=0.05)
+
+
+@pytest.mark.parametrize("described", [IDEAL, PAPER])
+def test_swapped_wires_are_named(described: Plant) -> None:
+    assert "opposite direction" in named(described, -response(described))
+
+
+@few
+@given(more=st.floats(0.3e-3, 1.2e-3))
+def test_more_delay_is_named(more: float) -> None:
+    text = named(PAPER, response(replace(PAPER, delay=PAPER.delay + more)))
+    assert text.endswith("later than described")
+    assert float(text.split()[3]) == pytest.approx(1e3 * more, abs=0.11)
+
+
+def test_less_delay_is_named() -> None:
+    slow = replace(PAPER, delay=500e-6)
+    assert named(slow, response(replace(slow, delay=100e-6))).endswith("earlier than described")
+
+
+@few
+@given(frequency=st.floats(70.0, 350.0), damping=st.floats(0.01, 0.15))
+@pytest.mark.parametrize("described", [IDEAL, PAPER])
+def test_a_mode_is_named_at_its_frequency(
+    described: Plant, frequency: float, damping: float
+) -> None:
+    if described.mount.frequency and abs(frequency / described.mount.frequency - 1.0) < 0.2:
+        return  # nearly as described
+    text = named(
+        described, response(replace(described, mount=MountParameters(frequency, damping)))
+    )
+    assert text.endswith("is not described")
+    # Lines are 4 Hz apart, and a damped mode has its peak below its frequency.
+    assert float(text.split()[3]) == pytest.approx(frequency, rel=0.1, abs=6.0)
+
+
+def test_a_name_needs_time_and_ends_with_the_difference() -> None:
+    assert named(IDEAL, 0.7 * response(IDEAL), seconds=RAISING / 2) == ""
+    diagnosis = Diagnosis(IDEAL, RATE, LINES)
+    density, coherence = np.full(len(LINES), 1e-2), np.ones(len(LINES))
+
+    def judge(scale: float, seconds: float) -> str:
+        ratio = np.full(len(LINES), scale, dtype=np.complex128)
+        for _ in range(round(seconds / INTERVAL)):
+            diagnosis.judge(ratio, coherence, density, INTERVAL, 8.0)
+        return diagnosis.difference
+
+    assert judge(0.7, 0.5)
+    assert judge(1.0, FITTING / 2)
+    assert judge(1.0, FITTING) == ""
+
+
+@pytest.mark.parametrize("coherence", [0.0, 0.5])
+def test_an_incoherent_response_has_no_name(coherence: float) -> None:
+    assert named(IDEAL, 0.5 * response(IDEAL), coherence) == ""
+
+
+def test_a_weak_force_shows_nothing() -> None:
+    diagnosis = Diagnosis(IDEAL, RATE, LINES)
+    for _ in range(20):
+        ratio = np.full(len(LINES), -1.0 + 0j)
+        diagnosis.judge(ratio, np.ones(len(LINES)), np.full(len(LINES), 1e-6), INTERVAL, 8.0)
+    assert diagnosis.difference == ""
+
+
+def test_a_grip_without_a_spring_can_be_judged() -> None:
+    free = Plant(HandleParameters(k_u=0.0, b_u=0.0), coupling=0.0)
+    assert named(free, response(free)) == ""
