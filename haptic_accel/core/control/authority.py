@@ -48,6 +48,15 @@ LARGEST_NOISE = 1.0
 """Maximum noise, m/s^2 RMS: more than ten times that of the paper's accelerometer. What moves more
 in silence is moved by the force."""
 
+QUIET, RINGING, LOUDEST = 0.05, 0.25, 2.0
+"""Powers of desired and measured acceleration below which nothing is judged, relative to the
+highest of late, and the time constant of that one, s. A handle that rings while the tool lifts off
+is worse than none, but hardly adds to the error, and would cost the force of the next contact."""
+
+CAUTIOUS, WARIEST = 0.3, 0.25
+"""Time constant with which the use of a reduced fraction falls in silence, s, and its lower bound:
+a tool that lands excites the handle more, and otherwise, than what the fraction was found for."""
+
 LISTENED = 0.2
 """Time of silence after which the noise is known, s: two time constants."""
 
@@ -87,7 +96,7 @@ class Authority:
     Attributes
     ----------
     fraction : float
-        Factor of the controller's force, from `LOWEST` to 1.
+        Best factor of the controller's force so far, from `LOWEST` to 1.
     reduced : bool
         True while the force is reduced notably.
     noise : float
@@ -110,7 +119,7 @@ class Authority:
 
     def reset(self) -> None:
         """Return to the full force."""
-        self.fraction = 1.0
+        self.fraction = self._caution = 1.0
         self.reduced = False
         self._rest = math.nan  # gravity at the first sample, m/s^2
         self._latest = 0.0
@@ -119,8 +128,14 @@ class Authority:
         self._state = np.zeros_like(self._state)
         # Running means of <d^2>, <d y>, <y^2>, and of the noise in the last one, (m/s^2)^2.
         self._wanted = self._common = self._moved = self._noise = 0.0
+        self._level = 0.0  # highest <d^2> of late, (m/s^2)^2
         self._silent = 0.0  # time of silence so far, s
         self.noise = math.inf
+
+    @property
+    def used(self) -> float:
+        """Factor of the force: the fraction, or less after silence."""
+        return self.fraction * self._caution
 
     def observe(self, desired: float, measured: float) -> None:
         """Store one sample.
@@ -161,10 +176,17 @@ class Authority:
         self._wanted += share * (wanted - self._wanted)
         self._common += share * (common - self._common)
         self._moved += share * (moved - self._moved)
-        if wanted >= SILENT**2 or (moved >= LARGEST_NOISE**2 and not described):
+        self._level = max(self._level * math.exp(-length / self._rate / LOUDEST), self._wanted)
+        loud = wanted >= max(SILENT**2, QUIET * self._level)
+        moving = moved >= max(LARGEST_NOISE**2, RINGING * self._level) and not described
+        if loud or moving:
             rising = RECOVERING if described else RISING
-            self._scale(min(max(self._change(), FALLING), rising) ** pace)
+            # `_change` is relative to what is used.
+            change = min(max(self._caution * self._change(), FALLING), rising)
+            self._scale(change**pace, RISING**pace)
         elif self._wanted < SILENT**2:
+            if self.fraction < RESTORED and not described:
+                self._scale(1.0, math.exp(-length / self._rate / CAUTIOUS))
             self._noise += share * (moved - self._noise)
             self._silent += length / self._rate
             if self._silent >= LISTENED:
@@ -182,10 +204,11 @@ class Authority:
         # Where change^2 <y^2> - 2 change <d y> = SLIGHT <d^2>.
         return best + math.hypot(best, accepted)
 
-    def _scale(self, change: float) -> None:
-        """Multiply the fraction, and convert the means to what it will cause."""
-        before = self.fraction
-        self.fraction = min(max(LOWEST, before * change), 1.0)
-        change = self.fraction / before
+    def _scale(self, change: float, caution: float) -> None:
+        """Multiply fraction and caution, and convert the means to what they will cause."""
+        before = self.used
+        self.fraction = min(max(LOWEST, self.fraction * change), 1.0)
+        self._caution = min(max(WARIEST, self._caution * caution), 1.0)
+        change = self.used / before
         self._common *= change
         self._moved += (change**2 - 1.0) * max(0.0, self._moved - self._noise)

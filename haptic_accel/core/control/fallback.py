@@ -182,7 +182,7 @@ class Fallback:
     def force(self, desired_acceleration: float, wanted: float) -> float:
         """Return the force to send in place of the controller's force, N."""
         if self._reducible:
-            wanted *= self._authority.fraction
+            wanted *= self._authority.used
         self._wanted = wanted
         if self._share == 1.0 and not self.substitute and self._gain == 0.0:
             return wanted

@@ -25,7 +25,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from haptic_accel.core.control.authority import LOWEST, MEMORY, SILENT, SLIGHT, Authority
+from haptic_accel.core.control.authority import (
+    LOWEST,
+    MEMORY,
+    SILENT,
+    SLIGHT,
+    WARIEST,
+    Authority,
+)
 from haptic_accel.core.model import FloatArray
 
 RATE = 1000.0
@@ -56,10 +63,10 @@ def run(
     for wanted, full, more in zip(
         desired.tolist(), response.tolist(), others.tolist(), strict=True
     ):
-        moved.append(authority.fraction * full + more)
+        moved.append(authority.used * full + more)
         authority.observe(wanted, moved[-1])
         authority.update(described)
-        fractions.append(authority.fraction)
+        fractions.append(authority.used)
     return np.array(fractions), np.array(moved)
 
 
@@ -123,12 +130,33 @@ def test_noise_that_was_there_before_the_contact_is_not_the_force_s() -> None:
     assert fractions[1500:].mean() > 0.9
 
 
-def test_silence_changes_nothing() -> None:
+def test_after_silence_a_reduced_force_is_used_with_caution() -> None:
     authority = Authority(RATE)
-    desired = texture(3.0)
+    desired = texture(4.0)
     desired[1000:2000] *= 0.1 * SILENT / 2.0
-    fractions, _ = run(authority, desired, -3.0 * desired)
-    assert np.ptp(fractions[1050:2000]) == 0.0
+    used, moved = run(authority, desired, 4.0 * desired)
+    known = used[999]
+    assert used[1999] == pytest.approx(WARIEST * known, rel=0.01)
+    assert authority.fraction == pytest.approx(known, rel=0.3)
+    assert used[2500:] == pytest.approx(known, rel=0.4)
+    assert error(desired[2000:2200], moved[2000:2200]) < 1.0
+
+
+def test_silence_changes_nothing_on_a_handle_that_follows() -> None:
+    desired = texture(4.0)
+    desired[1000:2000] *= 0.1 * SILENT / 2.0
+    used, _ = run(Authority(RATE), desired, desired)
+    assert np.array_equal(used, np.ones_like(used))
+
+
+def test_a_handle_that_rings_as_the_tool_lifts_off_keeps_its_force() -> None:
+    desired = texture(2.0)
+    desired[1000:1300] *= 0.1
+    desired[1300:] *= 0.01
+    ringing = np.zeros(len(desired))
+    ringing[1000:] = 0.8 * np.exp(-np.arange(1000) / 300.0) * np.sin(np.arange(1000) / 2.0)
+    used, _ = run(Authority(RATE), desired, desired, ringing)
+    assert np.array_equal(used, np.ones_like(used))
 
 
 def test_an_oscillation_in_silence_is_reduced() -> None:
