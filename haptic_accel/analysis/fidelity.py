@@ -89,6 +89,9 @@ MODE_DAMPINGS = (0.03, 0.05, 0.1, 0.3)
 TOLD = 1.0
 """Time in which a controller can detect that mode, which is not evaluated, s."""
 
+NAMED_BY = 1.5
+"""Time by which a difference is to be named, s: a second after the tool has touched."""
+
 GRANT = "granted_delay"
 """Parameter of the controllers for the granted delay."""
 
@@ -110,6 +113,8 @@ class Case:
         Tool acceleration in place of the arguments' one, m/s^2.
     changes : dict
         Additional values for rig and controllers, by node and dotted name.
+    name : str
+        Part of the warning that names the difference; empty if none is expected.
     """
 
     condition: str
@@ -120,6 +125,7 @@ class Case:
     start: float = 0.0
     recording: FloatArray | None = None
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -323,6 +329,7 @@ def _handles(wanted: Wanted) -> Iterator[Case]:
             *(condition, _name(given), name, arguments, played.grips),
             start=TOLD,
             changes=played.changes,
+            name=handle_family.NAMES.get(kind, ""),
         )
 
 
@@ -382,9 +389,17 @@ def run_case(case: Case) -> Row:
         "limited_bound_percent": bound.limited,
         "nrmse_by_2_s_percent": list(_by_window(trial, first)),
         "warnings": [list(warned) for warned in trial.warnings],
+        "named": _named(case.name, trial),
         "force_rms_n": float(np.sqrt(np.mean(trial.actuator_force[first:] ** 2))),
         "travel_peak_mm": 1e3 * max([abs(travel.observe(*pair)) for pair in pairs][first:]),
     }
+
+
+def _named(name: str, trial: Trial) -> bool | None:
+    """Return whether a difference was named in time; None if it has no name."""
+    if not name:
+        return None
+    return any(name in words for time, words in trial.warnings if time <= NAMED_BY)
 
 
 def _by_window(trial: Trial, first: int) -> Iterator[float | None]:
@@ -420,6 +435,7 @@ def summary(rows: Sequence[Row]) -> list[Row]:
             "largest_travel_mm": max(row["travel_peak_mm"] for row in found),
             "above_none_points": max(above := _above(found, idle), default=None),
             "windows_above_none_percent": _share_above(above),
+            "named_percent": _share_named(found),
             "trials": len(found),
         }
         for (condition, controller), found in groups.items()
@@ -464,8 +480,7 @@ def tables(lines: Sequence[Row]) -> Iterator[ResultTable]:
         "vibration whose strength a hand could not tell from the desired one",
         "indistinguishable_percent",
     )
-    if worse := comparison_with_none(lines):
-        yield worse
+    yield from filter(None, (comparison_with_none(lines), named_table(lines)))
 
 
 def comparison_with_none(lines: Sequence[Row]) -> ResultTable | None:
@@ -489,6 +504,22 @@ def comparison_with_none(lines: Sequence[Row]) -> ResultTable | None:
         f"largest error of any {WINDOW:g} s above that of none, points"
         f" (share of those above {ACCEPTED:g})"
     )
+    return ResultTable(("condition", *controllers), cells, title) if cells else None
+
+
+def named_table(lines: Sequence[Row]) -> ResultTable | None:
+    """Return the share of differences that controllers named, as a table; None without any."""
+    rows, controllers = _by_condition(
+        [line for line in lines if line["named_percent"] is not None]
+    )
+    cells = [
+        (
+            condition,
+            *(f"{own[name]['named_percent']:.0f}" if name in own else "" for name in controllers),
+        )
+        for condition, own in rows.items()
+    ]
+    title = f"trials in which the difference was named by {NAMED_BY:g} s, %"
     return ResultTable(("condition", *controllers), cells, title) if cells else None
 
 
@@ -534,6 +565,12 @@ def _above(rows: Sequence[Row], idle: Mapping[tuple[str, str, str], Row]) -> lis
         for own, without in zip(row[name], idle[_key(row)][name], strict=True)
         if own is not None and without is not None
     ]
+
+
+def _share_named(rows: Sequence[Row]) -> float | None:
+    """Return the fraction of differences with a name that were named, %."""
+    found = [row["named"] for row in rows if row["named"] is not None]
+    return 100.0 * fmean(found) if found else None
 
 
 def _share_above(increases: Sequence[float]) -> float | None:

@@ -291,6 +291,19 @@ def _polarity(random: Random, described: Plant, seconds: float) -> Played:
     return Played("-1", _with("drive", force_scale=-1.0))
 
 
+NAMES = {
+    "one mode": "a mode near",
+    "modes in series": "a mode near",
+    "modes in parallel": "a mode near",
+    "resonance and antiresonance": "a mode near",
+    "drifting mode": "a mode near",
+    "force constant": "the force per mass is",
+    "more delay": "later than described",
+    "noise": "of noise",
+    "polarity": "in the opposite direction",
+}
+"""Part of the warning that names a kind of difference; other kinds have no name."""
+
 KINDS: dict[str, Callable[[Random, Plant, float], Played]] = {
     "one mode": _one_mode,
     "modes in series": _in_series,

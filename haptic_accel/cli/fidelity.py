@@ -28,6 +28,7 @@ from haptic_accel.analysis.fidelity import (
     Wanted,
     comparison_with_none,
     inputs,
+    named_table,
     progress,
     run_case,
     summary,

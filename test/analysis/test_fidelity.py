@@ -27,6 +27,7 @@ from haptic_accel.analysis.fidelity import (
     Wanted,
     comparison_with_none,
     inputs,
+    named_table,
     run_case,
     summary,
     tables,
@@ -133,6 +134,7 @@ def test_a_window_that_is_worse_than_none_is_counted() -> None:
     numbers = dict.fromkeys(
         ("bound_percent", "limited_bound_percent", "force_rms_n", "travel_peak_mm"), 1.0
     )
+    numbers["named"] = True
     rows = [
         key | numbers | {"controller": name, "nrmse_percent": 1.0, "nrmse_by_2_s_percent": errors}
         for name, errors in (
@@ -144,6 +146,10 @@ def test_a_window_that_is_worse_than_none_is_counted() -> None:
     assert inverse["above_none_points"] == 5.0
     assert inverse["windows_above_none_percent"] == pytest.approx(100.0 / 3.0)
     assert idle["above_none_points"] == 0.0
+    assert inverse["named_percent"] == 100.0
+    named = named_table([idle, inverse])
+    assert named is not None
+    assert named.rows[0][1:] == ("100", "100")
     shown = comparison_with_none([idle, inverse])
     assert shown is not None
     assert "+5.0 (33.3 %)" in shown.rows[0]
