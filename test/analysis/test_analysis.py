@@ -356,7 +356,7 @@ def test_a_handle_that_is_not_as_the_compensator_was_told_is_named(tmp_path: Pat
     told = {t.name: [n for n in t.notes if "not as described" in n] for t in analysis.trials}
     assert told["known"] == []
     assert len(told["unknown"]) == 1
-    assert "run identify (from 0." in told["unknown"][0]
+    assert "run identify, a mode near 184 Hz is not described (from 0." in told["unknown"][0]
     sentence = next(line for line in summary(analysis) if "not as described" in line)
     assert sentence.startswith("In 1 of 2 trials the handle is not as described ")
     for name, message in (("silent", "OK"), ("loud", "the handle is not as described above 1 Hz")):

@@ -310,7 +310,7 @@ def test_warnings_of_a_trial_have_their_time(ideal_rig: RigParameters) -> None:
     strange = run_trial("inverse", replace(ideal_rig, master=loose), duration=3.0)
     (time, words), *_ = strange.warnings
     assert 0.0 < time < 3.0
-    assert "not as described" in words
+    assert "a mode near 180 Hz is not described" in words
     assert run_trial("inverse", ideal_rig, duration=3.0).warnings == ()
 
 
