@@ -117,6 +117,8 @@ def test_trials_without_anything_to_feel_enter_no_mean_share() -> None:
     assert line["worst_indistinguishable_percent"] == 80.0
     assert line["trials"] == 3
     assert [table.rows for table in tables(summary([still]))][1] == [("all", "– (–)")]
+
+
 def test_the_family_of_handles_has_every_kind_in_both_halves_and_on_both_rigs() -> None:
     cases = list(CONDITIONS["handles"](Wanted(inputs([], []), "", 0.0, 0, 0)))
     kinds = {(case.condition.split(", ")[2], case.condition.split(", ")[1]) for case in cases}
