@@ -134,7 +134,14 @@ def test_the_family_of_handles_has_every_kind_in_both_halves_and_on_both_rigs() 
 def test_a_window_that_is_worse_than_none_is_counted() -> None:
     key = {"condition": "c", "input": "i", "grip": "g"}
     numbers = dict.fromkeys(
-        ("bound_percent", "limited_bound_percent", "force_rms_n", "travel_peak_mm"), 1.0
+        (
+            "bound_percent",
+            "limited_bound_percent",
+            "force_rms_n",
+            "travel_peak_mm",
+            "indistinguishable_percent",
+        ),
+        1.0,
     )
     numbers["named"] = True
     rows = [
