@@ -232,7 +232,9 @@ class AutocorrelationEstimator:
         """Add the products of the newest samples with all before; finally yield True."""
         newest = np.fft.rfft(latest[: self._hop], len(latest))
         yield False
-        products = np.fft.irfft(newest.conj() * np.fft.rfft(latest), len(latest))[: self._lags]
+        spectrum = np.fft.rfft(latest)
+        yield False
+        products = np.fft.irfft(newest.conj() * spectrum, len(latest))[: self._lags]
         yield False
         self.sequence = self._kept * self.sequence + self._faded * products
         self.weight = self._kept * self.weight + 1.0

@@ -92,7 +92,7 @@ class DriveParameters(Checked):
     )
     force_scale: float = parameter(
         1.0,
-        "force over commanded force; negative if the coil's wires are swapped",
+        "ratio of force to commanded force; negative if the coil's wires are swapped",
         low=-2.0,
         high=2.0,
     )

@@ -292,6 +292,7 @@ class Learner:
         done = next(self._work, None)
         if done is not None:
             return done
+        # Both take four parts: the ratio is known before the redesign starts.
         self._ratio.update()
         if self._tool.update():
             self._work = self._redesign(grip)

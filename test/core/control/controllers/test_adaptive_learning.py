@@ -198,3 +198,12 @@ def test_it_fits_every_rate_and_memory(rate: float, memory: float) -> None:
         learner.update(GRIP)
     assert learner.estimates
     assert np.isfinite(learner.correction).all()
+
+
+def test_each_design_uses_the_response_of_the_same_time() -> None:
+    force = texture(1.0, TexturePrior(), seed=2)
+    answered = -answer(PLANT, force)
+    learner = Learner(family(), PLANT, RATE, GOAL)
+    first = slice(512 + 64)  # one window of the response, and the parts of a design
+    watch(learner, texture(1.0, TexturePrior())[first], force[first], answered[first])
+    assert learner.deviation == pytest.approx(2.0, rel=0.2)
