@@ -187,6 +187,10 @@ CAUTION = 4.0
 """Ratio of a squared deviation to the variance of the estimated response at which half of the
 deviation is accepted."""
 
+MOTION = 1e-5
+"""Density of the handle's motion with the arm, (m/s^2)^2/Hz: 0.02 m/s^2 RMS over 40 Hz. A line on
+which less is expected shows no response."""
+
 UNRESOLVED = 0.1
 """Incoherence that few evaluations cannot show."""
 
@@ -374,8 +378,10 @@ class Learner:
         variance = np.abs(response) ** 2 * unexplained / np.maximum(coherence, 1e-6)
         squared = np.abs(response - 1.0) ** 2
         doubt = CAUTION * variance + NEGLIGIBLE**2
-        accepted = np.maximum(0.0, 1.0 - doubt / np.maximum(squared, NEGLIGIBLE**2))
-        return np.asarray(1.0 + self._above[self._every] * accepted * (response - 1.0))
+        moved = MOTION / np.maximum(self._ratio.excitation[1:], MOTION * 1e-9) / independent
+        shown = np.maximum(0.0, 1.0 - CAUTION * moved / np.maximum(squared, NEGLIGIBLE**2))
+        accepted = self._above[self._every] * shown * squared / (squared + doubt)
+        return np.asarray(1.0 + accepted * (response - 1.0))
 
 
 def _spectrum(sequence: FloatArray) -> FloatArray:
