@@ -30,6 +30,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from haptic_accel.analysis.input_family import log_uniform
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.evaluation import identify_handle
@@ -147,7 +148,7 @@ def random_rig(kind: str, index: int) -> MasterRigParameters:
     mount = {name: varied(getattr(master.mount, name), w) for name, w in MOUNT_SPREAD.items()}
     delay = random.uniform(0.0, LONGEST_DELAY) * random.integers(2)
     friction = random.uniform(0.0, LARGEST_FRICTION) if master.drive.coulomb_friction else 0.0
-    noise = math.exp(random.uniform(*np.log(NOISE)))
+    noise = log_uniform(random, *NOISE)
     density = noise / math.sqrt(math.pi / 2 * master.accelerometer.bandwidth)
     return replace(
         master,

@@ -44,6 +44,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from haptic_accel.analysis.input_family import Random, log_uniform
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import AccelerometerParameters, HandleParameters, MountParameters
 from haptic_accel.core.trial import GripChange
@@ -90,7 +91,6 @@ SPREAD = {"m_h": (0.7, 1.3), "k_u": (0.5, 2.0), "b_u": (0.5, 2.0)}
 WIDE = {"m_h": (0.4, 3.0), "k_u": (0.2, 8.0), "b_u": (0.2, 6.0)}
 """Ranges of unusual hands, from a light touch to a firm grip."""
 
-Random: TypeAlias = np.random.Generator
 Values: TypeAlias = dict[str, dict[str, Any]]
 
 
@@ -171,17 +171,13 @@ def _hand(
     random: Random, average: HandleParameters, spread: Mapping[str, tuple[float, float]]
 ) -> HandleParameters:
     factors = {"m_h": random.uniform(*spread["m_h"])}
-    factors |= {name: math.exp(random.uniform(*np.log(spread[name]))) for name in ("k_u", "b_u")}
+    factors |= {name: log_uniform(random, *spread[name]) for name in ("k_u", "b_u")}
     return replace(average, **{name: getattr(average, name) * f for name, f in factors.items()})
-
-
-def _log_uniform(random: Random, bounds: tuple[float, float]) -> float:
-    return math.exp(random.uniform(*np.log(bounds)))
 
 
 def _mode(random: Random) -> MountParameters:
     return MountParameters(
-        _log_uniform(random, MODE_FREQUENCY), _log_uniform(random, MODE_DAMPING)
+        log_uniform(random, *MODE_FREQUENCY), log_uniform(random, *MODE_DAMPING)
     )
 
 
@@ -227,7 +223,7 @@ def _drift(random: Random, described: Plant, seconds: float) -> Played:
     falls = mount.frequency / ratio > low and (
         mount.frequency * ratio > high or random.uniform() < 0.5
     )
-    begin, length = random.uniform(1.0, 2.5), _log_uniform(random, (0.5, 4.0))
+    begin, length = random.uniform(1.0, 2.5), log_uniform(random, 0.5, 4.0)
     steps = math.ceil(math.log(ratio) / DRIFT_STEP)
     factor = ratio ** ((-1.0 if falls else 1.0) / steps)
     grips = tuple(
@@ -263,7 +259,7 @@ def _friction(random: Random, described: Plant, seconds: float) -> Played:
 
 
 def _noise(random: Random, described: Plant, seconds: float) -> Played:
-    factor = _log_uniform(random, NOISE_FACTOR)
+    factor = log_uniform(random, *NOISE_FACTOR)
     # The same noise of a sample, whatever the bandwidth of the described sensor.
     paper = AccelerometerParameters()
     density = factor * paper.noise_density * math.sqrt(paper.bandwidth / described.bandwidth)
@@ -271,7 +267,7 @@ def _noise(random: Random, described: Plant, seconds: float) -> Played:
 
 
 def _travel(random: Random, described: Plant, seconds: float) -> Played:
-    travel = _log_uniform(random, TRAVEL)
+    travel = log_uniform(random, *TRAVEL)
     told = {node: {"actuator.travel": travel} for node in ("master_device", "compensator")}
     return Played(f"{1e3 * travel:.1f} mm", told)
 

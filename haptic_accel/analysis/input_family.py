@@ -105,14 +105,15 @@ def member(number: int, seconds: float, rate: float, seed: int = 0) -> Member:
     time = np.arange(round(seconds * rate)) / rate
     found = SPECTRA[spectrum](random, time, rate)
     found = ENVELOPES[envelope](random, time, found / np.std(found))
-    rms = math.exp(random.uniform(*np.log(RMS)))
+    rms = log_uniform(random, *RMS)
     found *= np.minimum(time / FADING_IN, 1.0)
     found *= rms / np.sqrt(np.mean(found**2))
     found = np.clip(found, -CREST * rms, CREST * rms)
     return Member(f"{spectrum}, {envelope}, {number}: {rms:.2g} m/s^2", found, bool(number % 2))
 
 
-def _log_uniform(random: Random, low: float, high: float) -> float:
+def log_uniform(random: Random, low: float, high: float) -> float:
+    """Return a number whose logarithm is uniform between those of two bounds."""
     return math.exp(random.uniform(math.log(low), math.log(high)))
 
 
@@ -137,15 +138,15 @@ def ringing(
 
 def _band(random: Random, time: FloatArray, rate: float) -> FloatArray:
     """Return noise in a band."""
-    low = _log_uniform(random, 5.0, 60.0)
+    low = log_uniform(random, 5.0, 60.0)
     return band_noise(
-        random, len(time), low, max(2.0 * low, _log_uniform(random, 60.0, 480.0)), rate
+        random, len(time), low, max(2.0 * low, log_uniform(random, 60.0, 480.0)), rate
     )
 
 
 def _low(random: Random, time: FloatArray, rate: float) -> FloatArray:
     """Return noise whose power falls from a corner at 8 to 40 Hz: a scratch of a rough surface."""
-    corner = _log_uniform(random, 8.0, 40.0)
+    corner = log_uniform(random, 8.0, 40.0)
     low_pass = signal.butter(1, min(corner * 1.5, 0.4 * rate), fs=rate, output="sos")
     return np.asarray(
         signal.sosfilt(low_pass, band_noise(random, len(time), corner / 2, 480.0, rate))
@@ -156,17 +157,17 @@ def _autoregressive(random: Random, time: FloatArray, rate: float) -> FloatArray
     """Return noise through two to five resonances, as of a texture's autoregressive model."""
     found = np.zeros(len(time))
     for _ in range(int(random.integers(2, 6))):
-        peak = _log_uniform(random, 20.0, 400.0)
-        width = _log_uniform(random, 0.1, 0.8)
+        peak = log_uniform(random, 20.0, 400.0)
+        width = log_uniform(random, 0.1, 0.8)
         edges = peak * (1.0 - width / 2), peak * (1.0 + width / 2)
         part = band_noise(random, len(time), *edges, rate)
-        found += part / np.std(part) * _log_uniform(random, 0.2, 1.0)
+        found += part / np.std(part) * log_uniform(random, 0.2, 1.0)
     return found
 
 
 def _lines(random: Random, time: FloatArray, rate: float) -> FloatArray:
     """Return a line with harmonics whose frequency wanders by a percent, in noise."""
-    frequency = _log_uniform(random, 20.0, 200.0)
+    frequency = log_uniform(random, 20.0, 200.0)
     wander = np.cumsum(random.standard_normal(len(time))) * math.sqrt(1.0 / rate)
     phase = 2 * np.pi * np.cumsum(frequency * (1.0 + 0.01 * np.tanh(wander))) / rate
     found = random.uniform(0.05, 0.5) * band_noise(random, len(time), 20.0, 400.0, rate)
@@ -180,7 +181,7 @@ def _lines(random: Random, time: FloatArray, rate: float) -> FloatArray:
 
 def _chatter(random: Random, time: FloatArray, rate: float) -> FloatArray:
     """Return bursts of a line at 40 to 300 Hz, as of stick and slip, in noise."""
-    frequency = min(_log_uniform(random, 40.0, 300.0), HIGHEST * rate)
+    frequency = min(log_uniform(random, 40.0, 300.0), HIGHEST * rate)
     beat = band_noise(random, len(time), 0.5, 4.0, rate)
     bursts = np.maximum(beat / np.std(beat), 0.0)
     line = (
@@ -222,7 +223,7 @@ def _taps(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
     found = 0.3 * found
     begin = 0.3
     while begin < time[-1]:
-        frequency = min(_log_uniform(random, 60.0, 450.0), HIGHEST / (time[1] - time[0]))
+        frequency = min(log_uniform(random, 60.0, 450.0), HIGHEST / (time[1] - time[0]))
         amplitude, decay = random.uniform(2.0, CREST), random.uniform(3e-3, 20e-3)
         found = found + ringing(time, begin, frequency, amplitude, decay)
         begin += random.uniform(0.3, 0.9)
