@@ -18,7 +18,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -459,27 +459,17 @@ BOUNDS = {"limited_bound": "limited bound", "bound": "bound"}
 
 def tables(lines: Sequence[Row]) -> Iterator[ResultTable]:
     """Yield a summary's errors and shares, and the comparison with none where it was measured."""
-    rows, controllers = _by_condition(lines)
-
-    def table(title: str, name: str, bounds: Sequence[str] = ()) -> ResultTable:
-        found = [
-            (
-                condition,
-                *(
-                    _cell(own[controller], name) if controller in own else ""
-                    for controller in controllers
-                ),
-                *(_cell_of_bound(own, bound) for bound in bounds),
-            )
-            for condition, own in rows.items()
-        ]
-        headings = ("condition", *controllers, *(BOUNDS[bound] for bound in bounds))
-        return ResultTable(headings, found, f"{title}, %: mean (worst) over inputs and grips")
-
-    yield table("error of the handle after the delay granted", "percent", [*BOUNDS])
-    yield table(
-        "vibration whose strength a hand could not tell from the desired one",
-        "indistinguishable_percent",
+    spread = "mean (worst) over inputs and grips"
+    yield _table(
+        lines,
+        f"error of the handle after the delay granted, %: {spread}",
+        lambda line: _spread(line, "percent"),
+        [*BOUNDS],
+    )
+    yield _table(
+        lines,
+        "vibration whose strength a hand could not tell from the desired one, %: " + spread,
+        lambda line: _spread(line, "indistinguishable_percent"),
     )
     yield from filter(None, (comparison_with_none(lines), named_table(lines)))
 
@@ -487,57 +477,50 @@ def tables(lines: Sequence[Row]) -> Iterator[ResultTable]:
 def comparison_with_none(lines: Sequence[Row]) -> ResultTable | None:
     """Return the windows that are worse than no control as a table; None without `none`."""
     lines = [line for line in lines if line["above_none_points"] is not None]
-    rows, controllers = _by_condition(lines)
-    cells = [
-        (
-            condition,
-            *(
-                f"{own[name]['above_none_points']:+.1f}"
-                f" ({own[name]['windows_above_none_percent']:.1f} %)"
-                if name in own
-                else ""
-                for name in controllers
-            ),
-        )
-        for condition, own in rows.items()
-    ]
     title = (
         f"largest error of any {WINDOW:g} s above that of none, points"
         f" (share of those above {ACCEPTED:g})"
     )
-    return ResultTable(("condition", *controllers), cells, title) if cells else None
+
+    def cell(line: Row) -> str:
+        return f"{line['above_none_points']:+.1f} ({line['windows_above_none_percent']:.1f} %)"
+
+    return _table(lines, title, cell) if lines else None
 
 
 def named_table(lines: Sequence[Row]) -> ResultTable | None:
     """Return the share of differences that controllers named, as a table; None without any."""
-    rows, controllers = _by_condition(
-        [line for line in lines if line["named_percent"] is not None]
-    )
-    cells = [
-        (
-            condition,
-            *(f"{own[name]['named_percent']:.0f}" if name in own else "" for name in controllers),
-        )
-        for condition, own in rows.items()
-    ]
+    lines = [line for line in lines if line["named_percent"] is not None]
     title = f"trials in which the difference was named by {NAMED_BY:g} s, %"
-    return ResultTable(("condition", *controllers), cells, title) if cells else None
+    return _table(lines, title, lambda line: f"{line['named_percent']:.0f}") if lines else None
 
 
-def _by_condition(lines: Sequence[Row]) -> tuple[dict[str, dict[str, Row]], list[str]]:
-    """Return a summary's lines by condition and controller, and the controllers in order."""
+def _table(
+    lines: Sequence[Row], title: str, cell: Callable[[Row], str], bounds: Sequence[str] = ()
+) -> ResultTable:
+    """Return a table of conditions by controllers, and mean bounds by condition."""
     rows: dict[str, dict[str, Row]] = {}
     for line in lines:
         rows.setdefault(line["condition"], {})[line["controller"]] = line
-    return rows, [name for name in CONTROLLERS if any(name in own for own in rows.values())]
+    controllers = [name for name in CONTROLLERS if any(name in own for own in rows.values())]
+    cells = [
+        (
+            condition,
+            *(cell(own[name]) if name in own else "" for name in controllers),
+            *(_mean_bound(own.values(), bound) for bound in bounds),
+        )
+        for condition, own in rows.items()
+    ]
+    headings = ("condition", *controllers, *(BOUNDS[bound] for bound in bounds))
+    return ResultTable(headings, cells, title)
 
 
-def _cell(line: Row, name: str) -> str:
+def _spread(line: Row, name: str) -> str:
     return f"{figure(line[f'mean_{name}'], 1)} ({figure(line[f'worst_{name}'], 1)})"
 
 
-def _cell_of_bound(lines: Mapping[str, Row], bound: str) -> str:
-    return figure(fmean(line[f"mean_{bound}_percent"] for line in lines.values()), 1)
+def _mean_bound(lines: Iterable[Row], bound: str) -> str:
+    return figure(fmean(line[f"mean_{bound}_percent"] for line in lines), 1)
 
 
 def progress(row: Row) -> str:
