@@ -81,7 +81,7 @@ class ResponseEstimator:
     def __init__(
         self, rate: float, memory: float, window: float = WINDOW, least: float = 0.0
     ) -> None:
-        self._length = 1 << max(4, round(math.log2(window * rate)))
+        self._length = _power_of_two(window * rate)
         self._hop = self._length // LOOKS
         self.interval = self._hop / rate
         self.frequency: FloatArray = np.fft.rfftfreq(self._length, 1.0 / rate).astype(np.float64)
@@ -171,6 +171,8 @@ class AutocorrelationEstimator:
         Samples per second.
     memory : float
         Time constant of forgetting, s.
+    interval : float
+        Time between evaluations, s.
     longest : float
         Longest lag, s.
     least : float
@@ -185,9 +187,11 @@ class AutocorrelationEstimator:
         Effective number of evaluations in the estimate, with forgetting.
     """
 
-    def __init__(self, rate: float, memory: float, longest: float, least: float) -> None:
-        self._lags = 1 << max(4, round(math.log2(longest * rate)))
-        self._hop = self._lags // (2 * LOOKS)
+    def __init__(
+        self, rate: float, memory: float, interval: float, longest: float, least: float
+    ) -> None:
+        self._lags = _power_of_two(longest * rate)
+        self._hop = round(interval * rate)
         self._least = self._hop * least**2
         self._kept = math.exp(-self._hop / rate / memory)
         # The weight of a product is the geometric mean of those of its two samples.
@@ -239,6 +243,11 @@ class AutocorrelationEstimator:
         self.sequence = self._kept * self.sequence + self._faded * products
         self.weight = self._kept * self.weight + 1.0
         yield True
+
+
+def _power_of_two(samples: float) -> int:
+    """Return the nearest length for fast transforms, at least 16."""
+    return 1 << max(4, round(math.log2(samples)))
 
 
 MOST_MISSING = 0.02

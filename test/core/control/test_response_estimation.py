@@ -182,7 +182,7 @@ def test_a_window_that_is_reset_forgets_all() -> None:
 
 
 def autocorrelation(signal: FloatArray, memory: float = 2.0) -> FloatArray:
-    estimator = AutocorrelationEstimator(RATE, memory, 0.512, 0.01)
+    estimator = AutocorrelationEstimator(RATE, memory, 0.064, 0.512, 0.01)
     for value in signal.tolist():
         estimator.observe(value, value)
         while estimator.update():

@@ -243,10 +243,10 @@ class Learner:
         self._family = family
         self._handle = plant.handle
         window = max(WINDOW, WINDOW_PER_MEMORY * goal.memory)
-        self._tool = AutocorrelationEstimator(
-            rate, MEMORY, LAGS_PER_WINDOW * window, LEAST_ACCELERATION
-        )
         self._ratio = ResponseEstimator(rate, MEMORY, window, LEAST_FORCE)
+        self._tool = AutocorrelationEstimator(
+            *(rate, MEMORY, self._ratio.interval, LAGS_PER_WINDOW * window, LEAST_ACCELERATION)
+        )
         lags = len(self._tool.sequence)
         lines: FloatArray = np.fft.rfftfreq(2 * lags, 1.0 / rate).astype(np.float64)
         lines[0] = 0.01 * lines[1]  # the responses are not defined at 0 Hz
@@ -256,11 +256,11 @@ class Learner:
         self._every = slice(every, None, every)
         self._known = plant.response(lines, rate) / handle_model(plant.handle).response(lines)
         self._equations = NormalEquations(plant.handle, lines, rate, goal)
-        self._expected, unexpected = expected_input(rate, goal, lags)
-        self._unexpected = _spectrum(unexpected)
+        self._expected, self._unexpected = map(_spectrum, expected_input(rate, goal, lags))
         self._above = _rising(lines, *LEARNT)
         tool = 1.0 / np.abs(extended_response(goal.high_pass_frequency, lines, rate)) ** 2
         self._tool_power = self._above * tool
+        self._expected_power = float(self._tool_power @ self._expected)
         self._taps = family.basis.shape[2]
         self._travel_costs = np.array([[travel_cost(corner)] for corner in TRAVEL_CORNERS])
         self._work: Iterator[bool] = iter(())
@@ -360,15 +360,13 @@ class Learner:
 
     def _driven(self) -> FloatArray:
         """Return the spectrum of the convolution's input, with the expected spectrum's scale."""
-        seen, expected = self._tool.sequence, self._expected
-        seen = seen * float(
-            (self._tool_power @ _spectrum(expected)) / (self._tool_power @ _spectrum(seen))
-        )
+        seen = _spectrum(self._tool.sequence)
+        scale = self._expected_power / float(self._tool_power @ seen)
         weight = self._tool.weight / (self._tool.weight + PRIOR_WEIGHT)
         kept = EVER_EXPECTED if self._ratio.weight else FIRST_EXPECTED
-        driven = _spectrum(expected + weight * (seen - expected) + kept * expected)
+        driven = (1.0 - weight + kept) * self._expected + weight * scale * seen
         # The rest of a pause leaves small negative densities.
-        return np.maximum(driven, EVER_EXPECTED * _spectrum(expected))
+        return np.maximum(driven, EVER_EXPECTED * self._expected)
 
     def _certain_ratio(self) -> ComplexArray:
         """Return the ratio of plant to model on the lines, weighted by its certainty."""

@@ -268,9 +268,13 @@ def expected_input(rate: float, goal: Goal, lags: int) -> FloatArray:
         For the tool's spectrum, and for the unexpected input in the cost of force.
     """
     grid = grid_for(rate, lags)
-    squared = np.abs(extended_response(goal.high_pass_frequency, grid.frequency, rate)) ** 2
-    spectra = (goal.spectrum(grid.frequency) * squared, UNEXPECTED_DENSITY**2 * squared)
-    return np.stack([grid.sequence(each)[:lags] for each in spectra])
+    return np.stack([grid.sequence(each)[:lags] for each in _inputs(grid.frequency, rate, goal)])
+
+
+def _inputs(frequency: FloatArray, rate: float, goal: Goal) -> tuple[FloatArray, FloatArray]:
+    """Return the spectra of the convolution's input, expected and unexpected, (m/s^2)^2/Hz."""
+    squared = np.abs(extended_response(goal.high_pass_frequency, frequency, rate)) ** 2
+    return goal.spectrum(frequency) * squared, UNEXPECTED_DENSITY**2 * squared
 
 
 def caused_motion(plant: Plant, rate: float, taps: FloatArray) -> FloatArray:
@@ -424,8 +428,7 @@ class _Problem:
         self.grid = grid_for(rate, self._length)
         frequency = self.grid.frequency
         self._equations = NormalEquations(plant.handle, frequency, rate, goal)
-        squared = np.abs(extended_response(goal.high_pass_frequency, frequency, rate)) ** 2
-        self._inputs = goal.spectrum(frequency) * squared, UNEXPECTED_DENSITY**2 * squared
+        self._inputs = _inputs(frequency, rate, goal)
         self._response = plant.response(frequency, rate)
 
     def sequences(self, target: ComplexArray | float = 1.0) -> FloatArray:
