@@ -96,7 +96,7 @@ Values: TypeAlias = dict[str, dict[str, Any]]
 
 @dataclass(frozen=True)
 class Played:
-    """What a rig plays in place of its description.
+    """Differences of a rig, as it is played, from its description.
 
     Attributes
     ----------

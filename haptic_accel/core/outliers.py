@@ -156,10 +156,8 @@ def without_outliers(name: str, samples: FloatArray) -> tuple[FloatArray, int]:
 
 def _departures(samples: FloatArray, begins: IntArray, ends: IntArray) -> IntArray:
     """Return begin and end of the runs that are outliers, shape (m, 2)."""
-    low, high = (
-        samples[: -NEAR + 1].copy(),
-        samples[: -NEAR + 1].copy(),
-    )  # of the next NEAR samples
+    low = samples[: -NEAR + 1].copy()  # of the next NEAR samples, as the highest
+    high = low.copy()
     for ahead in range(1, NEAR):
         shifted = samples[ahead : len(low) + ahead]
         np.minimum(low, shifted, out=low)

@@ -284,7 +284,7 @@ class HandleFit(Point):
 
     @property
     def deviates(self) -> bool:
-        """Whether the residual exceeds that of noise by four of its standard deviations."""
+        """True if the residual exceeds that of noise by four of its standard deviations."""
         return self.residual > 1.0 + 4.0 / math.sqrt(2.0 * self.count)
 
 

@@ -580,7 +580,7 @@ class _Growth:
     Attributes
     ----------
     exponents : ndarray, shape (2,)
-        Of speed and force; at least 0, as no texture is louder at rest.
+        Exponents of speed and force; at least 0, as no texture is louder at rest.
     """
 
     def __init__(self, segments: Sequence[Segment]) -> None:
