@@ -29,6 +29,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import metadata
 from pathlib import Path
+from threading import Thread
 from typing import Any, Protocol, TypeVar
 
 from haptic_accel.cli.ending import StoppedError
@@ -181,7 +182,7 @@ class _Processes:
     def start(self, items: dict[int, Any]) -> Runs:
         """Start runs in new processes."""
         count = min(self._count, max(len(items), 1))
-        self._pool = ProcessPoolExecutor(count, initializer=_leave_signals)
+        self._pool = ProcessPoolExecutor(count, initializer=_belong_to_verb)
         return {index: self._pool.submit(self._run, item) for index, item in items.items()}
 
     def close(self) -> None:
@@ -191,11 +192,20 @@ class _Processes:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _leave_signals() -> None:
-    """Leave the signals of the terminal to the verb, which ends its processes itself."""
+def _belong_to_verb() -> None:
+    """Leave the signals of the terminal to the verb, and end with it."""
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """End this process once its parent has ended: one that is killed ends no process itself."""
+    parent = multiprocessing.parent_process()
+    if parent:
+        parent.join()
+        os._exit(os.EX_SOFTWARE)
 
 
 class _Cluster:

@@ -35,6 +35,16 @@ from running import Command
 Start = Callable[..., Command]
 
 
+STUCK = f"""
+import sys
+sys.path[:0] = [{str(Path(runs.__file__).parent)!r}]
+import runs
+from haptic_accel.cli.workers import Workers
+list(Workers(2).map(runs.endless, range(2), lambda: False))
+"""
+"""Verb whose runs never end; each prints its process."""
+
+
 def never() -> bool:
     return False
 
@@ -109,6 +119,23 @@ def test_runs_end_once_they_have_to(workers: Workers) -> None:
         return asked[-1] > asked[0] + 1.0
 
     assert [*workers.map(runs.rested, [0.0, 5.0, 5.0, 5.0], soon)] == [0.0]
+
+
+def test_processes_end_with_a_killed_verb() -> None:
+    verb = subprocess.Popen([sys.executable, "-c", STUCK], stdout=subprocess.PIPE, text=True)
+    assert verb.stdout
+    processes = {int(verb.stdout.readline()) for _ in range(2)}
+    verb.kill()
+    verb.wait()
+    while any(map(_runs, processes)):
+        time.sleep(0.05)
+
+
+def _runs(process: int) -> bool:
+    try:
+        return "\nState:\tZ" not in Path(f"/proc/{process}/status").read_text()
+    except OSError:  # it was collected
+        return False
 
 
 def test_a_worker_with_other_software_is_refused(

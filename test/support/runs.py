@@ -53,3 +53,8 @@ def refused(number: int) -> int:
 def rested(seconds: float) -> float:
     time.sleep(seconds)
     return seconds
+
+
+def endless(_: int) -> None:
+    print(os.getpid(), flush=True)
+    time.sleep(3600)

@@ -282,7 +282,7 @@ class Compensation:
         return ", ".join(filter(None, (self._fallback.warning, controller.warning))), {
             "controller": self.controller,
             "replaced by": self._fallback.substitute or "-",
-            "force used (%)": f"{100 * self._fallback.fraction:.0f}",
+            "force used (%)": f"{100 * self._fallback.used:.0f}",
             "saturated": str(guard.saturated),
             "limited by heat": str(guard.heated),
             "limited by travel": str(guard.cushioned),

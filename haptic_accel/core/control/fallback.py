@@ -150,8 +150,13 @@ class Fallback:
 
     @property
     def fraction(self) -> float:
-        """Fraction of the controller's force that is used."""
+        """Fraction of the controller's force that does no harm."""
         return self._share * self._authority.fraction
+
+    @property
+    def used(self) -> float:
+        """Fraction of the controller's force that is used: less than `fraction` after silence."""
+        return self._share * self._authority.used
 
     def start(self, name: str, granted_delay: int) -> None:
         """Return to the initial state, for a controller and its additional delay."""

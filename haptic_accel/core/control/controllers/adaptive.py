@@ -376,7 +376,7 @@ class Learner:
         variance = np.abs(response) ** 2 * unexplained / np.maximum(coherence, 1e-6)
         squared = np.abs(response - 1.0) ** 2
         doubt = CAUTION * variance + NEGLIGIBLE**2
-        moved = MOTION / np.maximum(self._ratio.excitation[1:], MOTION * 1e-9) / independent
+        moved = MOTION / np.maximum(self._ratio.excitation[1:], np.finfo(float).tiny) / independent
         shown = np.maximum(0.0, 1.0 - CAUTION * moved / np.maximum(squared, NEGLIGIBLE**2))
         accepted = self._above[self._every] * shown * squared / (squared + doubt)
         return np.asarray(1.0 + accepted * (response - 1.0))

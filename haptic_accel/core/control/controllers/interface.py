@@ -119,7 +119,7 @@ class Controller(ABC):
         fitting : float
             Time for which the response has fitted the plant, s of excitation.
         fraction : float
-            Fraction of the controller's force that is used, from 0 to 1.
+            Fraction of the controller's force that does no harm, from 0 to 1.
         """
 
     def freeze(self, frozen: bool) -> None:  # noqa: B027 - most have nothing to
