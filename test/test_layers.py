@@ -37,7 +37,7 @@ SOURCE = Path(__file__).resolve().parents[1] / PACKAGE
 BELOW: dict[str, set[str]] = {
     "core": set(),
     "pages": {"core"},
-    "scope": {"core", "pages"},
+    "scope": {"core", "devices", "graph", "materials", "pages"},
     "bags": {"core"},
     "materials": {"core"},
     "devices": {"core", "bags", "materials"},

@@ -35,6 +35,9 @@ from haptic_accel.materials.folders import config_folder, is_recording, preset_f
 SURFACE = "simulated.surface."
 """Prefix of the slave device's parameters of a surface."""
 
+POSTURE = "simulated.grip.posture"
+"""Parameter of the master device: grip of the simulated hand on the handle."""
+
 _PARAMETERS = "ros__parameters"
 
 _WILDCARDS = ("**", "*")

@@ -19,10 +19,9 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -31,20 +30,18 @@ from rclpy.serialization import deserialize_message
 
 from haptic_accel.core import topics
 from haptic_accel.core.cdr import unpack_stamped_vector
-from haptic_accel.core.due_forces import LONGEST
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ACTUATOR_AXIS, Topic
 from haptic_accel.graph.arguments import SCENE as SCENE_FILE
-from haptic_accel.graph.files import SURFACE
+from haptic_accel.graph.files import POSTURE, SURFACE
 from haptic_accel.graph.node_parameters import node_parameters, node_schema
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.graph_requests import POSTURE
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.scope_commands import Commands, choices
 from haptic_accel.nodes.scope_parameters import RemoteParameters
-from haptic_accel.nodes.scope_scene import ScopeScene, drawing, scene_of
+from haptic_accel.nodes.scope_scene import ScopeScene
 from haptic_accel.nodes.signals import Inbox
 from haptic_accel.nodes.topic_node import message_type
 from haptic_accel.scope.access import TOKEN_VARIABLE, Access
@@ -54,9 +51,9 @@ from haptic_accel.scope.node_reports import (
     NodeReport,
     NodeReports,
     expected_nodes,
-    number,
 )
 from haptic_accel.scope.server import SOUND_RATE, ScopeServer
+from haptic_accel.scope.state import drawing, state_of
 from haptic_accel.scope.windows import LARGEST, GraphSettings, Ring, Windows
 
 NICENESS = 10
@@ -99,6 +96,7 @@ class Scope(GraphNode):
         super().__init__("scope")
         p = self.parameters
         self.windows = Windows()
+        self._controller: str | None = None
         self._reports = NodeReports()
         self._expected = expected_nodes(p.side)
         arms = (p.side,) if p.side else topics.ARMS
@@ -253,6 +251,9 @@ class Scope(GraphNode):
         """Take the compensator's description of the actuator, or the defaults without it."""
         self._scene.update()
         values = self._remotes["compensator"].values
+        if values.get("controller") != self._controller:
+            self._controller = values.get("controller")
+            self.windows.compare_anew()
         known = {name: value for name, value in values.items() if value is not None}
         settings = GraphSettings()
         with suppress(ParameterError):  # a node of another version
@@ -267,58 +268,6 @@ class Scope(GraphNode):
 def _only(ring: Ring) -> Callable[[int, float, int], None]:
     """Return a callback that stores a sample without its reception time."""
     return lambda stamp, value, received: ring.put(stamp, value)
-
-
-def state_of(
-    reports: NodeReports,
-    expected: Sequence[str],
-    values: Mapping[str, Mapping[str, Any]],
-    settings: GraphSettings,
-    *,
-    led: bool,
-    stop: Mapping[str, bool | None],
-) -> dict[str, Any]:
-    """Return the graph's state for a page, ready for JSON.
-
-    Parameters
-    ----------
-    reports : NodeReports
-    expected : sequence of str
-        Nodes that are shown even if they have sent no diagnostics.
-    values : mapping
-        Known parameters of the nodes of `WANTED`.
-    settings : GraphSettings
-    led : bool
-        A page can lead the hand.
-    stop : mapping
-        Emergency stop: ``asked`` for, and as each arm reports it.
-    """
-    now = time.monotonic()
-    touched = scene_of(values["slave_device"])
-    coupler = reports.values("coupler", now)
-    master = reports.values("master_device", now)
-    return {
-        "nodes": reports.rows(now, expected),
-        "recorder": dict(reports.values("recorder", now)),
-        "controller": values["compensator"].get("controller"),
-        "surface": Path(touched).stem if touched else None,
-        "grip": values["master_device"].get(POSTURE),
-        "scene": touched,
-        "led": led,
-        "engaged": {"true": True, "false": False}.get(coupler.get("engaged", "")),
-        "stop": dict(stop),
-        "actuator": {
-            "age_us": number(master.get("actuator force age p50 (us)")),
-            "due": number(master.get("actuator force due")),
-            "missed": number(master.get("actuator force deadlines missed")),
-            "latest_us": number(master.get(f"actuator force {LONGEST}")),
-        },
-        "limits": {
-            "force": settings.actuator.peak_force,
-            "travel": settings.actuator.travel,
-            "assumed": settings.assumed,
-        },
-    }
 
 
 def main() -> None:

@@ -23,15 +23,13 @@ from typing import Any
 
 from std_srvs.srv import SetBool
 
-from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import DEVICES
-from haptic_accel.materials.folders import config_folder
 from haptic_accel.nodes import graph_requests as requests
 from haptic_accel.nodes.emergency_stop import STOP_SERVICES, release
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.service_client import Request, RequestError, ServiceClient
+from haptic_accel.scope import state
 from haptic_accel.scope.server import CommandError
 
 FINDING_TIME = 0.7
@@ -54,12 +52,7 @@ SWITCHES = ("engage", "estop")
 
 def choices() -> dict[str, list[str]]:
     """Return the choices for each action of `REQUESTS`."""
-    return {
-        "controller": list(CONTROLLERS),
-        "surface": sorted(path.stem for path in (config_folder() / "surfaces").glob("*.yaml")),
-        "grip": list(POSTURES),
-        "record": list(requests.RECORDER_ACTIONS),
-    }
+    return {**state.choices(), "record": list(requests.RECORDER_ACTIONS)}
 
 
 class Commands:

@@ -19,24 +19,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from haptic_accel.core import topics
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.devices.simulated import PointerMaster
-from haptic_accel.graph.arguments import POINTER, SCENE, SIMULATED, VIRTUAL
-from haptic_accel.graph.files import SURFACE
-from haptic_accel.materials.scenes import read_scene
+from haptic_accel.graph.arguments import POINTER
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.signals import Inbox, Sender
 from haptic_accel.scope.server import FRAME_RATE
-
-VIEW = PointerMaster.REACH
-"""Part of the plane through the tool, along x and z, that a page draws, m: where a hand can go."""
 
 SIGNALS = {
     "tool": topics.SLAVE_POSITION,
@@ -113,46 +104,3 @@ class ScopeScene:
         for name, inbox in self._inboxes.items():
             for _, vector in inbox.drain_vectors():
                 self._places[name] = vector
-
-
-def scene_of(slave: Mapping[str, Any]) -> str | None:
-    """Return the surface or scene file under the tool by the slave's parameters.
-
-    None if it is unknown.
-    """
-    name = {VIRTUAL: SCENE, SIMULATED: f"{SURFACE}name"}.get(slave.get("device", ""))
-    return slave.get(name) if name else None
-
-
-def drawing(slave: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a page's drawing of the scene, from known slave parameters, in SI units.
-
-    Returns
-    -------
-    dict
-        ``view``: first and last x and z; ``outlines``: lines by name of object; ``nodes``: speeds
-        and forces of an object's texture model; ``offset``: x and z from the master's frame to
-        the slave's.
-
-    Raises
-    ------
-    ParameterError
-        The scene's file can no longer be read.
-    """
-    name = scene_of(slave)
-    if name is None or slave["device"] != VIRTUAL:
-        (left, right), _ = VIEW
-        plane = {} if name is None else {name: [[[left, 0], [right, 0]]]}
-        return {"view": VIEW, "outlines": plane, "nodes": {}, "offset": [0, 0]}
-    scene = read_scene(Path(name))
-    outlines = {
-        name: [line.round(5).tolist() for line in lines]
-        for name, lines in scene.section(*VIEW, y=scene.start[1]).items()
-    }
-    nodes = {
-        each.name: np.column_stack([texture.speeds, texture.forces]).tolist()
-        for each in scene.objects
-        if (texture := each.material.texture)
-    }
-    x, _, z = scene.start
-    return {"view": VIEW, "outlines": outlines, "nodes": nodes, "offset": [x, z]}

@@ -26,6 +26,7 @@ import numpy as np
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control import filters
+from haptic_accel.core.control.compensation import FADING, LISTENING
 from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import Spectra, evaluate, spectra
 from haptic_accel.core.model import FloatArray, Vector
@@ -71,6 +72,9 @@ FEWEST = 50
 LEAST_VIBRATION = 0.5
 """RMS of the desired acceleration below which the tool counts as touching nothing, m/s^2: moved in
 the air it has 0.2, and dragged over the paper's smoothest surface 1.3."""
+
+CHANGING = LISTENING + FADING
+"""Time from the choice of a controller until it alone computes the force, s."""
 
 CLOUD_POINTS = 800
 """Most points of the regression cloud: more cannot be distinguished."""
@@ -215,6 +219,11 @@ class Windows:
         self.settings = GraphSettings()
         self._derivation: Derivation | None = None
         self._derived = 0
+        self._compared_from = 0
+
+    def compare_anew(self) -> None:
+        """Restrict the comparison to samples after a change of controller that begins now."""
+        self._compared_from = self.handle.newest + int(CHANGING * NANOSECONDS)
 
     def advance(self) -> None:
         """Derive signals from the newest handle samples."""
@@ -275,8 +284,9 @@ class Windows:
         """Return desired and actual acceleration, prepared as for the evaluation of a bag."""
         stamps, handle = self.handle.last(METRICS_WINDOW + 2 * EDGE)
         actual = filters.without_hand_motion(handle, self.settings.high_pass_frequency, rate)
-        edge = int(EDGE * rate)
-        inner, shift = slice(edge, len(stamps) - edge), self.settings.latency + 1
+        edge, shift = int(EDGE * rate), self.settings.latency + 1
+        first = int(np.searchsorted(stamps, self._compared_from, "right"))
+        inner = slice(max(edge, first), len(stamps) - edge)
         desired = self.desired.last(METRICS_WINDOW + 2 * EDGE)
         return paired(*desired, stamps[inner], actual[inner], shift, rate)
 

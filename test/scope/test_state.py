@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Drawing of a scene in the scope."""
+"""State of a graph as a page shows it: the drawing of its scene."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.scenes import read_scene
-from haptic_accel.nodes.scope_scene import drawing, scene_of
+from haptic_accel.scope.state import drawing, scene_of
 
 SURFACE = {"device": "simulated", "simulated.surface.name": "vinyl"}
 

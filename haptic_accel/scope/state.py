@@ -1,0 +1,143 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""State of a graph, its scene and its choices, as a page shows them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.due_forces import LONGEST
+from haptic_accel.core.model import POSTURES
+from haptic_accel.devices.simulated import PointerMaster
+from haptic_accel.graph.arguments import SCENE, SIMULATED, VIRTUAL
+from haptic_accel.graph.files import POSTURE, SURFACE
+from haptic_accel.materials.folders import config_folder
+from haptic_accel.materials.scenes import read_scene
+from haptic_accel.scope.node_reports import NodeReports, number
+from haptic_accel.scope.windows import GraphSettings
+
+VIEW = PointerMaster.REACH
+"""Part of the plane through the tool, along x and z, that a page draws, m: where a hand can go."""
+
+
+def choices() -> dict[str, list[str]]:
+    """Return the choices of controller, surface and grip."""
+    return {
+        "controller": list(CONTROLLERS),
+        "surface": sorted(path.stem for path in (config_folder() / "surfaces").glob("*.yaml")),
+        "grip": list(POSTURES),
+    }
+
+
+def state_of(
+    reports: NodeReports,
+    expected: Sequence[str],
+    values: Mapping[str, Mapping[str, Any]],
+    settings: GraphSettings,
+    *,
+    led: bool,
+    stop: Mapping[str, bool | None],
+) -> dict[str, Any]:
+    """Return the graph's state for a page, ready for JSON.
+
+    Parameters
+    ----------
+    reports : NodeReports
+    expected : sequence of str
+        Nodes that are shown even if they have sent no diagnostics.
+    values : mapping
+        Known parameters of the nodes of `WANTED`.
+    settings : GraphSettings
+    led : bool
+        A page can lead the hand.
+    stop : mapping
+        Emergency stop: ``asked`` for, and as each arm reports it.
+    """
+    now = time.monotonic()
+    touched = scene_of(values["slave_device"])
+    coupler = reports.values("coupler", now)
+    master = reports.values("master_device", now)
+    return {
+        "nodes": reports.rows(now, expected),
+        "recorder": dict(reports.values("recorder", now)),
+        "controller": values["compensator"].get("controller"),
+        "surface": Path(touched).stem if touched else None,
+        "grip": values["master_device"].get(POSTURE),
+        "scene": touched,
+        "led": led,
+        "engaged": {"true": True, "false": False}.get(coupler.get("engaged", "")),
+        "stop": dict(stop),
+        "actuator": {
+            "age_us": number(master.get("actuator force age p50 (us)")),
+            "due": number(master.get("actuator force due")),
+            "missed": number(master.get("actuator force deadlines missed")),
+            "latest_us": number(master.get(f"actuator force {LONGEST}")),
+        },
+        "limits": {
+            "force": settings.actuator.peak_force,
+            "travel": settings.actuator.travel,
+            "assumed": settings.assumed,
+        },
+    }
+
+
+def scene_of(slave: Mapping[str, Any]) -> str | None:
+    """Return the surface or scene file under the tool by the slave's parameters.
+
+    None if it is unknown.
+    """
+    name = {VIRTUAL: SCENE, SIMULATED: f"{SURFACE}name"}.get(slave.get("device", ""))
+    return slave.get(name) if name else None
+
+
+def drawing(slave: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a page's drawing of the scene, from known slave parameters, in SI units.
+
+    Returns
+    -------
+    dict
+        ``view``: first and last x and z; ``outlines``: lines by name of object; ``nodes``: speeds
+        and forces of an object's texture model; ``offset``: x and z from the master's frame to
+        the slave's.
+
+    Raises
+    ------
+    ParameterError
+        The scene's file can no longer be read.
+    """
+    name = scene_of(slave)
+    if name is None or slave["device"] != VIRTUAL:
+        (left, right), _ = VIEW
+        plane = {} if name is None else {name: [[[left, 0], [right, 0]]]}
+        return {"view": VIEW, "outlines": plane, "nodes": {}, "offset": [0, 0]}
+    scene = read_scene(Path(name))
+    outlines = {
+        name: [line.round(5).tolist() for line in lines]
+        for name, lines in scene.section(*VIEW, y=scene.start[1]).items()
+    }
+    nodes = {
+        each.name: np.column_stack([texture.speeds, texture.forces]).tolist()
+        for each in scene.objects
+        if (texture := each.material.texture)
+    }
+    x, _, z = scene.start
+    return {"view": VIEW, "outlines": outlines, "nodes": nodes, "offset": [x, z]}
