@@ -72,6 +72,10 @@ help: ## list the targets
 .PHONY: venv
 venv: $(RUNTIME) ## create .venv with everything that runs, .venv/bin/haptic-accel among it
 
+.PHONY: touch
+touch: $(RUNTIME) ## touch a surface on a page in the browser; Ctrl-C ends it
+	@$(BIN)/haptic-accel touch $(ARGS)
+
 .PHONY: demo
 demo: $(RUNTIME) ## run the paper's experiment through the live ROS 2 graph
 	@$(BIN)/haptic-accel experiment --controllers none,constant,dynamic,adaptive $(ARGS)
@@ -140,7 +144,7 @@ $(RUNTIME): Makefile package.xml pyproject.toml setup.cfg setup.py
 	    # Its packages are no part of a colcon workspace.
 	    touch $(VENV)/COLCON_IGNORE
 	fi
-	echo "Installing haptic_accel and ROS 2 $(ROS) into $(VENV)"
+	echo "Installing haptic_accel and ROS 2 $(ROS) into $(VENV): 0.8 GB, about a minute"
 	$(call pip_install,$(EXTRAS))
 	touch $@
 

@@ -137,6 +137,8 @@ setup(
             "mcap>=1.2",
             "distributed>=2024.1",
             "playwright",
+            # Rules of accessibility (axe-core), checked in the pages.
+            "axe-playwright-python",
             # These build an ament_python package. colcon-core keeps setuptools below 80,
             # whose `develop` no longer knows the options of `colcon build --symlink-install`.
             "colcon-core",

@@ -15,9 +15,10 @@
 
 """Measure the time from a motion on the scope's page to its sound, in a real browser.
 
-Run as ``python benchmarks/motion_to_sound.py``. A mouse taps the surface of a graph with
-``master:=pointer``. The stages end with the first sample of the handle's acceleration above a
-threshold, with its arrival at the page, and when the browser's output plays it.
+Run as ``python benchmarks/motion_to_sound.py``. A mouse taps the surface of
+``haptic-accel touch``, or with arguments that of a graph with ``master:=pointer``. The stages end
+with the first sample of the handle's acceleration above a threshold, with its arrival at the page,
+and when the browser's output plays it.
 """
 
 from __future__ import annotations
@@ -87,23 +88,24 @@ SCALE = """async () => {
 
 @contextmanager
 def scope(words: Sequence[str]) -> Iterator[str]:
-    """Start a graph with a page; return its address."""
-    given = ["teleop", "master:=pointer", "scope:=true", "scope_port:=0", *words]
+    """Start a rig, or with arguments a graph, with a page; return its address."""
+    graph = ["teleop", "master:=pointer", "scope:=true", "scope_port:=0", "scope_control:=true"]
+    given = [*graph, *words] if words else ["touch", "--no-open"]
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "haptic_accel.cli.main", *given]
         # Real-time nodes would starve a browser that draws without a graphics card.
         environment = {**os.environ, REALTIME: "no"}
         with subprocess.Popen(
             command, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True
-        ) as graph:
-            assert graph.stdout
+        ) as process:
+            assert process.stdout
             try:
                 # The address has a line of its own, and comes when all else has started.
-                lines = (line.split() for line in graph.stdout)
+                lines = (line.split() for line in process.stdout)
                 yield next(word for line in lines for word in line if word.startswith("http"))
             finally:
-                graph.send_signal(signal.SIGINT)
-                graph.stdout.read()
+                process.send_signal(signal.SIGINT)
+                process.stdout.read()
 
 
 def wait(page: Any, expression: str) -> None:
@@ -116,6 +118,7 @@ def measured(page: Any, taps: int) -> list[list[float]]:
     """Return the stages of each tap, ms, in the order of `STAGES`."""
     wait(page, "hapticScope.state?.led && hapticScope.state.engaged")
     page.locator("#sound-on").click()
+    page.locator("#scene").hover()
     wait(page, "hapticSound.stream?.rate")
     page.evaluate(WATCH)
     scale = page.evaluate(SCALE)
@@ -143,7 +146,7 @@ def main() -> None:
     from playwright.sync_api import sync_playwright
 
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("words", nargs="*", help="arguments of the graph: slave:=virtual")
+    parser.add_argument("words", nargs="*", help="arguments of a graph: slave:=virtual")
     parser.add_argument("--taps", type=int, default=20)
     parser.add_argument("--json", action="store_true", help="print one object of stages")
     given = parser.parse_args()

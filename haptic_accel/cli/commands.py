@@ -74,6 +74,9 @@ TEXTURE = LazyGroup(
 )
 
 SECTIONS = {
+    "First touch": {
+        "touch": "touch a surface on a page, without ROS or hardware",
+    },
     "Graph": {
         "teleop": "run the teleoperation graph",
         "control": "change controller, surface or grip of a running graph",

@@ -50,7 +50,7 @@ from haptic_accel.core.identification.stops import LIMITED
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters, excitation
 from haptic_accel.core.loop.compensation import CompensationPart
 from haptic_accel.core.loop.coupling import CouplingPart
-from haptic_accel.core.loop.device_side import ACTUATOR, ARM, rig_side
+from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, rig_side
 from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
 from haptic_accel.core.model import (
     ZERO,
@@ -391,7 +391,7 @@ def run_trial(
     controlled = Compensation(around, rate, controllers, latency=latency)
     part = CompensationPart(controlled, rate, latency)
     hosts = (
-        HostLoop(sides, _coupling(rig, rate, latency), part)
+        one_host(sides, part, rig, rate, latency)
         if channel is None
         else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts)
     )
@@ -438,12 +438,32 @@ class Crossed(NamedTuple):
     energy: tuple[float, float]
 
 
-def _coupling(rig: RigParameters, rate: float, latency: int) -> CouplingPart:
-    """Return the coupling of both arms on one host, whose devices are not stopped."""
+def one_host(
+    sides: Mapping[str, DeviceSide],
+    compensation: CompensationPart,
+    rig: RigParameters,
+    rate: float,
+    latency: int,
+) -> HostLoop:
+    """Return the loop of both arms on one host, whose devices are not stopped.
+
+    Parameters
+    ----------
+    sides : mapping of str to DeviceSide
+        Devices by arm: master, slave.
+    compensation : CompensationPart
+    rig : RigParameters
+        Parameters of the coupling.
+    rate : float
+        Samples per second.
+    latency : int
+        Delay from sample to force, in samples.
+    """
     engagement = Engagement(EngagementParameters(), now=0.0)
     for arm in topics.ARMS:
         engagement.arm_stopped(arm, False)
-    return CouplingPart(rig.coupled(rate, latency), engagement, rate)
+    coupling = CouplingPart(rig.coupled(rate, latency), engagement, rate)
+    return HostLoop(sides, coupling, compensation)
 
 
 _SIGNALS = 4

@@ -179,7 +179,7 @@ class ScopeServer:
     port : int
         Port to listen on; 0 for any free port.
     act : callable, optional
-        Carries out commands; without it the scope is read-only.
+        Carries out commands; without it the scope is read-only, and leads no hand.
 
     Attributes
     ----------
@@ -423,7 +423,7 @@ class ScopeServer:
         if not point:
             self._leader = None, now
             return ""
-        refusal = self._source.lead(*point)
+        refusal = self._source.lead(*point) if self._act else READ_ONLY
         if not refusal:
             self._leader = page, now + LEAD_TIME
         return refusal
@@ -473,6 +473,8 @@ class ScopeServer:
             return
         metrics = self._source.windows.metrics()
         state = {"version": self._version, "metrics": metrics.values} | self._source.state()
+        if self._act is None:
+            state["led"] = False
         self._update = (as_json(state), plots_frame(metrics))
         self._updated = now  # not before: failed updates must not count as new
 

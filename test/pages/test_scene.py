@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pytest
 
-from browsing import QuietGraph, chromium
+from browsing import QuietGraph, chromium, done
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
 from running import wait_until
@@ -82,7 +82,7 @@ def bench() -> Bench:
 
 @pytest.fixture
 def page(browser: Browser, bench: Bench) -> Iterator[Page]:
-    server = ScopeServer(bench, Access("127.0.0.1"), "127.0.0.1", 0)
+    server = ScopeServer(bench, Access("127.0.0.1"), "127.0.0.1", 0, done)
     opened = browser.new_page(viewport={"width": 900, "height": 900})
     complaints: list[str] = []
     opened.on("pageerror", lambda error: complaints.append(str(error)))
@@ -167,6 +167,7 @@ def test_a_hand_that_may_not_be_led_is_let_go_with_the_reason(page: Page, bench:
 def test_what_is_out_of_sight_is_not_sent_and_not_believed(page: Page) -> None:
     is_known = "Number.isFinite(hapticScene.here.handle[0])"
     wait_until(lambda: bool(page.evaluate(is_known)), "the handle's place comes")
+    page.set_viewport_size({"width": 900, "height": 300})
     page.evaluate("scrollTo(0, 1e6)")
     wait_until(lambda: not page.evaluate(is_known), "it is forgotten")
     page.evaluate("scrollTo(0, 0)")

@@ -631,8 +631,20 @@ async def refused(live: aiohttp.ClientWebSocketResponse) -> str:
             return str(json.loads(message.data)["refused"])
 
 
-def test_one_page_at_a_time_leads_the_hand(started: Started, source: Source) -> None:
+def test_read_only_leads_no_hand(started: Started, source: Source) -> None:
     _, url = started()
+
+    async def use(session: aiohttp.ClientSession) -> None:
+        async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as page:
+            await page.send_json({"point": [0.0, 0.0]})
+            assert await refused(page) == READ_ONLY
+
+    visit(use)
+    assert source.led == []
+
+
+def test_one_page_at_a_time_leads_the_hand(started: Started, source: Source) -> None:
+    _, url = started(Acting())
 
     async def use(session: aiohttp.ClientSession) -> None:
         async with session.ws_connect(url.with_path("/live"), headers=origin(url)) as other:

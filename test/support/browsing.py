@@ -90,6 +90,11 @@ class QuietGraph:
         }
 
 
+async def done(action: str, value: Any) -> str:
+    """Carry out nothing, for pages whose commands do not matter."""
+    return f"{action}: {value}"
+
+
 @contextmanager
 def chromium() -> Iterator[Browser]:
     """Start Chromium; skip the test where it or its driver is missing."""

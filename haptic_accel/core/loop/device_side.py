@@ -362,7 +362,7 @@ class DeviceSide:
 
 
 def rig_side(
-    rig: Rig,
+    rig: Rig | SampledRig,
     limits: SafetyParameters,
     rate: float,
     latency: int,
@@ -371,7 +371,8 @@ def rig_side(
     """Return one side of a virtual rig for lockstep, with a safety layer that allows forces."""
     safety = SafetyLayer(limits, rate)
     safety.enable(0.0, True)
-    return DeviceSide(SampledRig(rig), safety, rate, latency, kinds=kinds)
+    device = rig if isinstance(rig, SampledRig) else SampledRig(rig)
+    return DeviceSide(device, safety, rate, latency, kinds=kinds)
 
 
 KEPT = 1000

@@ -9,6 +9,8 @@ const COMMAND_TIME = 4000; // ms after which a command has failed
 
 /** Whether this page may give commands. */
 export const control = document.body.dataset.control === "true";
+/** Whether there is a graph, with nodes, recorder and stop. */
+export const graph = document.body.dataset.graph === "true";
 let hiding = 0;
 
 /** Show a message: "waiting" until the next, another kind for a while. */

@@ -11,8 +11,9 @@ export function setText(element, text) {
   if (element && element.textContent !== text) element.textContent = text;
 }
 
-/** Give a chip or a badge a text, and the state that its colour shows. */
+/** Give a chip or a badge, if the page has it, a text, and the state that its colour shows. */
 export function setState(element, state, text) {
+  if (!element) return;
   if (element.dataset.state !== state) element.dataset.state = state;
   setText(element, text);
 }

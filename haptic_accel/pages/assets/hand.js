@@ -8,9 +8,12 @@ import { mapping, view } from "./side_view.js";
 
 const PRESSED = 0.01; // m by which the full pressure of a pen lowers the hand
 const KEY_STEP = 0.002; // m that an arrow key moves the hand
+const KEY_TIME = 200; // ms for which a key leads the hand, so that it arrives
+const KEYS = "keys"; // in place of a pointer's number
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
 let drawing = null; // in which the hand may be led; null if it may not
+let ending = 0; // timer that ends the lead of keys
 let grip = null; // the pointer that leads, where it began and where the hand is to be
 
 /** Let the hand be led within a drawing of the scene, or with null not at all. */
@@ -61,10 +64,15 @@ export function letGo() {
 
 function step(event) {
   const direction = ARROWS[event.key];
-  if (!direction || !mayBegin()) return;
+  const goesOn = grip?.id === KEYS;
+  if (!direction || !(goesOn || mayBegin())) return;
   event.preventDefault();
-  sendPoint(reached(here.handle.map((value, axis) => value + KEY_STEP * direction[axis])));
-  send({ point: null });
+  // From where the last key leads to: the hand follows later.
+  const from = goesOn ? grip.point : here.handle;
+  grip = { id: KEYS, point: reached(from.map((value, axis) => value + KEY_STEP * direction[axis])) };
+  if (!goesOn) lead();
+  clearTimeout(ending);
+  ending = setTimeout(() => grip?.id === KEYS && letGo(), KEY_TIME);
 }
 
 /** Let pointers and keys in the side view lead the hand. */

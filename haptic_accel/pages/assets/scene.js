@@ -1,19 +1,19 @@
 // SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The card of the scene: side view, speed-force plane, and the hand that a pointer may lead.
+// The cards of scene and contact: side view, speed-force plane, and the hand that a pointer may lead.
 import { want } from "./connection.js";
 import { byId } from "./elements.js";
 import { isGripped, leadWithin, letGo, listenToPointers } from "./hand.js";
-import { counters, forgetPlaces, here } from "./places.js";
+import { counters, forgetPlaces, here, isKnown } from "./places.js";
 import { drawSideView, view } from "./side_view.js";
 import { drawPlane, followContact, forgetContact, makePlane, redrawPlane } from "./speed_force_plane.js";
 
-const card = byId("scene-card");
+const cards = [byId("scene-card"), byId("contact-card")];
+const inSight = new Set(); // of these cards
 let drawing = null; // as the scope serves it
 let name = null; // of the scene that is drawn
 let led = false;
-let inSight = false;
 
 function forget() {
   forgetPlaces();
@@ -37,7 +37,8 @@ export const scene = {
   },
 
   draw() {
-    if (card.hidden || !inSight || !drawing) return;
+    byId("scene-waiting").hidden = isKnown(here.tool);
+    if (!inSight.size || !drawing) return;
     drawSideView(drawing);
     drawPlane(drawing);
     counters.drawn++;
@@ -47,13 +48,12 @@ export const scene = {
   async show(state) {
     led = Boolean(state.led);
     leadWithin(led ? drawing : null);
-    byId("scene-hint").hidden = !led;
     for (const part of [document.querySelector("main"), view]) part.classList.toggle("led", led);
     view.tabIndex = led ? 0 : -1;
     const shown = state.scene ?? (led ? "" : null); // a hand can be led wherever the tool is
     if (shown === name) return;
     name = shown;
-    card.hidden = name === null;
+    for (const card of cards) card.hidden = name === null;
     if (name === null) return;
     makePlane();
     try {
@@ -69,10 +69,14 @@ export const scene = {
   start() {
     forget();
     listenToPointers();
-    new IntersectionObserver(([entry]) => {
-      inSight = entry.isIntersecting;
-      if (!inSight) forget(); // places come only while they are seen
-      want("scene", inSight);
-    }).observe(card);
+    const observer = new IntersectionObserver((entries) => {
+      for (const { target, isIntersecting } of entries) {
+        if (isIntersecting) inSight.add(target);
+        else inSight.delete(target);
+      }
+      if (!inSight.size) forget(); // places come only while they are seen
+      want("scene", inSight.size > 0);
+    });
+    for (const card of cards) observer.observe(card);
   },
 };

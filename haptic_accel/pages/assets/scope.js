@@ -7,16 +7,18 @@ import { fail, found, lost, startWatching } from "./age_chip.js";
 import { forgetColours } from "./axes.js";
 import { age, serverClock } from "./clocks.js";
 import { cloudPlot, showCloud } from "./cloud_plot.js";
-import { control, listenToChoices, showChoice, tell } from "./commands.js";
+import { control, graph, listenToChoices, showChoice, tell } from "./commands.js";
 import { connect } from "./connection.js";
 import { decode } from "./frames.js";
 import { showNodes, showRecorder } from "./nodes.js";
 import { describe, drawGauges, showActuator, showNumbers } from "./readings.js";
 import { scene } from "./scene.js";
+import { view } from "./side_view.js";
 import { sound } from "./sound.js";
 import { showSpectra, spectraPlot } from "./spectra_plot.js";
 import { listenToStop, showStop } from "./stop.js";
 import { held, listenToTimePlots, timePlots } from "./time_plots.js";
+import { showTouch } from "./touch.js";
 import { TRACES, traces } from "./traces.js";
 
 const PROMPT = 20; // ms to the next picture of a machine that draws all of them
@@ -72,8 +74,9 @@ function takeState(received) {
   if (held === null) showNumbers(state.metrics);
   showActuator(state.actuator, state.limits);
   showNodes(state.nodes);
-  showRecorder(state.nodes, state.recorder);
+  if (graph) showRecorder(state.nodes, state.recorder);
   scene.show(state);
+  showTouch(state);
   for (const action of ["controller", "surface", "grip"]) showChoice(action, state[action]);
   showChoice("engage", state.engaged);
   showStop(state);
@@ -105,11 +108,11 @@ dark.addEventListener("change", () => {
   for (const one of [...timePlots.map(({ plot }) => plot), spectraPlot, cloudPlot, scene]) one.redraw();
 });
 listenToTimePlots();
-if (control) {
-  listenToChoices();
-  listenToStop();
-}
+if (control) listenToChoices();
+if (control && graph) listenToStop();
 scene.start();
+// A browser gives sound only after the user has acted; on a page for touching that is to touch.
+if (!graph) view.addEventListener("pointerdown", () => sound.turnOn(), { once: true });
 sound.start();
 startWatching();
 setInterval(() => state && !lost && describe(state), DESCRIBE);

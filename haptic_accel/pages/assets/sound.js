@@ -34,6 +34,9 @@ export const sound = {
     return isPressed(on) && sound.stream.delay > HELD_UP;
   },
 
+  /** Play from now on. */
+  turnOn: () => turn(true),
+
   /** Let the card's controls act. */
   start() {
     on.addEventListener("click", () => turn(!isPressed(on)));

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // The emergency stop: its button, its state, and whether the arms are engaged.
-import { command, control, tell } from "./commands.js";
+import { command, control, graph, tell } from "./commands.js";
 import { byId, setState, setText } from "./elements.js";
 
 const UNHEARD = new Set(["absent", "silent"]); // states of nodes that report nothing
@@ -32,7 +32,7 @@ export function showStop({ stop, engaged, nodes, metrics }) {
     : "Emergency stop: not confirmed by every device.";
   setText(byId("alarm"), stopped ? text : "");
   byId("alarm").hidden = !stopped;
-  if (control) byId("release").hidden = !stopped;
+  if (control && graph) byId("release").hidden = !stopped;
 }
 
 /** Let the button and Escape stop the graph, and a dialog release the stop. */

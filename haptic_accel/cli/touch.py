@@ -1,0 +1,54 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``haptic-accel touch``: surfaces on a page, felt through the simulated rig, without ROS."""
+
+from __future__ import annotations
+
+import webbrowser
+
+import click
+
+from haptic_accel.cli.options import verb
+from haptic_accel.cli.running import print_line, stop_on_signal
+from haptic_accel.scope.access import Access
+from haptic_accel.scope.paced_rig import PacedRig
+from haptic_accel.scope.server import ScopeServer
+
+HOST = "127.0.0.1"
+"""Address of the page: this machine alone."""
+
+
+@verb("haptic-accel touch", "haptic-accel touch --surface text --rig ideal")
+@click.option("--surface", default="plywood", metavar="NAME|FILE", help="Surface at the start.")
+@click.option("--rig", default="paper", metavar="NAME|FILE", help="Virtual rig.")
+@click.option("--port", default=0, metavar="PORT", type=click.IntRange(0, 65535), help="0: any.")
+@click.option("--open/--no-open", "opened", default=True, help="Open the page in a browser.")
+def touch(surface: str, rig: str, port: int, opened: bool) -> None:
+    """Touch a surface on a page with mouse, finger or arrow keys until Ctrl-C.
+
+    The page shows and plays what the handle does without compensation, with the paper's and with
+    this package's. The rig is simulated in this process, by the loop of the live graph, and needs
+    no ROS.
+    """
+    touched = PacedRig(surface, rig)
+    server = ScopeServer(touched, Access(HOST, ""), HOST, port, touched.act)
+    address = server.start()
+    print_line(f"{address} (Ctrl-C ends)")
+    if opened:
+        webbrowser.open(address)
+    with stop_on_signal() as stop:
+        touched.run(stop)
+    server.stop()

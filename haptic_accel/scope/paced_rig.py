@@ -1,0 +1,296 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Virtual rig whose hand a page leads, in step with the clock, without ROS."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import replace
+from queue import Empty, SimpleQueue
+from typing import Any, NamedTuple
+
+from haptic_accel.core.control.compensation import Compensation
+from haptic_accel.core.loop.compensation import CompensationPart
+from haptic_accel.core.loop.device_side import ARM, rig_side
+from haptic_accel.core.loop.wiring import MASTER, SLAVE
+from haptic_accel.core.model import ACTUATOR
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import ACTUATOR_AXIS
+from haptic_accel.core.trial import one_host
+from haptic_accel.devices.simulated import (
+    PointerMaster,
+    SimulatedSlave,
+    SimulatedSlaveParameters,
+)
+from haptic_accel.graph.arguments import POINTER, SIMULATED, GraphArguments
+from haptic_accel.graph.files import POSTURE, SURFACE
+from haptic_accel.graph.node_parameters import node_parameters
+from haptic_accel.graph.processes import Values, graph_parameters, rig_parameters
+from haptic_accel.scope.node_reports import NodeReport, NodeReports
+from haptic_accel.scope.server import CommandError
+from haptic_accel.scope.state import choices, drawing, state_of
+from haptic_accel.scope.windows import GraphSettings, Windows
+
+CONTROLLER = "adaptive"
+"""Controller at the start: the one with the least error on this rig."""
+
+PAUSE = 4e-3
+"""Pause between two groups of ticks, s: a quarter of a picture, so that waking costs little."""
+
+LONGEST_BEHIND = 0.1
+"""Longest time without a tick whose ticks are made up for, s; a longer one is left out, so that a
+slow or suspended machine shows the present."""
+
+REPORT_PERIOD = 1.0
+"""Interval between two reports of the parts, s, as nodes send them."""
+
+STROKE, STROKE_RATE, STROKE_HEIGHT = 0.05, 0.4, -0.004
+"""Amplitude, m, rate, Hz, and height, m, of the hand's strokes until a page leads it. They are
+below the surface, so that the tool presses on it."""
+
+PARTS = ("loop", "coupler", "compensator")
+"""Parts whose diagnostics a page shows."""
+
+
+class _Asked(NamedTuple):
+    """Action to be carried out between two ticks, and where its line or refusal goes."""
+
+    action: str
+    value: str
+    answer: Future[str]
+
+
+class PacedRig:
+    """Both sides of the virtual rig with coupling and compensation, paced by the clock.
+
+    It is the loop of lockstep, whose ticks follow the clock in groups. The simulated world waits
+    for its loop, so that no force is late. Signals go to `windows`; the server's thread asks for
+    the rest.
+
+    Parameters
+    ----------
+    surface : str
+        Surface under the tool: a name, or a path ending in ``.yaml``.
+    rig : str
+        Name or file of the rig's parameters.
+
+    Attributes
+    ----------
+    windows : Windows
+        Signals that a page shows.
+
+    Raises
+    ------
+    ParameterError
+        The surface or the rig is unknown, or its file is wrong.
+    """
+
+    def __init__(self, surface: str, rig: str) -> None:
+        self._arguments = GraphArguments(
+            controller=CONTROLLER, surface=surface, rig=rig, master=POINTER
+        )
+        self.windows = Windows()
+        self._choices = choices()
+        self._asked: SimpleQueue[_Asked] = SimpleQueue()
+        self._point: tuple[float, float] | None = None
+        self._is_led = False
+        self._reports = NodeReports()
+        self._reported = -math.inf
+        self._left_out = 0
+        self._build()
+
+    def _build(self) -> None:
+        arguments = self._arguments
+        self._rate, latency = arguments.rate, arguments.latency
+        values = graph_parameters(arguments)
+        rig = rig_parameters(values)
+        around, controllers = node_parameters("compensator", values["compensator"])
+        self._master_parameters = rig.master
+        self._values = {
+            "compensator": dict(values["compensator"]),
+            "master_device": {"device": POINTER, POSTURE: rig.master.grip.posture},
+            "slave_device": {"device": SIMULATED, f"{SURFACE}name": arguments.surface},
+        }
+        self._master = PointerMaster(rig.master, self._rate, arguments.seed)
+        self._slave = SimulatedSlave(_slave(values), self._rate, arguments.seed)
+        limits = rig.safety
+        sides = {
+            MASTER: rig_side(self._master, limits[0], self._rate, latency),
+            SLAVE: rig_side(self._slave, limits[1], self._rate, latency, (ARM,)),
+        }
+        self._compensation = Compensation(around, self._rate, controllers, latency=latency)
+        part = CompensationPart(self._compensation, self._rate, latency)
+        self._loop = one_host(sides, part, rig, self._rate, latency)
+        self.windows.settings = GraphSettings(
+            around.high_pass_frequency, controllers[ACTUATOR], latency, assumed=False
+        )
+        self._tick = 0
+
+    # What a page shows
+
+    def choices(self) -> dict[str, list[str]]:
+        """Return the choices of the page."""
+        return self._choices
+
+    def scene(self) -> dict[str, Any]:
+        """Return the scene's drawing."""
+        return drawing(self._values["slave_device"])
+
+    def state(self) -> dict[str, Any]:
+        """Return the state for a page; called on the server's thread."""
+        return state_of(
+            self._reports, PARTS, self._values, self.windows.settings, led=True, stop={}
+        )
+
+    def lead(self, x: float, z: float) -> str:
+        """Lead the hand to a point, m; called on the server's thread."""
+        self._point = x, z
+        self._is_led = True
+        return ""
+
+    async def act(self, action: str, value: Any) -> str:
+        """Carry out a command of a page between two ticks; return one line.
+
+        Raises
+        ------
+        CommandError
+            The action or its value is not one of the choices, or is refused.
+        """
+        known = self._choices.get(action)
+        if known is None:
+            allowed = ", ".join(self._choices)
+            raise CommandError(f"action = {action!r}: must be one of {allowed}", 400)
+        if value not in known:
+            raise CommandError(f"{action} = {value!r}: must be one of {', '.join(known)}", 400)
+        asked = _Asked(action, value, Future())
+        self._asked.put(asked)
+        try:
+            return await asyncio.wrap_future(asked.answer)
+        except ParameterError as error:
+            raise CommandError(str(error)) from None
+
+    # The loop
+
+    def run(self, stopped: Callable[[], bool]) -> None:
+        """Follow the clock until told to stop."""
+        begun = time.monotonic()
+        origin = time.time_ns()
+        while not stopped():
+            self._carry_out()
+            now = time.monotonic()
+            due = math.floor((now - begun) * self._rate)
+            left_out = due - self._tick - round(LONGEST_BEHIND * self._rate)
+            if left_out > 0:
+                self._left_out += left_out
+                begun += left_out / self._rate
+                origin += round(left_out * NANOSECONDS / self._rate)
+                due -= left_out
+            self._follow_hand()
+            for _ in range(due - self._tick):
+                self._step(origin)
+            self._report(now)
+            time.sleep(PAUSE)
+
+    def _follow_hand(self) -> None:
+        """Pass on the point that a page has sent, or one of the strokes before the first."""
+        if not self._is_led:
+            phase = 2 * math.pi * STROKE_RATE * self._tick / self._rate
+            self._master.point((STROKE * math.sin(phase), 0.0, STROKE_HEIGHT))
+            return
+        point, self._point = self._point, None
+        if point:
+            self._master.point((point[0], 0.0, point[1]))
+
+    def _step(self, origin: int) -> None:
+        """Process a tick, and store its signals with stamps after an origin, ns."""
+        loop, windows = self._loop, self.windows
+        loop.step(self._tick)
+        self._tick += 1
+        for arm, (tick, sample, _) in loop.samples:
+            stamp = origin + loop.stamp(tick)
+            if arm == MASTER:
+                windows.handle.put(stamp, sample.acceleration)
+                windows.places["handle"] = sample.position
+            else:
+                windows.position.put(stamp, sample.position[ACTUATOR_AXIS])
+                windows.places["tool"] = sample.position
+                windows.places["tool_velocity"] = sample.velocity
+                windows.places["contact_force"] = self._slave.contact_force
+        for pull in loop.pulls:
+            if pull.arm == SLAVE:
+                windows.arm_force.put(origin + pull.stamp, pull.force[ACTUATOR_AXIS])
+        for stamp, desired, force in loop.felt:
+            windows.desired.put(origin + stamp, desired)
+            windows.force.put(origin + stamp, force)
+
+    def _carry_out(self) -> None:
+        """Carry out what pages have asked for."""
+        while True:
+            try:
+                action, value, answer = self._asked.get_nowait()
+            except Empty:
+                return
+            try:
+                getattr(self, f"_set_{action}")(value)
+            except ParameterError as error:
+                answer.set_exception(error)
+            else:
+                answer.set_result(f"{action}: {value}")
+
+    def _set_controller(self, name: str) -> None:
+        self._compensation.select(name)
+        self._values["compensator"]["controller"] = name
+        self.windows.compare_anew()
+
+    def _set_surface(self, name: str) -> None:
+        self._slave.change(_slave(graph_parameters(replace(self._arguments, surface=name))))
+        self._values["slave_device"][f"{SURFACE}name"] = name
+
+    def _set_grip(self, posture: str) -> None:
+        parameters = self._master_parameters
+        grip = replace(parameters.grip, posture=posture)
+        self._master.change(replace(parameters, grip=grip))
+        self._values["master_device"][POSTURE] = posture
+
+    def _report(self, now: float) -> None:
+        """Report as the nodes of a graph do."""
+        if now < self._reported + REPORT_PERIOD:
+            return
+        self._reported = now
+        engaged = self._loop.coupling is not None and self._loop.coupling.engagement.engaged
+        coupler = {"engaged": str(bool(engaged)).lower()}
+        warning, values = self._compensation.diagnostics()
+        left_out, self._left_out = self._left_out / self._rate, 0
+        slow = f"{left_out:.2f} s left out: this machine is too slow now" if left_out else ""
+        for part, warned, report in (
+            ("loop", slow, {}),
+            ("coupler", "", coupler),
+            ("compensator", warning, values),
+        ):
+            level = int(bool(warned))
+            self._reports.receive(part, NodeReport(level, warned or "OK", report, now))
+
+
+def _slave(values: Values) -> SimulatedSlaveParameters:
+    """Return the simulated slave's parameters among those of a graph."""
+    _, devices = node_parameters("slave_device", values["slave_device"])
+    found: SimulatedSlaveParameters = devices[SIMULATED]
+    return found

@@ -1,0 +1,65 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``haptic-accel touch``: the page of a simulated rig, without ROS."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import signal
+from collections.abc import Callable
+
+import aiohttp
+import pytest
+
+from running import Command
+from verbs import refusal
+
+WITHOUT_ROS = """
+import sys
+sys.modules |= dict.fromkeys(["rclpy", "launch", "ament_index_python", "std_msgs"])
+from haptic_accel.cli.main import main
+main(["touch", "--no-open", "--surface", "text"])
+"""
+"""Command on a machine that has no ROS 2."""
+
+
+async def shown(address: str) -> dict[str, object]:
+    """Look as a page does until the rig's signals have metrics; return the state."""
+    async with (
+        aiohttp.ClientSession(headers={"Origin": address.rstrip("/")}) as session,
+        session.ws_connect(f"{address}live") as live,
+    ):
+        while True:
+            message = await live.receive(30)
+            if message.type is aiohttp.WSMsgType.TEXT:
+                state: dict[str, object] = json.loads(message.data)
+                if "nrmse_percent" in state["metrics"]:  # type: ignore[operator]
+                    return state
+
+
+@pytest.mark.quiet
+def test_a_surface_is_touched_without_ros(start: Callable[..., Command]) -> None:
+    touching = start("-c", WITHOUT_ROS)
+    state = asyncio.run(shown(touching.wait_for("http").split()[0]))
+    assert (state["surface"], state["controller"], state["led"]) == ("text", "adaptive", True)
+    assert touching.end(signal.SIGINT) == 0, touching.text
+    assert "Traceback" not in touching.text
+
+
+def test_a_wrong_surface_and_a_wrong_port_are_named() -> None:
+    assert refusal("touch", "--surface", "ice").startswith("surface = 'ice': must be one of")
+    assert "70000" in refusal("touch", "--port", "70000")

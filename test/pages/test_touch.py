@@ -1,0 +1,108 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The page of ``haptic-accel touch`` in a real browser: what a visitor sees, hears and presses."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pytest
+
+from browsing import chromium
+from haptic_accel.scope.access import Access
+from haptic_accel.scope.paced_rig import PacedRig
+from haptic_accel.scope.server import ScopeServer
+from running import wait_until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+ERROR = "document.querySelector('.error b').textContent"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as opened:
+        yield opened
+
+
+@pytest.fixture
+def page(browser: Browser) -> Iterator[Page]:
+    """Open the page of a rig that runs."""
+    rig, ended = PacedRig("plywood", "paper"), threading.Event()
+    server = ScopeServer(rig, Access("127.0.0.1"), "127.0.0.1", 0, rig.act)
+    thread = threading.Thread(target=rig.run, args=(ended.is_set,))
+    thread.start()
+    opened = browser.new_page(viewport={"width": 1280, "height": 900})
+    complaints: list[str] = []
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.goto(server.start())
+    yield opened
+    opened.close()
+    ended.set()
+    thread.join()
+    server.stop()
+    assert complaints == []
+
+
+def error(page: Page) -> float:
+    """Return the error that the page shows, %; NaN for none."""
+    return float(page.evaluate(ERROR).replace("–", "nan"))
+
+
+def test_before_and_after_are_seen_by_one_press(page: Page) -> None:
+    wait_until(lambda: error(page) < 40.0, "the rig strokes by itself, compensated")
+    page.click(".switch [data-value=none]")
+    wait_until(lambda: error(page) > 90.0, "nothing drives the motor")
+    page.click(".switch [data-value=adaptive]")
+    wait_until(lambda: error(page) < 40.0, "compensated again")
+    told = page.locator("#touch-said")
+    wait_until(lambda: told.inner_text().startswith("adaptive: error "), "told to screen readers")
+
+
+def test_keys_alone_touch_choose_and_lift(page: Page) -> None:
+    wait_until(lambda: page.evaluate("Number.isFinite(hapticScene.here.tool[1])"), "the tool")
+    page.focus("#scene")
+    for _ in range(12):
+        page.keyboard.press("ArrowUp")
+    wait_until(lambda: page.evaluate("hapticScene.here.tool[1] > 0.01"), "the tool is lifted")
+    page.focus(".switch [data-value=dynamic]")
+    page.keyboard.press("Enter")
+    pressed = ".switch [data-value=dynamic][aria-pressed=true]"
+    wait_until(lambda: page.locator(pressed).count() == 1, "the paper's controller")
+
+
+def test_the_first_touch_turns_the_sound_on(page: Page) -> None:
+    wait_until(lambda: page.evaluate("Number.isFinite(hapticScene.here.handle[0])"), "the handle")
+    assert page.evaluate("hapticSound.context") is None
+    page.locator("#scene").click()
+    wait_until(lambda: page.evaluate("hapticSound.context?.state === 'running'"), "sound")
+
+
+def test_there_is_nothing_of_a_graph(page: Page) -> None:
+    assert page.locator("#stop, #recorder, #stop-state, [data-action=engage]").count() == 0
+    wait_until(lambda: page.locator("#arms").inner_text().endswith("engaged"), "the arms' state")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_no_rule_of_accessibility_is_broken(browser: Browser, page: Page, scheme: str) -> None:
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
+    wait_until(lambda: error(page) < 100.0, "the page shows all")
+    found = axe.run(page).response["violations"]
+    assert [(each["id"], each["help"]) for each in found] == []
