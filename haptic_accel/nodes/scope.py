@@ -251,8 +251,8 @@ class Scope(GraphNode):
         """Take the compensator's description of the actuator, or the defaults without it."""
         self._scene.update()
         values = self._remotes["compensator"].values
-        if values.get("controller") != self._controller:
-            self._controller = values.get("controller")
+        before, self._controller = self._controller, values.get("controller")
+        if before not in (None, self._controller):
             self.windows.compare_anew()
         known = {name: value for name, value in values.items() if value is not None}
         settings = GraphSettings()
