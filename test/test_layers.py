@@ -82,8 +82,7 @@ ROS_USERS: dict[str, set[str]] = {
     "haptic_accel.devices.crtk.client": {"rclpy", "geometry_msgs", "std_msgs"},
     # Launch files.
     "haptic_accel.graph.launching": {"launch", "launch_ros", "ament_index_python"},
-    # Folders of an installed ROS 2, which both do without where there is none.
-    "haptic_accel.materials.folders": {"ament_index_python"},
+    # Folders of an installed ROS 2, which does without where there is none.
     "haptic_accel.bags.definitions": {"ament_index_python"},
 }
 """Modules outside ``nodes`` that import something of ROS 2, and what."""

@@ -49,6 +49,7 @@ from haptic_accel.core.tables import ResultTable, Row
 from haptic_accel.graph.arguments import GraphArguments, check_both_arms, parse_arguments
 from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
 from haptic_accel.graph.processes import arrangement, graph
+from haptic_accel.graph.ros_packages import check_ros
 from haptic_accel.graph.stop_signal import DOMAIN, own_domain
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.graph.words import given_keys
@@ -171,7 +172,9 @@ def latency(
 
 
 def _print_arrangement(arguments: GraphArguments) -> None:
-    click.echo(arrangement(graph(arguments)), err=True)
+    processes = graph(arguments)
+    check_ros()
+    click.echo(arrangement(processes), err=True)
 
 
 def _empty_loop(rate: float, seconds: float) -> Row:

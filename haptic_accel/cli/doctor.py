@@ -36,6 +36,7 @@ from haptic_accel.core.tables import ResultTable
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.graph import machine
 from haptic_accel.graph.machine import Finding
+from haptic_accel.graph.ros_packages import INSTALL_ROS, has_ros
 from haptic_accel.graph.stop_signal import DOMAIN
 from haptic_accel.materials.folders import config_folder
 
@@ -67,7 +68,11 @@ def doctor(json_file: Path | None) -> None:
 
 def ros_findings() -> Iterator[Finding]:
     """Check ROS 2 in the environment of a node."""
-    # Imports ROS, which may be missing or broken.
+    if not has_ros():
+        meaning = "no graph runs here; lockstep, analysis, design and textures do"
+        yield Finding("ROS 2", "warning", "not installed", meaning, INSTALL_ROS)
+        return
+    # Imports ROS, which may be broken.
     from haptic_accel.nodes.empty_loop import empty_loop
     from haptic_accel.nodes.installation import describe_installation
 

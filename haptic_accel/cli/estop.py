@@ -28,6 +28,7 @@ from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.core.parameters import parameter
 from haptic_accel.graph.namespaces import NamespaceArguments
+from haptic_accel.graph.ros_packages import NEEDS_ROS, has_ros
 from haptic_accel.graph.stop_signal import Signalled, age, own_domain, stop_senders
 
 TIMEOUT = 2.5
@@ -73,6 +74,8 @@ def estop(signalled: Signalled | None, arguments: StopArguments) -> None:
     done = signalled or Signalled(stop_senders(own_domain(), arguments.namespace))
     reached = "1 process" if done.processes == 1 else f"{done.processes} processes"
     quick = f"{reached} signalled after {done.after:.2f} s, " if done.processes else ""
+    if quick and not has_ros():
+        raise StoppedError(f"{quick}not confirmed: this {NEEDS_ROS}")
     from haptic_accel.nodes.emergency_stop import stop_devices
 
     line = _answer(arguments.namespace, stop_devices, TIMEOUT)

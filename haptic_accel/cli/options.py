@@ -27,11 +27,13 @@ from typing import Any, TypeAlias, TypeVar, cast
 import click
 from click.shell_completion import CompletionItem
 
+from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.lazy import write_examples
 from haptic_accel.cli.output import check_writable
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.parameters import Checked, schema, suggestion
 from haptic_accel.graph.former_names import current_words
+from haptic_accel.graph.ros_packages import NEEDS_ROS, ROS_PACKAGES
 from haptic_accel.graph.words import described, group, parse_words
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -122,7 +124,7 @@ class Verb(click.Command):
 
         A parameter named ``arguments`` receives the words as the dataclass that declares them.
         An unwritable file for results is refused before the run; a file in a folder that the verb
-        will make is writable.
+        will make is writable. A verb that needs ROS 2 is refused in one line where there is none.
         """
         file, folder = ctx.params.get("json_file"), ctx.params.get("out")
         if file and folder not in file.parents:
@@ -136,7 +138,13 @@ class Verb(click.Command):
                 words = current_words([*ctx.params[each.name], *more], known)
                 parsed = each.name == "arguments"
                 ctx.params[each.name] = parse_words(words, *each.kinds) if parsed else words
-        return super().invoke(ctx)
+        try:
+            return super().invoke(ctx)
+        except ModuleNotFoundError as error:
+            if (error.name or "").partition(".")[0] not in ROS_PACKAGES:
+                raise
+            verb = ctx.command_path.partition(" ")[2] or ctx.command_path
+            raise StoppedError(f"{verb} {NEEDS_ROS}") from None
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options; those with a heading come last."""

@@ -30,6 +30,7 @@ from itertools import takewhile
 from pathlib import Path
 
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.graph.ros_packages import check_ros
 from haptic_accel.graph.stop_signal import (
     DOMAIN,
     address,
@@ -76,7 +77,10 @@ def sole_graph(namespace: str) -> Iterator[None]:
     ------
     ParameterError
         A graph, or a single node that sends one of its signals, runs in it already.
+    ModuleNotFoundError
+        ROS 2 is not installed.
     """
+    check_ros()
     domain = own_domain()
     with _lock(domain, f"graph in {namespace}" if namespace else "graph"):
         for name in signals(namespace):

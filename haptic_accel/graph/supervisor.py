@@ -35,6 +35,7 @@ from tempfile import TemporaryDirectory
 
 from haptic_accel.core.process import CUT_SHORT, DONE, EMERGENCY, SUPERVISOR, module_command
 from haptic_accel.graph.processes import RESPAWN_DELAY, Process
+from haptic_accel.graph.ros_packages import check_ros
 
 LAST_LINES = 20
 """Lines of a dead process that are shown."""
@@ -206,7 +207,13 @@ class Supervisor:
         ----------
         stop : callable
             Called every 0.1 s; true to stop.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            ROS 2 is not installed.
         """
+        check_ros()
         first = ""
         self._lines.start()
         with TemporaryDirectory(prefix="haptic_accel-") as folder:

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 
@@ -26,14 +27,21 @@ from haptic_accel.core.parameters import ParameterError
 def share_folder() -> Path:
     """Return the folder that contains ``config`` and ``launch``.
 
-    Code in a checkout uses the checkout; other code, the installed folder.
-    """
-    checkout = Path(__file__).resolve().parents[2]
-    if (checkout / "package.xml").is_file():
-        return checkout
-    from ament_index_python.packages import get_package_share_directory
+    Code in a checkout uses the checkout. Installed code uses the nearest ``share/haptic_accel`` in
+    a folder above it: pip and colcon both install code and data below one prefix, on every system.
 
-    return Path(get_package_share_directory("haptic_accel"))
+    Raises
+    ------
+    FileNotFoundError
+        The installation is incomplete.
+    """
+    code = Path(__file__).resolve().parents[1]
+    checkout = code.parent
+    for folder in (checkout, *(above / "share" / code.name for above in code.parents)):
+        if (folder / "package.xml").is_file():
+            return folder
+    message = "no share/haptic_accel in any folder above: reinstall haptic_accel"
+    raise FileNotFoundError(errno.ENOENT, message, str(code))
 
 
 def config_folder() -> Path:

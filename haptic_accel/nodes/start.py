@@ -19,11 +19,13 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 
-from haptic_accel.core.process import DONE
+from haptic_accel.core.process import DONE, FAILED
+from haptic_accel.graph.ros_packages import NEEDS_ROS, has_ros
 
 
 def __getattr__(node: str) -> Callable[[], None]:
@@ -32,6 +34,9 @@ def __getattr__(node: str) -> Callable[[], None]:
 
 
 def _start(node: str) -> None:
+    if not has_ros():
+        print(f"{node} {NEEDS_ROS}", file=sys.stderr)
+        sys.exit(FAILED)
     # Libraries take a second to load. Meanwhile a signal ends the node silently, as Python's own
     # handler would print a traceback. There is nothing to undo.
     signal.signal(signal.SIGINT, lambda *_: os._exit(DONE))
