@@ -24,6 +24,11 @@ from setuptools import find_packages, setup
 NAME = "haptic_accel"
 VERSION = re.findall(r'__version__ = "(.+)"', Path(NAME, "__init__.py").read_text())[0]
 
+ROS = "jazzy"
+"""ROS 2 distribution of the extra `ros`; as in the Makefile."""
+
+PYTHONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
+
 NODES = (
     "master_device",
     "slave_device",
@@ -42,7 +47,10 @@ NODES = (
 
 
 def ros_wheels(distribution: str) -> list[str]:
-    """Return ROS 2 as binary wheels, for machines where it is not installed."""
+    """Return ROS 2 as binary wheels, for machines where it is not installed.
+
+    The wheels are for x86-64 Linux and Python 3.10 to 3.13; elsewhere pip refuses the extra.
+    """
     interfaces = ("std", "geometry", "sensor", "diagnostic", "lifecycle")
     return [
         f"ros-{distribution}-rclpy[fastrtps]",
@@ -68,22 +76,44 @@ def data_files() -> list[tuple[str, list[str]]]:
     return list(files.items())
 
 
+def long_description() -> str:
+    """Return README.md, whose links to files become plain text outside the repository."""
+    text = Path("README.md").read_text(encoding="utf-8")
+    without_figures = re.sub(r"^!\[.*\n+", "", text, flags=re.M)
+    return re.sub(r"\[([^\]]+)\]\((?!http)[^)]+\)", r"\1", without_figures)
+
+
 TEST = ["pytest>=7.4", "pytest-timeout>=2.2", "hypothesis>=6.98"]
 
 setup(
     name=NAME,
     version=VERSION,
     description="Teleoperation with high-frequency acceleration feedback",
+    long_description=long_description(),
+    long_description_content_type="text/markdown",
+    keywords="haptics, teleoperation, acceleration feedback, voice coil, texture, ROS 2",
+    classifiers=[
+        "Development Status :: 4 - Beta",
+        "Environment :: Console",
+        "Intended Audience :: Science/Research",
+        "Operating System :: POSIX :: Linux",
+        "Programming Language :: Python :: 3",
+        *(f"Programming Language :: Python :: {version}" for version in PYTHONS),
+        "Topic :: Scientific/Engineering",
+        "Topic :: Scientific/Engineering :: Human Machine Interfaces",
+        "Typing :: Typed",
+    ],
     author="haptic_accel maintainers",
     maintainer="haptic_accel maintainers",
     maintainer_email="haptic-accel@users.noreply.github.com",
     license="Apache-2.0",
+    license_files=["LICENSE", "haptic_accel/pages/assets/uPlot.LICENSE"],
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={NAME: ["py.typed"], f"{NAME}.pages": ["templates/*", "assets/*"]},
     data_files=data_files(),
     # Templates are read as files.
     zip_safe=False,
-    python_requires=">=3.10",
+    python_requires=f">={PYTHONS[0]}",
     # The lower bounds are the versions of Ubuntu 24.04, the platform of ROS 2 Jazzy. Upper bounds:
     # CONTRIBUTING.md, "Dependencies".
     install_requires=[
@@ -104,6 +134,7 @@ setup(
         "aiohttp>=3.9,<4",
     ],
     extras_require={
+        "ros": ros_wheels(ROS),
         "ros-jazzy": ros_wheels("jazzy"),
         "ros-kilted": ros_wheels("kilted"),
         # Handle and tool on serial lines; cobs has no rosdep key.
@@ -145,6 +176,10 @@ setup(
             "colcon-ros",
             # Reads colcon.pkg.
             "colcon-metadata",
+            # make release, and the changes of a release.
+            "build",
+            "towncrier",
+            "twine",
         ],
     },
     entry_points={
