@@ -67,7 +67,7 @@ endef
 
 .PHONY: help
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-6s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-7s %s\n", $$1, $$2 }' Makefile
 
 .PHONY: venv
 venv: $(RUNTIME) ## create .venv with everything that runs, .venv/bin/haptic-accel among it
@@ -101,9 +101,15 @@ lint: $(DEV) ## check style (ruff) and types (mypy)
 	$(BIN)/mypy || failed=yes
 	[ -z "$$failed" ]
 
+.PHONY: release
+release: $(DEV) ## build source distribution and wheel in dist, and check them
+	@rm -rf dist
+	$(BIN)/python -m build --outdir dist .
+	$(BIN)/python -m twine check --strict dist/*
+
 .PHONY: clean
 clean: ## remove what make, colcon and the tools wrote; results/ is kept
-	@rm -rf $(VENV) build install log *.egg-info .benchmarks .hypothesis
+	@rm -rf $(VENV) build dist install log *.egg-info .benchmarks .hypothesis
 	rm -rf .mypy_cache .pytest_cache .ruff_cache
 	find benchmarks docs haptic_accel launch test -name __pycache__ -prune -exec rm -rf {} +
 

@@ -15,8 +15,17 @@
 
 """Teleoperation with high-frequency acceleration feedback.
 
-For notebooks: `run_trial` runs a condition of the experiment in lockstep, on a `Rig`, and
-`read_bag` reads a recorded one.
+For notebooks and scripts, without ROS: `run_trial` runs a condition of the experiment in lockstep
+on a `Rig` and returns a `Trial`; `read_bag` reads a recorded `Bag`; `identify_handle` fits the
+handle's model; `design_inverse`, `predict` and `causal_bound` design a controller for an
+`IdentifiedPlant` and bound its error.
+
+Examples
+--------
+>>> from haptic_accel import run_trial
+>>> trial = run_trial("dynamic", rig="ideal", surface="text", duration=2.0)
+>>> 0.0 < trial.nrmse() < 50.0
+True
 """
 
 from __future__ import annotations
@@ -28,11 +37,21 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 
 _MODULES = {
+    "Bag": "haptic_accel.bags.reading",
+    "IdentifiedPlant": "haptic_accel.core.handle.plant",
     "Rig": "haptic_accel.analysis.notebook",
+    "Trial": "haptic_accel.core.trial",
+    "causal_bound": "haptic_accel.core.control.inversion.bound",
+    "design_inverse": "haptic_accel.core.control.inversion.design",
+    "identify_handle": "haptic_accel.core.identification.evaluation",
+    "predict": "haptic_accel.core.control.inversion.prediction",
     "read_bag": "haptic_accel.bags.reading",
     "run_trial": "haptic_accel.analysis.notebook",
 }
 """Module of each name; loaded with its first use, as nodes import this package, too."""
+
+
+__all__ = ["__version__", *_MODULES]
 
 
 def __getattr__(name: str) -> Any:

@@ -47,7 +47,7 @@ INLINE = re.compile(r"`([^`]+)`")
 PLACEHOLDER = re.compile(r"[A-Z]+")
 """Text that stands in a sentence for a name that the reader chooses."""
 
-OUTSIDE = ("cd", "colcon", "rosdep", "rqt", "rviz2", "scp", "source", "sudo")
+OUTSIDE = ("cd", "colcon", "pip", "rosdep", "rqt", "rviz2", "scp", "source", "sudo")
 """Other programs in blocks of commands."""
 
 QUICK = ("analyze", "bag", "design", "replay")
