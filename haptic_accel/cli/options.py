@@ -222,6 +222,13 @@ lockstep_option = click.option(
 )
 
 
+def available_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1  # on macOS and Windows
+
+
 def workers_options(verb: F) -> F:
     """Add the options for the processes that run conditions side by side."""
 
@@ -236,7 +243,7 @@ def workers_options(verb: F) -> F:
     jobs = beside(
         "--jobs",
         type=click.IntRange(1, 1024),
-        default=len(os.sched_getaffinity(0)),
+        default=available_cores(),
         show_default="number of cores",
         help="Number of trials that run side by side, without ROS; results do not depend on it.",
     )

@@ -24,10 +24,8 @@ import select
 import shlex
 import signal
 import sys
-import termios
 import threading
 import time
-import tty
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
@@ -67,7 +65,7 @@ def stop_on_signal() -> Iterator[Callable[[], bool]]:
         number: signal.signal(number, lambda *_: asked.set())
         for number in ENDING
         # After nohup, ignore a closed terminal.
-        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN
+        if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN
     }
     try:
         yield asked.is_set
@@ -260,6 +258,9 @@ def on_key(key: bytes, act: Callable[[], None]) -> Iterator[bool]:
     if not (sys.stdin and sys.stdin.isatty() and _is_ours(sys.stdin.fileno())):
         yield False
         return
+    import termios  # on POSIX only
+    import tty
+
     terminal = sys.stdin.fileno()
     settings = termios.tcgetattr(terminal)
     over, end = os.pipe()

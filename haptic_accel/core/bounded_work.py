@@ -18,7 +18,6 @@
 from __future__ import annotations
 
 import math
-import resource
 import signal
 import subprocess
 import sys
@@ -36,7 +35,9 @@ MEGABYTE = 10**6
 GRACE_TIME = 10.0
 """Maximum time for the start and the waiting of a process, s."""
 
-_ENDED = (-signal.SIGXCPU, -signal.SIGKILL, -signal.SIGALRM)
+_ENDED = tuple(
+    -getattr(signal, name) for name in ("SIGXCPU", "SIGKILL", "SIGALRM") if hasattr(signal, name)
+)
 """Exit statuses of a process that exceeded its time."""
 
 
@@ -89,13 +90,17 @@ def run_bounded(module: str, words: Sequence[str], seconds: float) -> None:
             )
             status, lines = done.returncode, done.stdout.decode(errors="replace").splitlines()
         except subprocess.TimeoutExpired:
-            status, lines = -signal.SIGALRM, []
+            raise _overtime(seconds) from None
     if status == WRONG_ARGUMENTS and lines:
         raise ParameterError(lines[-1])
     if status in _ENDED:
-        raise OutOfBoundsError(f"takes longer than {seconds:g} s")
+        raise _overtime(seconds)
     if status != DONE:
         raise OutOfBoundsError("takes too much memory, or crashes its reader")
+
+
+def _overtime(seconds: float) -> OutOfBoundsError:
+    return OutOfBoundsError(f"takes longer than {seconds:g} s")
 
 
 def bounded(work: Callable[[], None], seconds: float, megabytes: float) -> None:
@@ -110,6 +115,9 @@ def bounded(work: Callable[[], None], seconds: float, megabytes: float) -> None:
     megabytes : float
         Maximum memory in addition to that already in use, megabytes.
     """
+    # Without limits nothing is read: on Windows the module is absent.
+    import resource
+
     used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
     limits = {
         resource.RLIMIT_CPU: math.ceil(used + seconds),

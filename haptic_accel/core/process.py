@@ -30,12 +30,17 @@ work: the numbers of the corresponding signals."""
 INTERRUPTED = 130
 """Exit status of ``haptic-accel`` after Ctrl-C, as in shells."""
 
-ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+ENDING: tuple[signal.Signals, ...] = tuple(
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
+    if hasattr(signal, name)
+)
 """Signals that end a command or a node cleanly. Closing the terminal must also leave a complete
 bag, an intact terminal, and no force."""
 
-EMERGENCY = signal.SIGUSR1
-"""Signal on which a node sets all forces to zero and publishes the emergency stop."""
+EMERGENCY: signal.Signals = getattr(signal, "SIGUSR1", signal.SIGTERM)
+"""Signal on which a node sets all forces to zero and publishes the emergency stop. Systems without
+it run no graph."""
 
 SUPERVISOR = "HAPTIC_ACCEL_SUPERVISOR"
 """Environment variable with the id of the process that started a node."""

@@ -18,7 +18,6 @@
 from __future__ import annotations
 
 import os
-import pwd
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -68,6 +67,8 @@ def middleware_defaults(environment: Mapping[str, str]) -> dict[str, str]:
 
 def _log_folder() -> Path:
     """Return rclpy's log folder, in the home folder that the system has for the user."""
+    import pwd  # on POSIX only
+
     try:
         return Path(pwd.getpwuid(os.getuid()).pw_dir) / ".ros" / "log"
     except KeyError:  # a user unknown to the system

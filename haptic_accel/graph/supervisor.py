@@ -46,11 +46,17 @@ WAITING_LINES = 1000
 LAST_WORDS = 1.0
 """Longest time that the end of a graph waits for lines to be taken, s."""
 
-STOP_TIMEOUTS = ((signal.SIGTERM, 10.0), (signal.SIGKILL, 5.0))
+ALARM = 14
+"""Number of SIGALRM, which not every system has."""
+
+KILL = 9
+"""Number of SIGKILL, which not every system has."""
+
+STOP_TIMEOUTS = ((signal.SIGTERM, 10.0), (KILL, 5.0))
 """Signals that ask a process to end, each with the time in s before the next. No SIGINT: a process
 that still imports would answer with a traceback."""
 
-_ENDS = (DONE, -signal.SIGTERM, -signal.SIGALRM, *CUT_SHORT)
+_ENDS = (DONE, -signal.SIGTERM, -ALARM, *CUT_SHORT)
 """Statuses of a process that has done nothing wrong: after one of our signals, too, and where its
 middleware did not come to an end (SIGALRM), aborted or faulted."""
 
@@ -93,7 +99,7 @@ class Outcome:
         statuses = self.statuses.items()
         if self.status in (DONE, *CUT_SHORT):
             return {name: status for name, status in statuses if status not in _ENDS}
-        return {n: s for n, s in statuses if n == self.first or s == -signal.SIGKILL}
+        return {n: s for n, s in statuses if n == self.first or s == -KILL}
 
 
 OnLine = Callable[[str, str], None]

@@ -1,0 +1,73 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Lockstep, bags and analysis in a Python without the modules that only POSIX has."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
+
+PORTABLE = ("core", "bags", "materials", "analysis", "pages", "scope")
+"""Folders that load on every system."""
+
+WITHOUT_POSIX = """
+import os, signal, socket, sys
+
+class Refusal:
+    def find_spec(self, name, path=None, target=None):
+        if name in ("fcntl", "termios", "resource", "pwd", "grp", "tty", "pty", "posix_ipc"):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+names = ("fcntl", "termios", "resource", "pwd", "grp", "tty", "pty")
+import numpy, psutil, subprocess, asyncio, multiprocessing, rosbags.rosbag2  # load their own
+for name in names:
+    sys.modules.pop(name, None)
+sys.meta_path.insert(0, Refusal())
+for module, absent in (
+    (signal, ("SIGHUP", "SIGQUIT", "SIGUSR1", "SIGALRM", "SIGXCPU")),
+    (os, ("sched_getaffinity", "sched_setscheduler", "getpgrp", "tcgetpgrp")),
+    (socket, ("AF_UNIX",)),
+):
+    for name in absent:
+        delattr(module, name)
+"""
+"""Takes away what Windows lacks, but for libraries that have chosen their own way already."""
+
+
+def run(folder: Path, code: str) -> None:
+    command = [sys.executable, "-c", WITHOUT_POSIX + code]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_all_portable_modules_load(tmp_path: Path) -> None:
+    files = [path for folder in PORTABLE for path in sorted((PACKAGE / folder).rglob("*.py"))]
+    parts = [path.relative_to(PACKAGE.parent).with_suffix("").parts for path in files]
+    modules = [".".join(part for part in each if part != "__init__") for each in parts]
+    assert len(modules) > 100
+    run(tmp_path, f"import {', '.join(modules)}")
+
+
+def test_an_experiment_runs_in_lockstep_and_its_bags_are_analysed(tmp_path: Path) -> None:
+    words = "experiment --lockstep --jobs 1 --controllers none surface:=text duration:=1 --out out"
+    run(tmp_path, f"from haptic_accel.cli.main import main; main({words.split()})")
+    run(
+        tmp_path,
+        "from haptic_accel import read_bag; assert read_bag('out/bags/text_none').signals",
+    )
