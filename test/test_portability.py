@@ -28,6 +28,7 @@ PORTABLE = ("core", "bags", "materials", "analysis", "pages", "scope")
 
 WITHOUT_POSIX = """
 import os, signal, socket, sys
+from functools import partial
 
 class Refusal:
     def find_spec(self, name, path=None, target=None):
@@ -44,7 +45,7 @@ for module, absent in (
     (os, ("sched_getaffinity", "sched_setscheduler", "getpgrp", "tcgetpgrp")),
     (socket, ("AF_UNIX",)),
 ):
-    for name in absent:
+    for name in filter(partial(hasattr, module), absent):
         delattr(module, name)
 """
 """Takes away what Windows lacks, but for libraries that have chosen their own way already."""

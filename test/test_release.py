@@ -1,0 +1,74 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Files for a release and for the services that read them agree with the package."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import yaml
+
+from haptic_accel import __version__
+
+SOURCE = Path(__file__).resolve().parents[1]
+
+
+def pythons() -> list[str]:
+    (listed,) = re.findall(r"^PYTHONS = \((.*)\)$", (SOURCE / "setup.py").read_text(), re.M)
+    return re.findall(r"3\.\d+", listed)
+
+
+def test_citation_and_archive_name_this_version() -> None:
+    citation = yaml.safe_load((SOURCE / "CITATION.cff").read_text())
+    archive = json.loads((SOURCE / ".zenodo.json").read_text())
+    assert citation["version"] == archive["version"] == __version__
+    heading = f"{__version__} ({citation['date-released']})"
+    assert heading in (SOURCE / "CHANGELOG.rst").read_text().splitlines()
+
+
+def test_the_workflow_runs_the_same_checks_on_the_same_pythons() -> None:
+    jobs = yaml.safe_load((SOURCE / ".github/workflows/ci.yml").read_text())["jobs"]
+    assert any(step.get("run", "").endswith(".ci/run") for step in jobs["linux"]["steps"])
+    assert jobs["without_ros"]["strategy"]["matrix"]["python"] == pythons()
+    files = [
+        word
+        for step in jobs["without_ros"]["steps"]
+        for word in step.get("run", "").split()
+        if word.startswith("test/")
+    ]
+    assert files
+    assert all((SOURCE / file).is_file() for file in files)
+
+
+def test_unit_tests_run_on_all_pythons_that_setup_allows() -> None:
+    (listed,) = re.findall(
+        r"^for version in (.*); do$", (SOURCE / ".ci/pythons").read_text(), re.M
+    )
+    assert listed.split() == pythons()
+
+
+def test_the_extra_ros_and_make_have_the_same_distribution() -> None:
+    (of_setup,) = re.findall(r'^ROS = "(\w+)"$', (SOURCE / "setup.py").read_text(), re.M)
+    (of_make,) = re.findall(r"^ROS \?= (\w+)$", (SOURCE / "Makefile").read_text(), re.M)
+    assert of_setup == of_make
+
+
+def test_every_fragment_of_the_changelog_has_a_known_kind() -> None:
+    others = {"README.md", "template.rst"}
+    names = {path.name for path in (SOURCE / "changelog.d").iterdir()} - others
+    assert [name for name in sorted(names) if not name.endswith(".change.rst")] == []
