@@ -17,25 +17,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.parameters import (
     Checked,
     ParameterError,
+    checked,
     like,
     parameter,
     schema,
     specified,
 )
 from haptic_accel.devices import SLAVES
+from haptic_accel.graph.files import read_parameter_files
 from haptic_accel.graph.namespaces import NamespaceArguments
 from haptic_accel.graph.node_parameters import NODES, PASSIVE, node_schema
 from haptic_accel.graph.words import parse_words
 from haptic_accel.links.parameters import LinkNodeParameters, check_peer
 from haptic_accel.materials.folders import is_recording
+
+L = TypeVar("L", bound="LaunchArguments")
 
 AVERAGE_GRIP = "average"
 """Grip of Table I."""
@@ -180,10 +184,45 @@ class LaunchArguments(NamespaceArguments):
     """Launch."""
 
     namespace: str = like(NamespaceArguments, "namespace")  # declared anew for its heading
-    params_file: str = parameter("", "ROS parameter file, applied over config/teleop.yaml")
+    params_file: str = parameter(
+        "",
+        "ROS parameter files with commas between, applied over config/teleop.yaml in order; they"
+        " also decide arguments that are not given, such as the devices and the rate",
+    )
     log_level: str = parameter(
         "info", "lowest severity of messages that nodes log", choices=LOG_LEVELS
     )
+
+    @classmethod
+    def from_given(cls: type[L], **given: Any) -> L:
+        """Build from the given arguments; the parameter files decide those that are not given.
+
+        Raises
+        ------
+        ParameterError
+            A file cannot be read, or a value is not allowed.
+        """
+        return cls(**cls.filled(given))
+
+    @classmethod
+    def filled(cls, given: dict[str, Any]) -> dict[str, Any]:
+        """Return given arguments, and those that their parameter files decide.
+
+        Raises
+        ------
+        ParameterError
+            As for `from_given`.
+        """
+        decided: dict[str, Any] = {}
+        namespace = NamespaceArguments(given.get("namespace", "")).namespace
+        for path, values in read_parameter_files(given.get("params_file", ""), namespace):
+            for name, (default, specification) in schema(cls).items():
+                places = _decisive(default, specification.sets)
+                found = [place for place in places if place[1] in values[place[0]]]
+                for node, key in found[:1]:
+                    place = f"{path}: {key} of {node}"
+                    decided[name] = checked(place, values[node][key], default, specification)
+        return decided | given
 
 
 @dataclass(frozen=True)
@@ -271,6 +310,18 @@ class IdentifyArguments(SweepParameters, LaunchArguments):
     def sweep(self) -> SweepParameters:
         """The excitation alone."""
         return SweepParameters(**{name: getattr(self, name) for name in schema(SweepParameters)})
+
+
+def _decisive(default: Any, places: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Yield node and parameter of the places whose value in a file decides an argument.
+
+    A place with another default, such as the latency of the devices for an identification, is set
+    by the argument but does not decide it.
+    """
+    for place in places:
+        node, _, name = place.partition(".")
+        if node_schema(node)[name][0] == default:
+            yield node, name
 
 
 def check_lockstep(

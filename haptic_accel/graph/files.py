@@ -18,15 +18,16 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import yaml
 
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.document import Document, read_yaml_document
-from haptic_accel.core.parameters import checked, shown
+from haptic_accel.core.parameters import checked, printable, shown
 from haptic_accel.core.warning import warn_once
 from haptic_accel.graph.former_names import current_names, warning_of
 from haptic_accel.graph.node_parameters import NODES, USE_SIM_TIME, check_clock, node_schema
@@ -37,6 +38,12 @@ SURFACE = "simulated.surface."
 
 POSTURE = "simulated.grip.posture"
 """Parameter of the master device: grip of the simulated hand on the handle."""
+
+SEPARATOR = ","
+"""Separator of the files in the argument `params_file`."""
+
+Values: TypeAlias = dict[str, dict[str, Any]]
+"""Parameters of each node by dotted name."""
 
 _PARAMETERS = "ros__parameters"
 
@@ -130,6 +137,57 @@ def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, d
         for executable in NODES:
             _check_reached(content, f"{namespace}/{executable}")
     return values
+
+
+def parameter_paths(params_file: str) -> list[Path]:
+    """Return the absolute paths of the files in an argument `params_file`.
+
+    Examples
+    --------
+    >>> [path.name for path in parameter_paths("board.yaml,handle.yaml")]
+    ['board.yaml', 'handle.yaml']
+    """
+    return [Path(word).absolute() for word in params_file.split(SEPARATOR) if word]
+
+
+def read_parameter_files(
+    params_file: str, namespace: str | None = None
+) -> list[tuple[Path, Values]]:
+    """Read the files of an argument `params_file`; a later file replaces an earlier one's values.
+
+    A replaced value is stated in one line for the user.
+
+    Parameters
+    ----------
+    params_file : str
+        Paths with commas between.
+    namespace : str, optional
+        As for `read_parameter_file`.
+
+    Returns
+    -------
+    list of tuple
+        Path and values of each file, in order of increasing precedence.
+
+    Raises
+    ------
+    ParameterError
+        As for `read_parameter_file`.
+    """
+    files = [(path, read_parameter_file(path, namespace)) for path in parameter_paths(params_file)]
+    given: dict[tuple[str, str], tuple[Path, Any]] = {}
+    replaced: dict[str, list[str]] = defaultdict(list)
+    for path, values in files:
+        for node, own in values.items():
+            for name, value in own.items():
+                before, old = given.get((node, name), (path, value))
+                if old != value:
+                    line = f"{path}: {name} of {{}} = {value}: replaces {old} of {before}"
+                    replaced[line].append(node)
+                given[node, name] = path, value
+    for line, nodes in replaced.items():
+        warn_once(printable(line.replace("{}", ", ".join(nodes), 1)))
+    return files
 
 
 def check_reached(path: Path, node: str) -> None:

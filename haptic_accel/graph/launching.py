@@ -81,7 +81,12 @@ def launched(
         given = {name: LaunchConfiguration(name).perform(context) for name in defaults}
         NamespaceArguments(given["namespace"])  # refuses it as it was typed
         given["namespace"] = _pushed(given["namespace"], context)
-        given = {name: value for name, value in given.items() if value != defaults[name]}
+        typed = given_keys(sys.argv) if _is_started(context) else ()
+        given = {
+            name: value
+            for name, value in given.items()
+            if name in typed or value != defaults[name]
+        }
         if "surface" in defaults:
             around = context.launch_configurations
             given |= {name: around[name] for name in FORMER_WORDS if name in around}
@@ -108,12 +113,17 @@ def launched(
 
 def _check_spelling(names: Sequence[str], context: LaunchContext) -> None:
     """Refuse a misspelt argument, since ``ros2 launch`` silently accepts any word."""
-    file = Path(context.locals.current_launch_file_path).name
-    if file not in {Path(word).name for word in sys.argv}:
-        return  # included by another launch file, whose arguments they are
+    if not _is_started(context):
+        return
     for key in given_keys(sys.argv):
         if key not in (*names, *FORMER_WORDS) and (key in MOVED or suggestion(key, names)):
             raise unknown_key(key, names)
+
+
+def _is_started(context: LaunchContext) -> bool:
+    """Return False for a file that another launch file includes, whose arguments were typed."""
+    file = Path(context.locals.current_launch_file_path).name
+    return file in {Path(word).name for word in sys.argv}
 
 
 def _pushed(namespace: str, context: LaunchContext) -> str:

@@ -22,6 +22,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib.util import find_spec
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -29,15 +30,24 @@ from haptic_accel.bags import NO_ROSBAGS
 from haptic_accel.bags.facts import facts_text
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.identification.sweep import repeat_samples
-from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.parameters import ParameterError, printable, schema
 from haptic_accel.core.process import CUT_SHORT, DONE, WRONG_ARGUMENTS
 from haptic_accel.core.topics import CONTACT_FORCE
 from haptic_accel.core.trial import RigParameters
+from haptic_accel.core.warning import warn_once
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.simulated import played
 from haptic_accel.graph import arguments as names
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.graph.files import parameter_text, read_parameter_file, surface_file
+from haptic_accel.graph.files import (
+    SEPARATOR,
+    Values,
+    parameter_paths,
+    parameter_text,
+    read_parameter_file,
+    read_parameter_files,
+    surface_file,
+)
 from haptic_accel.graph.node_parameters import NODES, PASSIVE, SAFETY, node_parameters, node_schema
 from haptic_accel.materials.folders import config_folder, is_recording, preset_file
 
@@ -71,8 +81,8 @@ PATHS = ("bag", "keys", "replay")
 """Arguments that name files or folders, which nodes are given as absolute paths."""
 
 Arguments: TypeAlias = GraphArguments | IdentifyArguments
-Values: TypeAlias = dict[str, dict[str, Any]]
-"""Parameters of each node by dotted name, or those of its options by name."""
+Options: TypeAlias = dict[str, dict[str, Any]]
+"""Parameters of the options of each node by name."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +191,8 @@ def _processes(
         }
         recorded = asdict(arguments)
         if arguments.params_file:  # found from another working directory, too
-            recorded["params_file"] = str(Path(arguments.params_file).absolute())
+            paths = parameter_paths(arguments.params_file)
+            recorded["params_file"] = SEPARATOR.join(map(str, paths))
         recorder = {**values[RECORDER], "facts": facts_text(recorded, effective)}
         # First, so that it misses few messages of the others.
         processes.insert(0, process(RECORDER, {RECORDER: recorder}, last=True))
@@ -215,7 +226,7 @@ def _listed(words: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
-def _checked_options(values: Values) -> Values:
+def _checked_options(values: Values) -> Options:
     """Check every parameter of every node; return their options by executable and name."""
     return {executable: node_parameters(executable, values[executable])[1] for executable in NODES}
 
@@ -230,14 +241,15 @@ def graph_parameters(arguments: Arguments) -> Values:
     """
     values: Values = {executable: {} for executable in NODES}
     set_here = _own_parameters(arguments)
-    for path in _files(arguments):
-        content = read_parameter_file(path, arguments.namespace)
+    own = [(path, read_parameter_file(path, arguments.namespace)) for path in _files(arguments)]
+    given = read_parameter_files(arguments.params_file, arguments.namespace)
+    for path, content in chain(own, given):
         if path != _defaults_file():
             _check_given(path, content, set_here)
         for executable in NODES:
             values[executable] |= content[executable]
-    for executable, own in set_here.items():
-        values[executable] |= own
+    for executable, set_values in set_here.items():
+        values[executable] |= set_values
     if arguments.master in (names.SIMULATED, names.POINTER):
         # Simulated handles need no measurement of the sensor.
         _, devices = node_parameters("master_device", values["master_device"])
@@ -251,21 +263,28 @@ def graph_parameters(arguments: Arguments) -> Values:
 
 
 def _check_given(path: Path, content: Values, set_here: Values) -> None:
-    """Refuse a file whose values the arguments would replace without notice."""
+    """Refuse a file's values that the graph sets; state those that an argument replaces."""
+    replaced: dict[str, list[str]] = {}
     for node, own in set_here.items():
         for name, value in content[node].items():
-            if own.get(name, value) != value:
-                raise ParameterError(
-                    f"{path}: {name} of {node} = {value}: the graph's arguments make it"
-                    f" {own[name]}; leave it out{_or_set(node, name, value)}"
-                )
+            if own.get(name, value) == value:
+                continue
+            place = f"{name} of {{}} = {value}"
+            argument = _argument(node, name)
+            if not argument:
+                made = f"the graph's arguments make it {own[name]}; leave it out"
+                raise ParameterError(f"{path}: {place.format(node)}: {made}")
+            line = f"{path}: {place}: not used, as the argument {argument}:= replaces it"
+            replaced.setdefault(line, []).append(node)
+    for line, nodes in replaced.items():
+        warn_once(printable(line.replace("{}", ", ".join(nodes), 1)))
 
 
-def _or_set(node: str, name: str, value: Any) -> str:
-    """Return the advice to set the argument for a node's parameter, if there is one."""
+def _argument(node: str, name: str) -> str:
+    """Return the argument that sets a node's parameter; empty if there is none."""
     known = schema(IdentifyArguments) | schema(GraphArguments)
     found = (key for key, (_, given) in known.items() if f"{node}.{name}" in given.sets)
-    return "".join(f", or set {argument}:={value}" for argument in found)
+    return next(found, "")
 
 
 def rig_parameters(values: Values) -> RigParameters:
@@ -287,12 +306,10 @@ def rig_parameters(values: Values) -> RigParameters:
 
 
 def _files(arguments: Arguments) -> list[Path]:
-    """Return parameter files in order of increasing precedence."""
+    """Return the files of the package and of presets, in order of increasing precedence."""
     paths = [_defaults_file(), preset_file("rig", arguments.rig)]
     if isinstance(arguments, GraphArguments) and arguments.slave != names.VIRTUAL:
         paths.append(surface_file(arguments.surface))
-    if arguments.params_file:
-        paths.append(Path(arguments.params_file).absolute())
     return paths
 
 
@@ -360,7 +377,7 @@ def _check_side(arguments: GraphArguments) -> None:
             raise ParameterError(f"{arm} = {device!r}: belongs to the peer, not to {side}")
 
 
-def _check_replay(arguments: GraphArguments, options: Values) -> None:
+def _check_replay(arguments: GraphArguments, options: Options) -> None:
     """Refuse a replay without a device to play it, and an unplayable replay."""
     players = {names.REPLAY, names.PLAYED_TOPICS}
     if arguments.replay and players.isdisjoint((arguments.master, arguments.slave)):
@@ -369,7 +386,7 @@ def _check_replay(arguments: GraphArguments, options: Values) -> None:
         )
 
 
-def _check_devices(arguments: Arguments, options: Values) -> None:
+def _check_devices(arguments: Arguments, options: Options) -> None:
     """Build each arm's device once, so that it refuses wrong parameters."""
     for arm, kinds in (("master", MASTERS), ("slave", SLAVES)):
         name = getattr(arguments, arm, "")

@@ -136,6 +136,7 @@ def replay_arguments(words: Iterable[str]) -> Replay:
 
         bag = read_bag(Path(own.bag))
     given = {"slave": PLAYED_TOPICS if own.source == PLAYED_TOPICS else REPLAY, **given}
+    given = GraphArguments.filled(given)
     inherited = _inherited(bag, given) if bag else {}
     values: dict[str, Any] = {**inherited, **given}
     _check_source(own, values, bag)

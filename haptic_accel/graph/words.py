@@ -20,7 +20,7 @@ Imports nothing heavy, so that an emergency stop starts at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from inspect import get_annotations
 from typing import Any, TypeVar
 
@@ -45,7 +45,7 @@ def parse_words(words: Iterable[str], kind: type[A]) -> A:
     ----------
     words : iterable of str
     kind : type
-        Dataclass that declares the keys.
+        Dataclass that declares the keys; its class method `from_given`, if any, builds it.
 
     Raises
     ------
@@ -63,7 +63,8 @@ def parse_words(words: Iterable[str], kind: type[A]) -> A:
         if key in values:
             raise ParameterError(f"{key}: given twice")
         values[key] = _value(text, known[key][0])
-    return kind(**values)
+    build: Callable[..., A] = getattr(kind, "from_given", kind)
+    return build(**values)
 
 
 def given_keys(words: Iterable[str]) -> list[str]:

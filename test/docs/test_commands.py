@@ -134,6 +134,8 @@ def check_words(declared: Words, words: Sequence[str]) -> None:
         assert key in known, word
         kind = next(kind for kind in declared.kinds if key in schema(kind))
         default, specification = schema(kind)[key]
+        if key == "params_file":  # a file of the reader's, which would be read
+            continue
         any_text = isinstance(default, str) and not specification.choices
         if any_text or not PLACEHOLDER.fullmatch(value):
             read.setdefault(kind, []).append(word)

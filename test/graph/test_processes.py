@@ -31,6 +31,7 @@ from haptic_accel.graph.processes import (
     identification_graph,
     rig_parameters,
 )
+from haptic_accel.graph.words import parse_words
 from haptic_accel.materials.folders import config_folder
 
 TELEOPERATION = {"recorder", "master_device", "slave_device", "coupler", "compensator"}
@@ -324,38 +325,132 @@ def test_the_users_file_goes_over_the_defaults(tmp_path: Path) -> None:
             "compensator",
             "rate: 500",
             {},
-            "rate of compensator = 500: the graph's arguments make it 1000.0;"
-            " leave it out, or set rate:=500",
+            "rate of compensator = 500: not used, as the argument rate:= replaces it",
         ),
-        ("/**", "rate: 1000.0", {"rate": 500.0}, "leave it out, or set rate:=1000.0"),
         (
             "/**",
             "latency: 4",
             {},
-            "latency of master_device = 4: the graph's arguments make it 1;"
-            " leave it out, or set latency:=4",
+            "latency of master_device, slave_device, coupler, compensator = 4: not used, as the"
+            " argument latency:= replaces it",
         ),
-        ("slave_device", "device: can", {}, "leave it out, or set slave:=can"),
-        ("compensator", "controller: none", {}, "leave it out, or set controller:=none"),
-        ("scope", "port: 9000", {"scope": True}, "leave it out, or set scope_port:=9000"),
-        ("coupler", "compensated: false", {}, "the graph's arguments make it True; leave it out"),
+        ("slave_device", "device: can", {}, "as the argument slave:= replaces it"),
+        ("scope", "port: 9000", {"scope": True}, "as the argument scope_port:= replaces it"),
         (
             "master_device",
             "simulated.grip.posture: hook",
             {"grip": "pinch"},
-            ", or set grip:=hook",
+            "as the argument grip:= replaces it",
         ),
     ],
 )
-def test_a_file_that_arguments_would_override_is_refused(
-    tmp_path: Path, node: str, given: str, arguments: dict[str, Any], line: str
+def test_a_value_of_a_file_that_an_argument_replaces_is_stated(
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    node: str,
+    given: str,
+    arguments: dict[str, Any],
+    line: str,
 ) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_text(f"{node}: {{ros__parameters: {{{given}}}}}")
+    graph(GraphArguments(params_file=str(mine), **arguments))
+    (stated,) = caplog.messages
+    assert stated.startswith(f"{mine}: ")
+    assert stated.endswith(line)
+
+
+def test_a_value_of_a_file_that_the_graph_itself_sets_is_refused(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("coupler: {ros__parameters: {compensated: false}}")
     with pytest.raises(ParameterError) as refused:
-        graph(GraphArguments(params_file=str(mine), **arguments))
-    assert str(refused.value).startswith(f"{mine}: ")
-    assert str(refused.value).endswith(line)
+        graph(GraphArguments(params_file=str(mine)))
+    assert str(refused.value) == (
+        f"{mine}: compensated of coupler = False: the graph's arguments make it True; leave it out"
+    )
+
+
+RIG = """
+/**: {ros__parameters: {rate: 500.0}}
+master_device: {ros__parameters: {device: serial, serial: {port: /dev/ttyACM0}}}
+slave_device: {ros__parameters: {device: serial, serial: {port: /dev/ttyACM1}}}
+"""
+
+
+@pytest.fixture
+def rig_file(tmp_path: Path) -> Path:
+    """Return the parameter file of a rig with two boards."""
+    path = tmp_path / "rig.yaml"
+    path.write_text(RIG)
+    return path
+
+
+def test_a_rigs_file_decides_the_devices_and_the_rate(rig_file: Path) -> None:
+    arguments = parse_arguments([f"params_file:={rig_file}"])
+    assert (arguments.master, arguments.slave, arguments.rate) == ("serial", "serial", 500.0)
+    values = graph_parameters(arguments)
+    assert values["master_device"]["device"] == "serial"
+    assert values["master_device"]["serial.port"] == "/dev/ttyACM0"
+    assert values["coupler"]["rate"] == 500.0
+
+
+def test_a_word_wins_over_the_file_even_if_it_is_the_default(rig_file: Path) -> None:
+    words = [f"params_file:={rig_file}", "master:=simulated", "rate:=1000"]
+    arguments = parse_arguments(words)
+    assert (arguments.master, arguments.slave, arguments.rate) == ("simulated", "serial", 1000.0)
+    assert graph_parameters(arguments)["master_device"]["device"] == "simulated"
+
+
+def test_an_identification_keeps_its_own_latency(tmp_path: Path, rig_file: Path) -> None:
+    late = tmp_path / "late.yaml"
+    late.write_text("master_device: {ros__parameters: {latency: 3}}")
+    words = [f"params_file:={rig_file},{late}"]
+    assert parse_arguments(words).latency == 3
+    found = parse_words(words, IdentifyArguments)
+    assert (found.latency, found.master, found.rate) == (10, "serial", 500.0)
+
+
+def test_a_wrong_value_for_an_argument_names_the_file(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("master_device: {ros__parameters: {device: seriel}}")
+    with pytest.raises(ParameterError) as refused:
+        parse_arguments([f"params_file:={mine}"])
+    assert str(refused.value).startswith(
+        f"{mine}: device of master_device = 'seriel': must be one"
+    )
+
+
+def test_the_last_of_several_files_wins_and_the_replaced_value_is_stated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.yaml").write_text(
+        "coupler: {ros__parameters: {k_m: 300.0, k_sl: 300.0}}\n"
+        "/**: {ros__parameters: {actuator: {m_a: 0.02}}}"
+    )
+    Path("b.yaml").write_text(
+        "coupler: {ros__parameters: {k_m: 200.0, k_sl: 300.0}}\n"
+        "/**: {ros__parameters: {actuator: {m_a: 0.03}}}"
+    )
+    values = graph_parameters(GraphArguments(params_file="a.yaml,b.yaml"))
+    assert (values["coupler"]["k_m"], values["coupler"]["k_sl"]) == (200.0, 300.0)
+    a, b = tmp_path / "a.yaml", tmp_path / "b.yaml"
+    assert f"{b}: k_m of coupler = 200.0: replaces 300.0 of {a}" in caplog.messages
+    (mass,) = (each for each in caplog.messages if "m_a" in each)
+    assert mass.startswith(f"{b}: actuator.m_a of ")
+    assert mass.endswith(f" = 0.03: replaces 0.02 of {a}")
+    assert len(caplog.messages) == 2
+
+
+def test_the_recorder_notes_every_file_by_its_absolute_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.yaml", "b.yaml"):
+        Path(name).write_text("coupler: {ros__parameters: {k_m: 300.0}}")
+    recorder = graph(GraphArguments(params_file="a.yaml,b.yaml"))[0]
+    facts = json.loads(recorder.parameters["recorder"]["facts"])
+    assert facts["arguments"]["params_file"] == f"{tmp_path}/a.yaml,{tmp_path}/b.yaml"
 
 
 @pytest.mark.parametrize(
