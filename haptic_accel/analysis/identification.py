@@ -170,8 +170,8 @@ def rig_as_held(arguments: IdentifyArguments) -> RigParameters:
     return RigParameters(replace(master, handle=handle, grip=grip))
 
 
-def parameter_file(result: Result, age: float) -> str:
-    """Return a ROS parameter file for ``params_file:=FILE`` with the handle and its controllers.
+def handle_parameters(result: Result, age: float) -> dict[str, dict[str, Any]]:
+    """Return the parameters of each node that describe the handle, and its controllers.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def parameter_file(result: Result, age: float) -> str:
     handle = _plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
     mount = _plain(asdict(fit.mount))
     suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
-    nodes: dict[str, dict[str, Any]] = {
+    return {
         "/**": {ACTUATOR: _plain(asdict(result.actuator) | suspension)},
         "master_device": {
             "simulated": {
@@ -213,13 +213,18 @@ def parameter_file(result: Result, age: float) -> str:
             },
         },
     }
+
+
+def parameter_file(result: Result, age: float) -> str:
+    """Return a ROS parameter file for ``params_file:=FILE``; see `handle_parameters`."""
+    fit = result.found.fit
     head = (
         "# A handle as identified; use with params_file:=FILE. SI units.\n"
         f"# Band {fit.band[0]:.4g} to {fit.band[1]:.4g} Hz, delay of the hardware"
         f" {fit.delay * 1e6:.0f} us, beside the latency\n# and the loop's own sample, residual"
         f" {fit.residual:.2f} (1: noise alone).\n"
     )
-    return head + parameter_text(nodes)
+    return head + parameter_text(handle_parameters(result, age))
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, float]:

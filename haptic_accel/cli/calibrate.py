@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from contextlib import closing
 from dataclasses import dataclass
@@ -24,10 +25,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
 import numpy as np
 
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.options import arguments, verb
+from haptic_accel.cli.options import FILE, arguments, verb
+from haptic_accel.cli.output import check_writable
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.model import ACTUATOR, FloatArray
@@ -41,12 +44,16 @@ from haptic_accel.devices.serial.device import (
     PortParameters,
 )
 from haptic_accel.graph.files import parameter_text
+from haptic_accel.graph.rig_file import next_teleoperation, update_parameter_file
 
 if TYPE_CHECKING:
     from haptic_accel.devices.serial.link import BoardLink
     from haptic_accel.devices.serial.protocol import Identity
 
 MASTER, SLAVE = "master", "slave"
+
+SERIAL = "serial"
+"""Name of the devices behind a serial board."""
 
 ARRIVAL = 2.0
 """Time to wait for samples beyond their duration, s."""
@@ -79,14 +86,25 @@ class CalibrateArguments(PortParameters):
     name="calibrate",
 )
 @arguments(CalibrateArguments)
-def calibrate_board(arguments: CalibrateArguments) -> None:
+@click.option(
+    "--update",
+    type=FILE,
+    metavar="FILE",
+    help="Parameter file, such as that of the rig, to write device, port and calibration into; the"
+    " rest of it remains.",
+)
+def calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None:
     """Measure an accelerometer behind a serial board with one axis up, then down.
 
     Writes its gain and offset as a parameter file for params_file:=FILE.
     """
     if bool(arguments.port) == bool(arguments.usb_serial):
         raise ParameterError("port = '': must be given, or usb_serial, and not both")
-    path = Path(arguments.file or f"calibration_{arguments.side}.yaml")
+    if update:
+        if arguments.file:
+            raise ParameterError(f"file = '{arguments.file}': must be empty with --update")
+        check_writable(update, "update")
+    path = update or Path(arguments.file or f"calibration_{arguments.side}.yaml")
     if not path.absolute().parent.is_dir() or path.is_dir():
         raise ParameterError(f"file = '{path}': must be a file in an existing folder")
     try:
@@ -95,14 +113,23 @@ def calibrate_board(arguments: CalibrateArguments) -> None:
         raise StoppedError(str(error)) from None
     except EOFError:
         raise StoppedError("the input ended before both positions") from None
-    with located(f"file = '{path}'", unreadable=""):
-        path.write_text(parameter_file(arguments, identity, found), encoding="utf-8")
+    if update:
+        update_parameter_file(update, _parameters(arguments, identity, found))
+    else:
+        with located(f"file = '{path}'", unreadable=""):
+            path.write_text(parameter_file(arguments, identity, found), encoding="utf-8")
     print(
         f"board {identity.serial_number}, axis {arguments.axis}: gain"
         f" {found.gain:.6g} +- {found.gain_error:.1g} m/s^2 per count, offset"
         f" {found.offset:.1f} +- {found.offset_error:.1g} counts, noise {found.noise:.3f} m/s^2"
     )
     print(f"parameters: {path}, for params_file:={path}")
+    if arguments.side == MASTER:
+        step = f"haptic-accel identify {shlex.quote(f'params_file:={path}')} --update"
+        print(f"next: {step} {shlex.quote(str(path))}{'' if update else ' master:=serial'}")
+    else:
+        words = [] if update else ["slave:=serial"]
+        print(f"next: {next_teleoperation('', path, *words)}")
 
 
 def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration]:
@@ -142,8 +169,19 @@ def _collected(
     return np.array(counts[:number], dtype=float)
 
 
-def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Calibration) -> str:
-    """Return a ROS parameter file for ``params_file:=FILE``: the port and its calibration."""
+def _parameters(
+    arguments: CalibrateArguments, identity: Identity, found: Calibration
+) -> dict[str, dict[str, Any]]:
+    """Return the parameters of the rig's file: device, port and calibration."""
+    nodes = port_parameters(arguments, identity, found)
+    nodes[f"{arguments.side}_device"]["device"] = SERIAL
+    return nodes
+
+
+def port_parameters(
+    arguments: CalibrateArguments, identity: Identity, found: Calibration
+) -> dict[str, dict[str, Any]]:
+    """Return the parameters of each node: port, calibration and the actuator's force constant."""
     port = "port" if arguments.port else "usb_serial"
     values: dict[str, Any] = {
         port: getattr(arguments, port),
@@ -154,7 +192,14 @@ def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Cal
             "board": identity.serial_number,
         },
     }
-    nodes = {f"{arguments.side}_device": {"serial": values}}
+    nodes: dict[str, dict[str, Any]] = {f"{arguments.side}_device": {SERIAL: values}}
+    if arguments.side == MASTER:
+        nodes["/**"] = {ACTUATOR: {"force_constant": arguments.force_constant}}
+    return nodes
+
+
+def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Calibration) -> str:
+    """Return a ROS parameter file for ``params_file:=FILE``; see `port_parameters`."""
     head = [
         f"Board {identity.serial_number}, {datetime.now():%Y-%m-%d %H:%M}, by gravity"
         f" (haptic-accel calibrate), {arguments.seconds:g} s in each position.",
@@ -162,7 +207,6 @@ def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Cal
         f" offset {found.offset_error:.2g} counts. Noise at rest {found.noise:.3f} m/s^2.",
     ]
     if arguments.side == MASTER:
-        nodes["/**"] = {ACTUATOR: {"force_constant": arguments.force_constant}}
         head.append("The force constant is the data sheet's.")
     comment = "".join(f"# {line}\n" for line in head)
-    return comment + parameter_text(nodes)
+    return comment + parameter_text(port_parameters(arguments, identity, found))

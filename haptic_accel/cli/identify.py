@@ -31,6 +31,7 @@ from haptic_accel.analysis.identification import (
     Recordings,
     beside_truth,
     evaluate,
+    handle_parameters,
     identification_metrics,
     named,
     parameter_file,
@@ -39,7 +40,7 @@ from haptic_accel.analysis.identification import (
 )
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.output import results_folder, save
+from haptic_accel.cli.output import check_writable, results_folder, save
 from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
@@ -51,15 +52,18 @@ from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.graph.arguments import SIMULATED, IdentifyArguments
+from haptic_accel.graph.files import EVERY_NODE
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, identification_graph
+from haptic_accel.graph.rig_file import next_teleoperation, update_parameter_file
 from haptic_accel.graph.supervisor import Supervisor
 
 
 @options.verb(
     "haptic-accel identify --lockstep --grips pinch,hook",
     "haptic-accel identify master:=serial params_file:=mine.yaml",
+    "haptic-accel identify params_file:=rig.yaml --update rig.yaml",
     "haptic-accel identify --from results/identify/bag",
 )
 @options.arguments(IdentifyArguments)
@@ -90,6 +94,13 @@ from haptic_accel.graph.supervisor import Supervisor
     metavar="NAME,NAME,...",
     help="Parameters of the model to fit.",
 )
+@click.option(
+    "--update",
+    type=options.FILE,
+    metavar="FILE",
+    help="Parameter file, such as that of the rig, to write device, rate and handle into; the rest"
+    " of it remains.",
+)
 @options.word_options([*schema(SweepParameters), "trials", "rig"])
 @options.workers_options
 @options.json_option
@@ -102,6 +113,7 @@ def identify(
     sources: Sequence[str],
     recording_rate: float,
     free: Sequence[str],
+    update: Path | None,
     workers: Workers,
     json_file: Path | None,
     out: Path | None,
@@ -117,6 +129,8 @@ def identify(
         raise ParameterError("from: not with --lockstep, which makes its own recordings")
     for each in by_grip.values():
         identification_graph(each)  # errors are found first
+    if update:
+        check_writable(update, "update")
     with nullcontext() if lockstep or sources else sole_graph(arguments.namespace):
         folder = results_folder(out, "identify_")
         try:
@@ -124,9 +138,12 @@ def identify(
                 recorded = Recordings(_run_lockstep(by_grip, workers))
             else:
                 places = named(sources, arguments.grip) if sources else _run_live(by_grip, folder)
+                if sources:
+                    print(f"reading {', '.join(sources)}", flush=True)
                 recorded = read_recordings(places, arguments, recording_rate)
             for line in recorded.left_out:
                 print(line, file=sys.stderr)
+            print("fitting the model: up to some minutes", flush=True)
             result = evaluate(recorded.trials, arguments, free)
         except RecordingError as reason:
             raise StoppedError(str(reason)) from None
@@ -158,7 +175,32 @@ def identify(
         scale = devices[AUDIO].largest_force / result.found.fit.handle.m_h
         print(f"audio.full_scale: {scale:.4g} N per kg of the handle's mass without m_a")
     print(*result.notes, report.explained(result.found), sep="\n")
-    print(f"parameters: {parameters}", f"report: {page}", sep="\n")
+    print(f"parameters: {update or parameters}", f"report: {page}", sep="\n")
+    if update:
+        nodes = handle_parameters(result, recorded.age)
+        nodes[EVERY_NODE] |= {"rate": arguments.rate}
+        nodes["master_device"] |= {
+            "device": arguments.master,
+            "actuator_device": arguments.actuator,
+        }
+        update_parameter_file(update, nodes)
+    print(f"next: {_next(arguments, update, parameters)}")
+
+
+def _next(arguments: IdentifyArguments, update: Path | None, parameters: Path) -> str:
+    """Return the command that runs the identified handle, with what no file tells it."""
+    told = {"rig": arguments.rig}
+    if not update:
+        device = {"master": arguments.master, "actuator": arguments.actuator}
+        told |= {**device, "rate": f"{arguments.rate:g}"}
+    known = schema(IdentifyArguments)
+    words = [
+        f"{name}:={value}"
+        for name, value in told.items()
+        if value != (known[name][0] if name != "rate" else f"{known[name][0]:g}")
+    ]
+    words = ["controller:=adaptive", *words]
+    return next_teleoperation(arguments.params_file, update or parameters, *words)
 
 
 def _by_grip(arguments: IdentifyArguments, grips: Sequence[str]) -> dict[str, IdentifyArguments]:

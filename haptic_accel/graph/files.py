@@ -45,6 +45,9 @@ SEPARATOR = ","
 Values: TypeAlias = dict[str, dict[str, Any]]
 """Parameters of each node by dotted name."""
 
+EVERY_NODE = "/**"
+"""Key of the values for every node in any namespace."""
+
 _PARAMETERS = "ros__parameters"
 
 _WILDCARDS = ("**", "*")
@@ -223,7 +226,7 @@ def _check_reached(content: Document, node: str) -> None:
 def _holds(key: str, node: str) -> bool:
     """Return whether a parameter file's key applies to a node by ROS 2's rules."""
     patterns = {"**": "(/[^/]+)*", "*": "/[^/]+"}
-    words = key.strip("/").split("/")
+    words = filter(None, key.split("/"))  # files before 0.2 have the key /**//**
     pattern = "".join(patterns.get(word, "/" + re.escape(word)) for word in words)
     return re.fullmatch(pattern, node) is not None
 
@@ -231,9 +234,12 @@ def _holds(key: str, node: str) -> bool:
 def parameter_text(nodes: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the ROS parameter file with the values of each node, nested or by dotted name.
 
-    It applies to these node names in any namespace.
+    It applies to these node names in any namespace; `EVERY_NODE` is all of them.
     """
-    content = {f"/**/{node}": {_PARAMETERS: values} for node, values in nodes.items()}
+    content = {
+        node if node == EVERY_NODE else f"/**/{node}": {_PARAMETERS: values}
+        for node, values in nodes.items()
+    }
     return str(yaml.dump(_quoted(content), Dumper=_Plain, sort_keys=False, width=2**31))
 
 

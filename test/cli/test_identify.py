@@ -45,11 +45,23 @@ def test_table_i_comes_back_as_a_parameter_file(haptic_accel: Start, tmp_path: P
     )
     command = haptic_accel(
         *("identify", "--lockstep", "rig:=ideal", "params_file:=noise.yaml", "--trials", "2"),
-        *("--json", "metrics.json", "--out", "found"),
+        *("--json", "metrics.json", "--out", "found", "--update", "noise.yaml"),
     )
     assert command.end() == 0, command.text
+    last = command.text.rstrip().splitlines()[-1]
+    assert last.endswith(
+        "next: haptic-accel teleop params_file:=noise.yaml controller:=adaptive rig:=ideal"
+    )
     metrics = json.loads((tmp_path / "metrics.json").read_text())
     assert set(metrics["parameters"]) == set(TABLE_I)
+    for file in ("noise.yaml", "found/handle.yaml"):
+        held = graph_parameters(GraphArguments(params_file=str(tmp_path / file)))["compensator"]
+        for name in ("b_s", "k_s"):
+            known = metrics["parameters"][name]["value"]
+            assert held[f"actuator.{name}"] == pytest.approx(known, rel=1e-5)
+    updated = (tmp_path / "noise.yaml").read_text()
+    assert "noise_density: 0.00017" in updated
+    assert 'device: "simulated"' in updated
     for name, true in TABLE_I.items():
         found = metrics["parameters"][name]
         assert found["unit"]

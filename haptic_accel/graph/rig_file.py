@@ -1,0 +1,137 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Updates of a user's parameter file, such as that of a rig, which keep everything else in it."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Iterator, Mapping
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from haptic_accel.core.bounded_files import located, read_text
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.graph.files import (
+    EVERY_NODE,
+    SEPARATOR,
+    parameter_paths,
+    read_parameter_file,
+)
+
+_PARAMETERS = "ros__parameters"
+
+
+def update_parameter_file(path: Path, nodes: Mapping[str, Mapping[str, Any]]) -> None:
+    """Set parameters in a file, new or existing; comments and other values remain.
+
+    The file is replaced as a whole, so that a complete one exists at all times.
+
+    Parameters
+    ----------
+    path : Path
+    nodes : mapping
+        Values of each node, or of ``/**`` for every node, nested or by dotted name.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read or written.
+    """
+    try:
+        from ruamel.yaml import YAML
+        from ruamel.yaml.error import YAMLError
+    except ImportError:
+        missing = "an update needs ruamel.yaml: pip install ruamel.yaml"
+        raise ParameterError(f"{path}: {missing}") from None
+    document = YAML()
+    document.width, document.preserve_quotes = 2**31, True
+    content: Any = {}
+    if os.path.exists(path):
+        read_parameter_file(path)  # refuses another form
+        with located(path, "must be YAML"):
+            try:
+                content = document.load(read_text(path)) or {}
+            except YAMLError as error:
+                raise ValueError(str(error)) from None
+    for node, values in nodes.items():
+        section = content.setdefault(_key(content, node), {_PARAMETERS: {}})[_PARAMETERS]
+        for name, value in _leaves(values):
+            _set(section, name.split("."), value)
+    text = StringIO()
+    document.dump(content, text)
+    with located(path, unreadable=""):
+        _replace(path, text.getvalue())
+
+
+def next_teleoperation(params_file: str, found: Path, *words: str) -> str:
+    """Return the command line that runs a graph with a file in addition to other ones.
+
+    Examples
+    --------
+    >>> next_teleoperation("", Path("rig.yaml"), "controller:=adaptive")
+    'haptic-accel teleop params_file:=rig.yaml controller:=adaptive'
+    """
+    files = [word for word in params_file.split(SEPARATOR) if word]
+    if found.absolute() not in parameter_paths(params_file):
+        files.append(str(found))
+    return shlex.join(["haptic-accel", "teleop", f"params_file:={SEPARATOR.join(files)}", *words])
+
+
+def _key(content: Mapping[str, Any], node: str) -> str:
+    """Return the file's key of a node, or a new one that applies in any namespace."""
+    if node == EVERY_NODE:
+        return node
+    known = (f"/**/{node}", node, f"/{node}")
+    return next((key for key in known if key in content), known[0])
+
+
+def _leaves(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield values by dotted name."""
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _set(section: Any, words: list[str], value: Any) -> None:
+    """Set a value where the file has it, by dotted name or nested; otherwise nested."""
+    from ruamel.yaml.scalarstring import DoubleQuotedScalarString
+
+    # ROS would read text such as 1e5 as a number.
+    written = DoubleQuotedScalarString(value) if isinstance(value, str) else value
+    for count in range(len(words), 0, -1):
+        key = ".".join(words[:count])
+        if key in section:
+            break
+    else:
+        count, key = 1, words[0]
+    if count == len(words):
+        section[key] = written
+    else:
+        _set(section.setdefault(key, {}), words[count:], value)
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file beside another, then put it in its place."""
+    new = path.with_name(path.name + ".tmp")
+    with new.open("w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    new.replace(path)
