@@ -272,7 +272,9 @@ def _announce(
 ) -> None:
     """Write the parameters of each side's driver, and print how to start a graph with them."""
     config = folder / f"{device}.yaml"
-    nodes = {f"{side}_device": {device: values} for side, values in given.items()}
+    nodes = {
+        f"{side}_device": {"device": device, device: values} for side, values in given.items()
+    }
     config.write_text(parameter_text(nodes), encoding="utf-8")
     print(
         f"emulating two {emulated}; in another terminal:\n"

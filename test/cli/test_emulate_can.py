@@ -29,6 +29,7 @@ import yaml
 
 from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.devices.can.parameters import CanParameters
+from haptic_accel.graph.arguments import parse_arguments
 from haptic_accel.graph.files import read_parameter_file
 from running import Command
 from verbs import refusal, status_of
@@ -105,6 +106,8 @@ def test_both_arms_may_be_on_one_bus(tmp_path: Path, capsys: pytest.CaptureFixtu
     bus = ["interface:=virtual", "channel:=one"]
     assert status_of("emulate", "can", f"folder:={tmp_path}", *bus, "duration:=0.05") == 0
     assert f"rate:=500 params_file:={tmp_path}/can.yaml" in capsys.readouterr().out
+    arguments = parse_arguments([f"params_file:={tmp_path}/can.yaml"])
+    assert (arguments.master, arguments.slave) == ("can", "can")
     given = written(tmp_path)
     nodes = [
         [given[node][f"joint{number}.node_id"] for number in (1, 2, 3)]
