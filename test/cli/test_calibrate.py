@@ -121,6 +121,28 @@ def test_a_board_is_calibrated_by_turning_it_over(board: Turned, tmp_path: Path)
     assert yaml.safe_load((tmp_path / "found.yaml").read_text())
 
 
+def test_a_calibration_goes_into_the_file_of_the_rig(board: Turned, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.yaml"
+    rig.write_text("coupler: {ros__parameters: {k_m: 300.0}}  # soft\n")
+    command = calibrate(tmp_path, "port:=port", "seconds:=0.2", "--update", "rig.yaml")
+    board.hold(GRAVITY)
+    answer(command, "up")
+    assert command.stdout
+    assert "axis down" in command.stdout.readline()
+    board.hold(-GRAVITY)
+    time.sleep(0.05)
+    text, _ = command.communicate("\n", timeout=60)
+    assert command.returncode == 0, text
+    last = text.splitlines()[-1]
+    assert last == "next: haptic-accel identify params_file:=rig.yaml --update rig.yaml"
+    assert "# soft" in rig.read_text()
+    values = read_parameter_file(rig, "")
+    assert values["coupler"]["k_m"] == 300.0
+    assert values["master_device"]["device"] == "serial"
+    assert values["master_device"]["serial.calibration.board"] == "board-7"
+    assert values["compensator"]["actuator.force_constant"] == 2.4
+
+
 def test_a_board_that_moves_is_refused(board: Turned, tmp_path: Path) -> None:
     board.felt = lambda time: 3.0 * (time * 20 % 1)
     command = calibrate(tmp_path, "port:=port", "side:=slave", *WORDS)
