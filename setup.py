@@ -120,6 +120,8 @@ setup(
         "numpy>=1.26",
         "scipy>=1.11",
         "PyYAML>=6.0",
+        # Updates of a user's file, with its comments.
+        "ruamel.yaml>=0.17.21",
         "matplotlib>=3.6",
         "rich>=13.7",
         "click>=8.1",

@@ -53,17 +53,20 @@ STAGE = 4.0
 """Duration of each, s: the last 2 s give its error."""
 
 
+PAUSE = 50.0
+"""Pause between two pictures, ms."""
+
+
 def shown(page: Any) -> Iterator[Image.Image]:
     """Choose each controller in turn; yield pictures of the page."""
     for number, name in enumerate(STAGES):
         page.locator(f".switch [data-value={name}]").click()
         ends = time.monotonic() + STAGE
         while time.monotonic() < ends:
+            page.wait_for_timeout(PAUSE)
             if number:
                 shot = Image.open(io.BytesIO(page.screenshot(type="png"))).convert("RGB")
                 yield shot.resize((WIDTH, round(WIDTH * shot.height / shot.width)))
-            else:
-                page.wait_for_timeout(50)
 
 
 def main() -> None:

@@ -62,6 +62,7 @@ ROSDEP_KEYS = {
     "pandas": "python3-pandas",
     "rich": "python3-rich",
     "psutil": "python3-psutil",
+    "ruamel": "python3-ruamel.yaml",
     "scipy": "python3-scipy",
     "serial": "python3-serial",
     "yaml": "python3-yaml",

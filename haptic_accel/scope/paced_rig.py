@@ -41,9 +41,9 @@ from haptic_accel.devices.simulated import (
     SimulatedSlaveParameters,
 )
 from haptic_accel.graph.arguments import POINTER, SIMULATED, GraphArguments
-from haptic_accel.graph.files import POSTURE, SURFACE
+from haptic_accel.graph.files import POSTURE, SURFACE, Values
 from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import Values, graph_parameters, rig_parameters
+from haptic_accel.graph.processes import graph_parameters, rig_parameters
 from haptic_accel.scope.node_reports import NodeReport, NodeReports
 from haptic_accel.scope.server import CommandError
 from haptic_accel.scope.state import choices, drawing, state_of
