@@ -16,6 +16,7 @@
 """Installation of the ament_python package, for colcon and for pip."""
 
 import re
+import sys
 from glob import glob
 from pathlib import Path
 
@@ -81,6 +82,16 @@ def long_description() -> str:
     text = Path("README.md").read_text(encoding="utf-8")
     without_figures = re.sub(r"^!\[.*\n+", "", text, flags=re.M)
     return re.sub(r"\[([^\]]+)\]\((?!http)[^)]+\)", r"\1", without_figures)
+
+
+def node_scripts() -> list[str]:
+    """Return the nodes' executables, which ``ros2 run`` looks for in lib/haptic_accel.
+
+    A wheel has none: pip would put them into bin, where ``link`` hides a program of the system.
+    """
+    if any(word.endswith("wheel") for word in sys.argv):
+        return []
+    return [f"{node} = {NAME}.nodes.start:{node}" for node in NODES]
 
 
 TEST = ["pytest>=7.4", "pytest-timeout>=2.2", "hypothesis>=6.98"]
@@ -184,10 +195,5 @@ setup(
             "twine",
         ],
     },
-    entry_points={
-        "console_scripts": [
-            f"haptic-accel = {NAME}.cli.main:main",
-            *(f"{node} = {NAME}.nodes.start:{node}" for node in NODES),
-        ],
-    },
+    entry_points={"console_scripts": [f"haptic-accel = {NAME}.cli.main:main", *node_scripts()]},
 )
