@@ -40,6 +40,7 @@ from running import (
     use_domain,
     wait_until,
 )
+from terminals import Terminal
 from verbs import status_of
 
 if TYPE_CHECKING:
@@ -217,3 +218,17 @@ def ask(domain: int, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[
         return status, (captured.out + captured.err).strip()
 
     return asked
+
+
+@pytest.fixture
+def terminals(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
+    """Open terminals, each with a Python that runs the given words in the foreground."""
+    opened: list[Terminal] = []
+
+    def opening(*words: str) -> Terminal:
+        opened.append(Terminal(list(words), tmp_path))
+        return opened[-1]
+
+    yield opening
+    for terminal in opened:
+        terminal.close()

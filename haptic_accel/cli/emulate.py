@@ -17,19 +17,22 @@
 
 from __future__ import annotations
 
+import random
 import shlex
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
-from haptic_accel.cli.running import stop_on_signal
+from haptic_accel.cli.running import on_keys, stop_on_signal
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
+from haptic_accel.core.model import GRAVITY
 from haptic_accel.core.parameters import Checked, from_flat, like, parameter
 from haptic_accel.core.trial import DEFAULT_RATE, RigParameters
 from haptic_accel.devices.can.bus import bus_configuration, open_bus
@@ -39,7 +42,7 @@ from haptic_accel.devices.serial.device import HIGHEST_RATE, MISSING_LIBRARY
 from haptic_accel.devices.simulated import SimulatedDevice, SimulatedMaster, SimulatedSlave
 from haptic_accel.emulators.can_arm import EmulatedArm
 from haptic_accel.emulators.can_line import BusPort, CanLine, SlcanPort
-from haptic_accel.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, FaultKind, Faults
+from haptic_accel.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, UNPLUG, FaultKind, Faults
 from haptic_accel.emulators.pseudo_terminal import run
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.files import parameter_text
@@ -60,6 +63,9 @@ TIMEOUTS = {
 
 WATCHDOG = 0.5
 """Time-out of the axes' watchdogs, s."""
+
+KEYS = "u, d: hold both boards still, all axes up or down; l: put them back; x: unplug one"
+"""Keys in the terminal of the emulated boards, in place of a person's hands."""
 
 SLCAN_OPTIONS = '{"sleep_after_open": 0}'
 """Options of python-can, which waits two seconds for adapters that restart when opened."""
@@ -160,13 +166,26 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
     from haptic_accel.nodes.scheduling import ask_for_realtime, sharpen_timers
 
     folder = arguments.made_folder("serial")
-    boards = [_board(rig, side, folder / side, devices[side], faults[side]) for side in SIDES]
+    held = _Held(arguments.seed)
+    boards = [
+        _board(rig, side, folder / side, devices[side], faults[side], held) for side in SIDES
+    ]
     arms = CoupledArms(boards, list(devices.values()), PositionPositionCoupling(rig.coupling))
     _announce("boards", "serial", folder, {side: {"port": str(folder / side)} for side in SIDES})
     sharpen_timers()
     ask_for_realtime()
     lines = SerialLines(boards, arms)
-    _run([lines], arguments.duration, lambda: arms.coupled, "the hand begins to explore")
+    unplugged = faults[arguments.fault_board]
+    keys = {
+        b"u": partial(held.tilt, GRAVITY),
+        b"d": partial(held.tilt, -GRAVITY),
+        b"l": partial(held.tilt, 0.0),
+        b"x": partial(unplugged.inject, UNPLUG, arguments.fault_seconds),
+    }
+    with on_keys(keys) as read:
+        if read:
+            print(f"keys: {KEYS}", flush=True)
+        _run([lines], arguments.duration, lambda: arms.coupled, "the hand begins to explore")
 
 
 @verb(
@@ -229,12 +248,35 @@ def _simulated(rig: RigParameters, side: str, rate: float, seed: int) -> Simulat
     return device(getattr(rig, side), rate, seed)
 
 
+class _Held:
+    """Boards on their arms, or in a person's hands, where they are held still.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the sensors' noise.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._gravity = 0.0
+        self._random = random.Random(seed)
+
+    def tilt(self, gravity: float) -> None:
+        """Hold the boards so that gravity acts along the axes, m/s^2; 0 for on their arms."""
+        self._gravity = gravity
+
+    def measured(self, acceleration: float, noise: float) -> float:
+        """Return what a sensor with a noise measures, m/s^2, from the acceleration on its arm."""
+        return self._gravity + self._random.gauss(0.0, noise) if self._gravity else acceleration
+
+
 def _board(
     rig: RigParameters,
     side: str,
     port: Path,
     device: SimulatedDevice,
     faults: Faults,
+    held: _Held,
 ) -> EmulatedBoard:
     """Return the board of one side; only the master's has an actuator."""
     from haptic_accel.devices.serial.protocol import FIRMWARE, Identity, axes_bits
@@ -245,7 +287,7 @@ def _board(
     sensor = getattr(rig, side).accelerometer
 
     def measure(time: float) -> float:
-        return device.read(time).acceleration
+        return held.measured(device.read(time).acceleration, sensor.noise)
 
     def drive(time: float, current: float) -> None:
         device.write(time, actuator_force=current * actuator.force_constant)

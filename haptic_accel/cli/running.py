@@ -26,7 +26,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 
 from rich.console import Console
@@ -182,7 +182,7 @@ def run_shown(
     with (
         sole_graph(namespace),
         stop_on_signal() as stop,
-        on_key(STOP_KEY, stop_forces) as keys,
+        on_keys({STOP_KEY: stop_forces}) as keys,
     ):
         for hint in filter(None, (arrangement(processes), *_hints(processes, keys))):
             supervisor.say(hint)
@@ -244,8 +244,8 @@ BACKGROUND_PERIOD = 0.5
 
 
 @contextmanager
-def on_key(key: bytes, act: Callable[[], None]) -> Iterator[bool]:
-    """Call a function on a separate thread whenever a key is pressed, without Enter.
+def on_keys(acts: Mapping[bytes, Callable[[], None]]) -> Iterator[bool]:
+    """Call a key's function on a separate thread whenever it is pressed, without Enter.
 
     Nothing is read if the standard input is no terminal, or another program's. Ctrl-C and the like
     remain signals. The terminal is restored when the context is left.
@@ -264,7 +264,7 @@ def on_key(key: bytes, act: Callable[[], None]) -> Iterator[bool]:
     terminal = sys.stdin.fileno()
     settings = termios.tcgetattr(terminal)
     over, end = os.pipe()
-    thread = threading.Thread(target=_follow, args=(terminal, over, key, act), daemon=True)
+    thread = threading.Thread(target=_follow, args=(terminal, over, acts), daemon=True)
     thread.start()
     try:
         tty.setcbreak(terminal)
@@ -277,7 +277,7 @@ def on_key(key: bytes, act: Callable[[], None]) -> Iterator[bool]:
             termios.tcsetattr(terminal, termios.TCSADRAIN, settings)
 
 
-def _follow(terminal: int, over: int, key: bytes, act: Callable[[], None]) -> None:
+def _follow(terminal: int, over: int, acts: Mapping[bytes, Callable[[], None]]) -> None:
     """Read keys until the other end of a pipe is closed, or the terminal is gone."""
     if os.environ.get(REALTIME) != "no":
         with suppress(OSError):  # not allowed here
@@ -292,8 +292,9 @@ def _follow(terminal: int, over: int, key: bytes, act: Callable[[], None]) -> No
             return
         if not pressed:
             return
-        if key in pressed:
-            act()
+        for key, act in acts.items():
+            if key in pressed:
+                act()
 
 
 def _is_ours(terminal: int) -> bool:

@@ -19,8 +19,12 @@ from __future__ import annotations
 
 import shlex
 import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,8 +34,11 @@ from haptic_accel.analysis.metrics import actual_acceleration
 from haptic_accel.analysis.segments import read_segment
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.topics import ACTUATOR_FORCE
+from haptic_accel.core.trial import RigParameters
+from haptic_accel.devices.serial.protocol import FULL_SCALE
+from haptic_accel.graph.files import read_parameter_file
 from observing import Observer
-from running import Command
+from running import PATIENCE, Command
 from verbs import refusal
 
 Start = Callable[..., Command]
@@ -71,6 +78,38 @@ def test_the_graph_runs_through_serial_ports(
     assert np.std(actual) > 0.1
 
     assert boards.end(signal.SIGINT) == 0, boards.text
+
+
+@pytest.mark.quiet
+def test_keys_turn_the_boards_over_for_a_calibration(terminals: Any, tmp_path: Path) -> None:
+    boards = terminals("-m", "haptic_accel.cli.main", "emulate", "serial", "folder:=boards")
+    boards.wait_for("keys: u, d")
+    words = ["calibrate", "port:=boards/master", "seconds:=0.2", "--update", "rig.yaml"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "haptic_accel.cli.main", *words],
+        cwd=tmp_path,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as command:
+        assert command.stdin
+        assert command.stdout
+        for key, position in ((b"u", "up"), (b"d", "down")):
+            assert f"axis {position}" in command.stdout.readline()
+            boards.press(key)
+            time.sleep(0.3)  # samples of before have arrived
+            command.stdin.write("\n")
+            command.stdin.flush()
+        text = command.stdout.read()
+    assert command.returncode == 0, text
+    found = read_parameter_file(tmp_path / "rig.yaml")["master_device"]
+    # The emulated sensor is exact.
+    assert found["serial.calibration.gain"] == pytest.approx(
+        RigParameters().master.accelerometer.range / FULL_SCALE, rel=5e-3
+    )
+    assert abs(found["serial.calibration.offset"]) < 0.01 * FULL_SCALE
+    boards.press(b"\x03")
+    assert boards.process.wait(PATIENCE) == 0
 
 
 @pytest.mark.quiet

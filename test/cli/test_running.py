@@ -17,15 +17,11 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import pty
-import select
 import signal
 import subprocess
 import sys
-import termios
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -158,9 +154,9 @@ def test_a_graph_whose_log_nobody_reads_goes_on_and_ends_when_asked(
 
 KEYS = """
 import sys, time
-from haptic_accel.cli.running import on_key
+from haptic_accel.cli.running import on_keys
 from haptic_accel.cli.running import stop_on_signal
-with stop_on_signal() as stop, on_key(b" ", lambda: print("pressed", flush=True)) as read:
+with stop_on_signal() as stop, on_keys({b" ": lambda: print("pressed", flush=True)}) as read:
     print("reading" if read else "not reading", flush=True)
     while not stop():
         time.sleep(0.02)  # pause() would miss a signal that comes before it
@@ -168,70 +164,6 @@ with stop_on_signal() as stop, on_key(b" ", lambda: print("pressed", flush=True)
         raise RuntimeError("failed")
 print("ended", flush=True)
 """
-
-
-class Terminal:
-    """A terminal of which a program is the foreground."""
-
-    def __init__(self, words: list[str], folder: Path) -> None:
-        self._keyboard, self._own = pty.openpty()
-        self._closed = False
-        self.before = termios.tcgetattr(self._own)
-        self.process = subprocess.Popen(
-            [sys.executable, *words],
-            cwd=folder,
-            stdin=self._own,
-            stdout=self._own,
-            stderr=self._own,
-            start_new_session=True,
-            preexec_fn=_prepare,
-        )
-        self.text = ""
-
-    @property
-    def settings(self) -> list[Any]:
-        return termios.tcgetattr(self._own)
-
-    def press(self, keys: bytes) -> None:
-        os.write(self._keyboard, keys)
-
-    def wait_for(self, words: str, count: int = 1) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while self.text.count(words) < count:
-            left = deadline - time.monotonic()
-            assert left > 0, self.text
-            if select.select([self._keyboard], [], [], left)[0]:
-                self.text += os.read(self._keyboard, 65536).decode()
-
-    def hang_up(self) -> None:
-        os.close(self._keyboard)
-        os.close(self._own)
-        self._closed = True
-
-    def close(self) -> None:
-        self.process.kill()
-        self.process.wait()
-        if not self._closed:
-            self.hang_up()
-
-
-def _prepare() -> None:
-    """Make the terminal the process's own; nohup would have it ignore the terminal's end."""
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
-
-
-@pytest.fixture
-def terminals(tmp_path: Path) -> Iterator[Any]:
-    opened: list[Terminal] = []
-
-    def opening(*words: str) -> Terminal:
-        opened.append(Terminal(list(words), tmp_path))
-        return opened[-1]
-
-    yield opening
-    for terminal in opened:
-        terminal.close()
 
 
 @pytest.mark.parametrize("end", [b"\x03", b"\x1c", signal.SIGTERM, signal.SIGHUP])

@@ -1,0 +1,83 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Terminals of programs that read keys."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+from typing import Any
+
+from running import PATIENCE
+
+
+class Terminal:
+    """A terminal of which a program is the foreground."""
+
+    def __init__(self, words: list[str], folder: Path) -> None:
+        self._keyboard, self._own = pty.openpty()
+        self._closed = False
+        self.before = termios.tcgetattr(self._own)
+        self.process = subprocess.Popen(
+            [sys.executable, *words],
+            cwd=folder,
+            stdin=self._own,
+            stdout=self._own,
+            stderr=self._own,
+            start_new_session=True,
+            preexec_fn=_prepare,
+        )
+        self.text = ""
+
+    @property
+    def settings(self) -> list[Any]:
+        return termios.tcgetattr(self._own)
+
+    def press(self, keys: bytes) -> None:
+        os.write(self._keyboard, keys)
+
+    def wait_for(self, words: str, count: int = 1) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while self.text.count(words) < count:
+            left = deadline - time.monotonic()
+            assert left > 0, self.text
+            if select.select([self._keyboard], [], [], left)[0]:
+                self.text += os.read(self._keyboard, 65536).decode()
+
+    def hang_up(self) -> None:
+        os.close(self._keyboard)
+        os.close(self._own)
+        self._closed = True
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        if not self._closed:
+            self.hang_up()
+
+
+def _prepare() -> None:
+    """Make the terminal the process's own; nohup would have it ignore the terminal's end."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
