@@ -72,3 +72,12 @@ def test_an_experiment_runs_in_lockstep_and_its_bags_are_analysed(tmp_path: Path
         tmp_path,
         "from haptic_accel import read_bag; assert read_bag('out/bags/text_none').signals",
     )
+
+
+def test_a_surface_is_touched_until_ctrl_c(tmp_path: Path) -> None:
+    run(
+        tmp_path,
+        "socket.AF_UNIX = 1  # asyncio of this system uses it\n"
+        "import threading; threading.Timer(5.0, signal.raise_signal, [signal.SIGINT]).start()\n"
+        "from haptic_accel.cli.main import main; main(['touch', '--no-open'])",
+    )
