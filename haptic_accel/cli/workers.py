@@ -17,11 +17,13 @@
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
 import os
 import platform
 import re
 import signal
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -29,7 +31,6 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import metadata
 from pathlib import Path
-from threading import Thread
 from typing import Any, Protocol, TypeVar
 
 from haptic_accel.cli.ending import StoppedError
@@ -57,6 +58,9 @@ CONNECTING = 10.0
 MOST_LOST = 3
 """Number of processes lost in succession, without a run that ends, at which the runs are given up:
 the default of dask.distributed (``allowed-failures``)."""
+
+PR_SET_PDEATHSIG = 1
+"""From linux/prctl.h."""
 
 COMPUTING = ("haptic_accel", "numpy", "scipy")
 """Packages on which the digits of a result depend."""
@@ -197,15 +201,10 @@ def _belong_to_verb() -> None:
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """End this process once its parent has ended: one that is killed ends no process itself."""
-    parent = multiprocessing.parent_process()
-    if parent:
-        parent.join()
-        os._exit(os.EX_SOFTWARE)
+    if sys.platform == "linux":
+        # A verb that is killed ends no process itself. A thread that waits for its end would take
+        # memory, and could not run while a library computes.
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 
 
 class _Cluster:
