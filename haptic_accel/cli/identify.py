@@ -62,7 +62,6 @@ from haptic_accel.graph.supervisor import Supervisor
 
 @options.verb(
     "haptic-accel identify --lockstep --grips pinch,hook",
-    "haptic-accel identify master:=serial params_file:=mine.yaml",
     "haptic-accel identify params_file:=rig.yaml --update rig.yaml",
     "haptic-accel identify --from results/identify/bag",
 )

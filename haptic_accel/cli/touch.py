@@ -34,7 +34,9 @@ HOST = "127.0.0.1"
 @verb("haptic-accel touch", "haptic-accel touch --surface text --rig ideal")
 @click.option("--surface", default="plywood", metavar="NAME|FILE", help="Surface at the start.")
 @click.option("--rig", default="paper", metavar="NAME|FILE", help="Virtual rig.")
-@click.option("--port", default=0, metavar="PORT", type=click.IntRange(0, 65535), help="0: any.")
+@click.option(
+    "--port", default=0, metavar="PORT", type=click.IntRange(0, 65535), help="Port; 0 for any."
+)
 @click.option("--open/--no-open", "opened", default=True, help="Open the page in a browser.")
 def touch(surface: str, rig: str, port: int, opened: bool) -> None:
     """Touch a surface on a page with mouse, finger or arrow keys until Ctrl-C.

@@ -142,9 +142,9 @@ def test_help_is_as_wide_as_the_terminal(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([], "a verb is missing; there are teleop, control, "),
-        (["dance"], "dance: no such verb; there are teleop, "),
-        (["telepo"], "telepo: no such verb (did you mean teleop?); there are teleop, "),
+        ([], "a verb is missing; there are touch, teleop, "),
+        (["dance"], "dance: no such verb; there are touch, teleop, "),
+        (["telepo"], "telepo: no such verb (did you mean teleop?); there are touch, teleop, "),
         (["bench", "latncy"], "latncy: no such verb (did you mean latency?); there are latency"),
         (["teleop", "--fast"], "No such option --fast"),
         (["experiment", "--seedz"], "No such option --seedz Did you mean --seeds?"),
