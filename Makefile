@@ -22,6 +22,7 @@ SHELL := /bin/sh
 BIN := $(VENV)/bin
 RUNTIME := $(VENV)/.runtime
 DEV := $(VENV)/.dev
+DOCS := $(VENV)/.docs
 # Says what the environment is and where; absent while packages are being installed.
 WHOLE := $(VENV)/.whole
 
@@ -101,6 +102,11 @@ lint: $(DEV) ## check style (ruff) and types (mypy)
 	$(BIN)/mypy || failed=yes
 	[ -z "$$failed" ]
 
+.PHONY: docs
+docs: $(DOCS) ## build the documentation site in build/docs
+	@$(BIN)/sphinx-build -q -E -W --keep-going -c docs . build/docs
+	echo build/docs/index.html
+
 .PHONY: release
 release: $(DEV) ## build source distribution and wheel in dist, and check them
 	@rm -rf dist
@@ -157,4 +163,9 @@ $(RUNTIME): Makefile package.xml pyproject.toml setup.cfg setup.py
 $(DEV): $(RUNTIME)
 	@echo "Installing the tools for tests and checks into $(VENV)"
 	$(call pip_install,dev)
+	touch $@
+
+$(DOCS): $(RUNTIME)
+	@echo "Installing the tools for the documentation into $(VENV)"
+	$(call pip_install,docs)
 	touch $@

@@ -165,6 +165,8 @@ setup(
         # Two hosts by transport:=zenoh; eclipse-zenoh has no rosdep key. 1.10: datagrams of QUIC.
         "zenoh": ["eclipse-zenoh>=1.10", "cryptography>=41"],
         "test": TEST,
+        # make docs.
+        "docs": ["sphinx>=7.2.6", "myst-parser>=2.0", "numpydoc>=1.6", "furo>=2024.1.29"],
         "dev": [
             *TEST,
             "pytest-benchmark",

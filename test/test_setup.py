@@ -49,7 +49,7 @@ def pretended_python(folder: Path, change: str) -> str:
 @pytest.mark.parametrize("words", [[], ["help"]])
 def test_help_lists_the_targets(words: list[str]) -> None:
     listed = [line.split()[1] for line in make(*words).stdout.splitlines()]
-    assert listed == ["help", "venv", "touch", "demo", "test", "lint", "release", "clean"]
+    assert listed == ["help", "venv", "touch", "demo", "test", "lint", "docs", "release", "clean"]
 
 
 @pytest.mark.parametrize(

@@ -202,9 +202,12 @@ def design_inverse(plant: Dynamics, rate: float, goal: Goal = DEFAULT_GOAL) -> I
     """Design the causal filter for which the handle moves as desired.
 
     With the tool's spectrum S, the high-pass B, the plant P, the travel D per force, and the
-    filter C, the integral over frequency of S |P C B - z^-granted_delay B|^2 + c S |C B D|^2 +
-    FORCE_COST^2 (S + U) |C B|^2 is minimised. The terms are the power of the error, and the costs
-    of travel and of force. The latter includes an unexpected input, U = `UNEXPECTED_DENSITY`^2.
+    filter C, the integral over frequency of ::
+
+        S |P C B - z^-granted_delay B|^2 + c S |C B D|^2 + FORCE_COST^2 (S + U) |C B|^2
+
+    is minimised. The terms are the power of the error, and the costs of travel and of force. The
+    latter includes an unexpected input; U is the square of `UNEXPECTED_DENSITY`.
     The cost of travel, c, is the fourth power of 2 pi times the travel corner.
 
     This is a Wiener filter; for a convolution C its normal equations have a Toeplitz matrix. C

@@ -1,0 +1,114 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The documentation site: `make docs`.
+
+The source folder is the repository, so that links between pages hold on the site, too. Pages have
+no syntax of Sphinx: docs/README.md, the index, gives the sections of the site, and a comment
+`<!-- api: NAME -->` marks a line that the docstring of NAME replaces.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+from haptic_accel import __version__
+
+SOURCE = Path(__file__).resolve().parents[1]
+INDEX = "docs/README"
+"""Page whose headings and links are the site's table of contents."""
+
+project = "haptic_accel"
+author = "haptic_accel maintainers"
+copyright = "2026 haptic_accel maintainers"
+version = release = __version__
+
+root_doc = "README"
+include_patterns = ["*.md", "CHANGELOG.rst", "docs/*.md", "firmware/*.md"]
+# Large folders without pages.
+exclude_patterns = [".*", "build", "dist", "haptic_accel", "install", "log", "results", "test"]
+
+extensions = ["myst_parser", "numpydoc", "sphinx.ext.autodoc", "sphinx.ext.viewcode"]
+
+# Headings are linked as on GitHub.
+myst_heading_anchors = 4
+
+# Types are stated in the docstrings, with shapes and units.
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+numpydoc_show_class_members = False
+nitpicky = True
+# A class without parameters has nothing to say.
+nitpick_ignore_regex = [("py:class", r"haptic_accel\..*\.NoParameters")]
+# A single backquote in a docstring marks a name.
+default_role = "code"
+
+html_theme = "furo"
+html_title = f"haptic_accel {release}"
+html_extra_path = ["site"]
+
+
+def toctree(section: str) -> str:
+    """Return the table of contents that a section of the index stands for."""
+    caption, _, text = section.partition("\n")
+    entries = []
+    for title, link in re.findall(r"\[([^\]]+)\]\(([^)]+)\)", text):
+        page = (SOURCE / INDEX).parent.joinpath(link).resolve().relative_to(SOURCE)
+        name = str(page.with_suffix(""))
+        entries.append(f"{title} <{'self' if name == root_doc else f'/{name}'}>")
+    return "\n".join(["```{toctree}", ":hidden:", f":caption: {caption}", "", *entries, "```", ""])
+
+
+def contents() -> str:
+    """Return the tables of contents of the site's sidebar."""
+    index = (SOURCE / f"{INDEX}.md").read_text(encoding="utf-8")
+    return "\n".join(toctree(section) for section in index.split("\n## ")[1:])
+
+
+def docstring(name: str) -> str:
+    """Return the directive that shows the docstring of a class or function."""
+    is_class = name.rpartition(".")[2][0].isupper()
+    directive = f".. autoclass:: {name}\n   :members:" if is_class else f".. autofunction:: {name}"
+    return f"\n```{{eval-rst}}\n{directive}\n```\n"
+
+
+def without_folders(page: str, text: str) -> str:
+    """Return a page's text, whose links to folders are plain text: a site has no folders."""
+
+    def plain(link: re.Match[str]) -> str:
+        return link[1] if (SOURCE / page).parent.joinpath(link[2]).is_dir() else link[0]
+
+    return re.sub(r"(?<!!)\[([^\]]+)\]\(([^)#:]+)\)", plain, text)
+
+
+def read(app: Sphinx, page: str, source: list[str]) -> None:
+    """Adapt a page's text to the site."""
+    text = re.sub(
+        r"^.*<!-- api: ([\w.]+) -->$", lambda found: docstring(found[1]), source[0], flags=re.M
+    )
+    text = without_folders(page, text)
+    if page == root_doc:
+        text = f"{text}\n{contents()}"
+    elif page == INDEX:  # the sidebar lists the same pages
+        text = f"---\norphan: true\n---\n{text}"
+    source[0] = text
+
+
+def setup(app: Sphinx) -> None:
+    """Connect to Sphinx."""
+    app.connect("source-read", read)

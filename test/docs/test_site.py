@@ -1,0 +1,84 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The documentation site and its reference of the Python interface."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import haptic_accel
+
+SOURCE = Path(__file__).resolve().parents[2]
+SHOWN = re.findall(r"<!-- api: ([\w.]+) -->", (SOURCE / "docs" / "api.md").read_text())
+"""Names whose docstrings the site shows."""
+
+
+def test_the_reference_has_every_public_name() -> None:
+    public = {f"haptic_accel.{name}" for name in haptic_accel.__all__ if name != "__version__"}
+    assert public <= set(SHOWN)
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_a_name_of_the_reference_leads_to_its_module(name: str) -> None:
+    module, _, attribute = name.rpartition(".")
+    shown = getattr(importlib.import_module(module), attribute)
+    path = f"{shown.__module__.replace('.', '/')}.py"
+    assert (
+        f"- [{attribute}](../{path}) <!-- api: {name} -->"
+        in (SOURCE / "docs" / "api.md").read_text()
+    )
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of the site, built from all pages with warnings as errors."""
+    for library in ("sphinx", "myst_parser", "numpydoc", "furo"):
+        pytest.importorskip(library, reason="the extra docs is not installed")
+    folder = tmp_path_factory.mktemp("site")
+    words = ["-q", "-W", "--keep-going", "-c", "docs", ".", str(folder)]
+    built = subprocess.run(
+        [sys.executable, "-m", "sphinx", *words], cwd=SOURCE, capture_output=True, text=True
+    )
+    assert built.returncode == 0, built.stderr
+    return folder
+
+
+@pytest.mark.slow
+def test_the_site_shows_the_docstring_of_every_name(site: Path) -> None:
+    page = (site / "docs" / "api.html").read_text()
+    assert [name for name in SHOWN if f'id="{name}"' not in page] == []
+    assert "<!-- api:" not in page
+
+
+@pytest.mark.slow
+def test_the_site_opens_with_the_readme(site: Path) -> None:
+    (target,) = re.findall(r'url=([^"]+)"', (site / "index.html").read_text())
+    title = (SOURCE / "README.md").read_text().splitlines()[0].removeprefix("# ")
+    assert f"<h1>{title}" in (site / target).read_text()
+
+
+@pytest.mark.slow
+def test_the_sidebar_has_the_sections_of_the_index(site: Path) -> None:
+    index = (SOURCE / "docs" / "README.md").read_text()
+    headings = re.findall(r"^## (.*)$", index, re.MULTILINE)
+    for page in (site / "docs").glob("*.html"):
+        assert re.findall(r'class="caption-text">([^<]*)<', page.read_text()) == headings
