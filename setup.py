@@ -166,7 +166,13 @@ setup(
         "zenoh": ["eclipse-zenoh>=1.10", "cryptography>=41"],
         "test": TEST,
         # make docs.
-        "docs": ["sphinx>=7.2.6", "myst-parser>=2.0", "numpydoc>=1.6", "furo>=2024.1.29"],
+        "docs": [
+            "sphinx>=7.2.6",
+            "myst-parser>=2.0",
+            "numpydoc>=1.6",
+            "furo>=2024.1.29",
+            "sphinx-gallery>=0.18",
+        ],
         "dev": [
             *TEST,
             "pytest-benchmark",

@@ -32,6 +32,8 @@ from haptic_accel import __version__
 SOURCE = Path(__file__).resolve().parents[1]
 INDEX = "docs/README"
 """Page whose headings and links are the site's table of contents."""
+GALLERY = "build/examples"
+"""Folder for the pages that are made of the examples."""
 
 project = "haptic_accel"
 author = "haptic_accel maintainers"
@@ -39,11 +41,26 @@ copyright = "2026 haptic_accel maintainers"
 version = release = __version__
 
 root_doc = "README"
-include_patterns = ["*.md", "CHANGELOG.rst", "docs/*.md", "firmware/*.md"]
+include_patterns = ["*.md", "CHANGELOG.rst", "docs/*.md", "firmware/*.md", f"{GALLERY}/*.rst"]
 # Large folders without pages.
-exclude_patterns = [".*", "build", "dist", "haptic_accel", "install", "log", "results", "test"]
+exclude_patterns = [
+    ".*",
+    "build/docs",
+    "dist",
+    "haptic_accel",
+    "install",
+    "log",
+    "results",
+    "test",
+]
 
-extensions = ["myst_parser", "numpydoc", "sphinx.ext.autodoc", "sphinx.ext.viewcode"]
+extensions = [
+    "myst_parser",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.viewcode",
+    "sphinx_gallery.gen_gallery",
+]
 
 # Headings are linked as on GitHub.
 myst_heading_anchors = 4
@@ -57,6 +74,18 @@ nitpicky = True
 nitpick_ignore_regex = [("py:class", r"haptic_accel\..*\.NoParameters")]
 # A single backquote in a docstring marks a name.
 default_role = "code"
+
+sphinx_gallery_conf = {
+    "examples_dirs": "examples",
+    "gallery_dirs": GALLERY,
+    "filename_pattern": r"\.py",
+    # The output depends on the package, too.
+    "run_stale_examples": True,
+    "write_computation_times": False,
+    "min_reported_time": 60,
+    "download_all_examples": False,
+    "show_signature": False,
+}
 
 html_theme = "furo"
 html_title = f"haptic_accel {release}"
@@ -74,10 +103,15 @@ def toctree(section: str) -> str:
     return "\n".join(["```{toctree}", ":hidden:", f":caption: {caption}", "", *entries, "```", ""])
 
 
+def index() -> str:
+    """Return the index, which leads to the pages of the examples, not to their folder."""
+    text = (SOURCE / f"{INDEX}.md").read_text(encoding="utf-8")
+    return text.replace("../examples/README.rst", f"../{GALLERY}/index.rst")
+
+
 def contents() -> str:
     """Return the tables of contents of the site's sidebar."""
-    index = (SOURCE / f"{INDEX}.md").read_text(encoding="utf-8")
-    return "\n".join(toctree(section) for section in index.split("\n## ")[1:])
+    return "\n".join(toctree(section) for section in index().split("\n## ")[1:])
 
 
 def docstring(name: str) -> str:
@@ -105,7 +139,7 @@ def read(app: Sphinx, page: str, source: list[str]) -> None:
     if page == root_doc:
         text = f"{text}\n{contents()}"
     elif page == INDEX:  # the sidebar lists the same pages
-        text = f"---\norphan: true\n---\n{text}"
+        text = f"---\norphan: true\n---\n{index()}"
     source[0] = text
 
 

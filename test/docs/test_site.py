@@ -53,7 +53,7 @@ def test_a_name_of_the_reference_leads_to_its_module(name: str) -> None:
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of the site, built from all pages with warnings as errors."""
-    for library in ("sphinx", "myst_parser", "numpydoc", "furo"):
+    for library in ("sphinx", "myst_parser", "numpydoc", "furo", "sphinx_gallery"):
         pytest.importorskip(library, reason="the extra docs is not installed")
     folder = tmp_path_factory.mktemp("site")
     words = ["-q", "-W", "--keep-going", "-c", "docs", ".", str(folder)]
@@ -84,3 +84,11 @@ def test_the_sidebar_has_the_sections_of_the_index(site: Path) -> None:
     headings = re.findall(r"^## (.*)$", index, re.MULTILINE)
     for page in (site / "docs").glob("*.html"):
         assert re.findall(r'class="caption-text">([^<]*)<', page.read_text()) == headings
+
+
+@pytest.mark.slow
+def test_the_site_shows_what_each_example_prints_and_draws(site: Path) -> None:
+    for script in (SOURCE / "examples").glob("*.py"):
+        page = (site / "build" / "examples" / f"{script.stem}.html").read_text()
+        assert "sphx-glr-script-out" in page
+        assert f"sphx_glr_{script.stem}_001.png" in page
