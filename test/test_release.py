@@ -22,8 +22,10 @@ import re
 from pathlib import Path
 
 import yaml
+from click import Context
 
 from haptic_accel import __version__
+from haptic_accel.cli.commands import command_line
 
 SOURCE = Path(__file__).resolve().parents[1]
 
@@ -72,3 +74,19 @@ def test_every_fragment_of_the_changelog_has_a_known_kind() -> None:
     others = {"README.md", "template.rst"}
     names = {path.name for path in (SOURCE / "changelog.d").iterdir()} - others
     assert [name for name in sorted(names) if not name.endswith(".change.rst")] == []
+
+
+def test_pixi_has_the_ros_packages_of_the_manifest() -> None:
+    manifest = (SOURCE / "package.xml").read_text()
+    needed = re.findall(r"<exec_depend>((?!python3-)[a-z0-9_]+)</exec_depend>", manifest)
+    named = re.findall(r"^ros-jazzy-([a-z0-9-]+) =", (SOURCE / "pixi.toml").read_text(), re.M)
+    assert {name.replace("_", "-") for name in needed} == {*named} - {"rmw-fastrtps-cpp"}
+
+
+def test_the_container_and_its_command_use_what_exists() -> None:
+    text = (SOURCE / "Dockerfile").read_text()
+    (command,) = re.findall(r"^CMD (.*)$", text, re.M)
+    assert command_line.get_command(Context(command_line), json.loads(command)[1])
+    container = json.loads((SOURCE / ".devcontainer/devcontainer.json").read_text())
+    assert str(container["forwardPorts"][0]) in json.loads(command)
+    assert (SOURCE / ".devcontainer" / container["build"]["dockerfile"]).is_file()
