@@ -17,6 +17,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import webbrowser
 
 import click
@@ -49,8 +51,14 @@ def touch(surface: str, rig: str, port: int, opened: bool) -> None:
     server = ScopeServer(touched, Access(HOST, ""), HOST, port, touched.act)
     address = server.start()
     print_line(f"{address} (Ctrl-C ends)")
-    if opened:
+    if opened and _has_screen():
         webbrowser.open(address)
     with stop_on_signal() as stop:
         touched.run(stop)
     server.stop()
+
+
+def _has_screen() -> bool:
+    """Return False where a browser would be one of text, in this terminal."""
+    screens = ("DISPLAY", "WAYLAND_DISPLAY")
+    return sys.platform in ("darwin", "win32") or any(map(os.environ.get, screens))

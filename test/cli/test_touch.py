@@ -21,6 +21,7 @@ import asyncio
 import json
 import signal
 from collections.abc import Callable
+from pathlib import Path
 
 import aiohttp
 import pytest
@@ -58,6 +59,28 @@ def test_a_surface_is_touched_without_ros(start: Callable[..., Command]) -> None
     assert (state["surface"], state["controller"], state["led"]) == ("text", "adaptive", True)
     assert touching.end(signal.SIGINT) == 0, touching.text
     assert "Traceback" not in touching.text
+
+
+@pytest.mark.quiet
+@pytest.mark.parametrize("screen", ["", ":7"])
+def test_the_page_is_opened_where_there_is_a_screen(
+    haptic_accel: Callable[..., Command],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    screen: str,
+) -> None:
+    browser = tmp_path / "browser"
+    browser.write_text(f"#!/bin/sh\necho $1 > {tmp_path}/opened\n")
+    browser.chmod(0o755)
+    monkeypatch.setenv("BROWSER", str(browser))
+    monkeypatch.setenv("DISPLAY", screen)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    touching = haptic_accel("touch")
+    address = touching.wait_for("http").split()[0]
+    asyncio.run(shown(address))
+    assert touching.end(signal.SIGINT) == 0, touching.text
+    opened = tmp_path / "opened"
+    assert (opened.read_text().strip() if opened.exists() else "") == (address if screen else "")
 
 
 def test_a_wrong_surface_and_a_wrong_port_are_named() -> None:
