@@ -48,7 +48,7 @@ from haptic_accel.core.parameters import ParameterError, own_schema
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, same_rate
 from haptic_accel.core.trial import RigParameters, run_identification
 from haptic_accel.graph.arguments import AVERAGE_GRIP, IdentifyArguments
-from haptic_accel.graph.files import parameter_text
+from haptic_accel.graph.files import EVERY_NODE, parameter_text
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 from haptic_accel.materials.recordings import read_recording
@@ -189,7 +189,7 @@ def handle_parameters(result: Result, age: float) -> dict[str, dict[str, Any]]:
     mount = _plain(asdict(fit.mount))
     suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
     return {
-        "/**": {ACTUATOR: _plain(asdict(result.actuator) | suspension)},
+        EVERY_NODE: {ACTUATOR: _plain(asdict(result.actuator) | suspension)},
         "master_device": {
             "simulated": {
                 "handle": handle,

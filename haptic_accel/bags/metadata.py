@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -37,6 +36,7 @@ from haptic_accel.bags.rosbags_adapter import dump_qos_v9, parse_qos
 from haptic_accel.core.bounded_files import read_bytes
 from haptic_accel.core.document import Document
 from haptic_accel.core.parameters import Specification, one_line
+from haptic_accel.core.safe_writing import replace_file
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.yaml_text import load_yaml, texts_of
 
@@ -161,14 +161,8 @@ class Metadata:
         OSError
             The file cannot be written; an earlier file remains.
         """
-        path = folder / METADATA
-        new = path.with_name(METADATA + ".tmp")
         content = _yaml({_ROOT: self._content()}).encode()
-        with new.open("wb") as file:
-            file.write(content + f"{_SUM}{crc32(content):08x}\n".encode())
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(path)
+        replace_file(folder / METADATA, content + f"{_SUM}{crc32(content):08x}\n".encode())
 
     def _content(self) -> dict[str, Any]:
         return {

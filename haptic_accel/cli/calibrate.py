@@ -43,7 +43,7 @@ from haptic_accel.devices.serial.device import (
     CalibrationParameters,
     PortParameters,
 )
-from haptic_accel.graph.files import parameter_text
+from haptic_accel.graph.files import EVERY_NODE, parameter_text
 from haptic_accel.graph.rig_file import next_teleoperation, update_parameter_file
 
 if TYPE_CHECKING:
@@ -194,7 +194,7 @@ def port_parameters(
     }
     nodes: dict[str, dict[str, Any]] = {f"{arguments.side}_device": {SERIAL: values}}
     if arguments.side == MASTER:
-        nodes["/**"] = {ACTUATOR: {"force_constant": arguments.force_constant}}
+        nodes[EVERY_NODE] = {ACTUATOR: {"force_constant": arguments.force_constant}}
     return nodes
 
 

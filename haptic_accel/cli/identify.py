@@ -188,15 +188,13 @@ def identify(
 
 def _next(arguments: IdentifyArguments, update: Path | None, parameters: Path) -> str:
     """Return the command that runs the identified handle, with what no file tells it."""
-    told = {"rig": arguments.rig}
-    if not update:
-        device = {"master": arguments.master, "actuator": arguments.actuator}
-        told |= {**device, "rate": f"{arguments.rate:g}"}
+    names = ("rig",) if update else ("rig", "master", "actuator", "rate")
+    told = {name: getattr(arguments, name) for name in names}
     known = schema(IdentifyArguments)
     words = [
-        f"{name}:={value}"
+        f"{name}:={value:g}" if isinstance(value, float) else f"{name}:={value}"
         for name, value in told.items()
-        if value != (known[name][0] if name != "rate" else f"{known[name][0]:g}")
+        if value != known[name][0]
     ]
     words = ["controller:=adaptive", *words]
     return next_teleoperation(arguments.params_file, update or parameters, *words)

@@ -19,9 +19,9 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import yaml
 
@@ -48,7 +48,8 @@ Values: TypeAlias = dict[str, dict[str, Any]]
 EVERY_NODE = "/**"
 """Key of the values for every node in any namespace."""
 
-_PARAMETERS = "ros__parameters"
+ROS_PARAMETERS = "ros__parameters"
+"""Key of a node's parameters in a file."""
 
 _WILDCARDS = ("**", "*")
 """Last parts of keys that name no node, but any."""
@@ -113,13 +114,13 @@ def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, d
     """
     content = read_yaml_document(path)
     if not isinstance(content.value, dict):
-        content.wrong(f"must map nodes to {_PARAMETERS}")
+        content.wrong(f"must map nodes to {ROS_PARAMETERS}")
     values: dict[str, dict[str, Any]] = {executable: {} for executable in NODES}
     given: set[str] = set()
     for key, section in content.members():
-        if not isinstance(section.value, dict) or set(section.value) != {_PARAMETERS}:
-            content.refuse(f"{shown(key)}: must hold {_PARAMETERS}, nothing else", key)
-        flat = dict(_flat(section.get(_PARAMETERS, {})))
+        if not isinstance(section.value, dict) or set(section.value) != {ROS_PARAMETERS}:
+            content.refuse(f"{shown(key)}: must hold {ROS_PARAMETERS}, nothing else", key)
+        flat = dict(_flat(section.get(ROS_PARAMETERS, {})))
         if USE_SIM_TIME in flat:
             check_clock(flat.pop(USE_SIM_TIME).value)
         with content.located(key):
@@ -179,18 +180,35 @@ def read_parameter_files(
     """
     files = [(path, read_parameter_file(path, namespace)) for path in parameter_paths(params_file)]
     given: dict[tuple[str, str], tuple[Path, Any]] = {}
-    replaced: dict[str, list[str]] = defaultdict(list)
+    replaced: list[Unused] = []
     for path, values in files:
         for node, own in values.items():
             for name, value in own.items():
                 before, old = given.get((node, name), (path, value))
                 if old != value:
-                    line = f"{path}: {name} of {{}} = {value}: replaces {old} of {before}"
-                    replaced[line].append(node)
+                    replaced.append(Unused(path, name, node, value, f"replaces {old} of {before}"))
                 given[node, name] = path, value
-    for line, nodes in replaced.items():
-        warn_once(printable(line.replace("{}", ", ".join(nodes), 1)))
+    warn_of(replaced)
     return files
+
+
+class Unused(NamedTuple):
+    """Value of a node's parameter in a file where another file or an argument differs, and why."""
+
+    path: Path
+    name: str
+    node: str
+    value: Any
+    reason: str
+
+
+def warn_of(found: Iterable[Unused]) -> None:
+    """State each value once, in one line for all nodes that it concerns."""
+    nodes: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for path, name, node, value, reason in found:
+        nodes[f"{path}: {name} of ", f" = {value}: {reason}"].append(node)
+    for (before, after), names in nodes.items():
+        warn_once(printable(before + ", ".join(names) + after))
 
 
 def check_reached(path: Path, node: str) -> None:
@@ -237,7 +255,7 @@ def parameter_text(nodes: Mapping[str, Mapping[str, Any]]) -> str:
     It applies to these node names in any namespace; `EVERY_NODE` is all of them.
     """
     content = {
-        node if node == EVERY_NODE else f"/**/{node}": {_PARAMETERS: values}
+        node if node == EVERY_NODE else f"/**/{node}": {ROS_PARAMETERS: values}
         for node, values in nodes.items()
     }
     return str(yaml.dump(_quoted(content), Dumper=_Plain, sort_keys=False, width=2**31))

@@ -30,23 +30,24 @@ from haptic_accel.bags import NO_ROSBAGS
 from haptic_accel.bags.facts import facts_text
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.identification.sweep import repeat_samples
-from haptic_accel.core.parameters import ParameterError, printable, schema
+from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.process import CUT_SHORT, DONE, WRONG_ARGUMENTS
 from haptic_accel.core.topics import CONTACT_FORCE
 from haptic_accel.core.trial import RigParameters
-from haptic_accel.core.warning import warn_once
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.simulated import played
 from haptic_accel.graph import arguments as names
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.graph.files import (
     SEPARATOR,
+    Unused,
     Values,
     parameter_paths,
     parameter_text,
     read_parameter_file,
     read_parameter_files,
     surface_file,
+    warn_of,
 )
 from haptic_accel.graph.node_parameters import NODES, PASSIVE, SAFETY, node_parameters, node_schema
 from haptic_accel.materials.folders import config_folder, is_recording, preset_file
@@ -264,20 +265,18 @@ def graph_parameters(arguments: Arguments) -> Values:
 
 def _check_given(path: Path, content: Values, set_here: Values) -> None:
     """Refuse a file's values that the graph sets; state those that an argument replaces."""
-    replaced: dict[str, list[str]] = {}
+    replaced: list[Unused] = []
     for node, own in set_here.items():
         for name, value in content[node].items():
             if own.get(name, value) == value:
                 continue
-            place = f"{name} of {{}} = {value}"
             argument = _argument(node, name)
             if not argument:
                 made = f"the graph's arguments make it {own[name]}; leave it out"
-                raise ParameterError(f"{path}: {place.format(node)}: {made}")
-            line = f"{path}: {place}: not used, as the argument {argument}:= replaces it"
-            replaced.setdefault(line, []).append(node)
-    for line, nodes in replaced.items():
-        warn_once(printable(line.replace("{}", ", ".join(nodes), 1)))
+                raise ParameterError(f"{path}: {name} of {node} = {value}: {made}")
+            reason = f"not used, as the argument {argument}:= replaces it"
+            replaced.append(Unused(path, name, node, value, reason))
+    warn_of(replaced)
 
 
 def _argument(node: str, name: str) -> str:

@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from collections.abc import Iterator, Mapping
 from io import StringIO
@@ -26,14 +25,14 @@ from typing import Any
 
 from haptic_accel.core.bounded_files import located, read_text
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.safe_writing import replace_file
 from haptic_accel.graph.files import (
     EVERY_NODE,
+    ROS_PARAMETERS,
     SEPARATOR,
     parameter_paths,
     read_parameter_file,
 )
-
-_PARAMETERS = "ros__parameters"
 
 
 def update_parameter_file(path: Path, nodes: Mapping[str, Mapping[str, Any]]) -> None:
@@ -61,7 +60,7 @@ def update_parameter_file(path: Path, nodes: Mapping[str, Mapping[str, Any]]) ->
     document = YAML()
     document.width, document.preserve_quotes = 2**31, True
     content: Any = {}
-    if os.path.exists(path):
+    if path.exists():
         read_parameter_file(path)  # refuses another form
         with located(path, "must be YAML"):
             try:
@@ -69,13 +68,13 @@ def update_parameter_file(path: Path, nodes: Mapping[str, Mapping[str, Any]]) ->
             except YAMLError as error:
                 raise ValueError(str(error)) from None
     for node, values in nodes.items():
-        section = content.setdefault(_key(content, node), {_PARAMETERS: {}})[_PARAMETERS]
+        section = content.setdefault(_key(content, node), {ROS_PARAMETERS: {}})[ROS_PARAMETERS]
         for name, value in _leaves(values):
             _set(section, name.split("."), value)
     text = StringIO()
     document.dump(content, text)
     with located(path, unreadable=""):
-        _replace(path, text.getvalue())
+        replace_file(path, text.getvalue().encode())
 
 
 def next_teleoperation(params_file: str, found: Path, *words: str) -> str:
@@ -125,13 +124,3 @@ def _set(section: Any, words: list[str], value: Any) -> None:
         section[key] = written
     else:
         _set(section.setdefault(key, {}), words[count:], value)
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a file beside another, then put it in its place."""
-    new = path.with_name(path.name + ".tmp")
-    with new.open("w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    new.replace(path)
