@@ -28,16 +28,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE, WRONG_ARGUMENTS, module_command
+from haptic_accel.core.process import DONE, WRONG_ARGUMENTS, module_command, signals
 
 MEGABYTE = 10**6
 
 GRACE_TIME = 10.0
 """Maximum time for the start and the waiting of a process, s."""
 
-_ENDED = tuple(
-    -getattr(signal, name) for name in ("SIGXCPU", "SIGKILL", "SIGALRM") if hasattr(signal, name)
-)
+_ENDED = tuple(-number for number in signals("SIGXCPU", "SIGKILL", "SIGALRM"))
 """Exit statuses of a process that exceeded its time."""
 
 

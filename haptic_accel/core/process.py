@@ -30,11 +30,13 @@ work: the numbers of the corresponding signals."""
 INTERRUPTED = 130
 """Exit status of ``haptic-accel`` after Ctrl-C, as in shells."""
 
-ENDING: tuple[signal.Signals, ...] = tuple(
-    getattr(signal, name)
-    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
-    if hasattr(signal, name)
-)
+
+def signals(*names: str) -> tuple[signal.Signals, ...]:
+    """Return the named signals that this system has."""
+    return tuple(getattr(signal, name) for name in names if hasattr(signal, name))
+
+
+ENDING = signals("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
 """Signals that end a command or a node cleanly. Closing the terminal must also leave a complete
 bag, an intact terminal, and no force."""
 

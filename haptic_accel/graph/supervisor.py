@@ -33,7 +33,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from haptic_accel.core.process import CUT_SHORT, DONE, EMERGENCY, SUPERVISOR, module_command
+from haptic_accel.core.process import (
+    CUT_SHORT,
+    DONE,
+    EMERGENCY,
+    SUPERVISOR,
+    module_command,
+    signals,
+)
 from haptic_accel.graph.processes import RESPAWN_DELAY, Process
 from haptic_accel.graph.ros_packages import check_ros
 
@@ -46,9 +53,6 @@ WAITING_LINES = 1000
 LAST_WORDS = 1.0
 """Longest time that the end of a graph waits for lines to be taken, s."""
 
-ALARM = 14
-"""Number of SIGALRM, which not every system has."""
-
 KILL = 9
 """Number of SIGKILL, which not every system has."""
 
@@ -56,7 +60,7 @@ STOP_TIMEOUTS = ((signal.SIGTERM, 10.0), (KILL, 5.0))
 """Signals that ask a process to end, each with the time in s before the next. No SIGINT: a process
 that still imports would answer with a traceback."""
 
-_ENDS = (DONE, -signal.SIGTERM, -ALARM, *CUT_SHORT)
+_ENDS = (DONE, *(-number for number in signals("SIGTERM", "SIGALRM")), *CUT_SHORT)
 """Statuses of a process that has done nothing wrong: after one of our signals, too, and where its
 middleware did not come to an end (SIGALRM), aborted or faulted."""
 
