@@ -30,7 +30,7 @@ from haptic_accel.nodes.emergency_stop import STOP_SERVICES, release
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.service_client import Request, RequestError, ServiceClient
 from haptic_accel.scope import state
-from haptic_accel.scope.server import CommandError
+from haptic_accel.scope.server import CommandError, check_choice
 
 FINDING_TIME = 0.7
 """Time in which a service must be found, s."""
@@ -99,12 +99,8 @@ class Commands:
                 return await (self._stop() if value else self._release())
             answer = await self._client.send(requests.engage(value))
             return answer or f"arms: {'engaged' if value else 'disengaged'}"
-        if action not in REQUESTS:
-            allowed = ", ".join((*REQUESTS, *SWITCHES))
-            raise CommandError(f"action = {action!r}: must be one of {allowed}", 400)
-        known = self._choices[action]
-        if not isinstance(value, str) or value not in known:
-            raise CommandError(f"{action} = {value!r}: must be one of {', '.join(known)}", 400)
+        check_choice("action", action, (*REQUESTS, *SWITCHES))
+        check_choice(action, value, self._choices[action])
         return f"{action}: {await self._client.send(REQUESTS[action](value)) or value}"
 
     async def _stop(self) -> str:

@@ -45,7 +45,7 @@ from haptic_accel.graph.files import POSTURE, SURFACE, Values
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 from haptic_accel.scope.node_reports import NodeReport, NodeReports
-from haptic_accel.scope.server import CommandError
+from haptic_accel.scope.server import CommandError, check_choice
 from haptic_accel.scope.state import choices, drawing, state_of
 from haptic_accel.scope.windows import GraphSettings, Windows
 
@@ -65,9 +65,6 @@ REPORT_PERIOD = 1.0
 STROKE, STROKE_RATE, STROKE_HEIGHT = 0.05, 0.4, -0.004
 """Amplitude, m, rate, Hz, and height, m, of the hand's strokes until a page leads it. They are
 below the surface, so that the tool presses on it."""
-
-PARTS = ("loop", "coupler", "compensator")
-"""Parts whose diagnostics a page shows."""
 
 
 class _Asked(NamedTuple):
@@ -156,9 +153,7 @@ class PacedRig:
 
     def state(self) -> dict[str, Any]:
         """Return the state for a page; called on the server's thread."""
-        return state_of(
-            self._reports, PARTS, self._values, self.windows.settings, led=True, stop={}
-        )
+        return state_of(self._reports, (), self._values, self.windows.settings, led=True, stop={})
 
     def lead(self, x: float, z: float) -> str:
         """Lead the hand to a point, m; called on the server's thread."""
@@ -174,12 +169,8 @@ class PacedRig:
         CommandError
             The action or its value is not one of the choices, or is refused.
         """
-        known = self._choices.get(action)
-        if known is None:
-            allowed = ", ".join(self._choices)
-            raise CommandError(f"action = {action!r}: must be one of {allowed}", 400)
-        if value not in known:
-            raise CommandError(f"{action} = {value!r}: must be one of {', '.join(known)}", 400)
+        check_choice("action", action, self._choices)
+        check_choice(action, value, self._choices[action])
         asked = _Asked(action, value, Future())
         self._asked.put(asked)
         try:

@@ -27,7 +27,7 @@ import re
 import socket
 import threading
 import traceback
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Collection, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
@@ -125,6 +125,17 @@ class CommandError(Exception):
     def __init__(self, message: str, status: int = 503) -> None:
         super().__init__(message)
         self.status = status
+
+
+def check_choice(name: str, value: object, known: Collection[str]) -> None:
+    """Refuse a value of a command that is not one of the known ones.
+
+    Raises
+    ------
+    CommandError
+    """
+    if not isinstance(value, str) or value not in known:
+        raise CommandError(f"{name} = {value!r}: must be one of {', '.join(known)}", 400)
 
 
 class Source(Protocol):
