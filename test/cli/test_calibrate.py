@@ -91,6 +91,17 @@ def answer(command: subprocess.Popen[str], position: str) -> None:
     command.stdin.flush()
 
 
+def turned_over(board: Turned, command: subprocess.Popen[str]) -> str:
+    """Turn the board over once asked to, and return what the command says then."""
+    assert command.stdout
+    assert "axis down" in command.stdout.readline()
+    board.hold(-GRAVITY)
+    time.sleep(0.05)
+    text, _ = command.communicate("\n", timeout=60)
+    assert command.returncode == 0, text
+    return text
+
+
 def test_a_board_is_calibrated_by_turning_it_over(board: Turned, tmp_path: Path) -> None:
     command = calibrate(tmp_path, "port:=port", "axis:=y", "force_constant:=2.5", *WORDS)
     # The emulated board samples along z alone: what is asked of another axis is still.
@@ -103,13 +114,7 @@ def test_a_board_is_calibrated_by_turning_it_over(board: Turned, tmp_path: Path)
 
     command = calibrate(tmp_path, "port:=port", "force_constant:=2.5", *WORDS)
     answer(command, "up")
-    assert command.stdin
-    assert command.stdout
-    assert "axis down" in command.stdout.readline()
-    board.hold(-GRAVITY)
-    time.sleep(0.05)
-    text, _ = command.communicate("\n", timeout=60)
-    assert command.returncode == 0, text
+    text = turned_over(board, command)
     assert "found.yaml" in text
     values = read_parameter_file(tmp_path / "found.yaml")["master_device"]
     assert values["serial.port"] == "port"
@@ -127,12 +132,7 @@ def test_a_calibration_goes_into_the_file_of_the_rig(board: Turned, tmp_path: Pa
     command = calibrate(tmp_path, "port:=port", "seconds:=0.2", "--update", "rig.yaml")
     board.hold(GRAVITY)
     answer(command, "up")
-    assert command.stdout
-    assert "axis down" in command.stdout.readline()
-    board.hold(-GRAVITY)
-    time.sleep(0.05)
-    text, _ = command.communicate("\n", timeout=60)
-    assert command.returncode == 0, text
+    text = turned_over(board, command)
     last = text.splitlines()[-1]
     assert last == "next: haptic-accel identify params_file:=rig.yaml --update rig.yaml"
     assert "# soft" in rig.read_text()

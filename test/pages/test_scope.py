@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pytest
 
-from browsing import QuietGraph, chromium
+from browsing import QuietGraph
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
@@ -79,12 +79,6 @@ class Stroking(QuietGraph):
                     ring.put(stamp, 3 * np.sin(500 * sent / NANOSECONDS))
                 sent += NANOSECONDS // RATE
             time.sleep(0.005)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as opened:
-        yield opened
 
 
 @pytest.fixture

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from browsing import LISTEN, QuietGraph, chromium
+from browsing import LISTEN, QuietGraph
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
@@ -69,12 +69,6 @@ class Tones(QuietGraph):
                     ring.put(stamp, self.amplitude * np.sin(phase))
                 count += 1
             time.sleep(0.005)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")

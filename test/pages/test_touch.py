@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from browsing import chromium
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.paced_rig import PacedRig
 from haptic_accel.scope.server import ScopeServer
@@ -33,12 +32,6 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 ERROR = "document.querySelector('.error b').textContent"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as opened:
-        yield opened
 
 
 @pytest.fixture
