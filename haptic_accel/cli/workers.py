@@ -106,7 +106,12 @@ class Workers:
             Processes were lost `MOST_LOST` times without a run that ended.
         """
         engine = _Cluster(self.address, run) if self.address else _Processes(self.count, run)
-        return _completed(engine, engine.start(dict(enumerate(items))), items, stop)
+        try:
+            runs = engine.start(dict(enumerate(items)))
+        except BaseException:
+            engine.close()
+            raise
+        return _completed(engine, runs, items, stop)
 
     def map(
         self, run: Callable[[Item], Result], items: Sequence[Item], stop: Stop
@@ -182,18 +187,25 @@ class _Processes:
     def __init__(self, count: int, run: Callable[[Any], Any]) -> None:
         self._count = count
         self._run = run
+        self._others = set(multiprocessing.active_children())
+        self._pool: ProcessPoolExecutor | None = None
 
     def start(self, items: dict[int, Any]) -> Runs:
         """Start runs in new processes."""
         count = min(self._count, max(len(items), 1))
-        self._pool = ProcessPoolExecutor(count, initializer=_belong_to_verb)
-        return {index: self._pool.submit(self._run, item) for index, item in items.items()}
+        pool = self._pool = ProcessPoolExecutor(count, initializer=_belong_to_verb)
+        return {index: pool.submit(self._run, item) for index, item in items.items()}
 
     def close(self) -> None:
-        """End the processes, even busy ones."""
-        for process in multiprocessing.active_children():
-            process.terminate()
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        """End the processes, even busy ones.
+
+        Python's exit must not meet a thread of the pool that is closing its pipes: it would write
+        to a closed one, and print a traceback.
+        """
+        for process in set(multiprocessing.active_children()) - self._others:
+            process.kill()
+        if self._pool:
+            self._pool.shutdown(cancel_futures=True)
 
 
 def _belong_to_verb() -> None:
