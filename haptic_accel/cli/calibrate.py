@@ -18,15 +18,12 @@
 from __future__ import annotations
 
 import shlex
-import time
-from contextlib import closing
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, arguments, verb
@@ -39,7 +36,6 @@ from haptic_accel.devices import DeviceError
 from haptic_accel.devices.serial.calibration import Calibration, CalibrationError, calibrate, rest
 from haptic_accel.devices.serial.device import (
     HIGHEST_RATE,
-    MISSING_LIBRARY,
     CalibrationParameters,
     PortParameters,
 )
@@ -47,16 +43,13 @@ from haptic_accel.graph.files import EVERY_NODE, parameter_text
 from haptic_accel.graph.rig_file import next_teleoperation, update_parameter_file
 
 if TYPE_CHECKING:
-    from haptic_accel.devices.serial.link import BoardLink
+    from haptic_accel.devices.serial.board_samples import BoardSamples
     from haptic_accel.devices.serial.protocol import Identity
 
 MASTER, SLAVE = "master", "slave"
 
 SERIAL = "serial"
 """Name of the devices behind a serial board."""
-
-ARRIVAL = 2.0
-"""Time to wait for samples beyond their duration, s."""
 
 
 @dataclass(frozen=True)
@@ -134,39 +127,18 @@ def calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None:
 
 def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration]:
     """Measure in both positions; the actuator is not armed."""
-    try:
-        from haptic_accel.devices.serial.link import BoardLink, Requirements
-        from haptic_accel.devices.serial.protocol import Configuration, axes_bits
-    except ImportError:
-        raise DeviceError(f"serial: {MISSING_LIBRARY}") from None
-    counts: list[int] = []
-    configuration = Configuration(arguments.rate, axes_bits(arguments.axis), 1)
-    required = Requirements(arguments.port, arguments.usb_serial, arguments.baud, configuration)
-    link = BoardLink(required, lambda times, samples: counts.extend(samples.counts))
-    link.open()
-    with closing(link):
-        identity = link.identity
-        assert identity
-        up, down = (
-            rest(_collected(position, arguments, link, counts), identity.nominal_gain)
-            for position in ("up", "down")
-        )
-        return identity, calibrate(up, down, identity.nominal_gain)
+    from haptic_accel.devices.serial.board_samples import BoardSamples
+
+    with BoardSamples(arguments, arguments.rate, arguments.axis) as board:
+        gain = board.identity.nominal_gain
+        up, down = (rest(_held(position, arguments, board), gain) for position in ("up", "down"))
+        return board.identity, calibrate(up, down, gain)
 
 
-def _collected(
-    position: str, arguments: CalibrateArguments, link: BoardLink, counts: list[int]
-) -> FloatArray:
+def _held(position: str, arguments: CalibrateArguments, board: BoardSamples) -> FloatArray:
     """Ask a person to hold the board, and return its samples from then on."""
     input(f"hold the {arguments.axis} axis {position}, firm and still, then press Enter\n")
-    number = round(arguments.seconds * arguments.rate)
-    deadline = time.monotonic() + arguments.seconds + ARRIVAL
-    counts.clear()
-    while len(counts) < number and time.monotonic() < deadline:
-        time.sleep(0.01)
-    if link.problem:
-        raise DeviceError(link.problem)
-    return np.array(counts[:number], dtype=float)
+    return board.collect(arguments.seconds)[:, 0]
 
 
 def _parameters(

@@ -84,6 +84,7 @@ SECTIONS = {
         "scope": "serve a page that shows a running graph",
     },
     "Devices": {
+        "bringup": "bring up a rig in five steps, and write its parameter file",
         "calibrate": "measure gain and offset of an accelerometer by gravity",
         "emulate": "emulate boards or arms to test the drivers without hardware",
     },

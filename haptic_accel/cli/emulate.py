@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import shlex
 import tempfile
@@ -64,8 +65,14 @@ TIMEOUTS = {
 WATCHDOG = 0.5
 """Time-out of the axes' watchdogs, s."""
 
-KEYS = "u, d: hold both boards still, all axes up or down; l: put them back; x: unplug one"
+KEYS = (
+    "u, d: hold both boards still, all axes up or down; l: put them back; h, t: tap the handle or"
+    " the tool; m: read the meter for the coil's current; x: unplug one board"
+)
 """Keys in the terminal of the emulated boards, in place of a person's hands."""
+
+TAP, TAP_DECAY = 20.0, 5e-3
+"""Acceleration of a tap with a finger, m/s^2, and the time constant of its decay, s (assumed)."""
 
 SLCAN_OPTIONS = '{"sleep_after_open": 0}'
 """Options of python-can, which waits two seconds for adapters that restart when opened."""
@@ -176,11 +183,14 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
     ask_for_realtime()
     lines = SerialLines(boards, arms)
     unplugged = faults[arguments.fault_board]
-    keys = {
+    keys: dict[bytes, Callable[[], None]] = {
         b"u": partial(held.tilt, GRAVITY),
         b"d": partial(held.tilt, -GRAVITY),
         b"l": partial(held.tilt, 0.0),
         b"x": partial(unplugged.inject, UNPLUG, arguments.fault_seconds),
+        b"h": partial(held.tap, MASTER),
+        b"t": partial(held.tap, SLAVE),
+        b"m": lambda: print(f"current {boards[0].current:.4f} A", flush=True),
     }
     with on_keys(keys) as read:
         if read:
@@ -249,7 +259,7 @@ def _simulated(rig: RigParameters, side: str, rate: float, seed: int) -> Simulat
 
 
 class _Held:
-    """Boards on their arms, or in a person's hands, where they are held still.
+    """Boards on their arms, or in a person's hands, where they are held still or tapped.
 
     Parameters
     ----------
@@ -260,14 +270,33 @@ class _Held:
     def __init__(self, seed: int) -> None:
         self._gravity = 0.0
         self._random = random.Random(seed)
+        self._before: dict[str, float] = {}
+        self._tapped = dict.fromkeys(SIDES, -math.inf)
+        self._asked: set[str] = set()
 
     def tilt(self, gravity: float) -> None:
         """Hold the boards so that gravity acts along the axes, m/s^2; 0 for on their arms."""
         self._gravity = gravity
 
-    def measured(self, acceleration: float, noise: float) -> float:
-        """Return what a sensor with a noise measures, m/s^2, from the acceleration on its arm."""
-        return self._gravity + self._random.gauss(0.0, noise) if self._gravity else acceleration
+    def tap(self, side: str) -> None:
+        """Tap one side's board."""
+        self._asked.add(side)
+
+    def measured(self, side: str, time: float, acceleration: float, noise: float) -> float:
+        """Return what a sensor with a noise measures, m/s^2, from the acceleration on its arm.
+
+        The rig stands still, and its sensors are silent, until its first force: then the noise is
+        added here.
+        """
+        still = acceleration == self._before.get(side)
+        self._before[side] = acceleration
+        if self._gravity or still:
+            acceleration = (self._gravity or acceleration) + self._random.gauss(0.0, noise)
+        if side in self._asked:
+            self._asked.remove(side)
+            self._tapped[side] = time
+        since = time - self._tapped[side]
+        return acceleration + (TAP * math.exp(-since / TAP_DECAY) if since >= 0 else 0.0)
 
 
 def _board(
@@ -287,7 +316,7 @@ def _board(
     sensor = getattr(rig, side).accelerometer
 
     def measure(time: float) -> float:
-        return held.measured(device.read(time).acceleration, sensor.noise)
+        return held.measured(side, time, device.read(time).acceleration, sensor.noise)
 
     def drive(time: float, current: float) -> None:
         device.write(time, actuator_force=current * actuator.force_constant)

@@ -49,8 +49,8 @@ from haptic_accel.core.parameters import (
 from haptic_accel.core.sampling import HIGHEST_LATENCY, IDENTIFICATION_LATENCY, LATENCY
 from haptic_accel.core.topics import ARMS
 from haptic_accel.core.trial import DEFAULT_RATE
-from haptic_accel.devices import MASTERS, SLAVES
-from haptic_accel.devices.audio import AUDIO, AudioParameters
+from haptic_accel.devices import MASTERS, SLAVES, Device
+from haptic_accel.devices.audio import AUDIO, AudioActuator, AudioParameters
 from haptic_accel.links.parameters import LinkNodeParameters
 
 SAFETY = "safety"
@@ -287,6 +287,28 @@ def node_parameters(executable: str, values: Mapping[str, Any]) -> tuple[Any, di
     if SAFETY in options:
         _check_age(own, options[SAFETY])
     return own, options
+
+
+def build_device(executable: str, own: Any, options: Mapping[str, Any]) -> Device:
+    """Build the device of a device node, with its actuator.
+
+    Parameters
+    ----------
+    executable : str
+        ``master_device`` or ``slave_device``.
+    own, options
+        Result of `node_parameters`.
+
+    Raises
+    ------
+    DeviceError, ParameterError
+        The device's library is missing, or its parameters are not usable.
+    """
+    kinds = MASTERS if executable == "master_device" else SLAVES
+    device = kinds[own.device].from_options(own.device, options, own.rate, own.seed)
+    if getattr(own, "actuator_device", "") != AUDIO:
+        return device
+    return AudioActuator(options[AUDIO], own.rate, device, own.latency)
 
 
 def check_clock(use_sim_time: object) -> None:

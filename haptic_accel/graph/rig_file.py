@@ -34,6 +34,9 @@ from haptic_accel.graph.files import (
     read_parameter_file,
 )
 
+NOTE = "# bring-up, "
+"""Begin of a comment in a rig's file on a step of its bring-up."""
+
 
 def update_parameter_file(path: Path, nodes: Mapping[str, Mapping[str, Any]]) -> None:
     """Set parameters in a file, new or existing; comments and other values remain.
@@ -75,6 +78,39 @@ def update_parameter_file(path: Path, nodes: Mapping[str, Mapping[str, Any]]) ->
     document.dump(content, text)
     with located(path, unreadable=""):
         replace_file(path, text.getvalue().encode())
+
+
+def noted_steps(path: Path) -> dict[str, str]:
+    """Return the steps of the bring-up that a rig's file notes, with when and how each ended.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read.
+    """
+    if not path.exists():
+        return {}
+    with located(path):
+        lines = read_text(path).splitlines()
+    found = (line.removeprefix(NOTE).partition(": ") for line in lines if line.startswith(NOTE))
+    return {step: text for step, _, text in found}
+
+
+def note_step(path: Path, step: str, text: str) -> None:
+    """Note how a step of the bring-up ended, in a comment in place of an earlier one.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read or written.
+    """
+    notes = noted_steps(path) | {step: text}
+    with located(path):
+        content = read_text(path) if path.exists() else ""
+    kept = [line for line in content.splitlines() if not line.startswith(NOTE)]
+    head = [f"{NOTE}{name}: {said}" for name, said in notes.items()]
+    with located(path, unreadable=""):
+        replace_file(path, "".join(f"{line}\n" for line in head + kept).encode())
 
 
 def next_teleoperation(params_file: str, found: Path, *words: str) -> str:

@@ -31,7 +31,7 @@ from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ArmTopics, along_actuator
 from haptic_accel.devices import Device, DeviceError
-from haptic_accel.graph.node_parameters import POSITION_SERVO, SAFETY
+from haptic_accel.graph.node_parameters import POSITION_SERVO, SAFETY, build_device
 from haptic_accel.nodes.crtk import MotionCommands, OperatingState, Queries
 from haptic_accel.nodes.emergency_stop import DeviceStop
 from haptic_accel.nodes.joint_states import JointStates
@@ -93,6 +93,7 @@ class DeviceNode(ManagedNode):
             ],
         )
         p = self.parameters
+        self._executable = executable
         self._kind = devices[p.device]
         self._owner = self._kind.description.owners(p.device)[0]
         self._parameters_kind = devices[self._owner].Parameters
@@ -278,8 +279,7 @@ class DeviceNode(ManagedNode):
         return f"{forces} since the last report: {missed} of {due} deadlines missed"
 
     def _build_device(self) -> Device:
-        p = self.parameters
-        return self._kind.from_options(p.device, self.options, p.rate, p.seed)
+        return build_device(self._executable, self.parameters, self.options)
 
     def _autostart(self) -> None:
         """Configure and activate; raise the error that prevents it."""

@@ -18,8 +18,7 @@
 from __future__ import annotations
 
 from haptic_accel.core.topics import MASTER
-from haptic_accel.devices import MASTERS, Device
-from haptic_accel.devices.audio import AUDIO, AudioActuator
+from haptic_accel.devices import MASTERS
 from haptic_accel.nodes.device_node import DeviceNode
 from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.scheduling import run
@@ -30,12 +29,6 @@ class MasterDevice(DeviceNode):
 
     def __init__(self) -> None:
         super().__init__("master_device", MASTERS, MASTER)
-
-    def _build_device(self) -> Device:
-        p, device = self.parameters, super()._build_device()
-        if p.actuator_device != AUDIO:
-            return device
-        return AudioActuator(self.options[AUDIO], p.rate, device, p.latency)
 
 
 def main() -> None:

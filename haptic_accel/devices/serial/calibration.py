@@ -27,13 +27,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from haptic_accel.core.bring_up import STILL
 from haptic_accel.core.model import GRAVITY, FloatArray
 
 BLOCKS = 10
 """Number of blocks whose means give the standard error: the noise of samples is correlated."""
-
-STILL = 0.3
-"""Largest standard deviation of a sensor at rest, m/s^2; an ADXL320J has 0.07."""
 
 STEADY = 0.1
 """Largest difference between the means of the blocks, m/s^2."""
@@ -108,6 +106,22 @@ def rest(counts: FloatArray, nominal_gain: float) -> Rest:
             f" {drift:.2f} m/s^2 (at most {STEADY:g}); lay it against something firm"
         )
     return Rest(float(counts.mean()), float(means.std(ddof=1)) / math.sqrt(BLOCKS), noise)
+
+
+def vertical(up: FloatArray, down: FloatArray) -> int:
+    """Return the place of the axis that was turned over, the one whose mean differs most.
+
+    Parameters
+    ----------
+    up, down : ndarray
+        Counts in both positions, shapes (n, axes) and (m, axes).
+
+    Examples
+    --------
+    >>> vertical(np.array([[3.0, 90.0]]), np.array([[5.0, -88.0]]))
+    1
+    """
+    return int(np.argmax(np.abs(up.mean(axis=0) - down.mean(axis=0))))
 
 
 def calibrate(up: Rest, down: Rest, nominal_gain: float) -> Calibration:

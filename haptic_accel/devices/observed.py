@@ -1,0 +1,221 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A device that is sampled and driven without a graph, behind the graph's safety layer."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from haptic_accel.core.actuator.safety import SafetyLayer, SafetyParameters
+from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import along_actuator
+from haptic_accel.devices.interface import Device, DeviceError
+
+KEPT = 20.0
+"""Duration of the kept samples, s."""
+
+LOOKS = 4
+"""Looks for samples in a period."""
+
+CATCH_UP = 0.1
+"""Longest time without a tick whose samples are asked for afterwards, s."""
+
+Force = Callable[[float], float]
+"""Function from a time, s, to the actuator's force, N."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Samples of successive ticks; NaN where a sample is missing.
+
+    Attributes
+    ----------
+    rate : float
+        Ticks per second, Hz.
+    acceleration : ndarray
+        m/s^2, shape (n,).
+    position : ndarray
+        Position of the arm, m, shape (n, 3).
+    force : ndarray
+        Commanded force of the actuator from each tick on, N, shape (n,).
+    """
+
+    rate: float
+    acceleration: FloatArray
+    position: FloatArray
+    force: FloatArray
+
+
+class ObservedDevice:
+    """Device sampled by a thread on the machine's grid, like a device node's.
+
+    Parameters
+    ----------
+    device : Device
+    safety : SafetyParameters
+        Limits of its forces.
+    rate : float
+        Ticks per second, Hz.
+    latency : int
+        Ticks from a sample to the force that it causes.
+
+    Attributes
+    ----------
+    failure : str
+        One-line reason for which the thread has ended; empty if none.
+    """
+
+    def __init__(
+        self, device: Device, safety: SafetyParameters, rate: float, latency: int
+    ) -> None:
+        self._device = device
+        self._rate, self._latency = rate, latency
+        self._safety = SafetyLayer(safety, rate)
+        ahead = (ACTUATOR,) if device.description.ahead else ()
+        self._side = DeviceSide(
+            device, self._safety, rate, latency, time.monotonic, kinds=(ARM, ACTUATOR), ahead=ahead
+        )
+        length = round(KEPT * rate)
+        self._samples: deque[tuple[int, float, tuple[float, ...]]] = deque(maxlen=length)
+        self._forces: deque[tuple[int, float]] = deque(maxlen=length)
+        self._force: Force | None = None
+        self._tick = self._began = 0
+        self._lock = threading.Lock()
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="observed device", daemon=True)
+        self.failure = ""
+
+    def __enter__(self) -> ObservedDevice:
+        """Open the device, and begin to sample it.
+
+        Raises
+        ------
+        DeviceError
+            The device cannot be opened.
+        """
+        self._device.open()
+        self._safety.enable(time.monotonic(), True)
+        self._tick = self._began = math.floor(time.monotonic() * self._rate)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the device without force."""
+        self._ending.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._device.close()
+
+    @property
+    def remark(self) -> str:
+        """Remark of the device, such as the board's serial number."""
+        return self._device.remark
+
+    @property
+    def problem(self) -> str:
+        """One-line reason for missing samples or forces; empty if none."""
+        return self.failure or self._device.problem
+
+    @property
+    def silent_for(self) -> float:
+        """Time since the newest sample was taken, s."""
+        with self._lock:
+            newest = self._samples[-1][0] if self._samples else self._began
+        return time.monotonic() - newest / self._rate
+
+    def drive(self, force: Force | None) -> None:
+        """Command the actuator's force for each sample from now on; None for no commands."""
+        self._force = force
+
+    def stop(self) -> None:
+        """Stop as an emergency stop does: no force is accepted any more."""
+        with self._lock:
+            self._safety.stop(time.monotonic(), True)
+            with suppress(DeviceError, OSError):
+                self._side.take_off()
+
+    def arm(self) -> None:
+        """Allow forces again."""
+        with self._lock:
+            self._safety.stop(time.monotonic(), False)
+            self._safety.arm()
+            self._device.arm()
+
+    def last(self, seconds: float) -> Observation:
+        """Return the samples of the last seconds; the newest ticks may still be on their way."""
+        count = round(seconds * self._rate)
+        newest = self._tick - math.ceil(CATCH_UP * self._rate)
+        return self._between(newest - count, newest)
+
+    def observe(self, seconds: float) -> Observation:
+        """Return the samples of the next seconds, after they have passed."""
+        begun = self._tick
+        time.sleep(seconds + CATCH_UP)
+        return self._between(begun, begun + round(seconds * self._rate))
+
+    def _between(self, first: int, end: int) -> Observation:
+        count = end - first
+        acceleration, force = np.full(count, np.nan), np.zeros(count)
+        position = np.full((count, 3), np.nan)
+        with self._lock:
+            samples, forces = list(self._samples), list(self._forces)
+        for tick, value, place in samples:
+            if first <= tick < end:
+                acceleration[tick - first], position[tick - first] = value, place
+        for tick, value in forces:
+            if first <= tick < end:
+                force[tick - first] = value
+        return Observation(self._rate, acceleration, position, force)
+
+    def _run(self) -> None:
+        try:
+            while not self._ending.wait(1 / (LOOKS * self._rate)):
+                self._catch_up()
+        except (DeviceError, OSError) as error:
+            self.failure = str(error)
+
+    def _catch_up(self) -> None:
+        now = math.floor(time.monotonic() * self._rate)
+        with self._lock:
+            self._tick = max(self._tick, now - round(CATCH_UP * self._rate))
+            while self._tick < now:
+                self._tick += 1
+                self._side.begin(self._tick)
+                self._take()
+                self._side.apply()
+                self._side.watch()
+            self._take()
+
+    def _take(self) -> None:
+        """Store the samples that have come, and answer each with a force."""
+        for tick, sample, _ in self._side.read():
+            self._samples.append((tick, sample.acceleration, sample.position))
+            if self._force and not self._safety.refusal:
+                due = tick + self._latency
+                force = self._force(due / self._rate)
+                moment = round(tick / self._rate * NANOSECONDS)
+                self._side.command(ACTUATOR, moment, along_actuator(force))
+                self._forces.append((due, force))
