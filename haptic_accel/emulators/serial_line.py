@@ -32,6 +32,7 @@ from haptic_accel.core.coupling.position_position import PositionPositionCouplin
 from haptic_accel.core.loop.coupling import CouplingPart
 from haptic_accel.core.loop.device_side import ARM, DeviceSide
 from haptic_accel.core.loop.wiring import HostLoop
+from haptic_accel.core.model import ZERO
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices.serial.protocol import CLOCKS, FULL_SCALE, Identity
 from haptic_accel.devices.simulated import SimulatedDevice
@@ -202,7 +203,7 @@ class EmulatedBoard:
 
 
 class CoupledArms:
-    """Arms of both devices, coupled as soon as both boards are sampled.
+    """Arms of both devices, coupled while both boards are sampled.
 
     With the first force the hand starts to explore, and the times of faults start. A force acts
     from its sample on, as the emulated robot has no latency.
@@ -217,7 +218,7 @@ class CoupledArms:
     Attributes
     ----------
     coupled : bool
-        True once both boards have been sampled.
+        True while both boards are sampled.
     """
 
     def __init__(
@@ -226,14 +227,18 @@ class CoupledArms:
         devices: Sequence[SimulatedDevice],
         coupling: PositionPositionCoupling,
     ) -> None:
-        self._boards = boards
-        sides = dict(zip(ARMS, map(_side, devices), strict=True))
-        engagement = Engagement(EngagementParameters(), now=0.0)
+        self._boards, self._devices, self._coupling = boards, devices, coupling
+        self._tick = 0
+        self._build()
+
+    def _build(self) -> None:
+        """Start with free arms."""
+        self._sides = dict(zip(ARMS, map(_side, self._devices), strict=True))
+        engagement = Engagement(EngagementParameters(), now=self.due)
         for arm in ARMS:
             engagement.arm_stopped(arm, False)
-        self._part = CouplingPart(coupling, engagement, 1 / STEP)
-        self._loop = HostLoop(sides, self._part, decide=self._couple)
-        self._tick = 0
+        self._part = CouplingPart(self._coupling, engagement, 1 / STEP)
+        self._loop = HostLoop(self._sides, self._part, decide=self._couple)
         self.coupled = False
 
     @property
@@ -246,13 +251,21 @@ class CoupledArms:
         self._tick = max(self._tick, math.ceil(before / STEP))
 
     def step(self) -> None:
-        """Exchange the forces of the arms."""
+        """Exchange the forces of the arms, which are free while a board is not sampled."""
+        if self.coupled and not self._sampled:
+            for side in self._sides.values():
+                side.device.write(self.due, arm_force=ZERO)
+            self._build()
         self._loop.step(self._tick)
         self._tick += 1
 
+    @property
+    def _sampled(self) -> bool:
+        return all(board.rate for board in self._boards)
+
     def _couple(self, now: float) -> None:
         """Couple the arms, once, when both boards are sampled."""
-        if not self.coupled and all(board.rate for board in self._boards):
+        if not self.coupled and self._sampled:
             self.coupled = self._part.poll(now, listeners=1).engage
             for board in self._boards if self.coupled else ():
                 board.faults.begin()

@@ -42,10 +42,11 @@ from haptic_accel.core.process import module_command
 from haptic_accel.core.topics import ARMS
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
+from haptic_accel.devices.audio import AUDIO
 from haptic_accel.devices.observed import Force, Observation, ObservedDevice
 from haptic_accel.devices.serial.calibration import CalibrationError, calibrate, rest, vertical
 from haptic_accel.devices.serial.device import PortParameters
-from haptic_accel.graph.arguments import SIMULATED, GraphArguments
+from haptic_accel.graph.arguments import POINTER, SIMULATED, VIRTUAL, GraphArguments
 from haptic_accel.graph.files import EVERY_NODE, SEPARATOR, parameter_paths, read_parameter_file
 from haptic_accel.graph.node_parameters import SAFETY, build_device, node_parameters
 from haptic_accel.graph.processes import graph_parameters
@@ -69,6 +70,12 @@ STEPS = {
 
 HELD = {MASTER: "handle", SLAVE: "tool"}
 """Part in the hand or on the surface, of each arm."""
+
+ARM = "can"
+"""Begin of the names of devices with an arm whose joints this computer drives."""
+
+ARMS_ALONE = "can", "crtk"
+"""Devices with neither accelerometer nor actuator in the handle."""
 
 SERIAL = "serial"
 """Ending of the names of devices with a board on USB serial."""
@@ -108,6 +115,9 @@ TRIAL = 10
 
 PROGRESS = re.compile(r"\d+ of \d+:|.*: trial \d+ of \d+|fitting|delay of|report:")
 """Lines of the identification and of the comparison that show how far they are."""
+
+SCALE = re.compile(r"audio\.full_scale: (\S+) N per kg")
+"""Line by which an identification tells the force at a sound card's full scale."""
 
 LATE = "forces took effect late"
 """Part of the line by which an experiment tells of late forces."""
@@ -249,7 +259,7 @@ class BringUp:
                 self._settle(lambda side=side: self._turned_over(side))  # type: ignore[misc]
 
     def _make_safe(self) -> None:
-        if self._is_simulated(MASTER) and self._arguments.actuator == "device":
+        if not self._has_actuator():
             return
         if self._device_name(MASTER).endswith(SERIAL):
             self._measure_current()
@@ -260,6 +270,19 @@ class BringUp:
             self._settle(self._unplugged)
 
     def _identify(self) -> None:
+        if self._device_name(MASTER) in ARMS_ALONE:
+            return
+        lines = self._identified()
+        if scale := next(filter(None, map(SCALE.match, lines)), None):
+            mass = self._number("type the mass of all that moves with the handle, without m_a, kg")
+            full_scale = {"audio": {"full_scale": float(f"{float(scale[1]) * mass:.4g}")}}
+            update_parameter_file(self._path, {"master_device": full_scale})
+            self._person.tell("the force is scaled now: again, with newtons")
+            self._identified()
+        self._said.append("the model is in this file")
+
+    def _identified(self) -> list[str]:
+        """Identify the handle, with less force where the travel is short; return the lines."""
         self._ask("hold the handle as in use, without moving it, then press Enter")
         share = 1.0
         words = ["params_file:=" + str(self._path), "--update", str(self._path)]
@@ -270,8 +293,7 @@ class BringUp:
                     "identify", *words, *_amplitudes(share), "--out", str(out)
                 )
             if status == 0:
-                self._said.append("the model is in this file")
-                return
+                return lines
             share /= 2
             if not any("smaller amplitude" in line for line in lines) or share < SMALLEST_SHARE:
                 reason = _last(lines)
@@ -353,7 +375,14 @@ class BringUp:
             self._person.show(device)
             if device.remark:
                 self._person.tell(f"{held}: {device.remark}")
-            if not self._has_accelerometer(side):
+            if self._device_name(side).startswith(ARM):
+                x, y, z = 1e3 * np.nanmean(device.observe(REST).position, axis=0)
+                self._ask(
+                    f"the {held} is at x {x:.0f}, y {y:.0f}, z {z:.0f} mm: move it away, to the"
+                    " left and up, where x, y and z grow; press Enter, or correct direction and"
+                    " offset of its joints and begin again"
+                )
+            if self._device_name(side) in ARMS_ALONE:
                 return
             self._ask(f"let go of the {held}, so that it lies still, then press Enter")
             self._settle(lambda: checks.rest_checks(device.observe(REST).acceleration))
@@ -376,10 +405,9 @@ class BringUp:
     def _turned_over(self, side: str) -> list[Check]:
         from haptic_accel.devices.serial.board_samples import BoardSamples
 
-        _, options = self._parameters(side)
-        port = options[SERIAL]
+        own, options = self._parameters(side)
         poses = []
-        with BoardSamples(port, round(self._arguments.rate), AXES) as board:
+        with BoardSamples(options[SERIAL], round(own.rate), AXES) as board:
             self._person.show(board)
             gain = board.identity.nominal_gain
             for pose in ("upwards", "downwards"):
@@ -540,6 +568,10 @@ class BringUp:
                 return [Check(False, _last(lines), "haptic-accel doctor checks the machine")]
             conditions = json.loads(results.read_text(encoding="utf-8"))["conditions"]
         none, adaptive = sorted(conditions, key=lambda each: each["controller"], reverse=True)
+        without, error = none["nrmse_percent"], adaptive["nrmse_percent"]
+        if without is None or error is None:
+            advice = "press the tool on the surface, and stroke along it during both trials"
+            return [Check(False, "the tool touched nothing", advice)]
         least = adaptive["limited_bound_percent"]
         late = [line.partition(": ")[2] for line in lines if LATE in line]
         if late:
@@ -547,8 +579,7 @@ class BringUp:
             in_time = [Check(False, late[-1], advice)]
         else:
             in_time = [Check(True, "forces in time")]
-        proof = checks.proof_check(none["nrmse_percent"], adaptive["nrmse_percent"], least or 0.0)
-        return [*in_time, proof]
+        return [*in_time, checks.proof_check(without, error, least or 0.0)]
 
     # Parts of all steps
 
@@ -623,10 +654,12 @@ class BringUp:
         return str(self._parameters(side)[0].device)
 
     def _is_simulated(self, side: str) -> bool:
-        return self._device_name(side) in (SIMULATED, "pointer", "virtual")
+        return self._device_name(side) in (SIMULATED, POINTER, VIRTUAL)
 
-    def _has_accelerometer(self, side: str) -> bool:
-        return self._device_name(side) != "can"
+    def _has_actuator(self) -> bool:
+        """Return whether the handle has an actuator that is no simulation."""
+        own, _ = self._parameters(MASTER)
+        return own.actuator_device == AUDIO or own.device not in (SIMULATED, POINTER, *ARMS_ALONE)
 
     @contextmanager
     def _observed(self, side: str) -> Iterator[ObservedDevice]:

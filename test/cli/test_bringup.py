@@ -1,0 +1,188 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The bring-up of emulated boards, by a person whose hands are the emulator's keys."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.trial import RigParameters
+from haptic_accel.devices.serial.protocol import FULL_SCALE
+from haptic_accel.graph.files import read_parameter_file
+from haptic_accel.graph.rig_file import noted_steps
+from terminals import Terminal
+from verbs import refusal
+
+WORDS = ["-m", "haptic_accel.cli.main", "bringup"]
+PORTS = "ports:=boards/slave,boards/master"
+
+
+class Hands:
+    """A person who does what is asked; each answer as asked for."""
+
+    def __init__(self, boards: Terminal) -> None:
+        self._boards = boards
+
+    def press(self, key: bytes) -> None:
+        self._boards.press(key)
+        time.sleep(0.3)  # samples of before have arrived
+
+    def meter(self) -> str:
+        count = self._boards.text.count("current ")
+        self._boards.press(b"m")
+        self._boards.wait_for("current ", count + 1)
+        self._boards.wait_for(" A\r\n", count + 1)
+        return re.findall(r"current (\S+) A", self._boards.text)[-1]
+
+    def answer(self, request: str) -> str | None:
+        """Do what is asked; return the answer, None where there is nothing to type."""
+        acts: dict[str, Callable[[], str | None]] = {
+            "upwards": lambda: self.press(b"u") or "",
+            "downwards": lambda: self.press(b"d") or "",
+            "tap the handle": lambda: self.press(b"h"),
+            "tap the tool": lambda: self.press(b"t"),
+            "type the current": self.meter,
+            "pull the USB": lambda: self.press(b"x"),
+            "plug it in": lambda: None,
+            "try again or type s": lambda: "s",
+            "try again": lambda: "",
+        }
+        for words, act in acts.items():
+            if words in request:
+                return act()
+        self.press(b"l")
+        return ""
+
+
+def bring_up(folder: Path, hands: Hands, *words: str) -> tuple[int, list[str]]:
+    lines = []
+    with subprocess.Popen(
+        [sys.executable, *WORDS, *words],
+        cwd=folder,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as command:
+        assert command.stdin
+        assert command.stdout
+        for line in command.stdout:
+            lines.append(line.rstrip())
+            if line.startswith("> ") and (answer := hands.answer(line)) is not None:
+                command.stdin.write(f"{answer}\n")
+                command.stdin.flush()
+    return command.returncode, lines
+
+
+@pytest.mark.live
+@pytest.mark.slow
+def test_unknown_boards_become_a_rig_in_five_steps(
+    terminals: Any, domain: int, tmp_path: Path
+) -> None:
+    boards = terminals(
+        *("-m", "haptic_accel.cli.main", "emulate", "serial", "folder:=boards"),
+        "fault_seconds:=3",
+    )
+    boards.wait_for("keys: ")
+    hands = Hands(boards)
+    short = tmp_path / "short.yaml"
+    short.write_text("/**/identifier: {ros__parameters: {trials: 1}}\n", encoding="utf-8")
+    status, lines = bring_up(tmp_path, hands, PORTS, "params_file:=short.yaml")
+    text = "\n".join(lines)
+    assert status == 0, text
+    assert lines[-1] == "next: haptic-accel teleop params_file:=rig.yaml controller:=adaptive"
+    for passed in ("of the handle", "taps on the tool", "current 0.1 A", "forwards", "axis z"):
+        assert any(line.startswith("ok: ") and passed in line for line in lines), text
+    # The boards and the handle are those that are emulated.
+    values = read_parameter_file(tmp_path / "rig.yaml")
+    truth = RigParameters().master
+    assert values["master_device"]["serial.port"] == str(tmp_path / "boards" / "master")
+    assert values["master_device"]["serial.calibration.gain"] == pytest.approx(
+        truth.accelerometer.range / FULL_SCALE, rel=5e-3
+    )
+    found = values["compensator"]["plant.handle.m_h"]
+    assert found == pytest.approx(MasterRigParameters().handle.m_h, rel=0.1)
+    assert [*noted_steps(tmp_path / "rig.yaml")] == [
+        *("connect", "calibrate", "make_safe", "identify", "prove")
+    ]
+    # What is done is not done again.
+    status, lines = bring_up(tmp_path, hands)
+    assert status == 0
+    assert sum(line.startswith("done ") for line in lines) == 5
+    assert not any(line.startswith("> ") for line in lines)
+
+
+@pytest.mark.quiet
+def test_a_bring_up_goes_on_where_it_ended(terminals: Any, tmp_path: Path) -> None:
+    boards = terminals("-m", "haptic_accel.cli.main", "emulate", "serial", "folder:=boards")
+    boards.wait_for("keys: ")
+
+    class Leaving(Hands):
+        def answer(self, request: str) -> str | None:
+            if "resistor" in request:
+                raise KeyboardInterrupt
+            return super().answer(request)
+
+    with pytest.raises(KeyboardInterrupt):
+        bring_up(tmp_path, Leaving(boards), PORTS)
+    assert [*noted_steps(tmp_path / "rig.yaml")] == ["connect", "calibrate"]
+    asked = []
+
+    class Curious(Hands):
+        def answer(self, request: str) -> str | None:
+            asked.append(request)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        bring_up(tmp_path, Curious(boards))
+    assert "resistor" in asked[0]
+
+
+@pytest.mark.quiet
+def test_without_boards_it_says_what_to_plug_in_and_ends(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, *WORDS, "ports:=nowhere"],
+        cwd=tmp_path,
+        input="",
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1
+    assert "NOT PASSED: " in done.stdout
+    assert "nowhere: there is no such port" in done.stdout
+    assert done.stderr.startswith("haptic-accel: the input ended")
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["redo:=paint"], "redo"),
+        (["master:=violin"], "master"),
+        (["params_file:=nowhere.yaml"], "nowhere.yaml"),
+        (["rate:=5"], "rate"),
+    ],
+)
+def test_wrong_words_are_refused_in_one_line(words: list[str], named: str) -> None:
+    assert named in refusal("bringup", *words)

@@ -1,0 +1,112 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A device that is sampled and driven without a graph."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from haptic_accel.core.actuator.safety import MasterSafetyParameters
+from haptic_accel.core.bring_up import PROBE_FREQUENCY, response
+from haptic_accel.core.handle.response import sampled_response
+from haptic_accel.core.model import AccelerometerParameters
+from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.devices.interface import DeviceError, Reading
+from haptic_accel.devices.observed import ObservedDevice
+from haptic_accel.devices.simulated import SimulatedMaster
+
+RATE = 1000.0
+AMPLITUDE = 0.3  # N
+
+
+def probe(moment: float) -> float:
+    return AMPLITUDE * math.cos(2 * math.pi * PROBE_FREQUENCY * moment)
+
+
+def observed(device: SimulatedMaster) -> ObservedDevice:
+    return ObservedDevice(device, MasterSafetyParameters(), RATE, latency=1)
+
+
+def wait_until(happened: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 60.0
+    while not happened():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_a_force_moves_the_handle_as_its_model_says() -> None:
+    parameters = MasterRigParameters(accelerometer=AccelerometerParameters(noise_density=0.0))
+    with observed(SimulatedMaster(parameters, RATE, 0)) as device:
+        device.drive(probe)
+        time.sleep(0.5)
+        seen = device.observe(0.5)
+    whole = ~np.isnan(seen.acceleration) & (seen.force != 0.0)
+    if whole.mean() < 0.9:
+        pytest.skip("this machine was held up")
+    found = response(seen.force, seen.acceleration, RATE)
+    handle, mount = parameters.handle, parameters.mount
+    expected = sampled_response(
+        handle, np.array([PROBE_FREQUENCY]), RATE, 0.0, parameters.accelerometer.bandwidth, mount
+    )[0]
+    assert abs(found) == pytest.approx(abs(expected), rel=0.1)
+    assert found.real > 0
+
+
+def test_a_stopped_device_gets_no_force() -> None:
+    master = SimulatedMaster(MasterRigParameters(), RATE, 0)
+    forces: list[float] = []
+    write = master.write
+
+    def noted(moment: float, **given: float) -> None:
+        forces.append(given.get("actuator_force", 0.0))
+        write(moment, **given)  # type: ignore[arg-type]
+
+    master.write = noted  # type: ignore[method-assign]
+    with observed(master) as device:
+        device.drive(lambda _: 1.0)
+        wait_until(lambda: 1.0 in forces)
+        device.stop()
+        forces.clear()
+        time.sleep(0.1)
+        assert not any(forces)
+        device.arm()
+        wait_until(lambda: 1.0 in forces)
+
+
+class Broken(SimulatedMaster):
+    """Device that fails after some samples."""
+
+    left = 100
+
+    def read(self, time: float) -> Reading:
+        self.left -= 1
+        if not self.left:
+            raise DeviceError("the device has gone")
+        return super().read(time)
+
+
+def test_a_failure_is_kept_and_later_samples_are_missing() -> None:
+    with observed(Broken(MasterRigParameters(), RATE, 0)) as device:
+        wait_until(lambda: bool(device.problem))
+        assert device.problem == "the device has gone"
+        silent = device.silent_for
+        time.sleep(0.05)
+        assert device.silent_for >= silent + 0.05
