@@ -13,47 +13,97 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Writes the tables of arguments in the documentation, which come from the code.
+"""Writes the tables in the documentation that come from the code: commands, arguments, parameters.
 
 ``python docs/tables.py`` puts each between its marks in a page: a line with the comment
-``arguments: NAME``, and one with the comment ``end``.
+``table: NAME``, and one with the comment ``end``.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
-from haptic_accel.core.parameters import Checked
+from haptic_accel.cli.commands import command_line
+from haptic_accel.core.parameters import Checked, Specification, allowed_values
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
+from haptic_accel.graph.node_parameters import NODES, node_schema
 from haptic_accel.graph.words import described, group
 
 FOLDER = Path(__file__).parent
 
-ARGUMENTS: dict[str, type[Checked]] = {"teleop": GraphArguments, "identify": IdentifyArguments}
-
-PLACE = re.compile(r"(<!-- arguments: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
-def table(kind: type[Checked]) -> str:
-    """Return the arguments of a dataclass, under headings, as a table in Markdown."""
+def row(*cells: str) -> str:
+    """Return a row of a table in Markdown."""
+    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+
+
+def table(headings: Iterable[str], rows: Iterable[str]) -> str:
+    """Return a table in Markdown with its line end."""
+    heads = list(headings)
+    return "\n".join([row(*heads), "|" + "---|" * len(heads), *rows, ""])
+
+
+def code(value: Any) -> str:
+    """Return a default as code, or nothing for an empty text."""
+    text = str(value).lower() if isinstance(value, bool) else str(value)
+    text = f"{value:g}" if isinstance(value, float) and len(text) > 8 else text
+    return f"`{text}`" if text else ""
+
+
+def commands() -> str:
+    """Return the verbs of ``haptic-accel`` with their summaries, under headings."""
+    rows = []
+    for heading, verbs in command_line.sections.items():
+        rows.append(row(f"**{heading}**", ""))
+        rows += [row(f"`{verb}`", summary) for verb, summary in verbs.items()]
+    return table(("verb", "purpose"), rows)
+
+
+def arguments(kind: type[Checked]) -> str:
+    """Return the arguments of a dataclass, under headings."""
     rows, above = [], ""
     for name, default, text in described(kind):
         if (heading := group(kind, name)) != above:
-            rows.append(f"| **{heading}** | | |")
+            rows.append(row(f"**{heading}**", "", ""))
             above = heading
-        shown = f"`{default}`" if default else ""
-        rows.append(f"| `{name}` | {shown} | {text.replace('|', chr(92) + '|')} |")
-    return "\n".join(["| argument | default | meaning |", "|---|---|---|", *rows, ""])
+        rows.append(row(f"`{name}`", code(default), text))
+    return table(("argument", "default", "meaning"), rows)
+
+
+def parameters() -> str:
+    """Return the parameters of all nodes, those that several nodes share only once."""
+    sharing: dict[tuple[str, Any, Specification], list[str]] = {}
+    for node in NODES:
+        for name, (default, specification) in node_schema(node).items():
+            sharing.setdefault((name, default, specification), []).append(node)
+    sections: dict[tuple[str, ...], list[str]] = {}
+    for (name, default, specification), nodes in sharing.items():
+        cells = code(default), allowed_values(default, specification), specification.text
+        sections.setdefault(tuple(nodes), []).append(row(f"`{name}`", *cells))
+    parts = []
+    for nodes in sorted(sections, key=lambda nodes: (len(nodes) == 1, -len(nodes))):
+        headings = ("parameter", "default", "allowed", "meaning")
+        parts.append(f"## {', '.join(nodes)}\n\n{table(headings, sorted(sections[nodes]))}")
+    return "\n" + "\n".join(parts) + "\n"
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "commands": commands,
+    "teleop": partial(arguments, GraphArguments),
+    "identify": partial(arguments, IdentifyArguments),
+    "parameters": parameters,
+}
 
 
 def with_tables(text: str) -> str:
     """Return a page with its tables as the code has them."""
-
-    def filled(place: re.Match[str]) -> str:
-        return f"{place[1]}{table(ARGUMENTS[place[2]])}{place[3]}"
-
-    return PLACE.sub(filled, text)
+    return PLACE.sub(lambda place: f"{place[1]}{TABLES[place[2]]()}{place[3]}", text)
 
 
 def main() -> None:

@@ -57,6 +57,13 @@ def test_the_workflow_runs_the_same_checks_on_the_same_pythons() -> None:
     assert all((SOURCE / file).is_file() for file in files)
 
 
+def test_links_to_other_sites_are_checked_on_the_site_of_make_docs() -> None:
+    jobs = yaml.safe_load((SOURCE / ".github/workflows/linkcheck.yml").read_text())["jobs"]
+    commands = [step["run"] for step in jobs["linkcheck"]["steps"] if "run" in step]
+    (of_make,) = re.findall(r"sphinx-build .* (-c \w+ \S+) ", (SOURCE / "Makefile").read_text())
+    assert f"-b linkcheck {of_make} " in commands[-1]
+
+
 def test_unit_tests_run_on_all_pythons_that_setup_allows() -> None:
     (listed,) = re.findall(
         r"^for version in (.*); do$", (SOURCE / ".ci/pythons").read_text(), re.M

@@ -25,6 +25,7 @@ from shutil import copytree
 
 import click
 import pytest
+from matplotlib import pyplot
 
 from bag_maker import of_trial, write_bag
 from haptic_accel.cli.commands import command_line
@@ -52,6 +53,29 @@ OUTSIDE = ("cd", "colcon", "pip", "rosdep", "rqt", "rviz2", "scp", "source", "su
 
 QUICK = ("analyze", "bag", "design", "replay")
 """Verbs that compute for a second or two; the others start a graph, or take long."""
+
+GRAPH = (
+    "bringup",
+    "calibrate",
+    "control",
+    "emulate",
+    "estop",
+    "record",
+    "scope",
+    "teleop",
+    "touch",
+)
+"""Verbs that need a graph, a device or a browser."""
+
+LOCKSTEP = ("experiment", "identify", "replay")
+"""Verbs that need a graph, unless ``--lockstep`` is given."""
+
+
+def tutorials() -> list[Path]:
+    """Return the pages of the index's section of tutorials."""
+    index = (SOURCE / "docs" / "README.md").read_text()
+    section = index.split("## Tutorials\n")[1].split("\n## ")[0]
+    return [SOURCE / "docs" / name for name in re.findall(r"\]\((\w+\.md)\)", section)]
 
 
 def blocks(page: Path) -> Iterator[str]:
@@ -264,7 +288,9 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(
-    "page", [p for p in PAGES if any(map(is_run, in_blocks(p)))], ids=lambda page: page.name
+    "page",
+    [p for p in PAGES if p not in tutorials() and any(map(is_run, in_blocks(p)))],
+    ids=lambda page: page.name,
 )
 def test_what_a_page_tells_to_type_runs(
     page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -276,6 +302,32 @@ def test_what_a_page_tells_to_type_runs(
             name for word in words[1:] for name in (sorted(map(str, Path().glob(word))) or [word])
         ]
         assert status_of(*expanded) == 0, words
+
+
+def needs_a_graph(words: Sequence[str]) -> bool:
+    """Return whether a command of a tutorial cannot run here."""
+    program, verb, *rest = [*words, ""]
+    lockstep = verb not in LOCKSTEP or "--lockstep" in rest
+    return program != "haptic-accel" or verb in GRAPH or not lockstep
+
+
+@pytest.mark.parametrize("page", tutorials(), ids=lambda page: page.name)
+def test_a_tutorial_runs_from_its_first_line_to_its_last(
+    page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bags stand for those that a graph would record; a file begins with its name as a comment."""
+    copytree(recorded, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    pyplot.switch_backend("agg")
+    for language, block in FENCE.findall(page.read_text()):
+        if language == "python":
+            exec(block, {})
+        elif file := re.match(r"# (\w+\.yaml)\n", block):
+            Path(file[1]).write_text(block)
+        else:
+            for words in (words for line in block.splitlines() for words in split(line)):
+                assert needs_a_graph(words) or status_of(*words[1:]) == 0, words
+    pyplot.close("all")
 
 
 def test_the_readme_says_how_to_reach_the_command_before_it_shows_one() -> None:

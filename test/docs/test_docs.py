@@ -30,6 +30,7 @@ from matplotlib import pyplot
 
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.topics import ASKED, HAND_SET_POINT, JOINT_STATES, TOPICS
+from haptic_accel.graph.node_parameters import NODES, node_schema
 
 SOURCE = Path(__file__).resolve().parents[2]
 DOCS = sorted((SOURCE / "docs").glob("*.md"))
@@ -56,7 +57,7 @@ def anchors(page: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("page", DOCS, ids=lambda page: page.name)
-def test_tables_of_arguments_are_those_of_the_code(page: Path) -> None:
+def test_tables_are_those_of_the_code(page: Path) -> None:
     text = page.read_text()
     assert script("tables").with_tables(text) == text, "run: python docs/tables.py"
 
@@ -79,10 +80,21 @@ def test_errors_are_drawn_against_both_bounds() -> None:
         assert "%" in axes.get_xlabel()
 
 
-def test_every_set_of_arguments_has_a_table() -> None:
+def test_every_table_of_the_code_has_one_place() -> None:
     pages = "".join(page.read_text() for page in DOCS)
-    marked = set(re.findall(r"<!-- arguments: (\w+)", pages))
-    assert marked == set(script("tables").ARGUMENTS)
+    marked = re.findall(r"<!-- table: (\w+)", pages)
+    assert sorted(marked) == sorted(script("tables").TABLES)
+
+
+def test_the_table_of_parameters_has_each_parameter_of_each_node() -> None:
+    text = (SOURCE / "docs" / "parameters.md").read_text()
+    listed = {
+        (node, name)
+        for section in text.split("\n## ")[1:]
+        for node in section.partition("\n")[0].split(", ")
+        for name in re.findall(r"^\| `(.+?)` \|", section, re.MULTILINE)
+    }
+    assert listed == {(node, name) for node in NODES for name in node_schema(node)}
 
 
 def test_the_table_of_topics_is_that_of_the_code() -> None:
@@ -138,9 +150,9 @@ def test_the_controller_that_contributing_shows_is_one() -> None:
     assert isinstance(controller, Controller)
 
 
-def test_the_notebook_that_usage_shows_runs() -> None:
-    section = (SOURCE / "docs" / "usage.md").read_text().split("## In a notebook\n")[1]
-    (code,) = re.findall(r"```python\n(.*?)```", section.split("\n## ")[0], re.S)
+def test_the_notebook_of_the_tutorial_runs() -> None:
+    text = (SOURCE / "docs" / "notebook.md").read_text()
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.S)
     names: dict[str, Any] = {}
     pyplot.switch_backend("agg")
     exec(code, names)
