@@ -22,12 +22,18 @@ no syntax of Sphinx: docs/README.md, the index, gives the sections of the site, 
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
 from sphinx.application import Sphinx
 
 from haptic_accel import __version__
+from haptic_accel.core.process import BLAS_THREADS
+
+# Before an example loads numpy: on a busy machine threads of BLAS spin for each other.
+for variable in BLAS_THREADS:
+    os.environ.setdefault(variable, "1")
 
 SOURCE = Path(__file__).resolve().parents[1]
 INDEX = "docs/README"
@@ -81,6 +87,8 @@ sphinx_gallery_conf = {
     "filename_pattern": r"\.py",
     # The output depends on the package, too.
     "run_stale_examples": True,
+    # Examples print what they show; the last value of a cell is often a legend.
+    "capture_repr": (),
     "write_computation_times": False,
     "min_reported_time": 60,
     "download_all_examples": False,

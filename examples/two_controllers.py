@@ -43,3 +43,5 @@ for trial, axes in zip(trials, rows, strict=True):
 
 for trial in trials:
     print(f"{trial.controller}: {trial.nrmse():.0f} %, {trial.indistinguishable():.0%}")
+
+pyplot.show()
