@@ -255,6 +255,7 @@ class CoupledArms:
         if self.coupled and not self._sampled:
             for side in self._sides.values():
                 side.device.write(self.due, arm_force=ZERO)
+            self._coupling.disengage()
             self._build()
         self._loop.step(self._tick)
         self._tick += 1

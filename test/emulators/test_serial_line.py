@@ -152,6 +152,20 @@ def test_arms_are_coupled_once_both_boards_are_sampled(bench: Bench) -> None:
     assert moved[5] < -1e-3
 
 
+def test_arms_are_free_while_a_board_is_not_sampled_and_couple_as_at_first(bench: Bench) -> None:
+    start = [device.read(bench.now).position for device in bench.devices]
+    for _ in range(2):
+        for place in range(2):
+            bench.say(place, Configure(1000, 4, 1))
+        bench.go_on(1.0)
+        assert bench.arms.coupled
+        assert bench.devices[0].read(bench.now).position != start[0]
+        bench.say(1, Configure(0, 4, 1))
+        bench.go_on(1.0)
+        assert not bench.arms.coupled
+        assert [device.read(bench.now).position for device in bench.devices] == start
+
+
 def test_samples_are_taken_at_the_rate_of_the_host(bench: Bench) -> None:
     bench.say(0, Configure(500, 4, 2))
     bench.go_on(0.1)
