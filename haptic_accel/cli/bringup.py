@@ -17,16 +17,19 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import NoReturn
 
 import numpy as np
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.running import print_line
+from haptic_accel.core.process import ENDING
 from haptic_accel.graph.bring_up import STEPS, BringUp, BringUpArguments, BringUpError, Watched
 
 LOOK_PERIOD = 0.2
@@ -52,7 +55,7 @@ def bringup(arguments: BringUpArguments) -> None:
     one parameter file with devices, ports, calibration and handle; the same command goes on with
     the unfinished step.
     """
-    with _Terminal() as terminal:
+    with _interrupted_by_signals(), _Terminal() as terminal:
         try:
             following = BringUp(arguments, terminal).run()
         except BringUpError as error:
@@ -61,6 +64,21 @@ def bringup(arguments: BringUpArguments) -> None:
             raise StoppedError("the input ended; the same command goes on from here") from None
     print_line(f"parameters: {arguments.file}")
     print_line(f"next: {following}")
+
+
+@contextmanager
+def _interrupted_by_signals() -> Iterator[None]:
+    """Let all signals that end a verb interrupt it, so that devices and graphs end with it."""
+    before = {number: signal.signal(number, _interrupt) for number in ENDING}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _interrupt(*_: object) -> NoReturn:
+    raise KeyboardInterrupt
 
 
 class _Terminal:

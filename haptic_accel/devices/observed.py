@@ -151,11 +151,14 @@ class ObservedDevice:
         self._force = force
 
     def stop(self) -> None:
-        """Stop as an emergency stop does: no force is accepted any more."""
+        """Stop as an emergency stop does: no force is accepted any more.
+
+        The arm has had no force, so that nothing changes for it.
+        """
         with self._lock:
             self._safety.stop(time.monotonic(), True)
             with suppress(DeviceError, OSError):
-                self._side.take_off()
+                self._device.write(time.monotonic(), actuator_force=0.0)
 
     def arm(self) -> None:
         """Allow forces again."""

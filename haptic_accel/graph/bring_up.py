@@ -304,6 +304,9 @@ class BringUp:
                 self._person.tell("the actuator came near its stops: again with half the force")
 
     def _prove(self) -> None:
+        if not {self._device_name(side) for side in ARMS}.isdisjoint(ARMS_ALONE):
+            self._settle(lambda: [Check(True, "no accelerometer on both arms: not compared")])
+            return
         self._ask(
             f"take the handle, and stroke the surface once the arms engage, {TRIAL} s without"
             f" and {TRIAL} s with compensation; press Enter to begin"
@@ -367,14 +370,18 @@ class BringUp:
 
     def _look_at(self, side: str) -> None:
         """Check a side's signal at rest, and that it is this side's."""
-        if self._is_simulated(side):
-            self._settle(lambda: [Check(True, f"{HELD[side]}: simulated")])
-            return
         held = HELD[side]
+        is_simulated = self._is_simulated(side)
+        if is_simulated:
+            self._settle(lambda: [Check(True, f"{held}: simulated")])
+            if side == SLAVE or not self._has_actuator():
+                return
         with self._observed(side) as device:
             self._person.show(device)
             if device.remark:
                 self._person.tell(f"{held}: {device.remark}")
+            if is_simulated:
+                return
             if self._device_name(side).startswith(ARM):
                 x, y, z = 1e3 * np.nanmean(device.observe(REST).position, axis=0)
                 self._ask(
@@ -639,10 +646,15 @@ class BringUp:
             text=True,
         ) as process:
             assert process.stdout
-            for line in process.stdout:
-                lines.append(line.rstrip())
-                if PROGRESS.match(line):
-                    self._person.tell(line.rstrip())
+            try:
+                for line in process.stdout:
+                    lines.append(line.rstrip())
+                    if PROGRESS.match(line):
+                        self._person.tell(line.rstrip())
+            except BaseException:
+                process.terminate()
+                process.wait()
+                raise
         return lines, process.returncode
 
     def _parameters(self, side: str) -> tuple[Any, dict[str, Any]]:
