@@ -30,7 +30,7 @@ from haptic_accel.cli import workers as module
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.workers import Workers
 from haptic_accel.core.parameters import ParameterError
-from running import Command
+from running import PATIENCE, Command
 
 Start = Callable[..., Command]
 
@@ -52,7 +52,7 @@ def never() -> bool:
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Start a cluster as a lab does, of processes of this machine; yield its address."""
-    pytest.importorskip("distributed")
+    distributed = pytest.importorskip("distributed")
     folder = tmp_path_factory.mktemp("cluster")
     file = folder / "scheduler.json"
     environment = os.environ | {"PYTHONPATH": str(Path(runs.__file__).parent)}
@@ -75,7 +75,11 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         while not (file.exists() and file.read_text().endswith("}")):
             assert started[0].poll() is None, (folder / "log").read_text()
             time.sleep(0.1)
-        yield json.loads(file.read_text())["address"]
+        address = json.loads(file.read_text())["address"]
+        # A worker that is killed while another starts takes that one with it.
+        with distributed.Client(address, set_as_default=False) as client:
+            client.wait_for_workers(2, timeout=PATIENCE)
+        yield address
         for process in reversed(started):
             process.terminate()
             process.wait()
