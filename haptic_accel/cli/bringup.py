@@ -21,16 +21,22 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import NoReturn
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, NoReturn
 
+import click
 import numpy as np
 
+from haptic_accel.cli.browser import HOST, show_page
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.running import print_line
-from haptic_accel.core.process import ENDING
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import DONE, ENDING, WRONG_ARGUMENTS
 from haptic_accel.graph.bring_up import STEPS, BringUp, BringUpArguments, BringUpError, Watched
+
+if TYPE_CHECKING:
+    from haptic_accel.scope.guide import Guide
 
 LOOK_PERIOD = 0.2
 """Interval between two pictures of the live signal, s: as fast as numbers can be read."""
@@ -46,24 +52,90 @@ BAR, FULL = 40, 20.0
     "haptic-accel bringup",
     "haptic-accel bringup ports:=/dev/ttyACM0,/dev/ttyACM1 force_constant:=2.4",
     "haptic-accel bringup file:=rig.yaml redo:=identify",
+    "haptic-accel bringup --page",
 )
+@click.option("--page", is_flag=True, help="Ask and show on a page in the browser.")
 @arguments(BringUpArguments)
-def bringup(arguments: BringUpArguments) -> None:
+def bringup(arguments: BringUpArguments, page: bool) -> None:
     """Bring up a rig in five steps: connect, calibrate, make safe, identify, prove.
 
     Each step shows the live signal, measures, and says what to do where it does not pass. Writes
     one parameter file with devices, ports, calibration and handle; the same command goes on with
-    the unfinished step.
+    the unfinished step. With --page, a page in the browser asks and shows, and the terminal has
+    the same lines.
     """
     with _interrupted_by_signals(), _Terminal() as terminal:
+        if page:
+            _bring_up_on_page(arguments, terminal)
+        else:
+            _bring_up(BringUp(arguments, terminal), arguments.file)
+
+
+def _bring_up(rig: BringUp, file: str) -> str:
+    """Bring up a rig; print and return the line with the next command."""
+    try:
+        following = f"next: {rig.run()}"
+    except BringUpError as error:
+        raise StoppedError(str(error)) from None
+    except EOFError:
+        raise StoppedError("the input ended; the same command goes on from here") from None
+    print_line(f"parameters: {file}")
+    print_line(following)
+    return following
+
+
+def _bring_up_on_page(arguments: BringUpArguments, terminal: _Terminal) -> None:
+    """Bring up a rig at a page, which is served until it or Ctrl-C closes the bring-up."""
+    # The server takes longer to import than a bring-up at the terminal takes to begin.
+    from haptic_accel.scope.access import Access
+    from haptic_accel.scope.guide import Guide
+    from haptic_accel.scope.server import ScopeServer
+
+    guide = Guide(STEPS)
+    rig = BringUp(arguments, _Both(terminal, guide))
+    server = ScopeServer(guide, Access(HOST, ""), HOST, 0, guide.act, "bring_up")
+    show_page(server.start())
+    try:
         try:
-            following = BringUp(arguments, terminal).run()
-        except BringUpError as error:
-            raise StoppedError(str(error)) from None
-        except EOFError:
-            raise StoppedError("the input ended; the same command goes on from here") from None
-    print_line(f"parameters: {arguments.file}")
-    print_line(f"next: {following}")
+            line, status = _bring_up(rig, arguments.file), DONE
+        except (StoppedError, ParameterError) as error:
+            line = str(error)
+            status = error.status if isinstance(error, StoppedError) else WRONG_ARGUMENTS
+            terminal.show(None)
+            terminal.tell(line)
+        with suppress(KeyboardInterrupt):
+            guide.end(line, done=status == DONE)
+    finally:
+        server.stop()
+    if status != DONE:
+        raise StoppedError(status=status)
+
+
+class _Both:
+    """Person at a page, beside a terminal that has the same lines."""
+
+    def __init__(self, terminal: _Terminal, guide: Guide) -> None:
+        self._terminal, self._guide = terminal, guide
+
+    def begin(self, number: int, step: str, purpose: str) -> None:
+        self._terminal.begin(number, step, purpose)
+        self._guide.begin(number, step, purpose)
+
+    def tell(self, line: str) -> None:
+        self._terminal.tell(line)
+        self._guide.tell(line)
+
+    def show(self, watched: Watched | None) -> None:
+        self._terminal.show(watched)
+        self._guide.show(watched)
+
+    def ask(self, request: str) -> str:
+        self._terminal.request(request)
+        return self._guide.ask(request)
+
+    def request(self, line: str) -> None:
+        self._terminal.request(line)
+        self._guide.request(line)
 
 
 @contextmanager

@@ -17,20 +17,14 @@
 
 from __future__ import annotations
 
-import os
-import sys
-import webbrowser
-
 import click
 
+from haptic_accel.cli.browser import HOST, show_page
 from haptic_accel.cli.options import verb
-from haptic_accel.cli.running import print_line, stop_on_signal
+from haptic_accel.cli.running import stop_on_signal
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.paced_rig import PacedRig
 from haptic_accel.scope.server import ScopeServer
-
-HOST = "127.0.0.1"
-"""Address of the page: this machine alone."""
 
 
 @verb("haptic-accel touch", "haptic-accel touch --surface text --rig ideal")
@@ -49,16 +43,7 @@ def touch(surface: str, rig: str, port: int, opened: bool) -> None:
     """
     touched = PacedRig(surface, rig)
     server = ScopeServer(touched, Access(HOST, ""), HOST, port, touched.act)
-    address = server.start()
-    print_line(f"{address} (Ctrl-C ends)")
-    if opened and _has_screen():
-        webbrowser.open(address)
+    show_page(server.start(), opened=opened)
     with stop_on_signal() as stop:
         touched.run(stop)
     server.stop()
-
-
-def _has_screen() -> bool:
-    """Return False where a browser would be one of text, in this terminal."""
-    screens = ("DISPLAY", "WAYLAND_DISPLAY")
-    return sys.platform in ("darwin", "win32") or any(map(os.environ.get, screens))

@@ -125,6 +125,9 @@ LATE = "forces took effect late"
 SKIP = "s"
 """Answer that goes on without what is asked."""
 
+PASSED, NOT_PASSED = "ok: ", "NOT PASSED: "
+"""Beginnings of the lines that tell a check's result."""
+
 
 @dataclass(frozen=True)
 class BringUpArguments(Checked):
@@ -602,16 +605,14 @@ class BringUp:
             passed = all(check.passed for check in found)
             skip = " or type s to go on all the same" if can_skip else ""
             if passed or (self._ask(f"press Enter to try again{skip}") == SKIP and can_skip):
-                self._said += [
-                    ("" if each.passed else "NOT PASSED: ") + each.text for each in found
-                ]
+                self._said += [("" if each.passed else NOT_PASSED) + each.text for each in found]
                 return
 
     def _tell(self, check: Check) -> None:
         if check.passed:
-            self._person.tell(f"ok: {check.text}")
+            self._person.tell(PASSED + check.text)
         else:
-            self._person.tell(f"NOT PASSED: {check.text}")
+            self._person.tell(NOT_PASSED + check.text)
             self._person.tell(f"  {check.advice}")
 
     def _ask(self, request: str) -> str:

@@ -191,6 +191,8 @@ class ScopeServer:
         Port to listen on; 0 for any free port.
     act : callable, optional
         Carries out commands; without it the scope is read-only, and leads no hand.
+    page : str
+        Name of the page's template and script.
 
     Attributes
     ----------
@@ -198,13 +200,19 @@ class ScopeServer:
     """
 
     def __init__(
-        self, source: Source, access: Access, host: str, port: int, act: Act | None = None
+        self,
+        source: Source,
+        access: Access,
+        host: str,
+        port: int,
+        act: Act | None = None,
+        page: str = "scope",
     ) -> None:
         self._source = source
         self._access = access
         self._host, self._port = host, port
         self._act = act
-        self._pages = _pages(source.choices(), control=act is not None)
+        self._pages = _pages(page, source.choices(), control=act is not None)
         self._version = hashlib.sha256(b"".join(b for b, _ in self._pages.values())).hexdigest()
         self._clients: dict[web.WebSocketResponse, Cursor] = {}
         self._silent: dict[asyncio.BaseProtocol, asyncio.TimerHandle] = {}
@@ -528,15 +536,17 @@ def _is_point(value: Any) -> bool:
     )
 
 
-def _pages(choices: Mapping[str, list[str]], *, control: bool) -> dict[str, tuple[bytes, str]]:
-    """Return content and type of every page and asset by its path."""
-    page = template("scope.html.j2").render(control=control, choices=choices)
+def _pages(
+    name: str, choices: Mapping[str, list[str]], *, control: bool
+) -> dict[str, tuple[bytes, str]]:
+    """Return content and type of a page and its assets by their paths."""
+    page = template(f"{name}.html.j2").render(control=control, choices=choices)
     styles = (asset("uPlot.min.css"), template("page.css.j2").render(), asset("scope.css"))
     return {
         "/": (page.encode(), "text/html"),
         "/scope.css": ("\n".join(styles).encode(), "text/css"),
         "/uPlot.js": (asset("uPlot.iife.min.js").encode(), "text/javascript"),
-        **{f"/{k}": (v.encode(), "text/javascript") for k, v in modules("scope.js").items()},
+        **{f"/{k}": (v.encode(), "text/javascript") for k, v in modules(f"{name}.js").items()},
     }
 
 

@@ -17,7 +17,10 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
 import re
+import signal
 import subprocess
 import sys
 import time
@@ -25,13 +28,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import aiohttp
 import pytest
 
+from haptic_accel.core.process import DONE, INTERRUPTED, WRONG_ARGUMENTS
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.trial import RigParameters
 from haptic_accel.devices.serial.protocol import FULL_SCALE
+from haptic_accel.graph.bring_up import STEPS
 from haptic_accel.graph.files import read_parameter_file
-from haptic_accel.graph.rig_file import noted_steps
+from haptic_accel.graph.rig_file import note_step, noted_steps
+from running import Command
 from terminals import Terminal
 from verbs import refusal
 
@@ -186,3 +193,100 @@ def test_without_boards_it_says_what_to_plug_in_and_ends(tmp_path: Path) -> None
 )
 def test_wrong_words_are_refused_in_one_line(words: list[str], named: str) -> None:
     assert named in refusal("bringup", *words)
+
+
+# At a page
+
+
+class AtPage:
+    """A person at the page of a bring-up."""
+
+    def __init__(self, command: Command) -> None:
+        self._address = command.wait_for("^http").split()[0]
+        self._number = 0
+
+    def asked(self) -> dict[str, Any]:
+        """Return the state that shows the next request."""
+        state = asyncio.run(self._look())
+        self._number = state["number"]
+        return state
+
+    def answer(self, text: str) -> None:
+        """Answer the request that was shown."""
+        asyncio.run(self._send(f"{self._number}:{text}"))
+
+    def _session(self) -> aiohttp.ClientSession:
+        return aiohttp.ClientSession(headers={"Origin": self._address.rstrip("/")})
+
+    async def _look(self) -> dict[str, Any]:
+        async with self._session() as session, session.ws_connect(f"{self._address}live") as live:
+            while True:
+                message = await live.receive(30)
+                if message.type is aiohttp.WSMsgType.TEXT:
+                    state: dict[str, Any] = json.loads(message.data)
+                    if state["asks"] and state["number"] > self._number:
+                        return state
+
+    async def _send(self, value: str) -> None:
+        command = {"action": "answer", "value": value}
+        async with (
+            self._session() as session,
+            session.post(f"{self._address}command", json=command) as answer,
+        ):
+            assert answer.status == 200, await answer.text()
+
+
+@pytest.fixture
+def at_page(
+    haptic_accel: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., tuple[Command, AtPage]]:
+    """Start a bring-up at a page."""
+    for screen in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(screen, raising=False)
+
+    def started(*words: str) -> tuple[Command, AtPage]:
+        command = haptic_accel("bringup", "--page", *words)
+        return command, AtPage(command)
+
+    return started
+
+
+@pytest.mark.quiet
+def test_a_page_answers_and_the_terminal_has_the_same_lines(at_page: Callable[..., Any]) -> None:
+    command, person = at_page("ports:=nowhere")
+    first = person.asked()
+    assert first["request"] == "press Enter to try again"
+    assert [line["kind"] for line in first["lines"]] == ["failed", "plain", "failed", "plain"]
+    person.answer("")
+    second = person.asked()
+    assert len(second["lines"]) == 2 * len(first["lines"])
+    for line in second["lines"]:
+        assert line["text"] in command.lines
+    assert command.end(signal.SIGINT) == INTERRUPTED
+    assert "Traceback" not in command.text
+
+
+@pytest.mark.quiet
+@pytest.mark.parametrize("end", ["page", "Ctrl-C"])
+def test_a_page_shows_the_next_command_until_it_is_closed(
+    at_page: Callable[..., Any], tmp_path: Path, end: str
+) -> None:
+    rig = tmp_path / "rig.yaml"
+    rig.write_text("/**: {ros__parameters: {rate: 1000.0}}\n", encoding="utf-8")
+    for step in STEPS:
+        note_step(rig, step, "2026-11-26 12:00: nothing to do")
+    command, person = at_page()
+    assert person.asked()["ended"] == command.wait_for("^next: ")
+    if end == "page":
+        person.answer("")
+    assert command.end(None if end == "page" else signal.SIGINT) == DONE
+
+
+@pytest.mark.quiet
+def test_a_page_shows_why_a_bring_up_failed(at_page: Callable[..., Any]) -> None:
+    command, person = at_page("master:=can", "slave:=simulated")
+    reason = person.asked()["ended"]
+    assert reason.startswith("can.interface")
+    person.answer("")
+    assert command.end() == WRONG_ARGUMENTS
+    assert command.lines.count(reason) == 1

@@ -22,7 +22,7 @@ export function tell(text, kind) {
   if (kind !== "waiting") hiding = setTimeout(() => (message.hidden = true), SAID);
 }
 
-/** Give a command, and tell what came of it. */
+/** Give a command, tell what came of it, and return whether it was carried out. */
 export async function command(action, value) {
   try {
     const answer = await fetch("/command", {
@@ -32,10 +32,12 @@ export async function command(action, value) {
       signal: AbortSignal.timeout(COMMAND_TIME),
     });
     const { message } = await answer.json();
-    tell(message, answer.ok ? "OK" : "error");
+    if (message) tell(message, answer.ok ? "OK" : "error");
+    return answer.ok;
   } catch {
     const urgent = "The stop did not reach the scope. Use the hardware, or haptic-accel estop.";
     tell(action === "estop" && value ? urgent : `${action}: the scope does not answer`, "error");
+    return false;
   }
 }
 

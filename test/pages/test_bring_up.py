@@ -1,0 +1,255 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The page of a bring-up in a real browser, which takes the answers of a bring-up of two steps."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from haptic_accel.devices.observed import Observation
+from haptic_accel.scope.access import Access
+from haptic_accel.scope.guide import Guide
+from haptic_accel.scope.server import ScopeServer
+from running import wait_until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+STEPS = {
+    "calibrate": "turn each board over, for its axis, gain and offset",
+    "make_safe": "force, polarity, stop, silence and a pulled plug",
+}
+REQUESTS = (
+    "hold the handle with the coil's axis upwards, firm and still, then press Enter",
+    "hold the handle with the coil's axis downwards, firm and still, then press Enter",
+    "type the current that the meter shows now, A",
+    "press Enter to try again or type s to go on all the same",
+)
+NEXT = "next: haptic-accel teleop params_file:=rig.yaml controller:=adaptive"
+
+
+class Humming:
+    """Live signal: gravity with a vibration, and a gap."""
+
+    def last(self, seconds: float) -> Observation:
+        time = np.arange(round(1000 * seconds)) / 1000
+        acceleration = 9.81 + 3 * np.sin(2 * np.pi * 125 * time)
+        acceleration[100:130] = np.nan
+        place = np.full((len(time), 3), np.nan)
+        return Observation(1000.0, acceleration, place, np.zeros(len(time)))
+
+
+class TwoSteps:
+    """Bring-up of two steps, on a thread of its own as on the main thread of the command."""
+
+    def __init__(self) -> None:
+        self.guide = Guide(STEPS)
+        self.answers: list[str] = []
+        self.server = ScopeServer(
+            self.guide, Access("127.0.0.1"), "127.0.0.1", 0, self.guide.act, "bring_up"
+        )
+        self.thread = threading.Thread(target=self._run, daemon=True)
+        self.address = self.server.start()
+        self.thread.start()
+
+    def _run(self) -> None:
+        guide = self.guide
+        upwards, downwards, current, again = REQUESTS
+        guide.begin(1, "calibrate", STEPS["calibrate"])
+        guide.show(Humming())
+        self._ask(upwards)
+        self._ask(downwards)
+        guide.tell("ok: handle: axis z, gain 0.00479 m/s^2 per count within 0.31%")
+        guide.show(None)
+        guide.begin(2, "make safe", STEPS["make_safe"])
+        guide.show(Humming())
+        guide.tell("ok: quiet 12 ms after the emergency stop (at most 100)")
+        self._ask(current)
+        guide.tell("NOT PASSED: current 0.2 A, commanded 0.1 A")
+        guide.tell("  is the amplifier's gain that of the parameters?")
+        self._ask(again)
+        guide.end(NEXT, done=True)
+        self.server.stop()
+
+    def _ask(self, request: str) -> None:
+        self.answers.append(self.guide.ask(request))
+
+
+@pytest.fixture
+def rig() -> Iterator[TwoSteps]:
+    made = TwoSteps()
+    yield made
+    made.server.stop()
+
+
+@pytest.fixture
+def page(browser: Browser, rig: TwoSteps) -> Iterator[Page]:
+    opened = browser.new_page(viewport={"width": 1280, "height": 900})
+    complaints: list[str] = []
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.goto(rig.address)
+    yield opened
+    opened.close()
+    assert complaints == []
+
+
+def ready(page: Page, request: str) -> None:
+    """Wait until a page shows a request and takes an answer."""
+    text, button = page.locator("#request"), page.locator("#continue")
+    wait_until(
+        lambda: text.inner_text() == request and button.is_visible() and button.is_enabled(),
+        request,
+    )
+
+
+def focused(page: Page) -> str:
+    return str(page.evaluate("document.activeElement.id"))
+
+
+def test_keys_alone_lead_through_all_steps(page: Page, rig: TwoSteps) -> None:
+    for request, text in zip(REQUESTS, ("", "", "0.2", "s"), strict=True):
+        ready(page, request)
+        assert focused(page) == "answer"
+        page.keyboard.type(text)
+        page.keyboard.press("Enter")
+    ready(page, NEXT)
+    assert rig.answers == ["", "", "0.2", "s"]
+    chips = page.locator("#steps .chip").all_inner_texts()
+    assert chips == ["done", "done"]
+    assert page.locator("#request-title").inner_text() == "The rig is brought up"
+    wait_until(lambda: focused(page) == "continue", "the last button")
+    page.keyboard.press("Enter")
+    rig.thread.join(30)
+    assert not rig.thread.is_alive()
+    wait_until(lambda: page.locator("#link").inner_text() == "closed", "it says so")
+    assert page.locator("#request").inner_text() == NEXT
+    assert page.locator("#alarm").is_hidden()
+
+
+def test_results_and_signal_are_told_in_words_as_well(page: Page) -> None:
+    for request in REQUESTS[:3]:
+        ready(page, request)
+        page.keyboard.press("Enter")
+    ready(page, REQUESTS[3])
+    assert page.locator("#lines [data-kind=failed]").inner_text().startswith("NOT PASSED: ")
+    assert page.locator("#lines [data-kind=ok]").inner_text().startswith("ok: ")
+    now = page.locator("#steps [aria-current=step]").inner_text()
+    assert re.search("make safe.*now", now, re.DOTALL)
+    reading = page.locator("#signal-reading").inner_text()
+    assert reading == "vibration 3.00 m/s², 1000 Hz, 30 of 500 samples missing"
+    assert page.evaluate("document.querySelector('#signal canvas').width") > 0
+
+
+def test_a_double_click_and_a_held_key_answer_once(page: Page, rig: TwoSteps) -> None:
+    ready(page, REQUESTS[0])
+    page.dblclick("#continue")
+    ready(page, REQUESTS[1])
+    assert rig.answers == [""]
+    for _ in range(5):
+        page.keyboard.down("Enter")
+    ready(page, REQUESTS[2])
+    for _ in range(5):
+        page.keyboard.down("Enter")
+    page.keyboard.up("Enter")
+    assert rig.answers == ["", ""]
+    assert page.locator("#message").is_hidden()
+
+
+def test_a_button_goes_on_where_the_request_offers_it(page: Page, rig: TwoSteps) -> None:
+    for request in REQUESTS[:3]:
+        ready(page, request)
+        assert page.locator("#skip").is_hidden()
+        page.click("#continue")
+    ready(page, REQUESTS[3])
+    assert page.locator("#skip").text_content() == "go on all the same"
+    page.click("#skip")
+    ready(page, NEXT)
+    assert rig.answers[-1] == "s"
+
+
+def test_a_reload_goes_on_at_the_same_request(page: Page, rig: TwoSteps) -> None:
+    ready(page, REQUESTS[0])
+    page.click("#continue")
+    ready(page, REQUESTS[1])
+    page.reload()
+    ready(page, REQUESTS[1])
+    assert rig.answers == [""]
+    page.keyboard.press("Enter")
+    ready(page, REQUESTS[2])
+    assert rig.answers == ["", ""]
+
+
+def test_a_second_tab_shows_the_same_and_the_first_answer_counts(
+    browser: Browser, page: Page, rig: TwoSteps
+) -> None:
+    for request in REQUESTS[:2]:
+        ready(page, request)
+        page.click("#continue")
+    second = browser.new_page()
+    second.goto(rig.address)
+    ready(second, REQUESTS[2])
+    number = rig.guide.state()["number"]
+    page.fill("#answer", "0.1")
+    page.click("#continue")
+    ready(page, REQUESTS[3])
+    ready(second, REQUESTS[3])
+    # A tab that has not seen it yet.
+    late = second.evaluate(
+        """async (value) => (await fetch("/command", {
+          method: "POST",
+          headers: { "Content-Type": "application/json" },
+          body: JSON.stringify({ action: "answer", value }),
+        })).json()""",
+        f"{number}:0.3",
+    )
+    assert late == {"message": f"request {number}: is answered, or was never made"}
+    assert rig.answers == ["", "", "0.1"]
+    second.click("#skip")
+    ready(page, NEXT)
+    second.close()
+
+
+def test_without_a_connection_the_page_says_so_and_asks_nothing(page: Page, rig: TwoSteps) -> None:
+    ready(page, REQUESTS[0])
+    rig.server.stop()
+    wait_until(lambda: page.locator("#alarm").is_visible(), "told")
+    assert page.locator("#alarm").inner_text().startswith("No connection to the bring-up.")
+    assert page.locator("#answering").is_hidden()
+    assert page.locator("#link").inner_text() == "no connection"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_no_rule_of_accessibility_is_broken(page: Page, rig: TwoSteps, scheme: str) -> None:
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
+    for request in REQUESTS[:3]:
+        ready(page, request)
+        page.keyboard.press("Enter")
+    ready(page, REQUESTS[3])
+    found = []
+    for width in (390, 1280):  # a phone, and a laptop
+        page.set_viewport_size({"width": width, "height": 844})
+        found += axe.run(page).response["violations"]
+    rig.server.stop()
+    wait_until(lambda: page.locator("#alarm").is_visible(), "no connection")
+    found += axe.run(page).response["violations"]
+    assert [(each["id"], each["help"]) for each in found] == []
