@@ -47,7 +47,7 @@ class Compensator(GraphNode):
 
     task = "compensation"
 
-    polls = True
+    polls = follows_stop = True
 
     def __init__(self) -> None:
         super().__init__("compensator", ("controller", FROZEN))
@@ -65,6 +65,8 @@ class Compensator(GraphNode):
         self._send_force = self.sender(topics.ACTUATOR_FORCE).send
         self._send_desired = self.sender(topics.DESIRED_ACCELERATION).send
         self._tools = self.samples(topics.TOOL_ACCELERATION, p.rate)
+        self._stops = self.inbox(topics.MASTER_STOPPED)
+        self._compensation.mute(True)  # until the device is known to apply forces
         self._arrivals = ArrivalKeeper(p.rate)
         self.create_service(Trigger, "~/reset", self._reset)
 
@@ -85,6 +87,11 @@ class Compensator(GraphNode):
         for stamp, desired, force in felt:
             self._send_force(stamp + offset, along_actuator(force))
             self._send_desired(stamp + offset, along_actuator(desired))
+
+    def follow_stop(self) -> None:
+        """Compute no force while the device refuses it."""
+        for stopped in self.states(self._stops):
+            self._compensation.mute(stopped)
 
     def close(self) -> None:
         """Leave the actuator without force."""

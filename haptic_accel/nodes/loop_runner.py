@@ -161,6 +161,8 @@ class LoopRunner:
             device.follow_stop()
         if self._coupler:
             self._coupler.follow_stop()
+        if self._compensator:
+            self._compensator.follow_stop()
         followers = [each for each in (self._coupler, self._compensator) if each]
         self._loop.muted = set().union(*(each.contested for each in followers))
         for each in followers:

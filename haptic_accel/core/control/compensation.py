@@ -173,6 +173,7 @@ class Compensation:
         self._fall_asleep()
         self._listening, self._fading = round(LISTENING * rate), max(1, round(FADING * rate))
         self.rejected = self.untrusted = 0
+        self._muted, self._share = False, 1.0
 
     @property
     def controller(self) -> str:
@@ -240,7 +241,7 @@ class Compensation:
         force = self._fallback.force(desired, force)
         # If the handle's acceleration is unknown, it is assumed to be gravity.
         self._handle = measured if math.isfinite(measured) else self._handle
-        force = self.guard.limited(force, self._handle)
+        force = self.guard.limited(self._audible(force), self._handle)
         self._active.controller.applied(force)
         if self._follower:
             self._follower.controller.applied(force)
@@ -258,6 +259,17 @@ class Compensation:
             channel.controller.adapt()
             if judged:
                 channel.controller.judged(fallback.supervisor.fitting, fallback.fraction)
+
+    def mute(self, muted: bool) -> None:
+        """Compute no force while the device applies none, for example during an emergency stop.
+
+        A controller that took its own force for the one that acts would learn that the handle does
+        not answer, and would push with newtons as soon as the device applies forces again. They
+        are faded in over `FADING`; in the idle state there is nothing to fade.
+        """
+        if self._muted and not muted and self._asleep:
+            self._share = 1.0
+        self._muted = muted
 
     def freeze(self, frozen: bool) -> None:
         """Stop or resume the adaptation of all controllers."""
@@ -332,6 +344,14 @@ class Compensation:
             self._take_over(self._follower)
             return following
         return desired, force + max(0.0, share) * (following[1] - force)
+
+    def _audible(self, force: float) -> float:
+        """Return the force, none while muted, and a growing share afterwards."""
+        if self._muted:
+            self._share = 0.0
+        elif self._share < 1.0:
+            self._share = min(1.0, self._share + 1.0 / self._fading)
+        return self._share * force
 
     def _listen(self, channel: _Channel) -> None:
         """Prepare the next channel; none if it is already in use."""

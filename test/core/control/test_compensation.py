@@ -46,6 +46,8 @@ from haptic_accel.core.control.filters import check_corner, high_pass, inverse_o
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import GRAVITY, ApproximateModel, FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError
+from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.devices.simulated import SimulatedMaster
 
 RATE = 1000.0
 NAMES = tuple(CONTROLLERS)
@@ -603,3 +605,36 @@ def test_a_reset_does_not_cool_the_coil() -> None:
     warm = stream.guard.heat
     stream.reset()
     assert stream.guard.heat == warm > 0.0
+
+
+def felt(stream: Compensation, tool: FloatArray, mute: slice) -> FloatArray:
+    """Return the forces on a simulated handle that feels none of them while muted."""
+    handle = SimulatedMaster(MasterRigParameters(), RATE, 0)
+    given = np.zeros(len(tool))
+    muted = range(*mute.indices(len(tool)))
+    for tick, acceleration in enumerate(tool):
+        stream.mute(tick in muted)
+        _, given[tick] = stream.process(acceleration, handle.read(tick / RATE).acceleration)
+        stream.adapt()
+        handle.write((tick + 1) / RATE, actuator_force=given[tick])
+    return given
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_who_was_muted_comes_back_no_louder_than_who_was_not(controller: str) -> None:
+    tool = texture(3.0)
+    heard = felt(compensation(controller), tool, mute=slice(0))
+    muted = felt(compensation(controller), tool, mute=slice(1000, 2000))
+    assert not muted[1000:2000].any()
+    np.testing.assert_array_equal(muted[:1000], heard[:1000])
+    # A controller that took its forces for acting would push three times as much.
+    assert np.abs(muted[2000:]).max() <= 1.3 * np.abs(heard[500:]).max()
+
+
+def test_muting_changes_nothing_for_who_is_asleep() -> None:
+    tool = list(texture(1.0))
+    waited, new = (copy.deepcopy(built("inverse", RATE, False)) for _ in range(2))
+    waited.mute(True)
+    forces(waited, tool[:1] * 10)
+    waited.mute(False)
+    assert forces(waited, tool) == forces(new, tool)
