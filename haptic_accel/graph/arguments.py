@@ -53,6 +53,9 @@ SIMULATED = "simulated"
 POINTER = "pointer"
 """Name of the simulated master whose hand the live page leads."""
 
+POINTER_CONTROLLER = "adaptive"
+"""Controller under a hand that a page leads, if none is named: the one with the least error."""
+
 SURFACES = ("plywood", "text", "vinyl")
 """The paper's surfaces."""
 
@@ -108,7 +111,11 @@ def in_devices(*names: str) -> list[str]:
 class ConditionArguments(Checked):
     """Controller, and what is simulated."""
 
-    controller: str = sets("compensator.controller")
+    controller: str = sets(
+        "compensator.controller",
+        text="controller of the actuator's force; with master:=pointer, adaptive if neither given"
+        " nor in a parameter file",
+    )
     rig: str = parameter("paper", "virtual rig: ideal, paper, or a .yaml file")
     grip: str = sets(
         "master_device.simulated.grip.posture", text="grip of the simulated hand on the handle"
@@ -289,6 +296,14 @@ class GraphArguments(
             raise ParameterError(
                 f"surface = {self.surface!r}: a recording must come with slave:={SIMULATED}"
             )
+
+    @classmethod
+    def from_given(cls: type[L], **given: Any) -> L:
+        """Build from the given arguments, as `LaunchArguments` does, and for a page's hand."""
+        known = cls.filled(given)
+        if known.get("master") == POINTER:
+            known = {"controller": POINTER_CONTROLLER} | known
+        return cls(**known)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -22,6 +24,7 @@ from hypothesis import strategies as st
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.warning import warn_once
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
+from haptic_accel.graph.files import parameter_text
 from haptic_accel.graph.former_names import current_arguments
 from haptic_accel.graph.words import described, parse_words
 
@@ -78,6 +81,18 @@ def test_the_virtual_slave_touches_a_scene() -> None:
     assert parse_arguments(["slave:=virtual"]).surface == "workshop"
     assert parse_arguments(["slave:=virtual", "surface:=mine.yaml"]).surface == "mine.yaml"
     assert parse_arguments(["surface:=text"]).surface == "text"
+
+
+def test_the_hand_of_a_page_begins_with_the_best_controller(tmp_path: Path) -> None:
+    pointer = "master:=pointer"
+    assert parse_arguments([pointer]).controller == "adaptive"
+    assert parse_arguments([pointer, "controller:=dynamic"]).controller == "dynamic"
+    assert parse_arguments(["master:=simulated"]).controller == "dynamic"
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(parameter_text({"compensator": {"controller": "dynamic"}}))
+    assert parse_arguments([pointer, f"params_file:={mine}"]).controller == "dynamic"
+    mine.write_text(parameter_text({"master_device": {"device": "pointer"}}))
+    assert parse_arguments([f"params_file:={mine}"]).controller == "adaptive"
 
 
 def test_a_recording_is_for_the_simulated_slave() -> None:

@@ -179,7 +179,7 @@ def test_an_identification_has_no_other_arrangement() -> None:
 
 
 def test_who_leads_the_hand_changes_nothing_else_of_the_simulated_handle() -> None:
-    words = ["rig:=ideal", "grip:=pinch"]
+    words = ["rig:=ideal", "grip:=pinch", "controller:=adaptive"]
     scripted, led = (
         graph_parameters(parse_arguments([f"master:={master}", *words]))
         for master in ("simulated", "pointer")
