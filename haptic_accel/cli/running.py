@@ -21,7 +21,6 @@ import errno
 import os
 import re
 import select
-import shlex
 import signal
 import sys
 import threading
@@ -33,6 +32,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.output import next_command
 from haptic_accel.core.parameters import printable
 from haptic_accel.core.process import ENDING, FAILED, INTERRUPTED, REALTIME, WRONG_ARGUMENTS
 from haptic_accel.graph.locks import sole_graph
@@ -190,9 +190,9 @@ def run_shown(
             outcome = supervisor.run(stopped)
     for line in outcome.last_lines.get(RECORDER, ()):
         if summary := SUMMARY.fullmatch(line):
-            beside = " PEERS_BAG" if any(each.executable == LINK for each in processes) else ""
+            beside = ["PEERS_BAG"] * any(each.executable == LINK for each in processes)
             with suppress(OSError):
-                print_line(f"next: haptic-accel analyze {shlex.quote(summary[1])}{beside}")
+                print_line(next_command("analyze", summary[1], *beside))
     _conclude(outcome)
     if endless and outcome.first:
         print(f"{outcome.first} ended", file=sys.stderr)
@@ -234,6 +234,27 @@ def progress_bar(console: Console | None = None) -> Progress:
         refresh_per_second=2.0,  # drawing takes CPU from the graph
         disable=not console.is_terminal,
     )
+
+
+@contextmanager
+def shown_stages(stages: Sequence[str]) -> Iterator[Callable[[str], None]]:
+    """Show the stages of a run by a progress bar, or by a line each where there is no terminal.
+
+    Yields
+    ------
+    callable
+        Takes the name of a stage as it begins.
+    """
+    with progress_bar() as progress:
+        task = progress.add_task(stages[0], total=len(stages))
+
+        def begin(stage: str) -> None:
+            progress.update(task, description=stage, completed=stages.index(stage))
+            if not progress.console.is_terminal:
+                print(stage, flush=True)
+
+        yield begin
+        progress.update(task, completed=len(stages))
 
 
 PRIORITY = 42

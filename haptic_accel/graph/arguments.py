@@ -327,6 +327,31 @@ class IdentifyArguments(SweepParameters, LaunchArguments):
         return SweepParameters(**{name: getattr(self, name) for name in schema(SweepParameters)})
 
 
+def stated_words(arguments: LaunchArguments) -> list[str]:
+    """Return the ``key:=value`` words that give arguments which neither defaults nor files give.
+
+    Examples
+    --------
+    >>> stated_words(GraphArguments(rate=500.0, composed=False))
+    ['rate:=500', 'composed:=false']
+    """
+    files = {"params_file": arguments.params_file, "namespace": arguments.namespace}
+    known = type(arguments).from_given(**{key: each for key, each in files.items() if each})
+    values = {name: getattr(arguments, name) for name in schema(type(arguments))}
+    rest = {name: value for name, value in values.items() if value != getattr(known, name)}
+    return [
+        f"{name}:={_text(value)}" for name, value in ({**files, **rest}).items() if value != ""
+    ]
+
+
+def _text(value: Any) -> str:
+    """Return the text of a value in a word."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    short = f"{value:g}" if isinstance(value, float) else str(value)
+    return short if not isinstance(value, float) or float(short) == value else str(value)
+
+
 def _decisive(default: Any, places: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Yield node and parameter of the places whose value in a file decides an argument.
 

@@ -23,7 +23,12 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.warning import warn_once
-from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
+from haptic_accel.graph.arguments import (
+    GraphArguments,
+    IdentifyArguments,
+    parse_arguments,
+    stated_words,
+)
 from haptic_accel.graph.files import parameter_text
 from haptic_accel.graph.former_names import current_arguments
 from haptic_accel.graph.words import described, parse_words
@@ -75,6 +80,18 @@ def test_any_value_of_a_number_is_read_or_refused_by_name(key: str, value: str) 
         assert key in str(error)
     else:
         assert getattr(arguments, key) == float(value)
+
+
+def test_stated_words_give_the_same_arguments_and_leave_to_files_what_they_decide(
+    tmp_path: Path,
+) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(parameter_text({"/**": {"rate": 500.0}}))
+    words = [f"params_file:={mine}", "namespace:=/left", "duration:=0.1", "record:=false"]
+    arguments = parse_arguments(["latency:=3", *words])
+    assert arguments.rate == 500.0
+    assert sorted(stated_words(arguments)) == sorted(["latency:=3", *words])
+    assert parse_arguments(stated_words(arguments)) == arguments
 
 
 def test_the_virtual_slave_touches_a_scene() -> None:
