@@ -69,15 +69,15 @@ class _Unescaped:
         return getattr(self._stream, name)
 
 
-def next_command(*words: str) -> str:
-    """Return the line with the command that naturally follows.
+def next_command(*words: str, host: str = "") -> str:
+    """Return the line with the command that naturally follows, on this host or another one.
 
     Examples
     --------
     >>> next_command("analyze", "my bags")
     "next: haptic-accel analyze 'my bags'"
     """
-    return f"next: {shlex.join(['haptic-accel', *words])}"
+    return f"next{f' on {host}' if host else ''}: {shlex.join(['haptic-accel', *words])}"
 
 
 def save(metrics: Any, json_file: Path | None) -> None:

@@ -189,13 +189,19 @@ def run_shown(
         with progress:
             outcome = supervisor.run(stopped)
     for line in outcome.last_lines.get(RECORDER, ()):
-        if summary := SUMMARY.fullmatch(line):
+        if bag := finished_bag(line):
             beside = ["PEERS_BAG"] * any(each.executable == LINK for each in processes)
             with suppress(OSError):
-                print_line(next_command("analyze", summary[1], *beside))
+                print_line(next_command("analyze", bag, *beside))
     _conclude(outcome)
     if endless and outcome.first:
         print(f"{outcome.first} ended", file=sys.stderr)
+
+
+def finished_bag(line: str) -> str:
+    """Return the bag whose recording a recorder's line ends; empty for another line."""
+    found = SUMMARY.fullmatch(line)
+    return found[1] if found else ""
 
 
 def _hints(processes: Sequence[Process], keys: bool) -> Iterator[str]:

@@ -16,7 +16,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -35,7 +34,7 @@ from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters
 from haptic_accel.graph.words import parse_words
 from running import Command
-from verbs import status_of
+from verbs import next_command, status_of
 
 Start = Callable[..., Command]
 TABLE_I = {"m_a": 0.018, "k_s": 266.0, "b_s": 2.0, "m_h": 0.128, "k_u": 1500.0, "b_u": 11.0}
@@ -273,8 +272,8 @@ def test_a_recording_that_hit_the_stops_is_refused_by_its_estimated_travel(
 
 def advised(text: str) -> IdentifyArguments:
     """Return the arguments of the command that a text advises at its end."""
-    program, verb, *words = shlex.split(text.splitlines()[-1].partition("; next: ")[2])
-    assert (program, verb) == ("haptic-accel", "identify")
+    verb, *words = next_command("next: " + text.splitlines()[-1].partition("; next: ")[2])
+    assert verb == "identify"
     return parse_words([word for word in words if ":=" in word], IdentifyArguments)
 
 
