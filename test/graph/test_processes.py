@@ -442,6 +442,25 @@ def test_the_last_of_several_files_wins_and_the_replaced_value_is_stated(
     assert len(caplog.messages) == 2
 
 
+@pytest.mark.parametrize(
+    ("typed", "unused"),
+    [
+        ([], []),
+        (["controller:=none"], ["not used, as the argument controller:= replaces it"]),
+    ],
+)
+def test_of_two_files_that_decide_an_argument_the_earlier_is_stated_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, typed: list[str], unused: list[str]
+) -> None:
+    files = {tmp_path / "a.yaml": "inverse", tmp_path / "b.yaml": "adaptive"}
+    for file, controller in files.items():
+        file.write_text(f"compensator: {{ros__parameters: {{controller: {controller}}}}}")
+    a, b = files
+    graph_parameters(parse_arguments([f"params_file:={a},{b}", *typed]))
+    here = f"{b}: controller of compensator = adaptive: "
+    assert caplog.messages == [f"{here}replaces inverse of {a}", *(here + why for why in unused)]
+
+
 def test_the_recorder_notes_every_file_by_its_absolute_path(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
