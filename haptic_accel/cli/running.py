@@ -27,6 +27,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from typing import TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -157,7 +158,7 @@ def run_shown(
         The graph failed, as shown, or its output cannot be written.
     """
     (namespace,) = {process.namespace for process in processes}
-    progress = progress_bar(Console())
+    progress = progress_bar(sys.stdout)
     progress.disable |= not expected
     bar = progress.add_task("waiting for the arms", total=expected)
     engaged: list[float] = []
@@ -225,12 +226,14 @@ def _conclude(outcome: Outcome) -> None:
         raise StoppedError(f"no output: {outcome.unread.strerror}")
 
 
-def progress_bar(console: Console | None = None) -> Progress:
-    """Return a progress bar on stderr, or a console, with percentage and remaining time.
+def progress_bar(stream: TextIO | None = None) -> Progress:
+    """Return a progress bar on stderr, or another stream, with percentage and remaining time.
 
     It is drawn in a terminal only.
     """
-    console = console or Console(stderr=True)
+    stream = stream or sys.stderr
+    # By this name: without the escapes of `printable_output`, also while rich redirects streams.
+    console = Console(file=getattr(stream, "rich_proxied_file", stream))
     return Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),

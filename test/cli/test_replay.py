@@ -162,6 +162,7 @@ def test_a_terminal_shows_how_far_a_replay_is(
     shares = [int(share) for share in re.findall(r"replaying.*? (\d+) %", command.text)]
     assert shares == sorted(shares)
     assert shares[-1] == 100
+    assert "\\x1b" not in command.text
     assert read_bag(tmp_path / "bag").problems == []
 
 
