@@ -13,12 +13,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Measure the time from a motion on the scope's page to its sound, in a real browser.
+"""Measure the time from a motion on the scope's page to sound and picture, in a real browser.
 
 Run as ``python benchmarks/motion_to_sound.py``. A mouse taps the surface of
 ``haptic-accel touch``, or with arguments that of a graph with ``master:=pointer``. The stages end
 with the first sample of the handle's acceleration above a threshold, with its arrival at the page,
-and when the browser's output plays it.
+and when the browser's output plays it. The picture is the first that shows the handle a pixel from
+where it was; it is on the screen when the browser asks for the next one.
 """
 
 from __future__ import annotations
@@ -39,7 +40,11 @@ import numpy as np
 
 from haptic_accel.core.process import REALTIME
 
-STAGES = ("motion to acceleration", "acceleration to page", "page to sound", "motion to sound")
+STAGES = ("motion to acceleration", "acceleration to page", "page to sound")
+"""Stages of a sound, whose sum is the time from the motion."""
+
+TIMES = (*STAGES, "motion to sound", "motion to picture")
+"""Measured times."""
 
 ABOVE, BELOW = 1e-3, 3e-3
 """Distances from the surface between which the hand taps, m."""
@@ -53,18 +58,27 @@ TOUCH = 0.2
 REST = 700
 """Time between two motions, ms: the tool comes to rest."""
 
-WATCH = """() => {
-  window.taps = [];
+WATCH = """(scale) => {
   window.tap = null; // set to {} before the mouse moves
   const THRESHOLD = 2; // m/s²; in the air, the handle has 0.2
+  const PIXEL = 1 / scale; // m
   const now = () => performance.timeOrigin + performance.now();
+  const height = () => hapticScene.here.handle[1];
   document.getElementById("scene").addEventListener("pointermove", () => {
-    if (tap) tap.moved ??= now();
+    if (tap && !tap.moved) Object.assign(tap, { moved: now(), height: height() });
   });
+  const draw = hapticScene.draw;
+  hapticScene.draw = () => {
+    draw();
+    const shown = tap;
+    if (!shown?.moved || shown.drawn || Math.abs(height() - shown.height) < PIXEL) return;
+    shown.drawn = true;
+    requestAnimationFrame(() => (shown.picture = now() - shown.moved));
+  };
   const take = hapticSound.take;
   hapticSound.take = (name, origin, offsets, values, rate) => {
     take(name, origin, offsets, values, rate);
-    if (name !== "actual" || !tap?.moved) return;
+    if (name !== "actual" || !tap?.moved || tap.sound) return;
     const stamp = (index) => 1e3 * (origin + offsets.at(index));
     const felt = (value, index) => Math.abs(value) > THRESHOLD && stamp(index) > tap.moved;
     const first = values.findIndex(felt);
@@ -74,8 +88,7 @@ WATCH = """() => {
     const ahead = stamp(-1) - stamp(first); // the delay is that of the newest sample
     const played = arrived + 1e3 * (stream.delay + context.outputLatency) - ahead;
     const moments = [tap.moved, stamp(first), arrived, played];
-    taps.push([...moments.slice(1).map((moment, i) => moment - moments[i]), played - tap.moved]);
-    tap = null;
+    tap.sound = [...moments.slice(1).map((moment, i) => moment - moments[i]), played - tap.moved];
   };
 }"""
 
@@ -115,13 +128,13 @@ def wait(page: Any, expression: str) -> None:
 
 
 def measured(page: Any, taps: int) -> list[list[float]]:
-    """Return the stages of each tap, ms, in the order of `STAGES`."""
+    """Return the times of each tap that is heard and seen, ms, in the order of `TIMES`."""
     wait(page, "hapticScope.state?.led && hapticScope.state.engaged")
     page.locator("#sound-on").click()
     page.locator("#scene").hover()
     wait(page, "hapticSound.stream?.rate")
-    page.evaluate(WATCH)
     scale = page.evaluate(SCALE)
+    page.evaluate(WATCH, scale)
     box = page.locator("#scene").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)
@@ -130,15 +143,18 @@ def measured(page: Any, taps: int) -> list[list[float]]:
         y += STEP * scale
         page.mouse.move(x, y)
         page.wait_for_timeout(100)
+    found = []
     for _ in range(taps):
         page.mouse.move(x, y - ABOVE * scale)
         page.wait_for_timeout(REST)
         page.evaluate("tap = {}")
         page.mouse.move(x, y + BELOW * scale)
         page.wait_for_timeout(REST)
+        if page.evaluate("Boolean(tap.sound && tap.picture)"):
+            found.append(page.evaluate("[...tap.sound, tap.picture]"))
     page.mouse.up()
     print(page.locator("#sound-delay").inner_text(), file=sys.stderr)
-    return page.evaluate("taps")  # type: ignore[no-any-return]
+    return found
 
 
 def main() -> None:
@@ -148,7 +164,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("words", nargs="*", help="arguments of a graph: slave:=virtual")
     parser.add_argument("--taps", type=int, default=20)
-    parser.add_argument("--json", action="store_true", help="print one object of stages")
+    parser.add_argument("--json", action="store_true", help="print one object of times")
     given = parser.parse_args()
     with scope(given.words) as address, sync_playwright() as player:
         program, flags = shutil.which("chromium"), ["--no-sandbox", "--disable-gpu"]
@@ -158,10 +174,10 @@ def main() -> None:
         found = np.quantile(measured(page, given.taps), [0.5, 0.9], axis=0).T
         browser.close()
     if given.json:
-        print(json.dumps({name: list(pair) for name, pair in zip(STAGES, found, strict=True)}))
+        print(json.dumps({name: list(pair) for name, pair in zip(TIMES, found, strict=True)}))
         return
     print(f"{given.taps} taps, ms{'median':>20}{'90 %':>8}")
-    for name, (median, high) in zip(STAGES, found, strict=True):
+    for name, (median, high) in zip(TIMES, found, strict=True):
         print(f"{name:22}{median:>8.1f}{high:>8.1f}")
 
 

@@ -34,7 +34,12 @@ from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification.estimate import RecordingError, dft_ratio
-from haptic_accel.core.identification.evaluation import Identification, centred, identify_handle
+from haptic_accel.core.identification.evaluation import (
+    Identification,
+    Tell,
+    centred,
+    identify_handle,
+)
 from haptic_accel.core.identification.fit import INTERVAL, HandleFit
 from haptic_accel.core.identification.stops import (
     LIMITED,
@@ -114,7 +119,12 @@ POOLED_NOTE = (
 """Note on several grips."""
 
 
-def evaluate(recorded: Recorded, arguments: IdentifyArguments, free: Sequence[str]) -> Result:
+def evaluate(
+    recorded: Recorded,
+    arguments: IdentifyArguments,
+    free: Sequence[str],
+    tell: Tell = lambda _: None,
+) -> Result:
     """Fit the model to recordings.
 
     Parameters
@@ -124,6 +134,8 @@ def evaluate(recorded: Recorded, arguments: IdentifyArguments, free: Sequence[st
     arguments : IdentifyArguments
     free : sequence of str
         Parameters of the model to fit.
+    tell : callable
+        Called with the name of each stage, as by `identify_handle`.
 
     Raises
     ------
@@ -142,6 +154,7 @@ def evaluate(recorded: Recorded, arguments: IdentifyArguments, free: Sequence[st
             m_a=actuator.m_a, k_s=actuator.k_s, b_s=actuator.b_s or HandleParameters.b_s
         ),
         free=free,
+        tell=tell,
     )
     # Of each grip, the doubt on the largest travel.
     travel = [
@@ -355,13 +368,13 @@ class Recordings:
         Trials by the name of the grip.
     age : float
         Mean age of forces without a due time, s.
-    left_out : list of str
-        Lines on trials that miss too many samples.
+    left_out : list of RecordingError
+        Errors of bags, some of whose trials miss too many samples.
     """
 
     trials: dict[str, list[sweeps.IdentificationTrial]] = field(default_factory=dict)
     age: float = 0.0
-    left_out: list[str] = field(default_factory=list)
+    left_out: list[RecordingError] = field(default_factory=list)
 
 
 def run_lockstep(arguments: IdentifyArguments) -> list[sweeps.IdentificationTrial]:
@@ -429,7 +442,7 @@ def read_recordings(
 
 
 def _trials(
-    bag: Bag, arguments: IdentifyArguments, left_out: list[str]
+    bag: Bag, arguments: IdentifyArguments, left_out: list[RecordingError]
 ) -> list[sweeps.IdentificationTrial]:
     """Return the trials of a bag, without those that miss too many samples.
 
@@ -450,15 +463,16 @@ def _trials(
     whole = [trial for trial in found if trial.counters[sweeps.SAMPLES_MISSING] <= most]
     if len(whole) < len(found):
         counts = ", ".join(str(trial.counters[sweeps.SAMPLES_MISSING]) for trial in found)
-        reason = (
+        error = RecordingError(
             f"{bag.path}: {len(found) - len(whole)} of {len(found)} trials left out, as each lacks"
             f" more than {100 * MOST_MISSING:g} % of its samples (missing by trial: {counts});"
             " record again with less load on the machine, which haptic-accel doctor checks, or at"
-            " a lower rate:="
+            " a lower rate",
+            {"rate": 0.5},
         )
         if not whole:
-            raise RecordingError(reason)
-        left_out.append(reason)
+            raise error
+        left_out.append(error)
     return whole
 
 

@@ -32,7 +32,7 @@ from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
 from haptic_accel.bags.repair import DamagedError, Repair, inspect, repair
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, json_option, verb
-from haptic_accel.cli.output import save
+from haptic_accel.cli.output import next_command, save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
@@ -99,6 +99,8 @@ def repair_bags(paths: Sequence[Path], json_file: Path | None) -> None:
             raise StoppedError(f"{path}: cannot be repaired: {error}") from None
         _print(done[-1])
     save([{**asdict(one), "path": str(one.path)} for one in done], json_file)
+    if readable := [str(one.path) for one in done if one.messages]:
+        print(next_command("analyze", *readable))
     if any(one.messages == 0 and one.problems for one in done):
         raise StoppedError
 

@@ -30,6 +30,7 @@ import numpy as np
 from haptic_accel.cli.browser import HOST, show_page
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
+from haptic_accel.cli.output import next_command
 from haptic_accel.cli.running import print_line
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, ENDING, WRONG_ARGUMENTS
@@ -74,7 +75,7 @@ def bringup(arguments: BringUpArguments, page: bool) -> None:
 def _bring_up(rig: BringUp, file: str) -> str:
     """Bring up a rig; print and return the line with the next command."""
     try:
-        following = f"next: {rig.run()}"
+        following = next_command(*rig.run())
     except BringUpError as error:
         raise StoppedError(str(error)) from None
     except EOFError:

@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-import shlex
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -27,7 +26,7 @@ import click
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, arguments, verb
-from haptic_accel.cli.output import check_writable
+from haptic_accel.cli.output import check_writable, next_command
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.model import ACTUATOR, FloatArray
@@ -40,7 +39,7 @@ from haptic_accel.devices.serial.device import (
     PortParameters,
 )
 from haptic_accel.graph.files import EVERY_NODE, parameter_text
-from haptic_accel.graph.rig_file import next_teleoperation, update_parameter_file
+from haptic_accel.graph.rig_file import teleoperation_words, update_parameter_file
 
 if TYPE_CHECKING:
     from haptic_accel.devices.serial.board_samples import BoardSamples
@@ -118,11 +117,11 @@ def calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None:
     )
     print(f"parameters: {path}, for params_file:={path}")
     if arguments.side == MASTER:
-        step = f"haptic-accel identify {shlex.quote(f'params_file:={path}')} --update"
-        print(f"next: {step} {shlex.quote(str(path))}{'' if update else ' master:=serial'}")
+        words = ["identify", f"params_file:={path}", "--update", str(path)]
     else:
-        words = [] if update else ["slave:=serial"]
-        print(f"next: {next_teleoperation('', path, *words)}")
+        words = teleoperation_words("", path)
+    device = [] if update else [f"{arguments.side}:=serial"]
+    print(next_command(*words, *device))
 
 
 def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration]:

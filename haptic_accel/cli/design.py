@@ -18,13 +18,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from haptic_accel.cli.options import json_option, verb, words
-from haptic_accel.cli.output import save
+from haptic_accel.cli.output import next_command, save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.compensation import PLANT
@@ -37,7 +38,7 @@ from haptic_accel.core.control.inversion.spectrum import ToolSpectrum, measured_
 from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tables import Column, ResultTable
-from haptic_accel.graph.arguments import GraphArguments, parse_arguments
+from haptic_accel.graph.arguments import GraphArguments, parse_arguments, stated_words
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters
 from haptic_accel.graph.words import given_keys
@@ -143,6 +144,7 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         print(summary)
         metrics["feedback"] = summary.splitlines()
     save(metrics, json_file)
+    print(next_command("teleop", *stated_words(replace(arguments, controller=name))))
 
 
 def _drawn(spectrum: ToolSpectrum, rate: float) -> FloatArray:

@@ -18,9 +18,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 
 import click
@@ -40,23 +41,23 @@ from haptic_accel.analysis.identification import (
 )
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.output import check_writable, results_folder, save
-from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
+from haptic_accel.cli.output import check_writable, next_command, results_folder, save
+from haptic_accel.cli.running import run_to_end, shown_stages, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
 from haptic_accel.core.identification.estimate import RecordingError
-from haptic_accel.core.identification.evaluation import DEFAULT_FREE
+from haptic_accel.core.identification.evaluation import DEFAULT_FREE, stages
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.devices.audio import AUDIO
-from haptic_accel.graph.arguments import SIMULATED, IdentifyArguments
+from haptic_accel.graph.arguments import SIMULATED, IdentifyArguments, stated_words
 from haptic_accel.graph.files import EVERY_NODE
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, identification_graph
-from haptic_accel.graph.rig_file import next_teleoperation, update_parameter_file
+from haptic_accel.graph.rig_file import teleoperation_words, update_parameter_file
 from haptic_accel.graph.supervisor import Supervisor
 
 
@@ -130,22 +131,28 @@ def identify(
         identification_graph(each)  # errors are found first
     if update:
         check_writable(update, "update")
+    kept = [
+        *(["--lockstep"] if lockstep else []),
+        *(["--grips", ",".join(grips)] if grips else []),
+        *(["--free", ",".join(free)] if tuple(free) != DEFAULT_FREE else []),
+        *(["--update", str(update)] if update else []),
+    ]
+    advise = partial(_advised, arguments, kept)
     with nullcontext() if lockstep or sources else sole_graph(arguments.namespace):
         folder = results_folder(out, "identify_")
         try:
             if lockstep:
                 recorded = Recordings(_run_lockstep(by_grip, workers))
             else:
-                places = named(sources, arguments.grip) if sources else _run_live(by_grip, folder)
-                if sources:
-                    print(f"reading {', '.join(sources)}", flush=True)
+                shown = _shown(named(sources, arguments.grip))
+                places = shown if sources else _run_live(by_grip, folder)
                 recorded = read_recordings(places, arguments, recording_rate)
-            for line in recorded.left_out:
-                print(line, file=sys.stderr)
-            print("fitting the model: up to some minutes", flush=True)
-            result = evaluate(recorded.trials, arguments, free)
-        except RecordingError as reason:
-            raise StoppedError(str(reason)) from None
+            for error in recorded.left_out:
+                print(advise(error), file=sys.stderr)
+            with shown_stages(stages(recorded.trials)) as tell:
+                result = evaluate(recorded.trials, arguments, free, tell)
+        except RecordingError as error:
+            raise StoppedError(advise(error)) from None
     if arguments.master == SIMULATED and not sources and len(by_grip) == 1:
         (held,) = by_grip.values()
         result = beside_truth(result, held, on_arrival=not (lockstep or arguments.latency))
@@ -183,11 +190,33 @@ def identify(
             "actuator_device": arguments.actuator,
         }
         update_parameter_file(update, nodes)
-    print(f"next: {_next(arguments, update, parameters)}")
+    print(next_command(*_next(arguments, update, parameters)))
 
 
-def _next(arguments: IdentifyArguments, update: Path | None, parameters: Path) -> str:
-    """Return the command that runs the identified handle, with what no file tells it."""
+def _advised(arguments: IdentifyArguments, kept: Sequence[str], error: RecordingError) -> str:
+    """Return the reason of an error with the command that records again, if one is known."""
+    values = {name: getattr(arguments, name) for name in error.factors}
+    changes = {name: type(value)(value * error.factors[name]) for name, value in values.items()}
+    try:
+        changed = replace(arguments, **changes, bag="")
+    except ParameterError:
+        return str(error)
+    if not changes or changed.end_frequency >= changed.rate / 2:
+        return str(error)
+    return f"{error}; {next_command('identify', *stated_words(changed), *kept)}"
+
+
+def _shown(places: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Path]]:
+    """Yield places, and show which one is being read."""
+    places = list(places)
+    with shown_stages([f"reading {path}" for _, path in places]) as begin:
+        for grip, path in places:
+            begin(f"reading {path}")
+            yield grip, path
+
+
+def _next(arguments: IdentifyArguments, update: Path | None, parameters: Path) -> list[str]:
+    """Return verb and words that run the identified handle, with what no file tells it."""
     names = ("rig",) if update else ("rig", "master", "actuator", "rate")
     told = {name: getattr(arguments, name) for name in names}
     known = schema(IdentifyArguments)
@@ -197,7 +226,7 @@ def _next(arguments: IdentifyArguments, update: Path | None, parameters: Path) -
         if value != known[name][0]
     ]
     words = ["controller:=adaptive", *words]
-    return next_teleoperation(arguments.params_file, update or parameters, *words)
+    return teleoperation_words(arguments.params_file, update or parameters, *words)
 
 
 def _by_grip(arguments: IdentifyArguments, grips: Sequence[str]) -> dict[str, IdentifyArguments]:
@@ -235,21 +264,19 @@ def _run_live(
 
 
 def _run_graph(arguments: IdentifyArguments) -> None:
-    repeats = arguments.sweep.repeats
-    grip, total = f"{arguments.grip} grip", arguments.trials * repeats
-    with stop_on_signal() as stop, progress_bar() as progress:
-        task = progress.add_task(f"{grip}: starting", total=total)
+    trials, repeats = arguments.trials, arguments.sweep.repeats
+    grip = f"{arguments.grip} grip: "
+    places = [
+        f"{grip}trial {trial} of {trials}, repeat {repeat} of {repeats}"
+        for trial in range(1, trials + 1)
+        for repeat in range(1, repeats + 1)
+    ]
+    with stop_on_signal() as stop, shown_stages(places) as begin:
 
         def follow(executable: str, line: str) -> None:
             if executable == "identifier" and "trial " in line:
                 # The node's line ends with "trial 2 of 4, repeat 3 of 3".
-                place = line[line.rindex("trial ") :]
-                trial, repeat = int(place.split()[1]), int(place.split()[5])
-                done = (trial - 1) * repeats + repeat - 1
-                progress.update(task, description=f"{grip}: {place}", completed=done)
-                if not progress.console.is_terminal:
-                    progress.console.print(f"{grip}: {place}", highlight=False)
+                begin(grip + line[line.rindex("trial ") :])
 
         supervisor = Supervisor(identification_graph(arguments), on_line=follow)
         run_to_end(supervisor, stop, f"interrupted; recorded so far: {arguments.bag}")
-        progress.update(task, completed=total, description=f"{grip}: done")

@@ -22,11 +22,11 @@ from pathlib import Path
 import click
 
 from haptic_accel.cli.options import FILE, verb
-from haptic_accel.cli.output import make_folder
+from haptic_accel.cli.output import make_folder, next_command
 from haptic_accel.links.authentication import write_new_key
 
-FOLDERS = ("robot", "operator")
-"""Folders of the two hosts."""
+FOLDERS = {"robot": "slave", "operator": "master"}
+"""Sides of the two hosts by folder."""
 
 WITHOUT_CERTIFICATES = (
     "without certificates for transport:=zenoh: these need pip install 'haptic_accel[zenoh]'"
@@ -62,5 +62,8 @@ def keys(robot: str, operator: str, out: Path) -> None:
     write_new_key(*folders)
     for folder, identity in zip(folders, pair, strict=False):
         identity.write(folder)
-    for folder, host in zip(folders, hosts, strict=True):
-        print(f"{folder}: copy it to {host[0]}, and there add keys:=FOLDER to teleop")
+    (robot, *_), (operator, *_) = hosts
+    for folder, own, peer in zip(folders, (robot, operator), (operator, robot), strict=True):
+        print(f"{folder}: copy it to {own}")
+        words = (f"side:={FOLDERS[folder.name]}", f"peer:={peer}", f"keys:={folder.name}")
+        print(next_command("teleop", *words, host=own))

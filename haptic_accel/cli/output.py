@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -66,6 +67,17 @@ class _Unescaped:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
+
+
+def next_command(*words: str, host: str = "") -> str:
+    """Return the line with the command that naturally follows, on this host or another one.
+
+    Examples
+    --------
+    >>> next_command("analyze", "my bags")
+    "next: haptic-accel analyze 'my bags'"
+    """
+    return f"next{f' on {host}' if host else ''}: {shlex.join(['haptic-accel', *words])}"
 
 
 def save(metrics: Any, json_file: Path | None) -> None:

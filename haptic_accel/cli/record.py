@@ -22,6 +22,8 @@ import asyncio
 import click
 
 from haptic_accel.cli.options import arguments, one_of, verb
+from haptic_accel.cli.output import next_command
+from haptic_accel.cli.running import finished_bag
 from haptic_accel.graph.namespaces import NamespaceArguments
 
 ANSWER_TIMEOUT = 30.0
@@ -51,4 +53,7 @@ def record(action: str, arguments: NamespaceArguments) -> None:
     from haptic_accel.nodes.graph_requests import trigger
 
     with connected(arguments.namespace, answering=ANSWER_TIMEOUT) as client:
-        print(asyncio.run(client.send(trigger(f"recorder/{action}"))))
+        answer = asyncio.run(client.send(trigger(f"recorder/{action}")))
+    print(answer)
+    if action == "stop" and (bag := finished_bag(answer)):
+        print(next_command("analyze", bag))

@@ -27,7 +27,7 @@ import click
 
 from haptic_accel.analysis.replay import COLUMNS, PlayedCondition, play, progress, touching
 from haptic_accel.cli import options
-from haptic_accel.cli.output import make_folder, save
+from haptic_accel.cli.output import make_folder, next_command, save
 from haptic_accel.cli.running import run_shown
 from haptic_accel.cli.studies import beside, run_side_by_side
 from haptic_accel.cli.tables import print_table
@@ -141,6 +141,8 @@ def _play(
     save({"lockstep": True, "conditions": done}, json_file)
     if end:
         raise end
+    if out:
+        print(next_command("analyze", str(out)))
 
 
 def _planned(each: Sequence[Sequence[str]]) -> list[Replay]:

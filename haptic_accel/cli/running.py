@@ -21,18 +21,19 @@ import errno
 import os
 import re
 import select
-import shlex
 import signal
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from typing import TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.output import next_command
 from haptic_accel.core.parameters import printable
 from haptic_accel.core.process import ENDING, FAILED, INTERRUPTED, REALTIME, WRONG_ARGUMENTS
 from haptic_accel.graph.locks import sole_graph
@@ -157,7 +158,7 @@ def run_shown(
         The graph failed, as shown, or its output cannot be written.
     """
     (namespace,) = {process.namespace for process in processes}
-    progress = progress_bar(Console())
+    progress = progress_bar(sys.stdout)
     progress.disable |= not expected
     bar = progress.add_task("waiting for the arms", total=expected)
     engaged: list[float] = []
@@ -189,13 +190,19 @@ def run_shown(
         with progress:
             outcome = supervisor.run(stopped)
     for line in outcome.last_lines.get(RECORDER, ()):
-        if summary := SUMMARY.fullmatch(line):
-            beside = " PEERS_BAG" if any(each.executable == LINK for each in processes) else ""
+        if bag := finished_bag(line):
+            beside = ["PEERS_BAG"] * any(each.executable == LINK for each in processes)
             with suppress(OSError):
-                print_line(f"next: haptic-accel analyze {shlex.quote(summary[1])}{beside}")
+                print_line(next_command("analyze", bag, *beside))
     _conclude(outcome)
     if endless and outcome.first:
         print(f"{outcome.first} ended", file=sys.stderr)
+
+
+def finished_bag(line: str) -> str:
+    """Return the bag whose recording a recorder's line ends; empty for another line."""
+    found = SUMMARY.fullmatch(line)
+    return found[1] if found else ""
 
 
 def _hints(processes: Sequence[Process], keys: bool) -> Iterator[str]:
@@ -219,12 +226,14 @@ def _conclude(outcome: Outcome) -> None:
         raise StoppedError(f"no output: {outcome.unread.strerror}")
 
 
-def progress_bar(console: Console | None = None) -> Progress:
-    """Return a progress bar on stderr, or a console, with percentage and remaining time.
+def progress_bar(stream: TextIO | None = None) -> Progress:
+    """Return a progress bar on stderr, or another stream, with percentage and remaining time.
 
     It is drawn in a terminal only.
     """
-    console = console or Console(stderr=True)
+    stream = stream or sys.stderr
+    # By this name: without the escapes of `printable_output`, also while rich redirects streams.
+    console = Console(file=getattr(stream, "rich_proxied_file", stream))
     return Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -234,6 +243,27 @@ def progress_bar(console: Console | None = None) -> Progress:
         refresh_per_second=2.0,  # drawing takes CPU from the graph
         disable=not console.is_terminal,
     )
+
+
+@contextmanager
+def shown_stages(stages: Sequence[str]) -> Iterator[Callable[[str], None]]:
+    """Show the stages of a run by a progress bar, or by a line each where there is no terminal.
+
+    Yields
+    ------
+    callable
+        Takes the name of a stage as it begins.
+    """
+    with progress_bar() as progress:
+        task = progress.add_task(stages[0], total=len(stages))
+
+        def begin(stage: str) -> None:
+            progress.update(task, description=stage, completed=stages.index(stage))
+            if not progress.console.is_terminal:
+                print(stage, flush=True)
+
+        yield begin
+        progress.update(task, completed=len(stages))
 
 
 PRIORITY = 42

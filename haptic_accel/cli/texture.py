@@ -33,12 +33,12 @@ from haptic_accel.analysis.textures import (
     nodes_table,
 )
 from haptic_accel.cli.options import FILE, json_option, verb
-from haptic_accel.cli.output import check_writable, save
+from haptic_accel.cli.output import check_writable, next_command, save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError, printable
 from haptic_accel.core.resampling import checked_rate, resampled
 from haptic_accel.core.surfaces.building import Recording, build
-from haptic_accel.core.surfaces.texture import Provenance, Texture
+from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
 from haptic_accel.core.tables import records
 from haptic_accel.core.topics import CONTACT_FORCE, SLAVE, SLAVE_ARM_FORCE
 from haptic_accel.devices.playback import bag_track, is_bag
@@ -103,6 +103,15 @@ def build_texture(
         "refused": [asdict(each) for each in built.refused],
     }
     save(metrics, json_file)
+    print(_rendering(built.model, out))
+
+
+def _rendering(model: TextureModel, file: Path) -> str:
+    """Return the line with the command that makes a model heard, in the middle of its range."""
+    speed, force = f"{np.median(model.speeds) / MILLI:.3g}", f"{np.median(model.forces):.3g}"
+    sound = str(file.with_suffix(".wav"))
+    words = (str(file), "--speed", speed, "--force", force, "--out", sound)
+    return next_command("texture", "render", *words)
 
 
 @verb(
@@ -133,6 +142,7 @@ def import_file(file: Path, rate: float, calibration: float | None, out: Path) -
     loudest = model.rms.max()
     print(f"{out}: order {model.lsf.shape[1]}, {model.rate:g} Hz, up to {loudest:.2f} m/s^2 RMS")
     print(f"licence: {model.provenance.licence or 'none stated: that of the file'}")
+    print(_rendering(model, out))
 
 
 @verb("haptic-accel texture show plywood", "haptic-accel texture show wood.yaml --out wood.png")

@@ -53,6 +53,9 @@ SIMULATED = "simulated"
 POINTER = "pointer"
 """Name of the simulated master whose hand the live page leads."""
 
+POINTER_CONTROLLER = "adaptive"
+"""Controller under a hand that a page leads, if none is named: the one with the least error."""
+
 SURFACES = ("plywood", "text", "vinyl")
 """The paper's surfaces."""
 
@@ -108,7 +111,11 @@ def in_devices(*names: str) -> list[str]:
 class ConditionArguments(Checked):
     """Controller, and what is simulated."""
 
-    controller: str = sets("compensator.controller")
+    controller: str = sets(
+        "compensator.controller",
+        text="controller of the actuator's force; with master:=pointer, adaptive if neither given"
+        " nor in a parameter file",
+    )
     rig: str = parameter("paper", "virtual rig: ideal, paper, or a .yaml file")
     grip: str = sets(
         "master_device.simulated.grip.posture", text="grip of the simulated hand on the handle"
@@ -290,6 +297,14 @@ class GraphArguments(
                 f"surface = {self.surface!r}: a recording must come with slave:={SIMULATED}"
             )
 
+    @classmethod
+    def from_given(cls: type[L], **given: Any) -> L:
+        """Build from the given arguments, as `LaunchArguments` does, and for a page's hand."""
+        known = cls.filled(given)
+        if known.get("master") == POINTER:
+            known = {"controller": POINTER_CONTROLLER} | known
+        return cls(**known)
+
 
 @dataclass(frozen=True)
 class IdentifyArguments(SweepParameters, LaunchArguments):
@@ -310,6 +325,31 @@ class IdentifyArguments(SweepParameters, LaunchArguments):
     def sweep(self) -> SweepParameters:
         """The excitation alone."""
         return SweepParameters(**{name: getattr(self, name) for name in schema(SweepParameters)})
+
+
+def stated_words(arguments: LaunchArguments) -> list[str]:
+    """Return the ``key:=value`` words that give arguments which neither defaults nor files give.
+
+    Examples
+    --------
+    >>> stated_words(GraphArguments(rate=500.0, composed=False))
+    ['rate:=500', 'composed:=false']
+    """
+    files = {"params_file": arguments.params_file, "namespace": arguments.namespace}
+    known = type(arguments).from_given(**{key: each for key, each in files.items() if each})
+    values = {name: getattr(arguments, name) for name in schema(type(arguments))}
+    rest = {name: value for name, value in values.items() if value != getattr(known, name)}
+    return [
+        f"{name}:={_text(value)}" for name, value in ({**files, **rest}).items() if value != ""
+    ]
+
+
+def _text(value: Any) -> str:
+    """Return the text of a value in a word."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    short = f"{value:g}" if isinstance(value, float) else str(value)
+    return short if not isinstance(value, float) or float(short) == value else str(value)
 
 
 def _decisive(default: Any, places: Iterable[str]) -> Iterator[tuple[str, str]]:

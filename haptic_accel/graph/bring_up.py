@@ -51,9 +51,9 @@ from haptic_accel.graph.files import EVERY_NODE, SEPARATOR, parameter_paths, rea
 from haptic_accel.graph.node_parameters import SAFETY, build_device, node_parameters
 from haptic_accel.graph.processes import graph_parameters
 from haptic_accel.graph.rig_file import (
-    next_teleoperation,
     note_step,
     noted_steps,
+    teleoperation_words,
     update_parameter_file,
 )
 
@@ -113,7 +113,7 @@ SMALLEST_SHARE = 0.05
 TRIAL = 10
 """Duration of a trial with a controller, s, as the paper's."""
 
-PROGRESS = re.compile(r"\d+ of \d+:|.*: trial \d+ of \d+|fitting|delay of|report:")
+PROGRESS = re.compile(r"\d+ of \d+:|.*: trial \d+ of \d+|fit of |delay of|report:")
 """Lines of the identification and of the comparison that show how far they are."""
 
 SCALE = re.compile(r"audio\.full_scale: (\S+) N per kg")
@@ -213,8 +213,8 @@ class BringUp:
                 break
             self._done[step] = noted[step]
 
-    def run(self) -> str:
-        """Take the steps that are left; return the next command.
+    def run(self) -> list[str]:
+        """Take the steps that are left; return verb and words of the next command.
 
         Raises
         ------
@@ -236,7 +236,7 @@ class BringUp:
             self._person.show(None)
             text = "; ".join(self._said) or "nothing to do"
             note_step(self._path, step, f"{datetime.now():%Y-%m-%d %H:%M}: {text}")
-        return next_teleoperation("", self._path, "controller:=adaptive")
+        return teleoperation_words("", self._path, "controller:=adaptive")
 
     # The steps
 
@@ -299,7 +299,7 @@ class BringUp:
                 return lines
             share /= 2
             if not any("smaller amplitude" in line for line in lines) or share < SMALLEST_SHARE:
-                reason = _last(lines)
+                reason = _last(lines).partition("; next: ")[0]  # this is the next command
                 if self._ask(f"{reason}; press Enter to try again, or type s to stop") == SKIP:
                     raise BringUpError(reason)
                 share = 1.0

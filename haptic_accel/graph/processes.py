@@ -22,7 +22,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib.util import find_spec
-from itertools import chain
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -244,9 +243,10 @@ def graph_parameters(arguments: Arguments) -> Values:
     set_here = _own_parameters(arguments)
     own = [(path, read_parameter_file(path, arguments.namespace)) for path in _files(arguments)]
     given = read_parameter_files(arguments.params_file, arguments.namespace)
-    for path, content in chain(own, given):
+    files = [*own, *given]
+    for place, (path, content) in enumerate(files, 1):
         if path != _defaults_file():
-            _check_given(path, content, set_here)
+            _check_given(path, content, set_here, [later for _, later in files[place:]])
         for executable in NODES:
             values[executable] |= content[executable]
     for executable, set_values in set_here.items():
@@ -263,8 +263,11 @@ def graph_parameters(arguments: Arguments) -> Values:
     return values
 
 
-def _check_given(path: Path, content: Values, set_here: Values) -> None:
-    """Refuse a file's values that the graph sets; state those that an argument replaces."""
+def _check_given(path: Path, content: Values, set_here: Values, later: Sequence[Values]) -> None:
+    """Refuse a file's values that the graph sets; state those that an argument replaces.
+
+    What a later file replaces, `read_parameter_files` states.
+    """
     replaced: list[Unused] = []
     for node, own in set_here.items():
         for name, value in content[node].items():
@@ -274,6 +277,8 @@ def _check_given(path: Path, content: Values, set_here: Values) -> None:
             if not argument:
                 made = f"the graph's arguments make it {own[name]}; leave it out"
                 raise ParameterError(f"{path}: {name} of {node} = {value}: {made}")
+            if any(name in values[node] for values in later):
+                continue
             reason = f"not used, as the argument {argument}:= replaces it"
             replaced.append(Unused(path, name, node, value, reason))
     warn_of(replaced)

@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Mapping
 from io import StringIO
 from pathlib import Path
@@ -113,18 +112,18 @@ def note_step(path: Path, step: str, text: str) -> None:
         replace_file(path, "".join(f"{line}\n" for line in head + kept).encode())
 
 
-def next_teleoperation(params_file: str, found: Path, *words: str) -> str:
-    """Return the command line that runs a graph with a file in addition to other ones.
+def teleoperation_words(params_file: str, found: Path, *words: str) -> list[str]:
+    """Return verb and words that run a graph with a file in addition to other ones.
 
     Examples
     --------
-    >>> next_teleoperation("", Path("rig.yaml"), "controller:=adaptive")
-    'haptic-accel teleop params_file:=rig.yaml controller:=adaptive'
+    >>> teleoperation_words("", Path("rig.yaml"), "controller:=adaptive")
+    ['teleop', 'params_file:=rig.yaml', 'controller:=adaptive']
     """
     files = [word for word in params_file.split(SEPARATOR) if word]
     if found.absolute() not in parameter_paths(params_file):
         files.append(str(found))
-    return shlex.join(["haptic-accel", "teleop", f"params_file:={SEPARATOR.join(files)}", *words])
+    return ["teleop", f"params_file:={SEPARATOR.join(files)}", *words]
 
 
 def _key(content: Mapping[str, Any], node: str) -> str:

@@ -49,9 +49,6 @@ from haptic_accel.scope.server import CommandError, check_choice
 from haptic_accel.scope.state import choices, drawing, state_of
 from haptic_accel.scope.windows import GraphSettings, Windows
 
-CONTROLLER = "adaptive"
-"""Controller at the start: the one with the least error on this rig."""
-
 PAUSE = 4e-3
 """Pause between two groups of ticks, s: a quarter of a picture, so that waking costs little."""
 
@@ -101,9 +98,7 @@ class PacedRig:
     """
 
     def __init__(self, surface: str, rig: str) -> None:
-        self._arguments = GraphArguments(
-            controller=CONTROLLER, surface=surface, rig=rig, master=POINTER
-        )
+        self._arguments = GraphArguments.from_given(surface=surface, rig=rig, master=POINTER)
         self.windows = Windows()
         self._choices = choices()
         self._asked: SimpleQueue[_Asked] = SimpleQueue()

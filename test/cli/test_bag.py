@@ -23,7 +23,7 @@ import pytest
 from bag_maker import NANOSECONDS, START, STRING, Message, record_messages
 from damaged import write_cut_off_bag
 from haptic_accel.bags.facts import custom_data, facts_text
-from verbs import status_of
+from verbs import next_command, status_of
 
 FACTS = custom_data(facts_text({"surface": "vinyl", "bag": ""}, {"coupler": {"k_m": 250.0}}))
 
@@ -64,6 +64,7 @@ def test_a_bag_that_was_cut_off_is_known_and_repaired(
     shown = capsys.readouterr().out
     assert f"{bag}: is whole: 2 messages in 0.50 s" in shown
     assert f"{killed}: is whole again: 2 messages in 0.50 s" in shown
+    assert next_command(shown) == ["analyze", str(bag), str(killed)]
     whole, repaired = json.loads(report.read_text())
     assert whole["repairs"] == []
     assert (repaired["path"], repaired["messages"]) == (str(killed), 2)

@@ -22,7 +22,7 @@ from pathlib import Path
 import pytest
 
 from running import Command
-from verbs import refusal
+from verbs import next_command, refusal
 
 Start = Callable[..., Command]
 
@@ -42,6 +42,7 @@ def test_it_prints_and_saves_what_a_design_will_do(
     assert figures["bound_percent"] < figures["nrmse_percent"] < 5.0
     assert 0.0 < figures["travel_rms_mm"] < figures["landing_travel_mm"]
     assert "gives up low frequencies above 3.04 mm" in command.text
+    assert next_command(command.text) == ["teleop", f"controller:={controller}", "rig:=ideal"]
     assert len(figures["frequency_hz"]) == len(figures["gain"]) == len(figures["phase_deg"])
     at_80 = figures["frequency_hz"].index(80.0)
     assert figures["gain"][at_80] == pytest.approx(1.0, abs=0.03)

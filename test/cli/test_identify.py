@@ -23,15 +23,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bag_maker import BagContent, write_bag
 from haptic_accel.bags.reading import read_bag
+from haptic_accel.core.identification.evaluation import stages
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import POSTURES
-from haptic_accel.core.topics import ACTUATOR_AXIS, ACTUATOR_FORCE
+from haptic_accel.core.topics import ACTUATOR_AXIS, ACTUATOR_FORCE, HANDLE_ACCELERATION
 from haptic_accel.core.trial import run_identification
-from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters
+from haptic_accel.graph.words import parse_words
 from running import Command
-from verbs import status_of
+from verbs import next_command, status_of
 
 Start = Callable[..., Command]
 TABLE_I = {"m_a": 0.018, "k_s": 266.0, "b_s": 2.0, "m_h": 0.128, "k_u": 1500.0, "b_u": 11.0}
@@ -235,8 +238,11 @@ def test_a_csv_recording_has_named_columns(
         *("--json", "metrics.json", "--out", "found"),
     )
     assert found == status
-    assert named in capsys.readouterr().err
+    told = capsys.readouterr()
+    assert named in told.err
     if status == 0:
+        shown = ["reading bench.csv", *stages(["average"])[:3], "discrete model"]
+        assert told.out.splitlines()[: len(shown)] == shown
         metrics = json.loads((here / "metrics.json").read_text())
         assert metrics["parameters"]["m_h"]["value"] == pytest.approx(TABLE_I["m_h"], rel=0.02)
         assert (here / "found" / "index.html").is_file()
@@ -257,8 +263,38 @@ def test_a_recording_that_hit_the_stops_is_refused_by_its_estimated_travel(
     recording(1.2, here / "hard.csv")
     words = ("--recording-rate", "1000", "--duration", "1", "--start-amplitude", "1.2")
     assert status_of("identify", "--from", "hard.csv", *words, "--out", "found") == 1
-    assert "travel = " in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "travel = " in told
+    again = advised(told)
+    assert (again.start_amplitude, again.end_amplitude, again.duration) == (0.6, 0.84, 1.0)
     assert not (here / "found" / "handle.yaml").exists()
+
+
+def advised(text: str) -> IdentifyArguments:
+    """Return the arguments of the command that a text advises at its end."""
+    verb, *words = next_command("next: " + text.splitlines()[-1].partition("; next: ")[2])
+    assert verb == "identify"
+    return parse_words([word for word in words if ":=" in word], IdentifyArguments)
+
+
+@pytest.mark.parametrize("kept", [0, 1])
+def test_trials_that_lack_samples_are_left_out_with_the_command_for_others(
+    here: Path, capsys: pytest.CaptureFixture[str], kept: int
+) -> None:
+    sweep = SweepParameters(duration=1.0)
+    trials = run_identification(parameters=sweep, rate=1000.0, latency=0, trials=2)
+    force = np.concatenate([trial.actuator_force for trial in trials])
+    acceleration = np.concatenate([trial.handle_acceleration for trial in trials])
+    signals = {ACTUATOR_FORCE.name: force, HANDLE_ACCELERATION.name: acceleration}
+    lost = range(500, len(force) - kept * len(trials[1].actuator_force), 10)
+    content = BagContent(signals, arms=False, dropped={HANDLE_ACCELERATION.name: lost})
+    write_bag(here / "my bag", content)
+    words = ("--duration", "1", "grip:=pinch", "--free", "m_h,k_u,b_u,delay", "--out", "found")
+    assert status_of("identify", "--from", "my bag", *words) == (0 if kept else 1)
+    told = next(line for line in capsys.readouterr().err.splitlines() if "left out" in line)
+    again = advised(told)
+    assert (again.rate, again.grip, again.duration) == (500.0, "pinch", 1.0)
+    assert told.endswith(" --free m_h,k_u,b_u,delay")
 
 
 def test_a_doubtful_handle_is_marked_and_the_graph_warns_of_it(

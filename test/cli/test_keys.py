@@ -23,7 +23,7 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.links.authentication import LINK_KEY, read_key
-from verbs import refusal, status_of
+from verbs import next_command, refusal, status_of
 
 
 def test_both_hosts_get_one_key_also_without_certificates(
@@ -41,11 +41,23 @@ def test_both_hosts_get_one_key_also_without_certificates(
     assert [path.name for path in (here / "one/robot").iterdir()] == [LINK_KEY]
 
 
-def test_keys_are_made_once_for_two_hosts(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_keys_are_made_once_for_two_hosts(
+    here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert status_of("keys", "robot.lab,10.0.0.2", "desk.lab", "--out", "mine") == 0
     pytest.importorskip("cryptography")
     out = capsys.readouterr().out.splitlines()
-    assert [line.partition(":")[0] for line in out] == ["mine/robot", "mine/operator"]
+    assert [line.partition(":")[0] for line in out[::2]] == ["mine/robot", "mine/operator"]
+    for line, host, words in zip(
+        out[1::2],
+        ("robot.lab", "desk.lab"),
+        ("side:=slave peer:=desk.lab keys:=robot", "side:=master peer:=robot.lab keys:=operator"),
+        strict=True,
+    ):
+        assert line.startswith(f"next on {host}: ")
+        monkeypatch.chdir(here / "mine")
+        assert next_command(line) == ["teleop", *words.split()]
+    monkeypatch.chdir(here)
     before = {path: path.read_bytes() for path in (here / "mine").glob("*/*")}
     assert len(before) == 8
     assert "must be a new folder" in refusal("keys", "a", "b", "--out", "mine")

@@ -228,3 +228,30 @@ def test_a_terminal_that_hangs_up_ends_the_graph_in_order(
     assert terminal.process.wait(PATIENCE) == 0
     assert nodes_of(domain) == {}
     assert read_bag(tmp_path / "bag").problems == []
+
+
+STAGES = """
+import sys
+from haptic_accel.cli.output import printable_output
+from haptic_accel.cli.running import shown_stages
+
+with printable_output(), shown_stages(["one", "two"]) as begin:
+    begin("one")
+    print("a name with \\x1b[2J in it", flush=True)
+    begin("two")
+"""
+
+
+def test_stages_are_a_bar_in_a_terminal_and_a_line_each_elsewhere() -> None:
+    in_terminal = "import pty, sys; sys.exit(pty.spawn([sys.executable, *sys.argv[1:]]) >> 8)"
+    plain, drawn = (
+        subprocess.run(
+            [sys.executable, *words], capture_output=True, check=True, stdin=subprocess.DEVNULL
+        ).stdout.decode()
+        for words in (["-c", STAGES], ["-c", in_terminal, "-c", STAGES])
+    )
+    assert plain == "one\na name with \\x1b[2J in it\ntwo\n"
+    assert "two" in drawn
+    assert "100 %" in drawn
+    assert "\x1b[2J" not in drawn
+    assert drawn.count("\\x1b") <= 1  # that of the name: the bar itself is drawn

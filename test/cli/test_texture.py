@@ -34,7 +34,7 @@ from haptic_accel.graph.files import surface_parameters
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.materials.texture_files import read_texture
-from verbs import refusal, status_of
+from verbs import next_command, refusal, status_of
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -55,11 +55,15 @@ def write_drag(path: Path, force: float) -> None:
     np.savetxt(path, rows, delimiter=",", header="speed,force,accel", comments="", fmt="%.6f")
 
 
-def test_a_model_is_built_from_files_with_a_report(tmp_path: Path) -> None:
+def test_a_model_is_built_from_files_with_a_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for force in (0.5, 1.0):
         write_drag(tmp_path / f"{force}.csv", force)
     words = ("0.5.csv", "1.0.csv", "--rate", "1000", "--out", "wood.yaml", "--json", "report.json")
     assert status_of("texture", "build", *words) == 0
+    assert status_of(*next_command(capsys.readouterr().out)) == 0
+    assert (tmp_path / "wood.wav").is_file()
     model = read_texture(tmp_path / "wood.yaml")
     assert model.name == "wood"
     assert model.provenance.source == "built from 0.5.csv, 1.0.csv"

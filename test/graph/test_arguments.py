@@ -15,13 +15,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.warning import warn_once
-from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
+from haptic_accel.graph.arguments import (
+    GraphArguments,
+    IdentifyArguments,
+    parse_arguments,
+    stated_words,
+)
+from haptic_accel.graph.files import parameter_text
 from haptic_accel.graph.former_names import current_arguments
 from haptic_accel.graph.words import described, parse_words
 
@@ -74,10 +82,34 @@ def test_any_value_of_a_number_is_read_or_refused_by_name(key: str, value: str) 
         assert getattr(arguments, key) == float(value)
 
 
+def test_stated_words_give_the_same_arguments_and_leave_to_files_what_they_decide(
+    tmp_path: Path,
+) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(parameter_text({"/**": {"rate": 500.0}}))
+    words = [f"params_file:={mine}", "namespace:=/left", "duration:=0.1", "record:=false"]
+    arguments = parse_arguments(["latency:=3", *words])
+    assert arguments.rate == 500.0
+    assert sorted(stated_words(arguments)) == sorted(["latency:=3", *words])
+    assert parse_arguments(stated_words(arguments)) == arguments
+
+
 def test_the_virtual_slave_touches_a_scene() -> None:
     assert parse_arguments(["slave:=virtual"]).surface == "workshop"
     assert parse_arguments(["slave:=virtual", "surface:=mine.yaml"]).surface == "mine.yaml"
     assert parse_arguments(["surface:=text"]).surface == "text"
+
+
+def test_the_hand_of_a_page_begins_with_the_best_controller(tmp_path: Path) -> None:
+    pointer = "master:=pointer"
+    assert parse_arguments([pointer]).controller == "adaptive"
+    assert parse_arguments([pointer, "controller:=dynamic"]).controller == "dynamic"
+    assert parse_arguments(["master:=simulated"]).controller == "dynamic"
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(parameter_text({"compensator": {"controller": "dynamic"}}))
+    assert parse_arguments([pointer, f"params_file:={mine}"]).controller == "dynamic"
+    mine.write_text(parameter_text({"master_device": {"device": "pointer"}}))
+    assert parse_arguments([f"params_file:={mine}"]).controller == "adaptive"
 
 
 def test_a_recording_is_for_the_simulated_slave() -> None:

@@ -134,6 +134,7 @@ def test_a_replay_declares_its_own_arguments_and_those_of_the_graph() -> None:
     ("name", "words", "expected"),
     [
         ("teleop", {}, lambda words: graph(parse_arguments(words))),
+        ("teleop", {"master": "pointer"}, lambda words: graph(parse_arguments(words))),
         (
             "teleop",
             {"controller": "constant", "composed": "false", "scope": "true", "namespace": "left"},

@@ -179,7 +179,7 @@ def test_an_identification_has_no_other_arrangement() -> None:
 
 
 def test_who_leads_the_hand_changes_nothing_else_of_the_simulated_handle() -> None:
-    words = ["rig:=ideal", "grip:=pinch"]
+    words = ["rig:=ideal", "grip:=pinch", "controller:=adaptive"]
     scripted, led = (
         graph_parameters(parse_arguments([f"master:={master}", *words]))
         for master in ("simulated", "pointer")
@@ -440,6 +440,25 @@ def test_the_last_of_several_files_wins_and_the_replaced_value_is_stated(
     assert mass.startswith(f"{b}: actuator.m_a of ")
     assert mass.endswith(f" = 0.03: replaces 0.02 of {a}")
     assert len(caplog.messages) == 2
+
+
+@pytest.mark.parametrize(
+    ("typed", "unused"),
+    [
+        ([], []),
+        (["controller:=none"], ["not used, as the argument controller:= replaces it"]),
+    ],
+)
+def test_of_two_files_that_decide_an_argument_the_earlier_is_stated_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, typed: list[str], unused: list[str]
+) -> None:
+    files = {tmp_path / "a.yaml": "inverse", tmp_path / "b.yaml": "adaptive"}
+    for file, controller in files.items():
+        file.write_text(f"compensator: {{ros__parameters: {{controller: {controller}}}}}")
+    a, b = files
+    graph_parameters(parse_arguments([f"params_file:={a},{b}", *typed]))
+    here = f"{b}: controller of compensator = adaptive: "
+    assert caplog.messages == [f"{here}replaces inverse of {a}", *(here + why for why in unused)]
 
 
 def test_the_recorder_notes_every_file_by_its_absolute_path(

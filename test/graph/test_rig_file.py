@@ -23,7 +23,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.arguments import parse_arguments
 from haptic_accel.graph.files import parameter_text, read_parameter_file
 from haptic_accel.graph.processes import graph_parameters
-from haptic_accel.graph.rig_file import next_teleoperation, update_parameter_file
+from haptic_accel.graph.rig_file import teleoperation_words, update_parameter_file
 
 RIG = """\
 # The bench by the window.
@@ -86,9 +86,7 @@ def test_values_for_every_node_hold_in_any_namespace(tmp_path: Path) -> None:
 
 
 def test_the_next_command_has_every_file(tmp_path: Path) -> None:
-    assert next_teleoperation("a.yaml", Path("b.yaml")) == (
-        "haptic-accel teleop params_file:=a.yaml,b.yaml"
-    )
-    assert next_teleoperation("a.yaml,b.yaml", Path("b.yaml"), "rate:=500") == (
-        "haptic-accel teleop params_file:=a.yaml,b.yaml rate:=500"
-    )
+    expected = ["teleop", "params_file:=a.yaml,b.yaml"]
+    assert teleoperation_words("a.yaml", Path("b.yaml")) == expected
+    found = teleoperation_words("a.yaml,b.yaml", Path("b.yaml"), "rate:=500")
+    assert found == [*expected, "rate:=500"]

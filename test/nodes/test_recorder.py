@@ -37,6 +37,7 @@ from haptic_accel.graph.files import parameter_text
 from observing import Observer
 from reading import deserialised, with_mcap, with_rosbags
 from running import Command, limit_size, nodes_of, wait_until
+from verbs import next_command
 
 Start = Callable[..., Command]
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -89,7 +90,10 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
     assert told.text == f"{tmp_path / 'bag'}: another file follows bag_0.mcap"
     values = observer.status("recorder", state="recording")
     assert int(values["free space (bytes)"]) > 0
-    assert "0 dropped" in asked(observer, "stop")
+    told = haptic_accel("record", "stop")
+    assert told.end() == 0, told.text
+    assert "0 dropped" in told.text
+    assert next_command(told.text) == ["analyze", str(tmp_path / "bag")]
     refused = observer.call(Trigger, "recorder/pause", Trigger.Request())
     assert (refused.success, refused.message) == (False, f"{tmp_path / 'bag'}: is stopped already")
 

@@ -27,7 +27,7 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.scope.paced_rig import CONTROLLER, PacedRig
+from haptic_accel.scope.paced_rig import PacedRig
 from haptic_accel.scope.server import CommandError
 from haptic_accel.scope.windows import Ring
 from running import wait_until
@@ -79,7 +79,7 @@ def test_strokes_of_its_own_are_felt_until_it_is_led(rig: PacedRig) -> None:
 
 
 def test_a_controller_a_surface_and_a_grip_are_changed_while_it_runs(rig: PacedRig) -> None:
-    assert rig.state()["controller"] == CONTROLLER
+    assert rig.state()["controller"] == "adaptive"
     for action, value in (("controller", "none"), ("surface", "vinyl"), ("grip", "hook")):
         assert act(rig, action, value) == f"{action}: {value}"
         assert rig.state()[action] == value

@@ -29,7 +29,7 @@ import pytest
 from haptic_accel.scope.windows import Windows
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+    from playwright.sync_api import Browser, Page, ViewportSize
 
 BROWSER = "HAPTIC_ACCEL_BROWSER"
 """Environment variable that makes a missing browser a failure: required."""
@@ -59,6 +59,10 @@ LISTEN = """() => {
 }"""
 """Script that defines ``heard()``: frequency (Hz) and level (dB) of the loudest line in a page's
 sound."""
+
+
+PHONE: ViewportSize = {"width": 390, "height": 844}
+"""Size of a page on a phone, pixels."""
 
 
 class QuietGraph:
@@ -112,3 +116,19 @@ def chromium() -> Iterator[Browser]:
         browser = player.chromium.launch(executable_path=program, args=list(FLAGS))
         yield browser
         browser.close()
+
+
+def violations(page: Page) -> list[str]:
+    """Return what axe-core objects to on a page, also on a phone; skip the test without axe."""
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    wide = page.viewport_size
+    assert wide
+    found = []
+    for size in (PHONE, wide):
+        page.set_viewport_size(size)
+        found += axe.run(page).response["violations"]
+    return [
+        f"{rule['help']}: {node['html']}: {node['failureSummary']}"
+        for rule in found
+        for node in rule["nodes"]
+    ]

@@ -18,9 +18,15 @@
 from __future__ import annotations
 
 import io
+import shlex
 from contextlib import redirect_stderr
 
+import click
+
+from haptic_accel.cli.commands import command_line
 from haptic_accel.cli.main import main
+from haptic_accel.cli.options import Words
+from haptic_accel.graph.words import parse_words
 
 
 def status_of(*words: object) -> int:
@@ -31,6 +37,26 @@ def status_of(*words: object) -> int:
         assert isinstance(end.code, int)
         return end.code
     raise AssertionError("the command did not exit")
+
+
+def next_command(text: str) -> list[str]:
+    """Return verb and words of the last command that a verb's output advises.
+
+    They are parsed as the program would parse them.
+    """
+    line = [line for line in text.splitlines() if line.startswith("next")][-1]
+    program, *words = shlex.split(line.partition(": ")[2])
+    assert program == "haptic-accel"
+    command: click.Command | None = command_line
+    rest = words
+    while isinstance(command, click.Group):
+        _, command, rest = command.resolve_command(click.Context(command), rest)
+    assert command
+    given = command.make_context(command.name, rest).params
+    for each in command.params:
+        if isinstance(each, Words):
+            parse_words(given[each.name or ""], *each.kinds)
+    return words
 
 
 def refusal(*words: object) -> str:

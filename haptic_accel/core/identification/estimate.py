@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -57,8 +58,24 @@ _HANN_OVERLAP = 1.0 / 36.0
 _AT_RANGE = 0.999  # of full range: a converter's last step may lie slightly below
 
 
+SMALLER = {"start_amplitude": 0.5, "end_amplitude": 0.5}
+"""Factors of a sweep's parameters after too much travel, force or acceleration."""
+
+
 class RecordingError(ValueError):
-    """Recording that is not fit for identification; the message is one line with the reason."""
+    """Recording that is not fit for identification.
+
+    Parameters
+    ----------
+    reason : str
+        One line.
+    factors : mapping of str to float, optional
+        Factors by which another recording has to change arguments of this one, where known.
+    """
+
+    def __init__(self, reason: str, factors: Mapping[str, float] | None = None) -> None:
+        super().__init__(reason)
+        self.factors = dict(factors or {})
 
 
 @dataclass(frozen=True)
@@ -259,7 +276,8 @@ def check_recording(
         raise RecordingError(
             f"handle_acceleration: {100 * share:.2g} % of its samples are at the sensor's range"
             f" of {acceleration_range:g} m/s^2,"
-            f" must be at most {100 * LARGEST_SATURATED_SHARE:g} %"
+            f" must be at most {100 * LARGEST_SATURATED_SHARE:g} %; use a smaller amplitude",
+            SMALLER,
         )
     if coherence < SMALLEST_COHERENCE:
         raise RecordingError(

@@ -18,7 +18,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from statistics import fmean
@@ -75,6 +75,15 @@ LARGEST_MISFIT = 0.1
 
 DEFAULT_FREE = (*OF_RESPONSES, "friction")
 """Fitted parameters."""
+
+GRIP_STAGES = ("response", "mount", "dry friction")
+"""Stages of the evaluation of a grip."""
+
+LAST_STAGES = ("fit of all grips", "discrete model")
+"""Stages after the grips."""
+
+Tell = Callable[[str], None]
+"""Function that is called with the name of each stage as it begins."""
 
 Fit = Callable[..., HandleFit]
 """Function `fit_handle` with the accelerometer and the known parameters already set."""
@@ -165,6 +174,7 @@ def identify_handle(
     *,
     known: HandleParameters | None = None,
     free: Sequence[str] = DEFAULT_FREE,
+    tell: Tell = lambda _: None,
 ) -> Identification:
     """Estimate responses, fit parameters and choose models from recordings of one handle.
 
@@ -181,6 +191,8 @@ def identify_handle(
         Values of the fixed parameters, and initial values of the others; default: Table I.
     free : sequence of str
         Names of the fitted parameters, as in `fit_handle`, and ``"friction"``.
+    tell : callable
+        Called with the name of each of the `stages` as it begins; some may be left out.
 
     Raises
     ------
@@ -194,14 +206,19 @@ def identify_handle(
     fit = partial(fit_handle, known=known, low_pass_frequency=bandwidth)
     grips = {
         name: _identify_grip(
-            [trial.aligned.cleaned for trial in trials], sweep, acceleration_range, fit, free
+            [trial.aligned.cleaned for trial in trials],
+            *(sweep, acceleration_range, fit, free),
+            _telling(tell, name),
         )
         for name, trials in recorded.items()
     }
+    if len(grips) > 1:
+        tell(LAST_STAGES[0])
     pooled = _pooled(list(grips.values()), fit, free)
     for name, found in [*((name, grip.fit) for name, grip in grips.items()), ("", pooled)]:
         _check_determined(name, found)
     trials = [trial for grip in grips.values() for trial in grip.trials]
+    tell(LAST_STAGES[1])
     discrete = identify_discrete(
         np.concatenate([trial.actuator_force for trial in trials]),
         np.concatenate([centred(trial.handle_acceleration) for trial in trials]),
@@ -209,6 +226,25 @@ def identify_handle(
         trials[0].rate,
     )
     return Identification(grips, pooled, discrete, approximate_model(pooled.handle), sweep.band)
+
+
+def stages(grips: Iterable[str]) -> list[str]:
+    """Return the names of the stages of `identify_handle`, in their order.
+
+    Examples
+    --------
+    >>> stages(["hook"])[2:]
+    ['fit of hook: dry friction', 'fit of all grips', 'discrete model']
+    """
+    return [_stage(grip, stage) for grip in grips for stage in GRIP_STAGES] + [*LAST_STAGES]
+
+
+def _stage(grip: str, stage: str) -> str:
+    return f"fit of {grip}: {stage}"
+
+
+def _telling(tell: Tell, grip: str) -> Tell:
+    return lambda stage: tell(_stage(grip, stage))
 
 
 def centred(values: FloatArray) -> FloatArray:
@@ -222,7 +258,10 @@ def _identify_grip(
     acceleration_range: float,
     fit: Fit,
     free: Sequence[str],
+    tell: Tell,
 ) -> GripIdentification:
+    response, mount, friction = GRIP_STAGES
+    tell(response)
     forces, accelerations, responses = [], [], []
     for trial in trials:
         force = kept_repeats(trial.actuator_force, sweep, trial.rate)
@@ -236,7 +275,9 @@ def _identify_grip(
     )
     of_responses = [name for name in free if name != "friction"]
     rigid = fit(responses, free=of_responses)
+    tell(mount)
     moving = fit(responses, free=_with_mount(of_responses), mount=MOUNT_START)
+    tell(friction)
     refine = partial(fit_motion, trials, sweep) if "friction" in free else lambda fitted: fitted
     doubts: tuple[str, ...] = ()
     if _obvious(rigid, moving):
@@ -261,7 +302,8 @@ def _check_determined(grip: str, fit: HandleFit) -> None:
         values = ", ".join(f"{name} = {fit.value(name):.3g}" for name in fit.limited)
         raise RecordingError(
             f"{values} ({grip or 'all grips'}): at a limit of the search, so the recording does"
-            " not determine it; use a larger amplitude or more trials"
+            " not determine it; use a larger amplitude or more trials",
+            {"trials": 2},
         )
 
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from haptic_accel.core.actuator.travel import TravelEstimator
-from haptic_accel.core.identification.estimate import RecordingError
+from haptic_accel.core.identification.estimate import SMALLER, RecordingError
 from haptic_accel.core.identification.sweep import IdentificationTrial
 from haptic_accel.core.model import Suspension
 
@@ -51,7 +51,7 @@ def check_stops(recorded: Recorded) -> None:
         for key in (STOPS_HIT, *LIMITED):
             if count := max(trial.counters.get(key, 0) for trial in trials):
                 raise RecordingError(
-                    f"{key} = {count} ({name}): must be 0; use a smaller amplitude"
+                    f"{key} = {count} ({name}): must be 0; use a smaller amplitude", SMALLER
                 )
 
 
@@ -82,5 +82,5 @@ def check_travel(
     found = f"travel = {1e3 * travel:.2f} mm ({name}), as estimated"
     allowed = f"must be at most {1e3 * most:.2f} mm; use a smaller amplitude"
     if travel > REFUSED * most:
-        raise RecordingError(f"{found}: {allowed}")
+        raise RecordingError(f"{found}: {allowed}", SMALLER)
     return f"{found}: {allowed}" if travel > DOUBTFUL * most else ""

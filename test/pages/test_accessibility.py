@@ -1,0 +1,146 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Accessibility of every page, in light and dark: axe-core finds nothing to object to."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import pytest
+
+from browsing import done, violations
+from haptic_accel.analysis import load
+from haptic_accel.analysis.comparison import compared
+from haptic_accel.analysis.experiment import (
+    Run,
+    recorded_conditions,
+    run_lockstep,
+    write_experiment,
+)
+from haptic_accel.analysis.writing import write_analysis
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.scope.access import Access
+from haptic_accel.scope.paced_rig import PacedRig
+from haptic_accel.scope.server import ScopeServer
+from running import wait_until
+from verbs import status_of
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+Scheme: TypeAlias = Literal["light", "dark"]
+
+SCHEMES = pytest.mark.parametrize("scheme", ["light", "dark"])
+
+
+class GraphOfRig(PacedRig):
+    """A rig that shows itself as a graph: nodes in every state, a recorder and a stop."""
+
+    def __init__(self) -> None:
+        super().__init__("plywood", "paper")
+        self.stop: dict[str, bool | None] = {"asked": False, "master": False, "slave": False}
+
+    def choices(self) -> dict[str, list[str]]:
+        return {**super().choices(), "record": ["start", "pause", "split", "stop"]}
+
+    def state(self) -> dict[str, Any]:
+        states = ("OK", "warning", "error", "silent", "absent")
+        names = ("master_device", "slave_device", "coupler", "compensator", "recorder")
+        rows = [
+            {"name": name, "state": state, "message": "" if state == "OK" else f"is {state}"}
+            for name, state in zip(names, states, strict=True)
+        ]
+        recorder = {"messages": "1200", "written (bytes)": "5000000"}
+        return {**super().state(), "nodes": rows, "recorder": recorder, "stop": self.stop}
+
+
+@contextmanager
+def scope(browser: Browser, scheme: Scheme, *, control: bool) -> Iterator[tuple[Page, GraphOfRig]]:
+    """Open the live page of a graph."""
+    rig, ended = GraphOfRig(), threading.Event()
+    server = ScopeServer(rig, Access("127.0.0.1"), "127.0.0.1", 0, done if control else None)
+    thread = threading.Thread(target=rig.run, args=(ended.is_set,))
+    thread.start()
+    page = browser.new_page(viewport={"width": 1280, "height": 900}, color_scheme=scheme)
+    try:
+        page.goto(server.start())
+        wait_until(lambda: page.locator("#nodes li").count() == len(rig.state()["nodes"]), "nodes")
+        wait_until(lambda: page.locator("#nrmse").inner_text() != "–", "metrics")
+        yield page, rig
+    finally:
+        page.close()
+        ended.set()
+        thread.join()
+        server.stop()
+
+
+@SCHEMES
+def test_the_live_page_without_control(browser: Browser, scheme: Scheme) -> None:
+    with scope(browser, scheme, control=False) as (page, _):
+        for name in ("force", "arm_force", "travel", "position"):
+            page.check(f"#show-{name}")
+        assert violations(page) == []
+
+
+@SCHEMES
+def test_the_live_page_with_control_in_a_stop_and_its_release(
+    browser: Browser, scheme: Scheme
+) -> None:
+    with scope(browser, scheme, control=True) as (page, rig):
+        assert violations(page) == []
+        rig.stop |= {"asked": True, "master": True}
+        wait_until(lambda: page.locator("#alarm").is_visible(), "the alarm")
+        assert violations(page) == []
+        page.click("#release")
+        assert violations(page) == []
+
+
+@pytest.fixture(scope="module")
+def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a page of each kind that is written to a file."""
+    folder = tmp_path_factory.mktemp("reports")
+    for name in ("analysis", "experiment"):
+        (folder / name).mkdir()
+    every = GraphArguments(surface="text", duration=2.0)
+    plan = [replace(every, controller=each) for each in ("none", "constant", "dynamic")]
+    conditions = recorded_conditions(plan, folder / "bags", None, lockstep=True)
+    for each in conditions:
+        run_lockstep(each)
+    analysis = load(folder / "bags")
+    comparison = compared(analysis, "controller:none,dynamic")
+    write_analysis(analysis, folder / "analysis", comparison)
+    arguments = {each.bag: each.arguments for each in conditions}
+    live = Run(every, arguments, None, lockstep=False, expected=dict.fromkeys(arguments, 70.0))
+    write_experiment(live, analysis, folder / "experiment", "A warning.")
+    words = ("--lockstep", "--grips", "pinch,hook", "trials:=2", "duration:=1")
+    assert status_of("identify", *words, "--out", folder / "identification") == 0
+    return folder
+
+
+@SCHEMES
+@pytest.mark.parametrize("name", ["analysis", "experiment", "identification"])
+def test_a_report(browser: Browser, reports: Path, name: str, scheme: Scheme) -> None:
+    page = browser.new_page(color_scheme=scheme)
+    page.goto((reports / name / "index.html").as_uri())
+    if name != "identification":
+        page.wait_for_selector("html[data-drawn='7']")
+    assert violations(page) == []
+    page.close()
