@@ -458,10 +458,10 @@ def _coupled(recorded: Bag, span: tuple[int, int], problems: list[str]) -> list[
         return [span]
     found = recorded.coupled(topics.MASTER)
     if not found:
-        problems.append(
-            "the arms were never coupled, as their forces are zero: all of it is taken"
-        )
-        return [span]
+        # Handle and tool without arms, whose forces are sent nevertheless once they engage.
+        sent = recorded.signals[topics.MASTER_ARM_FORCE.name].stamps
+        found = [(int(sent.min()), int(sent.max()))] if len(sent) else [span]
+        problems.append("the arms' forces are zero: all of the time in which they came is taken")
     return [(max(first, span[0]), min(last, span[1])) for first, last in found]
 
 

@@ -178,6 +178,14 @@ def test_a_rate_that_stamps_do_not_have_is_named(tmp_path: Path) -> None:
     assert any("in place of the 4000" in problem for problem in found.problems)
 
 
+def test_where_arm_forces_are_zero_the_time_in_which_they_came_is_taken(tmp_path: Path) -> None:
+    late = {topics.MASTER_ARM_FORCE.name: range(round(1.0 * RATE))}
+    found = cut_of(tmp_path, replace(content(3.0), pull=0.0, dropped=late))
+    (segment,) = found.segments
+    assert segment.seconds == pytest.approx(2.0, abs=0.01)
+    assert any("forces are zero" in problem for problem in found.problems)
+
+
 def test_without_arm_forces_all_is_taken_and_said(tmp_path: Path) -> None:
     found = cut_of(tmp_path, replace(content(), arms=False))
     assert len(found.segments) == 1

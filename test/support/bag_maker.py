@@ -211,6 +211,8 @@ class BagContent:
         Times when the arms disengage and engage again, s.
     arms : bool
         True for forces on the master's arm, as in coupled arms.
+    pull : float
+        Force on the master's arm, N.
     dropped : mapping
         Indices of samples that are not written, by topic.
     start : int
@@ -226,6 +228,7 @@ class BagContent:
     diagnostics: Sequence[tuple[float, str, str, dict[str, str]]] = ()
     gap: tuple[float, float] | None = None
     arms: bool = True
+    pull: float = 1.0
     dropped: Mapping[str, Collection[int]] = field(default_factory=dict)
     start: int = START
     delay: Callable[[int], int] = lambda place: 0
@@ -270,7 +273,7 @@ def write_bag(path: Path, content: BagContent, *, compressed: bool = False) -> P
     signals = {known[name]: values for name, values in content.signals.items()}
     if content.arms:
         longest = max((len(values) for values in signals.values()), default=0)
-        signals[topics.MASTER_ARM_FORCE] = np.ones(longest)
+        signals[topics.MASTER_ARM_FORCE] = np.full(longest, content.pull)
     messages = [
         message
         for topic, values in signals.items()
