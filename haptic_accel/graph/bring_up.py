@@ -126,7 +126,7 @@ beyond, the machine is not fit for the rate."""
 SCALE = re.compile(r"audio\.full_scale: (\S+) N per kg")
 """Line by which an identification tells the force at a sound card's full scale."""
 
-LATE = "forces took effect late"
+LATE = "actuator forces took effect late"
 """Part of the line by which an experiment tells of late forces."""
 
 SKIP = "s"
@@ -472,8 +472,10 @@ class BringUp:
             with self._observed(MASTER) as device:
                 self._person.show(device)
                 device.drive(lambda _: METER_CURRENT * constant)
+                time.sleep(SETTLING)
                 driven = self._number("type the current that the meter shows now, A")
                 device.drive(None)
+                time.sleep(SETTLING)
                 silent = self._number("the commands have ended: type the current now, A")
             zero = Check(
                 abs(silent) < checks.CURRENT_ERROR * METER_CURRENT,
