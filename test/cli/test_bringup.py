@@ -30,6 +30,7 @@ from typing import Any
 
 import aiohttp
 import pytest
+import yaml
 
 from haptic_accel.core.process import DONE, INTERRUPTED, WRONG_ARGUMENTS
 from haptic_accel.core.rig.master_rig import MasterRigParameters
@@ -39,6 +40,7 @@ from haptic_accel.graph.bring_up import STEPS
 from haptic_accel.graph.files import read_parameter_file
 from haptic_accel.graph.rig_file import note_step, noted_steps
 from running import Command
+from sound_cards import NAME, sound_card
 from terminals import Terminal
 from verbs import refusal
 
@@ -290,3 +292,43 @@ def test_a_page_shows_why_a_bring_up_failed(at_page: Callable[..., Any]) -> None
     person.answer("")
     assert command.end() == WRONG_ARGUMENTS
     assert command.lines.count(reason) == 1
+
+
+@pytest.mark.quiet
+def test_a_coil_on_a_sound_card_is_made_safe(tmp_path: Path) -> None:
+    given = {"/**": {"latency": 5}, "/**/master_device": {"audio": {"device": NAME}}}
+    content = {node: {"ros__parameters": values} for node, values in given.items()}
+    (tmp_path / "card.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    devices = ["master:=simulated", "slave:=simulated", "actuator:=audio"]
+    with sound_card(tmp_path):
+        done = subprocess.run(
+            [sys.executable, *WORDS, *devices, "params_file:=card.yaml"],
+            cwd=tmp_path,
+            input="\n",  # nobody answers once the handle is to be identified
+            capture_output=True,
+            text=True,
+        )
+    assert done.returncode == 1
+    assert f"handle: sound card {NAME}, channel 1" in done.stdout
+    passed = [line for line in done.stdout.splitlines() if line.startswith("ok: ")]
+    for measured in ("moves the handle", "forwards", "per newton", "emergency stop"):
+        assert any(measured in line for line in passed), done.stdout
+    assert [*noted_steps(tmp_path / "rig.yaml")] == ["connect", "calibrate", "make_safe"]
+
+
+@pytest.mark.quiet
+def test_arms_on_can_are_connected_with_what_their_file_says(start: Any, tmp_path: Path) -> None:
+    arms = start("-m", "haptic_accel.cli.main", "emulate", "can", "folder:=arms")
+    arms.wait_for("teleop master:=can")
+    done = subprocess.run(
+        [sys.executable, *WORDS, "master:=can", "slave:=can", "params_file:=arms/can.yaml"],
+        cwd=tmp_path,
+        input="\n\n",
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("move it away, to the left and up") == 2
+    assert "ok: no accelerometer on both arms" in done.stdout
+    values = read_parameter_file(tmp_path / "rig.yaml")
+    assert values["master_device"]["can.channel"] == str(tmp_path / "arms" / "master")
