@@ -17,7 +17,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -32,10 +32,12 @@ from haptic_accel.analysis.textures import (
     held_out_table,
     nodes_table,
 )
-from haptic_accel.cli.options import FILE, json_option, verb
+from haptic_accel.cli.options import FILE, json_option, listed_words, verb
 from haptic_accel.cli.output import check_writable, next_command, save
 from haptic_accel.cli.tables import print_table
+from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, printable
+from haptic_accel.core.reduction import REDUCTIONS
 from haptic_accel.core.resampling import checked_rate, resampled
 from haptic_accel.core.surfaces.building import Recording, build
 from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
@@ -46,6 +48,9 @@ from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.foreign import import_texture
 from haptic_accel.materials.recordings import FULL_SCALE, cleaned, read_recording
 from haptic_accel.materials.texture_files import read_texture, write_texture
+
+AXES = 3
+"""Number of axes of an acceleration."""
 
 SOUND_RATE = 8000
 """Sampling rate of sound files, Hz: the lowest that every player takes."""
@@ -69,21 +74,46 @@ _new_file = click.option("--out", type=FILE, metavar="FILE", required=True, help
 )
 @click.argument("recordings", type=FILE, metavar="CSV|BAG...", nargs=-1, required=True)
 @_csv_rate
+@click.option(
+    "--axes",
+    type=listed_words,
+    default="",
+    show_default=False,
+    metavar="X,Y,Z",
+    help="Columns of CSV files with the acceleration in three axes, in place of one column.",
+)
+@click.option(
+    "--reduction",
+    type=click.Choice([*REDUCTIONS]),
+    default=next(iter(REDUCTIONS)),
+    help="Reduction of the three axes to one signal; dft321 keeps the power of all of them.",
+)
 @_new_file
 @json_option
 def build_texture(
-    recordings: Sequence[Path], rate: float, out: Path, json_file: Path | None
+    recordings: Sequence[Path],
+    rate: float,
+    axes: Sequence[str],
+    reduction: str,
+    out: Path,
+    json_file: Path | None,
 ) -> None:
     """Build a texture model from recordings of a tool dragged over a surface.
 
     A CSV file has columns speed (mm/s), force (N) and acceleration or accel (m/s^2); speed is
-    along the surface and force normal to it. In a bag z is normal to the surface, and the force
+    along the surface and force normal to it; with --axes, the three columns named there are
+    reduced to one signal. In a bag z is normal to the surface, and the force
     is that of the contact or, where it was not recorded, that of the slave's arm. Glitches of
     sensors are counted and replaced. Beside the model a plot is written: spectra, measured and
     modelled, and the plane of speed and force.
     """
     check_writable(out, "out")
-    read = [_bag(path) if is_bag(str(path)) else _csv(path, rate) for path in recordings]
+    if axes and len(set(axes)) != AXES:
+        raise ParameterError(f"axes = {','.join(axes)}: must be {AXES} different columns")
+    reduced = REDUCTIONS[reduction]
+    read = [
+        _bag(path) if is_bag(str(path)) else _csv(path, rate, axes, reduced) for path in recordings
+    ]
     source = f"built from {', '.join(path.name for path in recordings)}"
     built = build(out.stem, read, Provenance(source))
     write_texture(out, built.model)
@@ -223,14 +253,16 @@ def render(model: str, speed: float, force: float, seconds: float, out: Path) ->
 # Recordings
 
 
-def _csv(path: Path, rate: float) -> Recording:
-    """Return the recording in a CSV file."""
+def _csv(
+    path: Path, rate: float, axes: Sequence[str], reduced: Callable[[FloatArray], FloatArray]
+) -> Recording:
+    """Return the recording in a CSV file; three axes are reduced to one."""
     if not rate:
         raise ParameterError(f"rate = 0: must be given for a CSV file such as {path}, in Hz")
     checked_rate("rate", rate)
-    speed, force, acceleration = (
-        read_recording(path, rate, rate, column) for column in ("speed", "force", None)
-    )
+    columns = ("speed", "force", *(axes or [""]))
+    speed, force, *found = (read_recording(path, rate, rate, column) for column in columns)
+    acceleration = reduced(np.column_stack(found)) if axes else found[0]
     return Recording(str(path), rate, np.abs(speed) * MILLI, force, acceleration)
 
 

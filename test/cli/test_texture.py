@@ -85,6 +85,32 @@ def test_a_model_is_built_from_files_with_a_report(
     assert (tmp_path / "wood.png").read_bytes() != picture
 
 
+def test_three_axes_are_reduced_to_one_with_the_power_of_all(tmp_path: Path) -> None:
+    write_drag(tmp_path / "one.csv", 1.0)
+    rows = np.loadtxt(tmp_path / "one.csv", delimiter=",", skiprows=1)
+    # The same vibration along a slanted direction, whose first two components cancel in a sum.
+    three = np.column_stack([rows[:, :2], np.outer(rows[:, 2], [0.48, -0.48, 0.73])])
+    header = "speed,force,ax,ay,az"
+    np.savetxt(tmp_path / "three.csv", three, delimiter=",", header=header, comments="")
+    axes = ("--axes", "ax,ay,az")
+    for name, words in (
+        ("one", ()),
+        ("three", axes),
+        ("along", (*axes, "--reduction", "principal")),
+        ("sum", (*axes, "--reduction", "sum")),
+    ):
+        file = "one.csv" if name == "one" else "three.csv"
+        given = (file, *words, "--rate", "1000", "--out", f"{name}.yaml")
+        assert status_of("texture", "build", *given) == 0
+    rms = {
+        name: read_texture(tmp_path / f"{name}.yaml").rms.max()
+        for name in ("one", "three", "along", "sum")
+    }
+    assert rms["three"] == pytest.approx(rms["one"], rel=0.02)
+    assert rms["along"] == pytest.approx(rms["one"], rel=0.02)
+    assert rms["sum"] == pytest.approx(0.73 * rms["one"], rel=0.02)
+
+
 def test_a_recording_that_shows_no_change_with_speed_and_force_is_called_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -156,6 +182,10 @@ def test_a_model_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         (
             ("build", "drag.csv", "--rate", "1000", "--out", "no/a.yaml"),
             "out = 'no/a.yaml': No such",
+        ),
+        (
+            ("build", "drag.csv", "--rate", "1000", "--axes", "a,b", "--out", "a.yaml"),
+            "axes = a,b: must be 3 different columns",
         ),
         (("show", "oak"), "texture = 'oak': must be one of plywood, text, vinyl"),
         (("render", "vinyl", "--speed", "-1", "--force", "1", "--out", "a.wav"), "--speed"),
