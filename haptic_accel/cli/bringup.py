@@ -50,7 +50,6 @@ BAR, FULL = 40, 20.0
 
 
 @verb(
-    "haptic-accel bringup",
     "haptic-accel bringup ports:=/dev/ttyACM0,/dev/ttyACM1 force_constant:=2.4",
     "haptic-accel bringup file:=rig.yaml redo:=identify",
     "haptic-accel bringup --page",
