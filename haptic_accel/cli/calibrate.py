@@ -156,12 +156,7 @@ def port_parameters(
     port = "port" if arguments.port else "usb_serial"
     values: dict[str, Any] = {
         port: getattr(arguments, port),
-        "calibration": {
-            "axis": arguments.axis,
-            "offset": round(found.offset, 3),
-            "gain": float(f"{found.gain:.7g}"),
-            "board": identity.serial_number,
-        },
+        "calibration": found.parameters(arguments.axis, identity.serial_number),
     }
     nodes: dict[str, dict[str, Any]] = {f"{arguments.side}_device": {SERIAL: values}}
     if arguments.side == MASTER:

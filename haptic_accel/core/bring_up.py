@@ -154,12 +154,9 @@ def response(force: FloatArray, acceleration: FloatArray, rate: float) -> comple
     there = ~np.isnan(acceleration)
     phase = 2 * math.pi * PROBE_FREQUENCY / rate * np.flatnonzero(there)
     basis = np.column_stack([np.cos(phase), -np.sin(phase), np.ones(len(phase))])
-    (cause, effect), *_ = (
-        np.linalg.lstsq(basis, np.column_stack([force[there], acceleration[there]]), rcond=None)[
-            0
-        ].T,
-    )
-    return complex(*effect[:2]) / complex(*cause[:2])
+    signals = np.column_stack([force[there], acceleration[there]])
+    (cause, effect), (cause_90, effect_90), _ = np.linalg.lstsq(basis, signals, rcond=None)[0]
+    return complex(effect, effect_90) / complex(cause, cause_90)
 
 
 def probe_checks(small: complex, large: complex, noise: float) -> list[Check]:

@@ -438,12 +438,7 @@ class BringUp:
             found = calibrate(up, down, gain)
         except CalibrationError as error:
             return [Check(False, str(error), "hold it again, the other way up the second time")]
-        calibration = {
-            "axis": AXES[axis],
-            "offset": round(found.offset, 3),
-            "gain": float(f"{found.gain:.7g}"),
-            "board": number,
-        }
+        calibration = found.parameters(AXES[axis], number)
         nodes = {f"{side}_device": {SERIAL: {"calibration": calibration}}}
         update_parameter_file(self._path, nodes)
         within = f"{found.gain_error / abs(found.gain):.2%}"

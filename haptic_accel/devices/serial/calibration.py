@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -78,6 +79,15 @@ class Calibration:
     gain: float
     gain_error: float
     noise: float
+
+    def parameters(self, axis: str, board: str) -> dict[str, Any]:
+        """Return the driver's parameters for an axis of a board, rounded below their errors."""
+        return {
+            "axis": axis,
+            "offset": round(self.offset, 3),
+            "gain": float(f"{self.gain:.7g}"),
+            "board": board,
+        }
 
 
 def rest(counts: FloatArray, nominal_gain: float) -> Rest:
