@@ -25,6 +25,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
@@ -60,7 +61,7 @@ def drag(surface: SurfaceParameters, speed: float, force: float, seed: int) -> R
         rig.advance(tick / RATE)
         sample = rig.measure()
         velocity = sample.velocity[0]
-        rows.append((abs(velocity), force, sample.acceleration))
+        rows.append((abs(velocity), force, sample.acceleration[ACTUATOR_AXIS]))
         rig.apply_arm_force((friction + GUIDE * (speed - velocity), 0.0, -force))
     columns = np.array(rows[round(LANDED * RATE) :]).T
     return Recording(f"{speed:g} m/s, {force:g} N", RATE, *columns)

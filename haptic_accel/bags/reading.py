@@ -42,6 +42,7 @@ from haptic_accel.bags.facts import facts_of
 from haptic_accel.bags.folder import COMPRESSED, MCAP, METADATA, MUST_BE, is_storage, storage_files
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, MOST_PROBLEMS, Block, McapFile
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
+from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.cdr import unpack_stamped_vectors
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
@@ -53,14 +54,7 @@ from haptic_accel.core.sampling import (
     on_grid,
     places,
 )
-from haptic_accel.core.topics import (
-    ACTUATOR_AXIS,
-    CONTACT_FORCE,
-    DIAGNOSTICS,
-    SIGNALS,
-    ArmTopics,
-    reporter,
-)
+from haptic_accel.core.topics import CONTACT_FORCE, DIAGNOSTICS, SIGNALS, ArmTopics, reporter
 
 _EVENTS = "parameter_events"
 _EVENTS_TYPE = "rcl_interfaces/msg/ParameterEvent"

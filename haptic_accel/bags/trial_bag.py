@@ -26,11 +26,12 @@ from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core import topics
+from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.cdr import StampedVector
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import ACTUATOR_AXIS, Topic
+from haptic_accel.core.topics import Topic
 from haptic_accel.core.trial import Trial
 
 _TOPICS = (*topics.SIGNALS, topics.CONTACT_FORCE)

@@ -31,6 +31,7 @@ from typing import TYPE_CHECKING, Any
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.running import on_keys, stop_on_signal
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.model import GRAVITY
@@ -316,10 +317,12 @@ def _board(
     sensor = getattr(rig, side).accelerometer
 
     def measure(time: float) -> float:
-        return held.measured(side, time, device.read(time).acceleration, sensor.noise)
+        return held.measured(
+            side, time, device.read(time).acceleration[ACTUATOR_AXIS], sensor.noise
+        )
 
     def drive(time: float, current: float) -> None:
-        device.write(time, actuator_force=current * actuator.force_constant)
+        device.write(time, actuator_force=along_actuator(current * actuator.force_constant))
 
     name = f"emulated-{side}"
     identity = Identity(FIRMWARE, axes_bits("xyz"), HIGHEST_RATE, sensor.range, full_scale, name)

@@ -89,3 +89,11 @@ ACTUATOR_AXES = Axes()
 
 ALL_AXES = Axes(NAMES)
 """Axes of a handle with three coils."""
+
+ACTUATOR_AXIS = NAMES.index("z")
+"""Position of the axis of a single coil in a vector."""
+
+
+def along_actuator(value: float) -> Vector:
+    """Return a vector along the axis of a single coil."""
+    return (0.0, 0.0, value)

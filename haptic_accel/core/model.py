@@ -205,13 +205,13 @@ class Sample(NamedTuple):
         Position of tip or handle in the arm's base frame, m.
     velocity : tuple of float
         Velocity of the same point, m/s.
-    acceleration : float
-        Acceleration along the actuator's axis (z of the tool or handle frame), m/s^2.
+    acceleration : tuple of float
+        Acceleration in the tool or handle frame, m/s^2; zero along axes that are not measured.
     """
 
     position: Vector
     velocity: Vector
-    acceleration: float
+    acceleration: Vector
 
 
 class _Answer(Enum):

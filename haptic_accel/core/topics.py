@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # an emergency stop must not wait for the import of numpy
-    from haptic_accel.core.model import Vector
+    pass
 
 ARMS = ("master", "slave")
 """The two arms, which are also the sides of a coupling between two hosts."""
@@ -75,9 +75,6 @@ VECTORS = {
     _VECTOR: "vector",
 }
 """Path of the vector in each type of signal."""
-
-ACTUATOR_AXIS = 2
-"""Index of the component along the actuator's axis: z."""
 
 MASTER_POSITION = Topic("master/measured_cp", _POSE, MASTER_FRAME, "master")
 MASTER_VELOCITY = Topic("master/measured_cv", _TWIST, MASTER_FRAME, "master")
@@ -224,8 +221,3 @@ def reporter(status: str) -> tuple[str, str]:
     """
     namespace, slash, node = status.partition(":")[0].rpartition("/")
     return slash + namespace, node
-
-
-def along_actuator(value: float) -> Vector:
-    """Return the component of a vector along the actuator's axis."""
-    return (0.0, 0.0, value)

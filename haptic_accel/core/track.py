@@ -21,11 +21,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import ZERO, FloatArray, Sample, Vector, vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import MOST_SAMPLES, crossfaded, resampled
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, Stamped, half_period, on_grid
-from haptic_accel.core.topics import ACTUATOR_AXIS
 
 SHORTEST = 0.2
 """Minimum duration of a track, s: four times the fade of a loop."""
@@ -252,7 +252,7 @@ class ReplayRig:
     def __init__(self, track: Track, *, loop: bool = False) -> None:
         self._track = track
         self._loop = loop
-        self._waiting = Sample(vector(track.position[0]), ZERO, track.rest)
+        self._waiting = Sample(vector(track.position[0]), ZERO, along_actuator(track.rest))
         self._driven = False
         self._now = 0.0
         self._since: float | None = None
@@ -282,7 +282,7 @@ class ReplayRig:
         return Sample(
             vector(track.position[index]),
             vector(track.velocity[index]),
-            float(track.acceleration[index]),
+            along_actuator(float(track.acceleration[index])),
         )
 
     def apply_arm_force(self, force: Vector) -> None:
@@ -290,7 +290,7 @@ class ReplayRig:
         self._driven = True
         self._arm_forces += 1
 
-    def apply_actuator_force(self, force: float) -> None:
+    def apply_actuator_force(self, force: Vector) -> None:
         """Count a force of the actuator."""
         self._actuator_forces += 1
 

@@ -28,6 +28,8 @@ import numpy.typing as npt
 
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
+from haptic_accel.core.axes import ACTUATOR_AXES, ACTUATOR_AXIS, Axes, along_actuator
+from haptic_accel.core.control.along_axis import AlongAxis
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.filters import (
@@ -69,7 +71,6 @@ from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigPara
 from haptic_accel.core.sampling import LATENCY, NANOSECONDS, check_latency
 from haptic_accel.core.surfaces.scene import Scene
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
-from haptic_accel.core.topics import along_actuator
 from haptic_accel.core.track import ReplayRig, Track
 from haptic_accel.core.two_hosts import TwoHosts
 
@@ -173,7 +174,10 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Trial:
-    """Signals of one condition, all of shape (n,) with the same sampling times.
+    """Signals of one condition, with the same sampling times.
+
+    The accelerations and the force have shape (n,) for a handle with one coil, and (n, 3) for one
+    with three.
 
     Attributes
     ----------
@@ -206,6 +210,8 @@ class Trial:
         Counts and signals of a network between the arms. The tool's acceleration is then the
         slave's measurement at the played time. The desired acceleration is the result of a
         compensator without network.
+    axes : Axes
+        Axes of the accelerations and the force.
     """
 
     surface: str
@@ -222,6 +228,7 @@ class Trial:
     warnings: tuple[Warned, ...] = ()
     arms: dict[str, FloatArray] = field(default_factory=dict)
     crossing: Crossing | None = None
+    axes: Axes = ACTUATOR_AXES
 
     @property
     def actual_acceleration(self) -> FloatArray:
@@ -370,7 +377,7 @@ def run_trial(
     check_latency(latency)
     if not (np.isfinite(duration) and duration * rate >= 1):
         raise ParameterError(f"duration = {duration}: must hold at least one sample")
-    rig = rig or RigParameters()
+    rig, axes = rig or RigParameters(), ACTUATOR_AXES
     around = replace(compensation or CompensationParameters(), controller=controller)
     slave: Rig
     if replayed is not None:
@@ -389,7 +396,7 @@ def run_trial(
         SLAVE: rig_side(slave, slave_limits, rate, latency, (ARM,)),
     }
     controlled = Compensation(around, rate, controllers, latency=latency)
-    part = CompensationPart(controlled, rate, latency)
+    part = CompensationPart(AlongAxis(controlled), rate, latency)
     hosts = (
         one_host(sides, part, rig, rate, latency)
         if channel is None
@@ -398,9 +405,9 @@ def run_trial(
     samples = _samples(rigs, hosts, controlled, time.tolist(), deque(grips), warnings, crossings)
     # Number by number, as an array takes three times longer to read nested tuples.
     rows = np.fromiter(chain.from_iterable(samples), float).reshape(len(time), -1)
-    tool, desired, handle, force = rows[:, :_SIGNALS].T.copy()
-    vectors = rows[:, _SIGNALS:].reshape(len(time), -1, 3).swapaxes(0, 1)
-    by_topic = dict(zip(_arms(slave), vectors, strict=True))
+    vectors = rows.reshape(len(time), -1, 3).swapaxes(0, 1)
+    tool, desired, handle, force = (along(axes, each) for each in vectors[:_SIGNALS])
+    by_topic = dict(zip(_arms(slave), vectors[_SIGNALS:], strict=True))
     surface = scene.name if scene else rig.slave.surface.name
     corner = around.high_pass_frequency
     crossing = None
@@ -413,6 +420,7 @@ def run_trial(
         tuple(warnings),
         by_topic,
         crossing,
+        axes,
     )
 
 
@@ -467,7 +475,14 @@ def one_host(
 
 
 _SIGNALS = 4
-"""Number of scalars in a sample."""
+"""Number of vectors of tool, handle and actuator in a sample."""
+
+
+def along(axes: Axes, vectors: FloatArray) -> FloatArray:
+    """Return the components of shape (n, 3) along axes: shape (n,) for one, (n, axes) for more."""
+    values = np.ascontiguousarray(vectors[:, axes.indices])
+    return values[:, 0] if len(axes.names) == 1 else values
+
 
 _ARMS = [
     topic.name
@@ -510,7 +525,7 @@ def _samples(
         (_, (_, handle, _)), (_, (_, tool, _)) = (each for loop in loops for each in loop.samples)
         forces = {pull.arm: pull.force for loop in loops for pull in loop.pulls}
         felt = loops[0].felt
-        _, desired, force = felt[-1] if felt else (0, 0.0, 0.0)
+        _, desired, force = felt[-1] if felt else (0, ZERO, ZERO)
         if isinstance(hosts, TwoHosts):
             played = hosts.halves[MASTER].played
             crossings.append(Crossed(played, hosts.position, hosts.energy))
@@ -520,7 +535,7 @@ def _samples(
                 words = now
                 warnings.append((time, words))
         yield (
-            *(tool.acceleration, desired, handle.acceleration, force),
+            *(*tool.acceleration, *desired, *handle.acceleration, *force),
             *(*handle.position, *handle.velocity, *forces.get(MASTER, ZERO)),
             *(*tool.position, *tool.velocity, *forces.get(SLAVE, ZERO)),
             *(touching.contact_force if touching else ()),
@@ -590,7 +605,7 @@ def _excite(
     acceleration = np.zeros(len(force))
     for tick, exciting in enumerate(force.tolist()):
         side.begin(tick)
-        acceleration[tick] = next(side.read()).sample.acceleration
+        acceleration[tick] = next(side.read()).sample.acceleration[ACTUATOR_AXIS]
         side.command(ACTUATOR, tick * NANOSECONDS / rate, along_actuator(exciting))
         side.apply()
         side.watch()

@@ -82,13 +82,13 @@ class PointMass:
 
     def measure(self) -> Sample:
         """Return position and velocity."""
-        return Sample(self._position, self._velocity, 0.0)
+        return Sample(self._position, self._velocity, ZERO)
 
     def apply_arm_force(self, force: Vector) -> None:
         """Set the force of the motors, N."""
         self._force = force
 
-    def apply_actuator_force(self, force: float) -> None:
+    def apply_actuator_force(self, force: Vector) -> None:
         """Do nothing: the mass has no actuator."""
 
     def release(self) -> None:

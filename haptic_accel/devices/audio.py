@@ -29,6 +29,7 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import FloatArray, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.devices.interface import LATER, Device, DeviceDescription, DeviceError, Reading
@@ -277,16 +278,17 @@ class AudioActuator(Device):
         reading = self._device.read(time)
         if reading is not LATER:
             while self._waiting and self._waiting[0][0] <= time:
-                self._device.write(time, actuator_force=self._waiting.pop(0)[1])
+                self._device.write(time, actuator_force=along_actuator(self._waiting.pop(0)[1]))
         self._supply()
         return reading
 
     def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
         """Apply the arm's force now, and the actuator's force when due."""
         if actuator_force is not None:
-            self._add(time, actuator_force if math.isfinite(actuator_force) else 0.0)
+            along = actuator_force[ACTUATOR_AXIS]
+            self._add(time, along if math.isfinite(along) else 0.0)
         if arm_force is not None:
             self._device.write(time, arm_force=arm_force)
 
@@ -301,7 +303,7 @@ class AudioActuator(Device):
         self._force.replace(force)
         self._waiting.clear()
         if felt:
-            self._device.write(time, actuator_force=force)
+            self._device.write(time, actuator_force=along_actuator(force))
 
     def _supply(self) -> None:
         """Give the card the samples that sound within its lead."""

@@ -69,7 +69,7 @@ class CombinedDevice(Device):
         return motion._replace(acceleration=vibration.acceleration)
 
     def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
         """Write each force to its device, the actuator's first."""
         if actuator_force is not None:

@@ -161,7 +161,7 @@ class Device(ABC):
 
     @abstractmethod
     def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
         """Apply forces; a force that is not given remains.
 
@@ -173,8 +173,8 @@ class Device(ABC):
             discards forces that are not due yet.
         arm_force : tuple of float, optional
             Force of the arm's motors in its base frame, N.
-        actuator_force : float, optional
-            Force of the handle's actuator, N; a slave ignores it.
+        actuator_force : tuple of float, optional
+            Forces of the actuator's coils along x, y, z of the handle, N; a slave ignores it.
 
         Raises
         ------

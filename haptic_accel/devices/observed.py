@@ -28,10 +28,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from haptic_accel.core.actuator.safety import SafetyLayer, SafetyParameters
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.model import ZERO, FloatArray
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import along_actuator
 from haptic_accel.devices.interface import Device, DeviceError
 
 KEPT = 20.0
@@ -158,7 +158,7 @@ class ObservedDevice:
         with self._lock:
             self._safety.stop(time.monotonic(), True)
             with suppress(DeviceError, OSError):
-                self._device.write(time.monotonic(), actuator_force=0.0)
+                self._device.write(time.monotonic(), actuator_force=ZERO)
 
     def arm(self) -> None:
         """Allow forces again."""
@@ -215,7 +215,7 @@ class ObservedDevice:
     def _take(self) -> None:
         """Store the samples that have come, and answer each with a force."""
         for tick, sample, _ in self._side.read():
-            self._samples.append((tick, sample.acceleration, sample.position))
+            self._samples.append((tick, sample.acceleration[ACTUATOR_AXIS], sample.position))
             if self._force and not self._safety.refusal:
                 due = tick + self._latency
                 force = self._force(due / self._rate)

@@ -26,11 +26,11 @@ import scipy.signal  # noqa: F401
 from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
+from haptic_accel.core.control.along_axis import AlongAxis
 from haptic_accel.core.control.compensation import PLANT, Compensation
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.loop.compensation import Caused, CompensationPart
 from haptic_accel.core.model import ZERO
-from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import FELT_PRIORITY, run
 from haptic_accel.nodes.timing import CATCH_UP, ArrivalKeeper
@@ -59,7 +59,7 @@ class Compensator(GraphNode):
         if doubt := self.options[PLANT].doubt:
             self.get_logger().warning(f"plant: {doubt}; then run identify again")
         self.part = CompensationPart(
-            self._compensation, p.rate, p.latency, round(CATCH_UP * p.rate)
+            AlongAxis(self._compensation), p.rate, p.latency, round(CATCH_UP * p.rate)
         )
         self._handles = self.samples(topics.HANDLE_ACCELERATION, p.rate)
         self._send_force = self.sender(topics.ACTUATOR_FORCE).send
@@ -75,18 +75,18 @@ class Compensator(GraphNode):
         came = False
         for stamp, acceleration in self._tools.drain():
             came = True
-            self.part.put_tool(stamp, acceleration[ACTUATOR_AXIS])
+            self.part.put_tool(stamp, acceleration)
         if self.part.waiting:
             for stamp, acceleration in self._handles.drain():
-                self.part.put_handle(stamp, acceleration[ACTUATOR_AXIS])
+                self.part.put_handle(stamp, acceleration)
             self.publish(self.part.forces(time.time_ns()), offset=0)
         return self._arrivals.polled(found=came and not self.part.waiting)
 
     def publish(self, felt: Iterable[Caused], offset: int) -> None:
         """Publish forces; system time is their stamps plus an offset in ns."""
         for stamp, desired, force in felt:
-            self._send_force(stamp + offset, along_actuator(force))
-            self._send_desired(stamp + offset, along_actuator(desired))
+            self._send_force(stamp + offset, force)
+            self._send_desired(stamp + offset, desired)
 
     def follow_stop(self) -> None:
         """Compute no force while the device refuses it."""

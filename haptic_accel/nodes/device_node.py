@@ -29,7 +29,7 @@ from haptic_accel.core.actuator.safety import STOPPED, SafetyLayer
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, Taken
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import ArmTopics, along_actuator
+from haptic_accel.core.topics import ArmTopics
 from haptic_accel.devices import Device, DeviceError
 from haptic_accel.graph.node_parameters import POSITION_SERVO, SAFETY, build_device
 from haptic_accel.nodes.crtk import MotionCommands, OperatingState, Queries
@@ -333,7 +333,7 @@ class DeviceNode(ManagedNode):
         """Publish a sample."""
         tick, sample, work = taken
         stamp = self.rate_keeper.time(tick) + self.offset
-        self._acceleration.send(stamp, along_actuator(sample.acceleration))
+        self._acceleration.send(stamp, sample.acceleration)
         self._position.send(stamp, sample.position)
         self._velocity.send(stamp, sample.velocity)
         if self._work_asked:

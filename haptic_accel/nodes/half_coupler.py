@@ -32,7 +32,6 @@ from haptic_accel.core.loop.wiring import Pull, Tool
 from haptic_accel.core.network.playout import KINDS, WAITING
 from haptic_accel.core.network.session import random_session
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
 from haptic_accel.links.local import COUPLER, LocalEnd
 from haptic_accel.nodes.coupling_node import ARM_TOPICS, SLAVE, CouplingNode, MotionSynchronizer
 from haptic_accel.nodes.scheduling import run
@@ -139,7 +138,7 @@ class HalfCoupler(CouplingNode):
     def publish(self, tools: Iterable[Tool], pulls: Iterable[Pull], offset: int) -> None:
         """Publish played samples, and forces with the peer's position."""
         for tool in tools:
-            self._send_tool(tool.stamp + offset, along_actuator(tool.acceleration))
+            self._send_tool(tool.stamp + offset, tool.acceleration)
         for arm, stamp, force in pulls:
             self.forces[arm].send(stamp + offset, force)
             self._send_peer_position(stamp + offset, self._end.set_point[0])
@@ -157,7 +156,7 @@ class HalfCoupler(CouplingNode):
         """Send forces for all complete samples; return True if no sample waits."""
         if self._tools:
             for stamp, acceleration in self._tools.drain():
-                self.part.put_tool(Tool(stamp, acceleration[ACTUATOR_AXIS]))
+                self.part.put_tool(Tool(stamp, acceleration))
         came = False
         for motion in self._motions.drain():
             came = True

@@ -24,10 +24,10 @@ from collections import deque
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import STOPPED
 from haptic_accel.core.actuator.travel import TravelEstimator
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.identification.sweep import excitation
 from haptic_accel.core.model import ACTUATOR, ZERO, Vector
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import ACTUATOR_AXIS, along_actuator
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import run

@@ -29,11 +29,12 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.serialization import deserialize_message
 
 from haptic_accel.core import topics
+from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.cdr import unpack_stamped_vector
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import ACTUATOR_AXIS, Topic
+from haptic_accel.core.topics import Topic
 from haptic_accel.graph.arguments import SCENE as SCENE_FILE
 from haptic_accel.graph.files import POSTURE, SURFACE
 from haptic_accel.graph.node_parameters import node_parameters, node_schema

@@ -26,6 +26,8 @@ from dataclasses import replace
 from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
 
+from haptic_accel.core.axes import ACTUATOR_AXIS
+from haptic_accel.core.control.along_axis import AlongAxis
 from haptic_accel.core.control.compensation import Compensation
 from haptic_accel.core.loop.compensation import CompensationPart
 from haptic_accel.core.loop.device_side import ARM, rig_side
@@ -33,7 +35,6 @@ from haptic_accel.core.loop.wiring import MASTER, SLAVE
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import ACTUATOR_AXIS
 from haptic_accel.core.trial import one_host
 from haptic_accel.devices.simulated import (
     PointerMaster,
@@ -129,7 +130,7 @@ class PacedRig:
             SLAVE: rig_side(self._slave, limits[1], self._rate, latency, (ARM,)),
         }
         self._compensation = Compensation(around, self._rate, controllers, latency=latency)
-        part = CompensationPart(self._compensation, self._rate, latency)
+        part = CompensationPart(AlongAxis(self._compensation), self._rate, latency)
         self._loop = one_host(sides, part, rig, self._rate, latency)
         self.windows.settings = GraphSettings(
             around.high_pass_frequency, controllers[ACTUATOR], latency, assumed=False
@@ -213,7 +214,7 @@ class PacedRig:
         for arm, (tick, sample, _) in loop.samples:
             stamp = origin + loop.stamp(tick)
             if arm == MASTER:
-                windows.handle.put(stamp, sample.acceleration)
+                windows.handle.put(stamp, sample.acceleration[ACTUATOR_AXIS])
                 windows.places["handle"] = sample.position
             else:
                 windows.position.put(stamp, sample.position[ACTUATOR_AXIS])
@@ -224,8 +225,8 @@ class PacedRig:
             if pull.arm == SLAVE:
                 windows.arm_force.put(origin + pull.stamp, pull.force[ACTUATOR_AXIS])
         for stamp, desired, force in loop.felt:
-            windows.desired.put(origin + stamp, desired)
-            windows.force.put(origin + stamp, force)
+            windows.desired.put(origin + stamp, desired[ACTUATOR_AXIS])
+            windows.force.put(origin + stamp, force[ACTUATOR_AXIS])
 
     def _carry_out(self) -> None:
         """Carry out what pages have asked for."""

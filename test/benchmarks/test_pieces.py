@@ -111,7 +111,7 @@ def test_slow_work_of_the_adaptation(benchmark: Benchmark, rate: float) -> None:
 )
 def test_tick_of_a_simulated_device(benchmark: Benchmark, device_class: type[Device]) -> None:
     sample = benchmark(exploring(device_class))
-    assert all(map(math.isfinite, (*sample.position, *sample.velocity, sample.acceleration)))
+    assert all(map(math.isfinite, (*sample.position, *sample.velocity, *sample.acceleration)))
     assert sample.position[0] != 0
 
 

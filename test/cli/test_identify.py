@@ -25,10 +25,11 @@ import pytest
 
 from bag_maker import BagContent, write_bag
 from haptic_accel.bags.reading import read_bag
+from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.identification.evaluation import stages
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import POSTURES
-from haptic_accel.core.topics import ACTUATOR_AXIS, ACTUATOR_FORCE, HANDLE_ACCELERATION
+from haptic_accel.core.topics import ACTUATOR_FORCE, HANDLE_ACCELERATION
 from haptic_accel.core.trial import run_identification
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters

@@ -31,6 +31,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.identification.estimate import dft_ratio
 from haptic_accel.core.identification.fit import fit_handle
 from haptic_accel.core.identification.sweep import SweepParameters, kept_repeats
@@ -74,7 +75,9 @@ class Bench:
         for tick, force in enumerate(forces, first):
             self.now = START + tick * PERIOD
             samples.append(device.read(self.now))
-            device.write(START + (tick + LATENCY) * PERIOD, actuator_force=float(force))
+            device.write(
+                START + (tick + LATENCY) * PERIOD, actuator_force=along_actuator(float(force))
+            )
         return samples
 
 
@@ -88,7 +91,7 @@ class Still(Device):
     def open(self) -> None: ...
 
     def read(self, time: float) -> Sample:
-        return Sample(ZERO, ZERO, 0.0)
+        return Sample(ZERO, ZERO, ZERO)
 
     def write(self, time: float, **forces: Any) -> None: ...
 
@@ -130,7 +133,9 @@ def test_force_that_comes_late_is_counted_and_acts_at_once(bench: Bench) -> None
     device = bench.device()
     device.open()
     bench.run(device, np.zeros(20))
-    device.write(bench.now + PERIOD, actuator_force=1.0)  # the card has the samples of that time
+    device.write(
+        bench.now + PERIOD, actuator_force=along_actuator(1.0)
+    )  # the card has the samples of that time
     assert device.late == 1
     bench.run(device, np.full(10, 1.0), first=20)
     device.close()
@@ -162,7 +167,7 @@ def test_stop_discards_what_is_not_due_yet(bench: Bench) -> None:
     device = bench.device(full_scale=1.0)
     device.open()
     bench.run(device, np.ones(50))
-    device.write(bench.now, actuator_force=0.0)
+    device.write(bench.now, actuator_force=along_actuator(0.0))
     supplied = round((49 * PERIOD + 2 * BLOCK / CARD_RATE + PERIOD) * CARD_RATE)
     for tick in range(50, 80):
         bench.now = START + tick * PERIOD
@@ -177,7 +182,7 @@ def test_forces_beyond_full_scale_are_clipped_and_counted(bench: Bench) -> None:
     device = bench.device(full_scale=-2.0)
     device.open()
     bench.run(device, np.full(50, 5.0))
-    device.write(bench.now + LATENCY * PERIOD, actuator_force=math.nan)
+    device.write(bench.now + LATENCY * PERIOD, actuator_force=along_actuator(math.nan))
     bench.run(device, np.zeros(10), first=50)
     device.close()
     assert bench.received()[:, 0].min() == -1.0
@@ -197,7 +202,7 @@ def test_the_simulated_handle_feels_the_force_when_it_is_due(bench: Bench) -> No
         time = START + tick * PERIOD
         assert alone.read(time) == played[tick]
         if tick >= LATENCY:
-            alone.write(time, actuator_force=float(due[tick]))
+            alone.write(time, actuator_force=along_actuator(float(due[tick])))
 
 
 @pytest.mark.parametrize(

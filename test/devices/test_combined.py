@@ -27,6 +27,7 @@ from typing import Any
 
 import pytest
 
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, from_flat, parameter
 from haptic_accel.devices import MASTERS, SLAVES, Device, DeviceError, Sample
@@ -70,10 +71,10 @@ class Noted(Device):
         if self.parameters.silent:
             return None
         level = self.parameters.level
-        return Sample((level, time, 0.0), (0.0, level, 0.0), level)
+        return Sample((level, time, 0.0), (0.0, level, 0.0), along_actuator(level))
 
     def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
         self.log.append((self.name, arm_force, actuator_force))
 
@@ -134,7 +135,7 @@ def built(**values: Any) -> CombinedDevice:
 
 def test_motion_is_the_arm_s_and_acceleration_the_handle_s() -> None:
     device = built(arm__level=1.0, handle__level=2.0)
-    assert device.read(5.0) == Sample((1.0, 5.0, 0.0), (0.0, 1.0, 0.0), 2.0)
+    assert device.read(5.0) == Sample((1.0, 5.0, 0.0), (0.0, 1.0, 0.0), along_actuator(2.0))
     assert device.counters() == {"arm_count": 1, "handle_count": 2}
     assert device.late == 3
     assert device.remark == "the arm; the handle"
@@ -168,8 +169,8 @@ def test_without_a_part_there_is_no_sample() -> None:
 def test_each_gets_its_own_force(log: list[tuple[Any, ...]]) -> None:
     device = built()
     device.write(0.0, arm_force=ZERO)
-    device.write(0.0, actuator_force=1.0)
-    device.write(0.0, arm_force=ZERO, actuator_force=0.0)
+    device.write(0.0, actuator_force=along_actuator(1.0))
+    device.write(0.0, arm_force=ZERO, actuator_force=along_actuator(0.0))
     assert log == [
         ("the arm", ZERO, None),
         ("the handle", None, 1.0),
@@ -257,9 +258,9 @@ def test_arm_and_board_are_given_as_when_either_is_alone(tmp_path: Path, text: s
 
             def shaken() -> bool:
                 sample = device.read(round((time.monotonic() - 0.05) * RATE) / RATE)
-                return isinstance(sample, Sample) and sample.acceleration == pytest.approx(
-                    5.0, abs=0.01
-                )
+                return isinstance(sample, Sample) and sample.acceleration[
+                    ACTUATOR_AXIS
+                ] == pytest.approx(5.0, abs=0.01)
 
             wait_until(shaken, "a sample of both")
             assert "can: slcan" in device.remark

@@ -30,6 +30,7 @@ import pytest
 from bag_maker import START, BagContent, write_bag
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import Topic
 from haptic_accel.core.track import FADE, QUIET
@@ -102,7 +103,7 @@ def test_every_sample_of_the_bag_comes_back_bit_by_bit(
 ) -> None:
     acceleration, position, velocity = (rows()[topic] for topic in signals)
     for index, sample in enumerate(play(opened(kind, bag))):
-        assert sample.acceleration == acceleration[index, 2]
+        assert sample.acceleration[ACTUATOR_AXIS] == acceleration[index, 2]
         assert sample.position == tuple(position[index])
         assert sample.velocity == tuple(velocity[index])
 
@@ -113,7 +114,11 @@ def test_lost_samples_hold_the_one_before_and_are_counted_and_told(tmp_path: Pat
     device = opened(ReplaySlave, bag)
     played = play(device)
     expected = rows()[topics.TOOL_ACCELERATION][99, 2]
-    assert played[100].acceleration == played[101].acceleration == expected
+    assert (
+        played[100].acceleration[ACTUATOR_AXIS]
+        == played[101].acceleration[ACTUATOR_AXIS]
+        == expected
+    )
     assert device.counters()["samples_lost_in_recording"] == 3
     assert "3 missing samples repeat the previous one" in device.remark
 
@@ -127,8 +132,8 @@ def test_it_plays_from_where_the_arms_were_coupled(tmp_path: Path) -> None:
         dropped={topics.SLAVE_ARM_FORCE.name: range(200)},
     )
     tool = rows()[topics.TOOL_ACCELERATION]
-    assert play(opened(ReplaySlave, bag))[0].acceleration == tool[200, 2]
-    assert play(opened(ReplaySlave, bag, start=0.1))[0].acceleration == tool[300, 2]
+    assert play(opened(ReplaySlave, bag))[0].acceleration[ACTUATOR_AXIS] == tool[200, 2]
+    assert play(opened(ReplaySlave, bag, start=0.1))[0].acceleration[ACTUATOR_AXIS] == tool[300, 2]
     assert start_offset(read_bag(bag), 0.1) == pytest.approx(0.3)
 
 
@@ -138,7 +143,7 @@ def test_it_ends_after_its_rest_and_not_when_looped(bag: Path) -> None:
     assert not once.ended
     last = play(once, SAMPLES + TAIL)[-1]
     assert once.ended
-    assert last.acceleration == np.median(rows()[topics.TOOL_ACCELERATION][:, 2])
+    assert last.acceleration[ACTUATOR_AXIS] == np.median(rows()[topics.TOOL_ACCELERATION][:, 2])
     assert last.velocity == (0.0, 0.0, 0.0)
     turn = SAMPLES - round(FADE * RATE)
     played = play(looped, 2 * turn)
@@ -148,7 +153,7 @@ def test_it_ends_after_its_rest_and_not_when_looped(bag: Path) -> None:
 
 def test_forces_do_nothing_and_are_counted(bag: Path) -> None:
     quiet, pushed = opened(ReplayMaster, bag), opened(ReplayMaster, bag)
-    pushed.write(0.0, arm_force=(3.0, 0.0, 0.0), actuator_force=6.0)
+    pushed.write(0.0, arm_force=(3.0, 0.0, 0.0), actuator_force=along_actuator(6.0))
     assert play(pushed) == play(quiet)
     pushed.close()
     assert pushed.counters()["arm_forces_ignored"] == 2
@@ -198,7 +203,7 @@ def test_csv_and_wav_files_are_played_too(tmp_path: Path) -> None:
     ):
         device = ReplaySlave(parameters, RATE, 0)
         device.write(0.0, arm_force=(0.0, 0.0, 0.0))
-        played = [sample.acceleration for sample in play(device, 1500)]
+        played = [sample.acceleration[ACTUATOR_AXIS] for sample in play(device, 1500)]
         assert played == pytest.approx(tone, abs=2e-3)
 
 
@@ -269,7 +274,9 @@ def test_a_bag_that_was_cut_off_is_played_as_far_as_it_is_whole(tmp_path: Path, 
         # One chunk holds all of so short a bag: then there is nothing left.
         assert "\n" not in str(error)
     else:
-        assert play(played)[0].acceleration == rows()[topics.TOOL_ACCELERATION][0, 2]
+        assert (
+            play(played)[0].acceleration[ACTUATOR_AXIS] == rows()[topics.TOOL_ACCELERATION][0, 2]
+        )
 
 
 def test_a_force_between_a_tick_s_time_and_a_late_tick_shifts_no_sample(bag: Path) -> None:

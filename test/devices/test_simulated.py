@@ -28,6 +28,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import FloatArray, GripParameters
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.rig.instruments import ArmParameters
@@ -70,7 +71,7 @@ def answers(device: Device, waiting: int, origin: float, rate: float) -> list[Sa
         device.read(tick)
     samples = []
     for tick, after in pairwise(ticks[waiting:]):
-        device.write(tick, arm_force=(0.3, 0.0, -1.0), actuator_force=0.4)
+        device.write(tick, arm_force=(0.3, 0.0, -1.0), actuator_force=along_actuator(0.4))
         samples.append(device.read(after))
     return samples
 
@@ -110,7 +111,7 @@ def test_the_slave_follows_the_arm_s_force() -> None:
 @both
 def test_before_its_first_force_every_sample_is_the_same(device_class: type[Device]) -> None:
     device, other = opened(device_class, seed=1), opened(device_class, seed=2)
-    device.write(0.0, actuator_force=0.0)
+    device.write(0.0, actuator_force=along_actuator(0.0))
     assert set(read(device, 0, 300)) == set(read(other, 0, 1))
 
 
@@ -145,7 +146,9 @@ def test_time_may_start_anywhere(device_class: type[Device], origin: float) -> N
     there.write(origin, arm_force=(0.5, 0.0, -1.0))
     for one, other in zip(read(here, 1, 500), read(there, 1, 500, origin), strict=True):
         assert other.position == pytest.approx(one.position, abs=1e-8)
-        assert other.acceleration == pytest.approx(one.acceleration, abs=0.01)
+        assert other.acceleration[ACTUATOR_AXIS] == pytest.approx(
+            one.acceleration[ACTUATOR_AXIS], abs=0.01
+        )
 
 
 @both
@@ -169,14 +172,20 @@ def test_writing_the_same_force_in_between_does_not_change_the_master(parts: lis
     exact = ArmParameters(position_resolution=0.0)
     quiet, busy = (opened(SimulatedMaster, arm=exact) for _ in range(2))
     for device in (quiet, busy):
-        device.write(0.0, arm_force=(0.2, 0.0, -0.5), actuator_force=0.4)
+        device.write(0.0, arm_force=(0.2, 0.0, -0.5), actuator_force=along_actuator(0.4))
     for index in range(100):
         for part in parts:
-            busy.write((index + part) * PERIOD, arm_force=(0.2, 0.0, -0.5), actuator_force=0.4)
+            busy.write(
+                (index + part) * PERIOD,
+                arm_force=(0.2, 0.0, -0.5),
+                actuator_force=along_actuator(0.4),
+            )
         one, other = quiet.read((index + 1) * PERIOD), busy.read((index + 1) * PERIOD)
         assert other.position == pytest.approx(one.position, abs=1e-12)
         assert other.velocity == pytest.approx(one.velocity, abs=1e-12)
-        assert other.acceleration == pytest.approx(one.acceleration, abs=2e-3)
+        assert other.acceleration[ACTUATOR_AXIS] == pytest.approx(
+            one.acceleration[ACTUATOR_AXIS], abs=2e-3
+        )
 
 
 @few
@@ -216,30 +225,32 @@ def test_a_force_acts_from_the_moment_it_is_written(part: float) -> None:
 
 def test_what_is_not_written_stays_as_it_is() -> None:
     alone, both_forces = opened(SimulatedMaster), opened(SimulatedMaster)
-    alone.write(0.0, arm_force=(0.5, 0.0, 0.0), actuator_force=0.3)
+    alone.write(0.0, arm_force=(0.5, 0.0, 0.0), actuator_force=along_actuator(0.3))
     alone.write(0.0, arm_force=(0.1, 0.0, 0.0))
-    alone.write(0.0, actuator_force=0.6)
-    both_forces.write(0.0, arm_force=(0.1, 0.0, 0.0), actuator_force=0.6)
+    alone.write(0.0, actuator_force=along_actuator(0.6))
+    both_forces.write(0.0, arm_force=(0.1, 0.0, 0.0), actuator_force=along_actuator(0.6))
     assert read(alone, 0, 50) == read(both_forces, 0, 50)
 
 
 def test_a_slave_ignores_an_actuator_s_force() -> None:
     with_force, without = opened(SimulatedSlave), opened(SimulatedSlave)
-    with_force.write(0.0, actuator_force=5.0)
+    with_force.write(0.0, actuator_force=along_actuator(5.0))
     assert read(with_force, 0, 50) == read(without, 0, 50)
 
 
 @both
 def test_a_command_that_is_no_number_gives_no_force(device_class: type[Device]) -> None:
     nan, zero = opened(device_class), opened(device_class)
-    nan.write(0.0, arm_force=(math.nan, math.nan, math.nan), actuator_force=math.nan)
-    zero.write(0.0, arm_force=(0.0, 0.0, 0.0), actuator_force=0.0)
+    nan.write(
+        0.0, arm_force=(math.nan, math.nan, math.nan), actuator_force=along_actuator(math.nan)
+    )
+    zero.write(0.0, arm_force=(0.0, 0.0, 0.0), actuator_force=along_actuator(0.0))
     assert read(nan, 0, 50) == read(zero, 0, 50)
 
 
 def test_status_counts_what_was_cut() -> None:
     device = opened(SimulatedMaster)
-    device.write(0.0, actuator_force=10.0)
+    device.write(0.0, actuator_force=along_actuator(10.0))
     assert device.counters()["actuator_saturated"] == 1
     assert set(opened(SimulatedSlave).counters()) == {"accelerometer_saturated"}
 
@@ -276,14 +287,16 @@ def test_a_texture_adds_to_a_surface_and_a_wrong_one_is_refused(tmp_path: Path) 
     def stroked(device: Device) -> FloatArray:
         device.open()
         device.write(0.0, arm_force=(1.0, 0.0, -1.0))
-        return np.array([device.read(index / 1000).acceleration for index in range(300)])
+        return np.array(
+            [device.read(index / 1000).acceleration[ACTUATOR_AXIS] for index in range(300)]
+        )
 
     smooth = SimulatedSlaveParameters()
     textured = dataclasses.replace(smooth, surface=SurfaceParameters(texture=str(file)))
     plain, rough = (SimulatedSlave(each, 1000.0, 0) for each in (smooth, textured))
     assert stroked(rough)[150:].std() > 3 * stroked(plain)[150:].std()
     plain.change(textured)
-    assert plain.read(0.3).acceleration != 0.0
+    assert plain.read(0.3).acceleration[ACTUATOR_AXIS] != 0.0
     with pytest.raises(ParameterError, match="texture = 'slate': must be one of"):
         plain.change(dataclasses.replace(smooth, surface=SurfaceParameters(texture="slate")))
 
@@ -312,9 +325,9 @@ def test_under_a_recording_the_surface_stays(recording: Path) -> None:
 @both
 def test_closing_leaves_no_force(device_class: type[Device]) -> None:
     closed, zero = opened(device_class), opened(device_class)
-    closed.write(0.0, arm_force=(0.5, 0.0, 1.0), actuator_force=1.0)
+    closed.write(0.0, arm_force=(0.5, 0.0, 1.0), actuator_force=along_actuator(1.0))
     closed.close()
-    zero.write(0.0, arm_force=(0.0, 0.0, 0.0), actuator_force=0.0)
+    zero.write(0.0, arm_force=(0.0, 0.0, 0.0), actuator_force=along_actuator(0.0))
     assert read(closed, 0, 50) == read(zero, 0, 50)
 
 
@@ -345,7 +358,9 @@ def test_a_slave_plays_a_recording_resampled(recording: Path) -> None:
     device = SimulatedSlave(parameters, RATE, 0)
     device.open()
     device.write(0.0, arm_force=(0.0, 0.0, 0.0))
-    acceleration = np.array([sample.acceleration for sample in read(device, 1, 8001)])
+    acceleration = np.array(
+        [sample.acceleration[ACTUATOR_AXIS] for sample in read(device, 1, 8001)]
+    )
     # Two seconds over and over, still a sine of 20 Hz. Where end and beginning fade into each
     # other with equal power, two sines in phase are up to sqrt(2) times as high.
     assert np.percentile(np.abs(acceleration), 90) == pytest.approx(2.96, rel=0.03)

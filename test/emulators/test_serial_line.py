@@ -27,6 +27,7 @@ from pathlib import Path
 
 import pytest
 
+from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.coupling.position_position import (
     CouplingParameters,
     PositionPositionCoupling,
@@ -73,7 +74,7 @@ class Bench:
             EmulatedBoard(
                 HANDLE,
                 folder / f"port{place}",
-                lambda time, device=device: device.read(time).acceleration,
+                lambda time, device=device: device.read(time).acceleration[ACTUATOR_AXIS],
                 self.drive,
             )
             for place, device in enumerate(self.devices)

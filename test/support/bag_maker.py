@@ -38,8 +38,9 @@ from haptic_accel.bags.facts import PREFIX
 from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core import topics
+from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.cdr import StampedVector
-from haptic_accel.core.topics import ACTUATOR_AXIS, Topic
+from haptic_accel.core.topics import Topic
 from haptic_accel.core.trial import Trial
 
 START = 1_700_000_000_000_000_000

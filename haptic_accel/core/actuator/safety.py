@@ -35,6 +35,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 from haptic_accel.core.actuator.guard import HARD, ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, parameter
 
@@ -517,26 +518,31 @@ class SafetyLayer:
         """Return the arm's force, N, for a command with a sample age in s; None for no change."""
         return None if self.refusal else self._arm.command(now, age, force)
 
-    def actuator_force(self, now: float, age: float, force: float) -> float | None:
+    def actuator_force(self, now: float, age: float, force: Vector) -> Vector | None:
         """Return the actuator's force for a command; see `arm_force`."""
         if self.refusal or self._actuator is None:
             return None
-        return self._actuator.command(now, age, force)
+        allowed = self._actuator.command(now, age, force[ACTUATOR_AXIS])
+        return None if allowed is None else along_actuator(allowed)
 
     def tick(
-        self, now: float, handle_acceleration: float | None = None
-    ) -> tuple[Vector | None, float | None]:
+        self, now: float, handle_acceleration: Vector | None = None
+    ) -> tuple[Vector | None, Vector | None]:
         """Return new arm and actuator forces if the present forces must end; once per period.
 
         Parameters
         ----------
         now : float
             Time, s.
-        handle_acceleration : float, optional
+        handle_acceleration : tuple of float, optional
             Latest measurement, m/s^2; None if it is missing.
         """
-        actuator = self._actuator.tick(now, handle_acceleration) if self._actuator else None
-        return self._arm.tick(now), actuator
+        arm = self._arm.tick(now)
+        if self._actuator is None:
+            return arm, None
+        along = None if handle_acceleration is None else handle_acceleration[ACTUATOR_AXIS]
+        reduced = self._actuator.tick(now, along)
+        return arm, None if reduced is None else along_actuator(reduced)
 
     def stop(self, now: float, stopped: bool) -> None:
         """Forbid forces, or release the stop; the caller sets present forces to zero."""

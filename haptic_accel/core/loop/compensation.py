@@ -23,10 +23,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
-from haptic_accel.core.control.compensation import Compensation
+from haptic_accel.core.axes import Axes
 from haptic_accel.core.control.loss_concealment import LossConcealment
+from haptic_accel.core.model import Vector
 from haptic_accel.core.sampling import NANOSECONDS
 
 SENDING_TIME = 0.5
@@ -39,11 +40,25 @@ useless, and the arms disengage soon after."""
 
 
 class Caused(NamedTuple):
-    """Result for a tool sample: stamp, ns, desired acceleration, m/s^2, and force, N."""
+    """Result for a tool sample: stamp, ns, desired acceleration, m/s^2, and coils' forces, N."""
 
     stamp: int
-    desired_acceleration: float
-    actuator_force: float
+    desired_acceleration: Vector
+    actuator_force: Vector
+
+
+class Compensating(Protocol):
+    """Interface of a compensation for handles with one coil or with three."""
+
+    @property
+    def axes(self) -> Axes:
+        """Axes of the tool that are used."""
+
+    def process(self, tool: Vector, handle: Vector | None) -> tuple[Vector, Vector]:
+        """Return desired acceleration, m/s^2, and coils' forces, N, for a sample."""
+
+    def adapt(self) -> None:
+        """Execute a part of the slow computations."""
 
 
 class CompensationPart:
@@ -51,7 +66,7 @@ class CompensationPart:
 
     Parameters
     ----------
-    compensation : Compensation
+    compensation : Compensating
     rate : float
         Samples per second.
     latency : int
@@ -67,23 +82,25 @@ class CompensationPart:
     """
 
     def __init__(
-        self, compensation: Compensation, rate: float, latency: int, longest: int = 2
+        self, compensation: Compensating, rate: float, latency: int, longest: int = 2
     ) -> None:
         self._compensation = compensation
         self._period = NANOSECONDS / rate
         self._longest_wait = (max(1, latency) - SENDING_TIME) * self._period
         self._longest_bridge = LONGEST_BRIDGE * rate
-        self._tool: deque[tuple[int, float]] = deque()
-        self._handle: deque[tuple[int, float | None]] = deque(maxlen=longest)
+        self._tool: deque[tuple[int, Vector]] = deque()
+        self._handle: deque[tuple[int, Vector | None]] = deque(maxlen=longest)
         self._last: int | None = None
-        self._concealment = LossConcealment()
+        self._axes = compensation.axes
+        self._concealments = [LossConcealment() for _ in self._axes.names]
+        self._stored = tuple(zip(self._axes.indices, self._concealments, strict=True))
         self.samples = self.lost = self.bridged = self.without = 0
 
-    def put_tool(self, stamp: int, acceleration: float) -> None:
+    def put_tool(self, stamp: int, acceleration: Vector) -> None:
         """Add a sample of the tool, m/s^2, with its stamp in ns; stamps must increase."""
         self._tool.append((stamp, acceleration))
 
-    def put_handle(self, stamp: int, acceleration: float | None) -> None:
+    def put_handle(self, stamp: int, acceleration: Vector | None) -> None:
         """Add a sample of the handle; None for a lost one."""
         self._handle.append((stamp, acceleration))
 
@@ -118,11 +135,11 @@ class CompensationPart:
             self._fill(stamp)
             self.without += handle is None and self.samples > 0  # no sample precedes the first
             self.samples += 1
-            self._concealment.put(tool)
+            self._store(tool)
             yield Caused(stamp, *self._compensation.process(tool, handle))
             self._compensation.adapt()
 
-    def _before(self, stamp: int) -> tuple[bool, float | None]:
+    def _before(self, stamp: int) -> tuple[bool, Vector | None]:
         """Return True and the previous tick's handle sample (None if lost); False if awaited."""
         wanted = stamp - self._period
         while self._handle and self._handle[0][0] < wanted - self._period / 2:
@@ -139,5 +156,12 @@ class CompensationPart:
         self.lost += lost
         if 0 < lost <= self._longest_bridge:
             self.bridged += lost
-            for predicted in self._concealment.predict(lost):
-                self._compensation.process(predicted, None)
+            for predicted in zip(
+                *(each.predict(lost) for each in self._concealments), strict=True
+            ):
+                self._compensation.process(self._axes.vector(predicted), None)
+
+    def _store(self, tool: Vector) -> None:
+        """Store a sample for predictions."""
+        for index, concealment in self._stored:
+            concealment.put(tool[index])

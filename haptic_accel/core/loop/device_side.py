@@ -29,7 +29,6 @@ from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.model import LATER, ZERO, Reading, Sample, Vector
 from haptic_accel.core.rig.interface import Rig, SampledRig
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import ACTUATOR_AXIS
 
 ARM, ACTUATOR = "arm_force", "actuator_force"
 """Kinds of commands, named as in `Driven.write`."""
@@ -52,7 +51,7 @@ class Driven(Protocol):
         """Return the sample at a time, s."""
 
     def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
         """Apply the forces, N, that are due at a time, s."""
 
@@ -171,7 +170,7 @@ class DeviceSide:
         self._timeout = max(1, round(SAMPLE_TIMEOUT * rate))
         self._waiting: deque[int] = deque()
         self._work = ArmWork()
-        self._acceleration: float | None = None
+        self._acceleration: Vector | None = None
         self.newest: Sample | None = None
 
     # Samples
@@ -268,7 +267,7 @@ class DeviceSide:
 
     def take_off(self) -> None:
         """Set all forces to zero."""
-        self._write(self.clock(), {ARM: ZERO, ACTUATOR: 0.0})
+        self._write(self.clock(), {ARM: ZERO, ACTUATOR: ZERO})
 
     # Counts
 
@@ -351,8 +350,8 @@ class DeviceSide:
         self._now = max(self._now, min(time, now))
         return self._now
 
-    def _allowed_actuator_force(self, now: float, age: float, force: Vector) -> float | None:
-        return self.safety.actuator_force(now, age, force[ACTUATOR_AXIS])
+    def _allowed_actuator_force(self, now: float, age: float, force: Vector) -> Vector | None:
+        return self.safety.actuator_force(now, age, force)
 
     def _time_of_tick(self) -> float:
         return self.tick / self.rate

@@ -26,6 +26,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 
 from haptic_accel.core.arm_endpoint import ArmEndpoint
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.coupling.engagement import Decision
 from haptic_accel.core.coupling.half_engagement import HalfEngagement
 from haptic_accel.core.coupling.pairing import Motion
@@ -84,11 +85,11 @@ class HalfCouplingPart:
             playout.clear()
         self.played = playout.play(now)
         if self.played.kind != WAITING:
-            self._tools.append(Tool(stamp, self.played.value))
+            self._tools.append(Tool(stamp, along_actuator(self.played.value)))
 
     def put_tool(self, tool: Tool) -> None:
         """Add a sample of the tool for the peer."""
-        self.end.endpoint.sampled(tool.stamp + self.offset, tool.acceleration)
+        self.end.endpoint.sampled(tool.stamp + self.offset, tool.acceleration[ACTUATOR_AXIS])
 
     def tools(self) -> Iterator[Tool]:
         """Yield each played sample once."""

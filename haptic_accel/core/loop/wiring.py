@@ -27,7 +27,7 @@ from haptic_accel.core.loop.compensation import Caused, CompensationPart
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, Taken
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import ARMS, along_actuator
+from haptic_accel.core.topics import ARMS
 
 MASTER, SLAVE = ARMS
 
@@ -50,7 +50,7 @@ class Tool(NamedTuple):
     """Sample of the tool's acceleration, m/s^2, and its stamp, ns."""
 
     stamp: int
-    acceleration: float
+    acceleration: Vector
 
 
 class Coupling(Protocol):
@@ -218,8 +218,7 @@ class HostLoop:
                     compensation.put_tool(*tool)
             for caused in compensation.forces(round(now * NANOSECONDS)):
                 self.felt.append(caused)
-                force = along_actuator(caused.actuator_force)
-                self._command(MASTER, ACTUATOR, caused.stamp, force)
+                self._command(MASTER, ACTUATOR, caused.stamp, caused.actuator_force)
         if coupling.engagement.due(now):
             self._decide(now)
         for pull in coupling.pulls():

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.model import AccelerometerParameters, Sample
 from haptic_accel.core.parameters import Checked, parameter
 
@@ -105,7 +106,7 @@ class ArmParameters(Checked):
     def reading(self, x: float, z: float, v_x: float, v_z: float, acceleration: float) -> Sample:
         """Return the readings of an arm that moves along x and z."""
         position = (self.encoded(x), 0.0, self.encoded(z))
-        return Sample(position, (v_x, 0.0, v_z), acceleration)
+        return Sample(position, (v_x, 0.0, v_z), along_actuator(acceleration))
 
 
 PUT_BACK_AFTER = 0.2

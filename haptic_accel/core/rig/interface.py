@@ -61,8 +61,8 @@ class Rig(Protocol):
     def apply_arm_force(self, force: Vector) -> None:
         """Set the force of the arm's motors, N."""
 
-    def apply_actuator_force(self, force: float) -> None:
-        """Set the force of the handle's actuator, N."""
+    def apply_actuator_force(self, force: Vector) -> None:
+        """Set the forces of the actuator's coils along x, y, z of the handle, N."""
 
     def release(self) -> None:
         """Set all forces to zero."""
@@ -97,7 +97,7 @@ class SampledRig:
         return self._rig.measure()
 
     def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
         """Simulate until a time, s, then change the forces, N."""
         self._advance(time)

@@ -25,6 +25,7 @@ from typing import Protocol
 import numpy as np
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.handle.mechanics import (
     A_U,
     ACTUATOR_AND_HANDLE,
@@ -220,12 +221,13 @@ class MasterRig:
         inputs[F_X], inputs[F_Z] = f_x, f_z
         self._holding.command(free=not (f_x or f_z))
 
-    def apply_actuator_force(self, force: float) -> None:
+    def apply_actuator_force(self, force: Vector) -> None:
         """Set the voice coil's force, N, rounded and limited by its converter and amplifier.
 
         NaN sets the force to zero.
         """
-        converted = self._converter.convert(0.0 if math.isnan(force) else force)
+        along = force[ACTUATOR_AXIS]
+        converted = self._converter.convert(0.0 if math.isnan(along) else along)
         self._started = self._started or converted != 0.0
         acting = self._p.drive.force_scale * converted
         self._commands.append((self._now + self._delay, acting))

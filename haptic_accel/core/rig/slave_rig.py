@@ -165,7 +165,7 @@ class SlaveRig:
         self._force_x, self._force_z = motor_force(force[0]), motor_force(force[2])
         self._holding.command(free=not (self._force_x or self._force_z))
 
-    def apply_actuator_force(self, force: float) -> None:
+    def apply_actuator_force(self, force: Vector) -> None:
         """Do nothing: the slave's tool has no actuator."""
 
     def change_surface(self, surface: SurfaceParameters, texture: Vibrating | None = None) -> None:

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.model import ZERO, Sample, Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.instruments import ArmParameters, Holding
@@ -148,7 +149,7 @@ class VirtualRig:
     def measure(self) -> Sample:
         """Return the present readings of the encoders, and the acceleration."""
         x, y, z = map(self._arm.encoded, self._tool.position)
-        return Sample((x, y, z), self._tool.velocity, self._acceleration)
+        return Sample((x, y, z), self._tool.velocity, along_actuator(self._acceleration))
 
     def apply_arm_force(self, force: Vector) -> None:
         """Set the force of the arm's motors, N, each axis limited to their maximum."""
@@ -157,7 +158,7 @@ class VirtualRig:
         self._force = x, y, z
         self._holding.command(free=not (x or y or z))
 
-    def apply_actuator_force(self, force: float) -> None:
+    def apply_actuator_force(self, force: Vector) -> None:
         """Do nothing: the slave's tool has no actuator."""
 
     def change_scene(self, scene: Scene) -> None:

@@ -251,7 +251,7 @@ class DrivenArm:
             return None
         angles = self._angles()
         velocity = vector(self._kinematics.jacobian(angles) @ self._speeds())
-        return Sample(self._kinematics.position(angles), velocity, 0.0)
+        return Sample(self._kinematics.position(angles), velocity, ZERO)
 
     def joints(self) -> Joints:
         """Return the last known angles, speeds and torques of the joints."""

@@ -107,7 +107,7 @@ class CanArm(Device):
         return self._arm.read(monotonic())
 
     def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
         """Send the torques for a force of the tip; an actuator's force is ignored."""
         if arm_force is not None:

@@ -81,10 +81,10 @@ class CrtkArm(Device):
             return None
         position = self._client.position.newest(self._p.timeout)
         velocity = self._client.velocity.newest(self._p.timeout)
-        return None if position is None else Sample(position, velocity or ZERO, 0.0)
+        return None if position is None else Sample(position, velocity or ZERO, ZERO)
 
     def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
         """Send the arm's force; ignore the actuator's."""
         if self._client and arm_force is not None:

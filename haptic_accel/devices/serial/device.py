@@ -23,6 +23,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.devices.connection import AUTO, MANUAL
@@ -201,7 +202,7 @@ class SerialDevice(Device):
         if waiting[0][0] > tick + self._half_period:
             self._counts["samples_missing"] += aligned
             return None
-        return Sample(ZERO, ZERO, waiting.popleft()[1])
+        return Sample(ZERO, ZERO, along_actuator(waiting.popleft()[1]))
 
     def _newest(self, time: float) -> Sample | None:
         """Return the newest sample taken by a time; None once the last is too old to be held."""
@@ -210,7 +211,7 @@ class SerialDevice(Device):
             newest = self._waiting.popleft()
         if newest is not None:
             self._held_since, acceleration = newest
-            self._held = Sample(ZERO, ZERO, acceleration)
+            self._held = Sample(ZERO, ZERO, along_actuator(acceleration))
         elif self._held is not None:
             if time - self._held_since > self._longest_held:
                 self._held = None
@@ -219,7 +220,7 @@ class SerialDevice(Device):
         return self._held
 
     def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
         """Send a current set-point, zero for a force that is not finite.
 
@@ -228,7 +229,8 @@ class SerialDevice(Device):
         current off. There is no arm; without an actuator nothing is sent.
         """
         if actuator_force is not None and self._actuator:
-            self._link.set_current(actuator_force / self._actuator.force_constant, time)
+            along = actuator_force[ACTUATOR_AXIS]
+            self._link.set_current(along / self._actuator.force_constant, time)
 
     def close(self) -> None:
         """Leave the board without current and without samples."""

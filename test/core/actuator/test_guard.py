@@ -31,6 +31,7 @@ from haptic_accel.core.actuator.guard import (
     ActuatorGuard,
 )
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import (
     GRAVITY,
     AccelerometerParameters,
@@ -215,11 +216,11 @@ def driven(
         force = command(index / rate)
         if guarded:
             force = limits.limited(force, heard)
-        acceleration = master.measure().acceleration
+        acceleration = master.measure().acceleration[ACTUATOR_AXIS]
         # As in the compensation: one sample old, and none where the sensor is at its range.
         heard = acceleration if abs(acceleration) < 0.999 * SENSOR_RANGE else 0.0
         energy.append(master.energy())
-        master.apply_actuator_force(force)
+        master.apply_actuator_force(along_actuator(force))
         applied.append(force)
     return master, limits, np.array(applied), np.array(energy)
 

@@ -40,6 +40,7 @@ from haptic_accel.core.actuator.safety import (
     SafetyLayer,
     SafetyParameters,
 )
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError, from_flat
 from haptic_accel.core.trial import run_trial
@@ -67,14 +68,15 @@ class Bench:
         self.now += seconds
 
     def tick(self, acceleration: float | None = 0.0) -> None:
-        arm, actuator = self.layer.tick(self.now, acceleration)
+        measured = None if acceleration is None else along_actuator(acceleration)
+        arm, actuator = self.layer.tick(self.now, measured)
         self.arm = self.arm if arm is None else arm
-        self.actuator = self.actuator if actuator is None else actuator
+        self.actuator = self.actuator if actuator is None else actuator[ACTUATOR_AXIS]
 
     def push(self, force: float, age: float = FRESH) -> None:
         """Command the actuator."""
-        applied = self.layer.actuator_force(self.now, age, force)
-        self.actuator = self.actuator if applied is None else applied
+        applied = self.layer.actuator_force(self.now, age, along_actuator(force))
+        self.actuator = self.actuator if applied is None else applied[ACTUATOR_AXIS]
 
     def pull(self, force: Vector, age: float = FRESH) -> None:
         """Command the arm."""
@@ -121,7 +123,7 @@ def test_whatever_comes_only_less_of_it_is_applied(
         if what == "tick":
             bench.tick(number)
         elif what == "push":
-            applied = layer.actuator_force(bench.now, number, force[0])
+            applied = layer.actuator_force(bench.now, number, along_actuator(force[0]))
             if applied:
                 assert math.isfinite(applied)
                 assert 0.0 < applied / force[0] <= 1.0
@@ -312,7 +314,7 @@ def test_no_force_while_stopped_or_not_active() -> None:
         ),
     ):
         refuse()
-        assert bench.layer.actuator_force(bench.now, FRESH, 1.0) is None
+        assert bench.layer.actuator_force(bench.now, FRESH, along_actuator(1.0)) is None
         assert bench.layer.arm_force(bench.now, FRESH, (1.0, 0.0, 0.0)) is None
         assert bench.layer.arm() == bench.layer.refusal == reason
         assert bench.layer.warnings() == [reason]
@@ -320,7 +322,9 @@ def test_no_force_while_stopped_or_not_active() -> None:
         bench.tick()
         assert bench.value("actuator force timeouts") == 0
         allow()
-        assert bench.layer.actuator_force(bench.now, FRESH, 1.0) == 1.0
+        assert bench.layer.actuator_force(bench.now, FRESH, along_actuator(1.0)) == along_actuator(
+            1.0
+        )
 
 
 def test_a_force_that_two_nodes_command_is_refused_until_one_does() -> None:
@@ -351,14 +355,14 @@ def test_a_held_force_ends_though_neither_of_two_senders_goes_on() -> None:
 
 def test_a_new_layer_allows_no_force() -> None:
     layer = SafetyLayer(MasterSafetyParameters(), RATE)
-    assert layer.actuator_force(0.0, FRESH, 1.0) is None
+    assert layer.actuator_force(0.0, FRESH, along_actuator(1.0)) is None
 
 
 def test_a_device_without_an_actuator_gets_no_force_for_one() -> None:
     layer = SafetyLayer(SafetyParameters(), RATE)
     layer.enable(0.0, True)
-    assert layer.actuator_force(0.0, FRESH, 1.0) is None
-    assert layer.tick(1.0, 0.0) == (None, None)
+    assert layer.actuator_force(0.0, FRESH, along_actuator(1.0)) is None
+    assert layer.tick(1.0, ZERO) == (None, None)
     assert not [name for name in layer.diagnostics() if "actuator" in name]
 
 

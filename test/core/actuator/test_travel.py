@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.actuator.travel import TravelEstimator
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.identification.sweep import SweepParameters, excitation
 from haptic_accel.core.model import AccelerometerParameters, GripParameters, Suspension
 from haptic_accel.core.parameters import ParameterError
@@ -76,9 +77,9 @@ def test_it_follows_the_simulated_actuator_through_the_sweep() -> None:
     applied = 0.0
     for index, force in enumerate(excitation(SweepParameters(), rate).tolist()):
         master.advance(index / rate)
-        found.append(estimator.observe(applied, master.measure().acceleration))
+        found.append(estimator.observe(applied, master.measure().acceleration[ACTUATOR_AXIS]))
         true.append(master.travel)
-        master.apply_actuator_force(force)
+        master.apply_actuator_force(along_actuator(force))
         applied = force
     settled = slice(round(0.3 * rate), None)  # the estimate starts in the middle
     error = np.array(found)[settled] - np.array(true)[settled]

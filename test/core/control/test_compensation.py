@@ -31,6 +31,7 @@ from hypothesis.extra import numpy as arrays
 from scipy import signal
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control import compensation as module
 from haptic_accel.core.control.compensation import (
     FADING,
@@ -614,9 +615,11 @@ def felt(stream: Compensation, tool: FloatArray, mute: slice) -> FloatArray:
     muted = range(*mute.indices(len(tool)))
     for tick, acceleration in enumerate(tool):
         stream.mute(tick in muted)
-        _, given[tick] = stream.process(acceleration, handle.read(tick / RATE).acceleration)
+        _, given[tick] = stream.process(
+            acceleration, handle.read(tick / RATE).acceleration[ACTUATOR_AXIS]
+        )
         stream.adapt()
-        handle.write((tick + 1) / RATE, actuator_force=given[tick])
+        handle.write((tick + 1) / RATE, actuator_force=along_actuator(given[tick]))
     return given
 
 

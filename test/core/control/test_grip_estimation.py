@@ -25,6 +25,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control.grip_estimation import (
     LARGEST,
     SMALLEST,
@@ -70,9 +71,9 @@ def drive(
     for index in range(first, first + round(seconds * rate)):
         master.advance(index / rate)
         of.observe(applied, measured)  # both of the sample before
-        measured = master.measure().acceleration
+        measured = master.measure().acceleration[ACTUATOR_AXIS]
         applied = float(random.normal(0.0, force)) if force else 0.0
-        master.apply_actuator_force(applied)
+        master.apply_actuator_force(along_actuator(applied))
         of.update()
 
 
@@ -201,9 +202,9 @@ def test_a_single_frequency_leaves_no_nonsense() -> None:
     for index in range(3000):
         master.advance(index / RATE)
         found.observe(applied, measured)
-        measured = master.measure().acceleration
+        measured = master.measure().acceleration[ACTUATOR_AXIS]
         applied = 0.5 * math.sin(2 * math.pi * 90.0 * index / RATE)
-        master.apply_actuator_force(applied)
+        master.apply_actuator_force(along_actuator(applied))
         found.update()
     factors = found.grip / grip_of(TABLE_I)
     assert np.all(factors > 0.3)
@@ -219,9 +220,9 @@ def test_some_missing_samples_do_no_harm_many_stop_it() -> None:
         for index in range(3000):
             master.advance(index / RATE)
             found.observe(applied, math.nan if index % every == 0 else measured)
-            measured = master.measure().acceleration
+            measured = master.measure().acceleration[ACTUATOR_AXIS]
             applied = float(random.normal(0.0, 0.5))
-            master.apply_actuator_force(applied)
+            master.apply_actuator_force(along_actuator(applied))
             found.update()
         assert (found.estimates > 0) == looks
         if looks:

@@ -17,6 +17,8 @@ from __future__ import annotations
 
 import pytest
 
+from haptic_accel.core.axes import along_actuator
+from haptic_accel.core.control.along_axis import AlongAxis
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.loop.compensation import CompensationPart
 
@@ -31,7 +33,7 @@ SOON, LATE = PERIOD // 4, PERIOD
 @pytest.fixture
 def part() -> CompensationPart:
     compensation = Compensation(CompensationParameters(controller="constant"), RATE)
-    return CompensationPart(compensation, RATE, latency=1, longest=100)
+    return CompensationPart(AlongAxis(compensation), RATE, latency=1, longest=100)
 
 
 def stamps(part: CompensationPart, now: int) -> list[int]:
@@ -39,20 +41,22 @@ def stamps(part: CompensationPart, now: int) -> list[int]:
 
 
 def test_a_force_waits_for_the_handles_sample_of_the_tick_before(part: CompensationPart) -> None:
-    part.put_tool(5 * PERIOD, 1.0)
+    part.put_tool(5 * PERIOD, along_actuator(1.0))
     assert stamps(part, 5 * PERIOD + SOON) == []
-    part.put_handle(4 * PERIOD, 0.5)
+    part.put_handle(4 * PERIOD, along_actuator(0.5))
     assert stamps(part, 5 * PERIOD + SOON) == [5 * PERIOD]
     assert part.without == 0
 
 
 def test_a_handles_sample_that_is_lost_is_not_waited_for(part: CompensationPart) -> None:
     for tick in (5, 6):
-        part.put_tool(tick * PERIOD, 1.0)
+        part.put_tool(tick * PERIOD, along_actuator(1.0))
     assert stamps(part, 6 * PERIOD + LATE) == [5 * PERIOD, 6 * PERIOD]
     assert part.without == 1  # the first has none before it
-    part.put_tool(7 * PERIOD, 1.0)
-    part.put_handle(8 * PERIOD, 0.5)  # that of tick 6 was lost: a later one is there
+    part.put_tool(7 * PERIOD, along_actuator(1.0))
+    part.put_handle(
+        8 * PERIOD, along_actuator(0.5)
+    )  # that of tick 6 was lost: a later one is there
     assert stamps(part, 7 * PERIOD + SOON) == [7 * PERIOD]
     assert part.without == 2
 
@@ -60,24 +64,24 @@ def test_a_handles_sample_that_is_lost_is_not_waited_for(part: CompensationPart)
 def test_lost_samples_of_the_tool_are_predicted_unless_they_are_many(
     part: CompensationPart,
 ) -> None:
-    part.put_tool(PERIOD, 1.0)
-    part.put_tool(5 * PERIOD, 1.0)
-    part.put_tool(105 * PERIOD, 1.0)
+    part.put_tool(PERIOD, along_actuator(1.0))
+    part.put_tool(5 * PERIOD, along_actuator(1.0))
+    part.put_tool(105 * PERIOD, along_actuator(1.0))
     assert len(stamps(part, 105 * PERIOD + LATE)) == 3
     assert (part.lost, part.bridged) == (102, 3)
 
 
 def test_of_the_samples_of_two_ticks_each_finds_its_own(part: CompensationPart) -> None:
     for tick in (4, 5):
-        part.put_handle(tick * PERIOD, 0.5)
-    part.put_tool(5 * PERIOD, 1.0)
-    part.put_tool(6 * PERIOD, 1.0)
+        part.put_handle(tick * PERIOD, along_actuator(0.5))
+    part.put_tool(5 * PERIOD, along_actuator(1.0))
+    part.put_tool(6 * PERIOD, along_actuator(1.0))
     assert stamps(part, 6 * PERIOD) == [5 * PERIOD, 6 * PERIOD]
     assert part.without == 0
 
 
 def test_what_waits_can_be_forgotten(part: CompensationPart) -> None:
-    part.put_tool(PERIOD, 1.0)
+    part.put_tool(PERIOD, along_actuator(1.0))
     part.clear()
     assert not part.waiting
     assert stamps(part, PERIOD + LATE) == []

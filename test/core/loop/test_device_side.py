@@ -28,6 +28,7 @@ from haptic_accel.core.actuator.safety import (
     MasterSafetyParameters,
     SafetyLayer,
 )
+from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.loop.device_side import (
     ACTUATOR,
     ARM,
@@ -40,7 +41,6 @@ from haptic_accel.core.loop.device_side import (
 )
 from haptic_accel.core.model import LATER, ZERO, Reading, Sample, Vector
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import along_actuator
 
 RATE = 1000.0
 SPEED = 0.1
@@ -59,12 +59,12 @@ class Rig:
         self.time = max(self.time, time)
 
     def measure(self) -> Sample:
-        return Sample((0.0, 0.0, SPEED * self.time), (0.0, 0.0, SPEED), 0.0)
+        return Sample((0.0, 0.0, SPEED * self.time), (0.0, 0.0, SPEED), ZERO)
 
     def apply_arm_force(self, force: Vector) -> None:
         self.arm.append(force)
 
-    def apply_actuator_force(self, force: float) -> None:
+    def apply_actuator_force(self, force: Vector) -> None:
         self.actuator.append(force)
 
     def release(self) -> None:
@@ -166,7 +166,7 @@ class Clock:
         return self.now
 
 
-STILL = Sample(ZERO, ZERO, 0.0)
+STILL = Sample(ZERO, ZERO, ZERO)
 
 
 def clocked(device: Slow, clock: Clock, **options: Any) -> DeviceSide:

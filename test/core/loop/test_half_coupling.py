@@ -21,6 +21,7 @@ import math
 from typing import NamedTuple
 
 from haptic_accel.core.actuator.safety import SafetyParameters
+from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.coupling.engagement import FREE_TIME, STEP_PERIOD
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.loop.device_side import ARM, rig_side
@@ -47,12 +48,12 @@ class Puppet:
 
     def measure(self) -> Sample:
         """Return where it is, at rest, with an acceleration of 1 m/s^2."""
-        return Sample(self.at, ZERO, 1.0)
+        return Sample(self.at, ZERO, along_actuator(1.0))
 
     def apply_arm_force(self, force: Vector) -> None:
         """Stay."""
 
-    def apply_actuator_force(self, force: float) -> None:
+    def apply_actuator_force(self, force: Vector) -> None:
         """Stay."""
 
     def release(self) -> None:

@@ -21,6 +21,7 @@ import pytest
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyLayer, SafetyParameters
+from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.coupling.engagement import STEP_PERIOD, Engagement, EngagementParameters
 from haptic_accel.core.coupling.position_position import (
@@ -61,10 +62,12 @@ class Device:
             raise BrokenError
         tick = round(time * RATE)
         height = self._travel * tick
-        return Sample((0.0, 0.0, height), ZERO, float(tick)) if self.there else LATER
+        return (
+            Sample((0.0, 0.0, height), ZERO, along_actuator(float(tick))) if self.there else LATER
+        )
 
     def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: float | None = None
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
         tick = round(time * RATE)
         if arm_force is not None:
@@ -139,7 +142,7 @@ def test_what_a_tick_did_can_be_seen_until_the_next() -> None:
     assert [(arm, taken.tick) for arm, taken in rig.loop.samples] == [(MASTER, 2), (SLAVE, 2)]
     assert [pull.arm for pull in rig.loop.pulls] == [MASTER, SLAVE]
     assert {pull.stamp for pull in rig.loop.pulls} == {2_000_000}
-    assert [tool.acceleration for tool in rig.loop.tools] == [2.0]
+    assert [tool.acceleration for tool in rig.loop.tools] == [along_actuator(2.0)]
     assert [caused.stamp for caused in rig.loop.felt] == [2_000_000]
     rig.loop.go_on()
     assert not any((rig.loop.samples, rig.loop.pulls, rig.loop.tools, rig.loop.felt))

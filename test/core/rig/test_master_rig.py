@@ -26,6 +26,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import (
     POSTURES,
     AccelerometerParameters,
@@ -133,8 +134,8 @@ def test_the_handle_follows_eq_3_behind_hold_and_low_pass(
     measured = []
     for index, command in enumerate(np.tile(force, 3).tolist()):
         rig.advance(index / rate)
-        measured.append(rig.measure().acceleration)
-        rig.apply_actuator_force(command)
+        measured.append(rig.measure().acceleration[ACTUATOR_AXIS])
+        rig.apply_actuator_force(along_actuator(command))
     # The third second: the slowest mode has decayed by more than 1e-20.
     gain = np.fft.rfft(measured[-count:]) / np.fft.rfft(force)
     for frequency in frequencies:
@@ -174,8 +175,8 @@ def test_two_modes_are_transmitted_in_series_or_in_parallel(
         measured = []
         for index in range(8000):
             rig.advance(index / rate)
-            measured.append(rig.measure().acceleration)
-            rig.apply_actuator_force(1.0 if index == 0 else 0.0)
+            measured.append(rig.measure().acceleration[ACTUATOR_AXIS])
+            rig.apply_actuator_force(along_actuator(1.0 if index == 0 else 0.0))
         gains.append(np.fft.rfft(measured))
     for frequency in (40, 100, 140, 180, 205, 250):
         of_first = transmitted(frequency, first.frequency, first.damping) if first.frequency else 1
@@ -190,7 +191,7 @@ def test_swapped_wires_push_the_other_way(ideal_master: MasterRigParameters) -> 
     for scale in (1.0, 0.7, -1.0):
         drive = replace(ideal_master.drive, force_scale=scale)
         rig = MasterRig(replace(ideal_master, drive=drive), RATE)
-        rig.apply_actuator_force(0.5)
+        rig.apply_actuator_force(along_actuator(0.5))
         rig.advance(5 * PERIOD)
         moved.append(rig.travel)
     assert moved[1] == pytest.approx(0.7 * moved[0])
@@ -203,24 +204,24 @@ def test_another_mount_changes_the_ringing_and_nothing_jumps(
     rig = MasterRig(replace(ideal_master, mount=MountParameters(100.0, 0.01)), RATE)
     rig.disturb(handle_velocity=0.1)
     rig.advance(0.05)
-    before, travel = rig.measure().acceleration, rig.travel
+    before, travel = rig.measure().acceleration[ACTUATOR_AXIS], rig.travel
     rig.change_mount(MountParameters(200.0, 0.01))
-    assert rig.measure().acceleration == before
+    assert rig.measure().acceleration[ACTUATOR_AXIS] == before
     assert rig.travel == travel
     rung = []
     for index in range(51, 551):
         rig.advance(index * PERIOD)
-        rung.append(rig.measure().acceleration)
+        rung.append(rig.measure().acceleration[ACTUATOR_AXIS])
     assert np.argmax(np.abs(np.fft.rfft(rung))) * RATE / len(rung) == pytest.approx(200.0, abs=4.0)
 
 
 def test_a_force_pushes_handle_and_actuator_apart(ideal_master: MasterRigParameters) -> None:
     rig = MasterRig(ideal_master, RATE)
-    rig.apply_actuator_force(0.1)
+    rig.apply_actuator_force(along_actuator(0.1))
     rig.advance(1e-4)
     # Soon after, masses alone decide: v = F t / m each.
     assert rig.measure().velocity[2] == pytest.approx(0.1 * 1e-4 / 0.128, rel=0.02)
-    assert rig.measure().acceleration > 0
+    assert rig.measure().acceleration[ACTUATOR_AXIS] > 0
     assert rig.travel < 0
 
 
@@ -228,7 +229,7 @@ def test_a_constant_force_is_held_by_the_centring_spring(
     ideal_master: MasterRigParameters,
 ) -> None:
     rig = MasterRig(ideal_master, RATE)
-    rig.apply_actuator_force(0.5)
+    rig.apply_actuator_force(along_actuator(0.5))
     run(rig, 0, 2000)
     assert rig.travel == pytest.approx(-0.5 / 266.0)
     assert rig.measure().position[2] == pytest.approx(0.0, abs=1e-9)
@@ -256,7 +257,7 @@ def test_how_often_it_is_looked_at_does_not_matter(parts: list[float]) -> None:
     once, often = MasterRig(STILL, RATE), MasterRig(STILL, RATE)
     for rig in (once, often):
         rig.apply_arm_force((0.1, 0.0, -0.5))
-        rig.apply_actuator_force(0.3)
+        rig.apply_actuator_force(along_actuator(0.3))
     for index in range(20):
         once.advance((index + 1) * PERIOD)
         for part in parts:  # not in order: a time that has passed changes nothing
@@ -264,7 +265,7 @@ def test_how_often_it_is_looked_at_does_not_matter(parts: list[float]) -> None:
         often.advance((index + 1) * PERIOD)
         one, other = once.measure(), often.measure()
         assert other.velocity == pytest.approx(one.velocity, abs=1e-12)
-        assert other.acceleration == one.acceleration
+        assert other.acceleration[ACTUATOR_AXIS] == one.acceleration[ACTUATOR_AXIS]
 
 
 # Energy
@@ -332,7 +333,7 @@ def test_full_force_overruns_the_stops_by_little(
     ideal_master: MasterRigParameters, force: float
 ) -> None:
     rig = MasterRig(ideal_master, 10e3)
-    rig.apply_actuator_force(force)
+    rig.apply_actuator_force(along_actuator(force))
     deepest = 0.0
     for index in range(2000):
         rig.advance(index * 1e-4)
@@ -354,7 +355,7 @@ def test_full_force_back_and_forth_overruns_them_by_little(
     for index in range(1000):
         rig.advance(index * PERIOD)
         rig.apply_actuator_force(
-            math.copysign(6.6, math.sin(2 * math.pi * frequency * index * PERIOD))
+            along_actuator(math.copysign(6.6, math.sin(2 * math.pi * frequency * index * PERIOD)))
         )
         deepest = max(deepest, abs(rig.travel))
     # From one stop to the other the force works over twice the free travel.
@@ -365,11 +366,11 @@ def test_a_stop_counts_once_a_visit(ideal_master: MasterRigParameters) -> None:
     damped = replace(ideal_master, handle=HandleParameters(b_s=10.0))
     rig = MasterRig(damped, RATE)
     for visit in (1, 2, 3):
-        rig.apply_actuator_force(3.0)
+        rig.apply_actuator_force(along_actuator(3.0))
         rig.advance(visit - 1 + 0.1)
         run(rig, 1000 * visit - 850, 1000 * visit - 500)
         assert rig.counters()["travel_stops_hit"] == visit
-        rig.apply_actuator_force(0.0)
+        rig.apply_actuator_force(along_actuator(0.0))
         run(rig, 1000 * visit - 500, 1000 * visit)
 
 
@@ -391,7 +392,7 @@ def test_the_hand_rests_until_the_arm_gets_a_force() -> None:
     rig = exploring()
     start = rig.measure().position
     run(rig, 0, 1000)
-    rig.apply_actuator_force(0.0)
+    rig.apply_actuator_force(along_actuator(0.0))
     run(rig, 1000, 2000)
     assert rig.measure().position == start
     assert start == pytest.approx((0.0, 0.0, 0.010), abs=28e-6)
@@ -405,7 +406,7 @@ def test_before_the_first_force_another_grip_is_one_from_the_beginning(gravity: 
     changed, begun = exploring(), MasterRig(MasterRigParameters(grip=grip), RATE)
     changed.hold(grip)
     for rig in (changed, begun):
-        rig.apply_actuator_force(1.0)
+        rig.apply_actuator_force(along_actuator(1.0))
         run(rig, 0, 50)
     assert changed.measure() == begun.measure()
 
@@ -423,14 +424,14 @@ def test_the_handle_follows_the_hand() -> None:
 
 def test_a_command_beyond_the_peak_is_cut_and_counted(ideal_master: MasterRigParameters) -> None:
     most, more = MasterRig(ideal_master, RATE), MasterRig(ideal_master, RATE)
-    most.apply_actuator_force(6.6)
-    more.apply_actuator_force(1e6)
+    most.apply_actuator_force(along_actuator(6.6))
+    more.apply_actuator_force(along_actuator(1e6))
     for rig in (most, more):
         run(rig, 0, 20)
     assert more.measure() == most.measure()
     assert most.counters()["actuator_saturated"] == 0
     assert more.counters()["actuator_saturated"] == 1
-    more.apply_actuator_force(-math.inf)
+    more.apply_actuator_force(along_actuator(-math.inf))
     assert more.counters()["actuator_saturated"] == 2
 
 
@@ -440,21 +441,21 @@ def test_commands_have_the_converter_s_steps(
 ) -> None:
     rig = MasterRig(replace(ideal_master, drive=DriveParameters(bits=14)), RATE)
     step = 2 * 6.6 / 2**14  # 0.8 mN
-    rig.apply_actuator_force(command * step)
+    rig.apply_actuator_force(along_actuator(command * step))
     run(rig, 0, 2000)
     assert rig.travel == pytest.approx(-steps * step / 266.0, abs=1e-12)
 
 
 def test_nan_takes_the_forces_off(ideal_master: MasterRigParameters) -> None:
     rig = MasterRig(ideal_master, RATE)
-    rig.apply_actuator_force(math.nan)
+    rig.apply_actuator_force(along_actuator(math.nan))
     rig.apply_arm_force((math.nan, math.nan, math.nan))
     assert max(run(rig, 0, 100)) == 0.0
 
 
 def test_release_takes_all_forces_off(ideal_master: MasterRigParameters) -> None:
     rig = MasterRig(ideal_master, RATE)
-    rig.apply_actuator_force(1.0)
+    rig.apply_actuator_force(along_actuator(1.0))
     rig.apply_arm_force((1.0, 0.0, 1.0))
     run(rig, 0, 100)
     rig.release()
@@ -467,7 +468,7 @@ def test_release_takes_all_forces_off(ideal_master: MasterRigParameters) -> None
 def test_after_a_stall_the_rig_has_stood_still(stall: float) -> None:
     going, stalled = exploring(), exploring()
     for rig in (going, stalled):
-        rig.apply_actuator_force(0.5)
+        rig.apply_actuator_force(along_actuator(0.5))
         hold(rig, 0, 1001)
     going.advance(1.0 + LONGEST_ADVANCE)
     stalled.advance(1.0 + stall)
@@ -483,7 +484,7 @@ def test_after_a_stall_the_rig_has_stood_still(stall: float) -> None:
 
 def test_the_stops_hold_during_a_stall_too(ideal_master: MasterRigParameters) -> None:
     rig = MasterRig(ideal_master, RATE)
-    rig.apply_actuator_force(6.6)
+    rig.apply_actuator_force(along_actuator(6.6))
     rig.advance(LONGEST_ADVANCE)
     assert abs(rig.travel) < 3.8e-3 + overrun(6.6 * 3.8e-3, 6.6)
     assert rig.counters()["travel_stops_hit"] >= 1
@@ -507,9 +508,9 @@ def test_the_rate_of_reading_does_not_change_the_motion(rate: float) -> None:
 def test_the_accelerometer_saturates_and_counts(ideal_master: MasterRigParameters) -> None:
     small = AccelerometerParameters(range=1.0, noise_density=0.0)
     rig = MasterRig(replace(ideal_master, accelerometer=small), RATE)
-    rig.apply_actuator_force(1.0)
+    rig.apply_actuator_force(along_actuator(1.0))
     rig.advance(PERIOD)
-    assert rig.measure().acceleration == 1.0
+    assert rig.measure().acceleration[ACTUATOR_AXIS] == 1.0
     assert rig.counters()["accelerometer_saturated"] == 1
 
 
@@ -517,9 +518,9 @@ def test_the_seed_decides_about_the_noise() -> None:
     one, same, other = (MasterRig(STILL, RATE, seed) for seed in (1, 1, 2))
     for rig in (one, same, other):
         rig.disturb()
-    first = [one.measure().acceleration for _ in range(10)]
-    assert first == [same.measure().acceleration for _ in range(10)]
-    assert first != [other.measure().acceleration for _ in range(10)]
+    first = [one.measure().acceleration[ACTUATOR_AXIS] for _ in range(10)]
+    assert first == [same.measure().acceleration[ACTUATOR_AXIS] for _ in range(10)]
+    assert first != [other.measure().acceleration[ACTUATOR_AXIS] for _ in range(10)]
 
 
 @pytest.mark.parametrize(
@@ -582,8 +583,10 @@ def test_friction_held_for_a_sample_is_close_to_friction_that_follows_the_slip(
         for index in range(500):
             for read in range(reads):
                 rig.advance((index + read / reads) * PERIOD)
-            found.append(rig.measure().acceleration)
-            rig.apply_actuator_force(0.5 * math.sin(2 * math.pi * 80.0 * index * PERIOD))
+            found.append(rig.measure().acceleration[ACTUATOR_AXIS])
+            rig.apply_actuator_force(
+                along_actuator(0.5 * math.sin(2 * math.pi * 80.0 * index * PERIOD))
+            )
         return np.array(found)
 
     free, coarse, fine = shaken(0.0, 1), shaken(0.016, 1), shaken(0.016, 100)
@@ -598,11 +601,11 @@ def test_a_handle_held_against_gravity_is_at_rest_and_its_sensor_tells_gravity(
     rig = MasterRig(replace(ideal_master, grip=GripParameters(gravity=6.9)), RATE)
     before = rig.travel
     assert before == pytest.approx(-0.018 * 6.9 / 266)
-    assert rig.measure().acceleration == pytest.approx(6.9, abs=1e-6)
+    assert rig.measure().acceleration[ACTUATOR_AXIS] == pytest.approx(6.9, abs=1e-6)
     rig.disturb()
     for index in range(200):
         rig.advance(index * PERIOD)
-        assert rig.measure().acceleration == pytest.approx(6.9, abs=1e-6)
+        assert rig.measure().acceleration[ACTUATOR_AXIS] == pytest.approx(6.9, abs=1e-6)
     assert rig.travel == pytest.approx(before, abs=1e-9)
 
 
@@ -624,7 +627,7 @@ def test_another_grip_is_the_same_user_s_and_nothing_moves(
 ) -> None:
     rig = MasterRig(MasterRigParameters(), RATE, seed)
     rig.apply_arm_force((0.0, 0.0, 0.0))
-    rig.apply_actuator_force(1.0)
+    rig.apply_actuator_force(along_actuator(1.0))
     run(rig, 1, 900)
     before, travel = rig.measure(), rig.travel
     grip = GripParameters(posture=posture, variation=variation)
@@ -634,7 +637,7 @@ def test_another_grip_is_the_same_user_s_and_nothing_moves(
     assert rig.travel == travel
     assert rig.handle == held(HandleParameters(), grip, seed)
     run(rig, 900, 1000)
-    assert math.isfinite(rig.measure().acceleration)
+    assert math.isfinite(rig.measure().acceleration[ACTUATOR_AXIS])
 
 
 def test_a_handle_turned_upright_sinks_into_the_grip(ideal_master: MasterRigParameters) -> None:
@@ -646,7 +649,7 @@ def test_a_handle_turned_upright_sinks_into_the_grip(ideal_master: MasterRigPara
     sample = rig.measure()
     assert sample.position[2] == pytest.approx(-(0.128 + 0.018) * 6.9 / 1500, rel=1e-3)
     assert rig.travel == pytest.approx(-0.018 * 6.9 / 266, rel=1e-3)
-    assert sample.acceleration == pytest.approx(6.9, abs=1e-3)
+    assert sample.acceleration[ACTUATOR_AXIS] == pytest.approx(6.9, abs=1e-3)
 
 
 @few
@@ -683,10 +686,10 @@ def test_whatever_is_physically_possible_runs(
     rig = MasterRig(parameters, rate)
     for index in range(100):
         rig.advance(index / rate)
-        rig.apply_actuator_force(1.0 if index % 20 < 10 else -1.0)
+        rig.apply_actuator_force(along_actuator(1.0 if index % 20 < 10 else -1.0))
     # 1 N on the lightest mass for 0.5 s, and springs that can give back what they got.
     assert rig.energy() < 1e3
-    assert math.isfinite(rig.measure().acceleration)
+    assert math.isfinite(rig.measure().acceleration[ACTUATOR_AXIS])
 
 
 untimed = settings(deadline=None)

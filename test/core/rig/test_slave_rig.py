@@ -25,6 +25,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import AccelerometerParameters
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.rig.instruments import ArmParameters
@@ -66,12 +67,14 @@ def test_in_the_air_the_arm_s_force_accelerates_the_tool(ideal_slave: SlaveRigPa
     sample = rig.measure()
     assert sample.velocity == pytest.approx((1e-3, 0.0, 2e-3))
     assert sample.position == pytest.approx((0.5e-6, 0.0, 0.01 + 1e-6), abs=1e-12)
-    assert sample.acceleration == pytest.approx(2.0 * (1 - math.exp(-math.pi)), rel=1e-6)
+    assert sample.acceleration[ACTUATOR_AXIS] == pytest.approx(
+        2.0 * (1 - math.exp(-math.pi)), rel=1e-6
+    )
     run(rig, 1, 20)
-    assert rig.measure().acceleration == pytest.approx(2.0)
+    assert rig.measure().acceleration[ACTUATOR_AXIS] == pytest.approx(2.0)
     rig.release()
     run(rig, 20, 40)
-    assert rig.measure().acceleration == pytest.approx(0.0, abs=1e-7)
+    assert rig.measure().acceleration[ACTUATOR_AXIS] == pytest.approx(0.0, abs=1e-7)
 
 
 def test_joints_slow_the_tool_as_they_should(ideal_slave: SlaveRigParameters) -> None:
@@ -110,7 +113,7 @@ def test_the_arm_s_motors_have_their_limit_and_ignore_nan(
 
 def test_the_actuator_s_force_means_nothing_to_it(ideal_slave: SlaveRigParameters) -> None:
     rig = SlaveRig(ideal_slave, RATE)
-    rig.apply_actuator_force(5.0)
+    rig.apply_actuator_force(along_actuator(5.0))
     assert run(rig, 0, 100)[-1] == 0.0
     assert rig.measure().position == (0.0, 0.0, 0.01)
 
@@ -226,7 +229,7 @@ def drag(speed: float, press: float, surface: SurfaceParameters = ROUGH) -> floa
     for index in range(1500):
         rig.advance(index * PERIOD)
         sample = rig.measure()
-        measured.append(sample.acceleration)
+        measured.append(sample.acceleration[ACTUATOR_AXIS])
         correction = 10.0 * (speed - sample.velocity[0])
         rig.apply_arm_force((pull + correction, 0.0, -press))
     return float(np.std(measured[500:]))
@@ -265,7 +268,7 @@ def test_the_seed_decides_about_texture_and_noise() -> None:
         samples = []
         for index in range(100):
             rig.advance(index * PERIOD)
-            samples.append(rig.measure().acceleration)
+            samples.append(rig.measure().acceleration[ACTUATOR_AXIS])
         return samples
 
     assert motion(1) == motion(1)
@@ -286,7 +289,7 @@ def test_a_recording_is_played_over_and_over_from_the_first_force(
     silent = []
     for index in range(4):
         rig.advance(index / rate)
-        silent.append(rig.measure().acceleration)
+        silent.append(rig.measure().acceleration[ACTUATOR_AXIS])
     assert silent == [0.0] * 4
     # The force comes between two samples, when the coupling has answered.
     rig.advance((3 + offset) / rate)
@@ -294,7 +297,7 @@ def test_a_recording_is_played_over_and_over_from_the_first_force(
     played = []
     for index in range(4, 4 + 1002):
         rig.advance(index / rate)
-        played.append(rig.measure().acceleration)
+        played.append(rig.measure().acceleration[ACTUATOR_AXIS])
     assert played == [1.0 + index % 5 for index in range(1002)]
 
 
@@ -304,7 +307,7 @@ def test_a_recording_leaves_out_what_was_missed() -> None:
     played = []
     for index in (1, 2, 5, 6, 11):
         rig.advance(index * PERIOD)
-        played.append(rig.measure().acceleration)
+        played.append(rig.measure().acceleration[ACTUATOR_AXIS])
     assert played == [1.0, 2.0, 5.0, 1.0, 1.0]
 
 
@@ -360,7 +363,7 @@ def test_the_accelerometer_saturates_and_counts() -> None:
     rig = SlaveRig(replace(LOSSLESS, accelerometer=small), RATE)
     rig.apply_arm_force((0.0, 0.0, 3.0))
     rig.advance(PERIOD)
-    assert rig.measure().acceleration == 1.0
+    assert rig.measure().acceleration[ACTUATOR_AXIS] == 1.0
     assert rig.counters() == {"accelerometer_saturated": 1}
 
 
@@ -437,7 +440,12 @@ def test_dragged_over_any_surfaces_everything_stays_finite(
         rig.change_surface(other)
         run(rig, 200 + 50 * count, 250 + 50 * count)
         sample = rig.measure()
-        assert all(map(math.isfinite, (*sample.position, *sample.velocity, sample.acceleration)))
+        assert all(
+            map(
+                math.isfinite,
+                (*sample.position, *sample.velocity, *sample.acceleration),
+            )
+        )
 
 
 def test_after_lifting_a_changed_surface_is_the_same_as_one_from_the_start() -> None:

@@ -23,6 +23,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.model import FloatArray, Vector
 from haptic_accel.core.rig.instruments import PUT_BACK_AFTER
 from haptic_accel.core.rig.slave_rig import ToolParameters
@@ -55,7 +56,7 @@ def run(rig: VirtualRig, force: Vector, seconds: float, since: float = 0.0) -> F
     rig.apply_arm_force(force)
     for index in range(1, round(seconds * RATE) + 1):
         rig.advance(since + index / RATE)
-        found.append(rig.measure().acceleration)
+        found.append(rig.measure().acceleration[ACTUATOR_AXIS])
     return np.array(found)
 
 
@@ -84,7 +85,7 @@ def test_the_sample_of_the_contact_has_the_beginning_of_the_tap() -> None:
     rig.apply_arm_force((0.0, 0.0, -1.0))
     for index in range(1, 200):
         rig.advance(index / RATE)
-        found.append(rig.measure().acceleration)
+        found.append(rig.measure().acceleration[ACTUATOR_AXIS])
         if onset is None and rig.contact:
             onset, speed = index - 1, rig.contact.impact_speed
     assert onset is not None

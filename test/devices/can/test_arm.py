@@ -26,6 +26,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fuzzing import fuzz, mutated
+from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.devices.can.arm import REPEAT_PERIOD, DrivenArm, State
 from haptic_accel.devices.can.parameters import CanParameters
@@ -237,7 +238,7 @@ def test_gear_direction_and_offset_count() -> None:
         sample = bench.arm.read(bench.now)
         assert sample.position == pytest.approx((0.0, 0.0, 0.04))
         assert sample.velocity == pytest.approx((0.0, 0.0, 0.04))
-        assert sample.acceleration == 0.0
+        assert sample.acceleration == ZERO
         # The stage moves 0.04 m a turn, so that 2 N are 0.08 J for 2 pi rad.
         joints = bench.arm.joints()
         assert joints.names == ["joint1"]

@@ -30,6 +30,7 @@ from typing import Any
 
 import pytest
 
+from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import ParameterError, from_flat
 from haptic_accel.devices.can.bus import bus_configuration, open_bus
 from haptic_accel.devices.can.device import CanSlave
@@ -150,7 +151,7 @@ def test_a_force_moves_the_tip_and_closing_takes_it_off(
     start = device.read(0.0)
     # In the middle of the workspace, and the rig's tip 10 mm above its surface.
     assert start.position == pytest.approx((0.135, 0.0, -0.125), abs=1e-3)
-    assert start.acceleration == 0.0
+    assert start.acceleration == ZERO
     plugged.pushed_until(
         lambda: device.read(0.0).position[0] > start.position[0] + 0.005, "pushed away"
     )

@@ -37,6 +37,7 @@ from hypothesis import strategies as st
 
 from fuzzing import fuzz, mutated
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.devices import MASTERS, SLAVES, Device, DeviceError, Sample
@@ -105,7 +106,7 @@ def tick(ahead: float = 0.0) -> float:
 def feel(device: SerialDevice) -> float:
     """Return the acceleration at a tick that has just passed."""
     sample = device.read(tick(-0.005))
-    return sample.acceleration if isinstance(sample, Sample) else math.nan
+    return sample.acceleration[ACTUATOR_AXIS] if isinstance(sample, Sample) else math.nan
 
 
 def align(device: SerialDevice) -> None:
@@ -118,7 +119,7 @@ def push(device: SerialDevice, board: Any, force: float, current: float) -> None
 
     def flows() -> bool:
         for _ in range(25):
-            device.write(time.monotonic(), actuator_force=force)
+            device.write(time.monotonic(), actuator_force=along_actuator(force))
             if board.emulated.current == pytest.approx(current, abs=2e-4):
                 return True
             time.sleep(0.002)
@@ -199,7 +200,9 @@ def test_each_tick_gets_the_sample_that_was_taken_at_it(
     align(device)
     first = tick()
     samples = {place: read(device, first + place / RATE) for place in range(1000)}
-    phases = {place: sample.acceleration for place, sample in samples.items() if sample}
+    phases = {
+        place: sample.acceleration[ACTUATOR_AXIS] for place, sample in samples.items() if sample
+    }
     # An emulator that the machine stops for a tenth of a second leaves samples out.
     assert len(phases) > 700
     for place in phases.keys() & {place - 1 for place in phases}:
@@ -217,8 +220,11 @@ def test_a_force_acts_in_the_tick_at_which_it_is_due(bench: Make, connect: Make)
     for place in range(number):
         sample = read(device, first + place / RATE)
         if sample:
-            phases[place] = sample.acceleration
-        device.write(first + (place + latency) / RATE, actuator_force=step * (place + latency))
+            phases[place] = sample.acceleration[ACTUATOR_AXIS]
+        device.write(
+            first + (place + latency) / RATE,
+            actuator_force=along_actuator(step * (place + latency)),
+        )
     wait_until(lambda: board.emulated.current == 0.0, "no current")
     # The current says at which tick it was due, its time at which one it acted.
     acted = [(round(2.4 * current / step), time) for time, current in board.driven if current]
@@ -234,8 +240,8 @@ def test_a_force_that_is_due_now_discards_what_was_scheduled(bench: Make, connec
     device = connect(board)
     align(device)
     for ahead in range(20):
-        device.write(tick(0.05 + ahead / RATE), actuator_force=1.2)
-    device.write(time.monotonic(), actuator_force=0.6)
+        device.write(tick(0.05 + ahead / RATE), actuator_force=along_actuator(1.2))
+    device.write(time.monotonic(), actuator_force=along_actuator(0.6))
     wait_until(lambda: device.counters()["board_timeouts"] >= 1, "the time-out")
     time.sleep(0.1)
     assert [current for _, current in board.driven] == pytest.approx([0.25, 0.0], abs=1e-3)
@@ -293,7 +299,7 @@ def test_closing_leaves_no_current_and_no_samples(bench: Make, connect: Make) ->
     assert board.emulated.current == 0.0
     assert board.emulated.rate == 0
     device.close()
-    device.write(time.monotonic(), actuator_force=1.0)
+    device.write(time.monotonic(), actuator_force=along_actuator(1.0))
     assert device.arm() is False
     built(SerialMaster, port=board.path).close()
 
@@ -321,7 +327,7 @@ def test_a_killed_or_frozen_driver_leaves_no_current(
         "device = SerialMaster(SerialMaster.Parameters(port=sys.argv[1]), 1000.0, 0)\n"
         "device.open()\n"
         "while True:\n"
-        "    device.write(time.monotonic(), actuator_force=2.4); time.sleep(0.001)\n"
+        "    device.write(time.monotonic(), actuator_force=along_actuator(2.4)); time.sleep(0.001)\n"
     )
     driver = subprocess.Popen([sys.executable, "-c", code, board.path])
     wait_until(lambda: board.emulated.current == pytest.approx(1.0, abs=1e-4), "a current")
@@ -458,10 +464,10 @@ def test_whatever_a_board_sends_is_borne(
     board, device = hostile
     board.say_last(wire, state, device)
     refused = device.counters()["set_points_refused"]
-    device.write(time.monotonic() + 0.01, actuator_force=force)
+    device.write(time.monotonic() + 0.01, actuator_force=along_actuator(force))
     assert state in ARMED or device.counters()["set_points_refused"] == refused + 1
     sample = device.read(tick())
-    assert not isinstance(sample, Sample) or math.isfinite(sample.acceleration)
+    assert not isinstance(sample, Sample) or math.isfinite(sample.acceleration[ACTUATOR_AXIS])
     assert device.problem.isprintable()
 
 
@@ -473,7 +479,7 @@ def test_damage_is_counted_and_borne(bench: Make, connect: Make) -> None:
     def damaged() -> bool:
         for fault in (GARBAGE, DROP):
             board.inject(fault, 0.1)
-        device.write(time.monotonic(), actuator_force=1.2)
+        device.write(time.monotonic(), actuator_force=along_actuator(1.2))
         status = device.counters()
         assert status["connected"], device.problem
         return min(status["frames_damaged"], status["board_damaged"]) >= 3
@@ -492,7 +498,7 @@ def test_a_board_that_was_gone_has_no_current_until_it_is_armed(
     push(device, board, 1.2, 0.5)
     board.inject(UNPLUG, 0.5)
     wait_until(lambda: not device.counters()["connected"], "being gone")
-    device.write(time.monotonic(), actuator_force=1.2)
+    device.write(time.monotonic(), actuator_force=along_actuator(1.2))
     assert device.arm() is False
     assert "unplugged" in device.problem or "no such port" in device.problem
     wait_until(lambda: device.read(tick()) is None, "no sample")
@@ -500,7 +506,7 @@ def test_a_board_that_was_gone_has_no_current_until_it_is_armed(
     wait_until(lambda: "not armed since the board was gone" in device.problem, "the reason")
     assert device.counters()["reconnects"] == 1
     for _ in range(50):
-        device.write(time.monotonic(), actuator_force=1.2)
+        device.write(time.monotonic(), actuator_force=along_actuator(1.2))
         time.sleep(0.002)
         assert board.emulated.current == 0.0
     board.hold(10.0)

@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control.controllers.adaptive import (
     AdaptiveController,
     AdaptiveParameters,
@@ -199,9 +200,9 @@ def test_a_hand_outside_the_range_is_named() -> None:
         controller.applied(applied)
         controller.force(0.0, measured)
         controller.adapt()
-        measured = master.measure().acceleration
+        measured = master.measure().acceleration[ACTUATOR_AXIS]
         applied = float(random.normal(0.0, 0.5))
-        master.apply_actuator_force(applied)
+        master.apply_actuator_force(along_actuator(applied))
     largest = f"{LARGEST[0] * TABLE_I.m_h:.4g}"
     assert controller.warning == (
         f"grip outside the range of adaptation: m_h at its upper end, {largest} kg"

@@ -26,6 +26,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control.compensation import LARGEST_ACCELERATION
 from haptic_accel.core.control.controllers import CONTROLLERS, Loop
 from haptic_accel.core.control.controllers.feedback import (
@@ -109,8 +110,8 @@ def test_a_blow_dies_out_at_every_corner_grip(
     before = 0.0
     for index in range(round(0.8 * RATE)):
         rig.advance(index / RATE)
-        rig.apply_actuator_force(controller.force(0.0, before))
-        before = rig.measure().acceleration
+        rig.apply_actuator_force(along_actuator(controller.force(0.0, before)))
+        before = rig.measure().acceleration[ACTUATOR_AXIS]
     assert rig.energy() < 1e-4 * struck
 
 
