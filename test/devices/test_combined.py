@@ -173,8 +173,8 @@ def test_each_gets_its_own_force(log: list[tuple[Any, ...]]) -> None:
     device.write(0.0, arm_force=ZERO, actuator_force=along_actuator(0.0))
     assert log == [
         ("the arm", ZERO, None),
-        ("the handle", None, 1.0),
-        ("the handle", None, 0.0),
+        ("the handle", None, along_actuator(1.0)),
+        ("the handle", None, ZERO),
         ("the arm", ZERO, None),
     ]
 

@@ -25,9 +25,10 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.actuator.safety import MasterSafetyParameters
+from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.bring_up import PROBE_FREQUENCY, response
 from haptic_accel.core.handle.response import sampled_response
-from haptic_accel.core.model import AccelerometerParameters
+from haptic_accel.core.model import ZERO, AccelerometerParameters, Vector
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.devices.interface import DeviceError, Reading
 from haptic_accel.devices.observed import ObservedDevice
@@ -72,23 +73,23 @@ def test_a_force_moves_the_handle_as_its_model_says() -> None:
 
 def test_a_stopped_device_gets_no_force() -> None:
     master = SimulatedMaster(MasterRigParameters(), RATE, 0)
-    forces: list[float] = []
+    forces: list[Vector] = []
     write = master.write
 
-    def noted(moment: float, **given: float) -> None:
-        forces.append(given.get("actuator_force", 0.0))
-        write(moment, **given)  # type: ignore[arg-type]
+    def noted(moment: float, **given: Vector) -> None:
+        forces.append(given.get("actuator_force", ZERO))
+        write(moment, **given)
 
     master.write = noted  # type: ignore[method-assign]
     with observed(master) as device:
         device.drive(lambda _: 1.0)
-        wait_until(lambda: 1.0 in forces)
+        wait_until(lambda: along_actuator(1.0) in forces)
         device.stop()
         forces.clear()
         time.sleep(0.1)
-        assert not any(forces)
+        assert set(forces) <= {ZERO}
         device.arm()
-        wait_until(lambda: 1.0 in forces)
+        wait_until(lambda: along_actuator(1.0) in forces)
 
 
 class Broken(SimulatedMaster):

@@ -28,7 +28,7 @@ from haptic_accel.core.actuator.safety import (
     MasterSafetyParameters,
     SafetyLayer,
 )
-from haptic_accel.core.axes import along_actuator
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.loop.device_side import (
     ACTUATOR,
     ARM,
@@ -65,7 +65,7 @@ class Rig:
         self.arm.append(force)
 
     def apply_actuator_force(self, force: Vector) -> None:
-        self.actuator.append(force)
+        self.actuator.append(force[ACTUATOR_AXIS])
 
     def release(self) -> None:
         self.arm.append(ZERO)

@@ -21,7 +21,8 @@ import pytest
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyLayer, SafetyParameters
-from haptic_accel.core.axes import along_actuator
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
+from haptic_accel.core.control.along_axis import AlongAxis
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.coupling.engagement import STEP_PERIOD, Engagement, EngagementParameters
 from haptic_accel.core.coupling.position_position import (
@@ -73,7 +74,7 @@ class Device:
         if arm_force is not None:
             self.arm.append((tick, arm_force))
         if actuator_force is not None:
-            self.actuator.append((tick, actuator_force))
+            self.actuator.append((tick, actuator_force[ACTUATOR_AXIS]))
 
 
 class Rig:
@@ -95,7 +96,7 @@ class Rig:
         )
         compensation = Compensation(CompensationParameters(controller="constant"), RATE)
         self.part = CouplingPart(coupling, engagement, RATE, longest=10)
-        self.compensation = CompensationPart(compensation, RATE, latency, longest=10)
+        self.compensation = CompensationPart(AlongAxis(compensation), RATE, latency, longest=10)
         self.loop = HostLoop(
             sides,
             self.part,

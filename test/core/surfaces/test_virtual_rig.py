@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.axes import ACTUATOR_AXIS
-from haptic_accel.core.model import FloatArray, Vector
+from haptic_accel.core.model import ZERO, FloatArray, Vector
 from haptic_accel.core.rig.instruments import PUT_BACK_AFTER
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
@@ -68,7 +68,7 @@ def touching(texture: TextureModel | None = None, tap: TapModel | None = None) -
 def test_a_tool_stands_still_until_its_first_force() -> None:
     rig = touching(WHITE, TAP)
     rig.advance(1.0)
-    assert rig.measure() == ((0.0, 0.0, pytest.approx(0.0005, abs=30e-6)), (0.0, 0.0, 0.0), 0.0)
+    assert rig.measure() == ((0.0, 0.0, pytest.approx(0.0005, abs=30e-6)), ZERO, ZERO)
 
 
 def test_a_tool_that_rests_is_pressed_back_as_it_presses() -> None:

@@ -327,7 +327,7 @@ def test_a_killed_or_frozen_driver_leaves_no_current(
         "device = SerialMaster(SerialMaster.Parameters(port=sys.argv[1]), 1000.0, 0)\n"
         "device.open()\n"
         "while True:\n"
-        "    device.write(time.monotonic(), actuator_force=along_actuator(2.4)); time.sleep(0.001)\n"
+        "    device.write(time.monotonic(), actuator_force=(0.0, 0.0, 2.4)); time.sleep(0.001)\n"
     )
     driver = subprocess.Popen([sys.executable, "-c", code, board.path])
     wait_until(lambda: board.emulated.current == pytest.approx(1.0, abs=1e-4), "a current")
