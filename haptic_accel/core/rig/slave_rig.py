@@ -24,6 +24,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.model import AccelerometerParameters, FloatArray, Sample, Vector
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.rig.instruments import Accelerometer, ArmParameters, Holding
@@ -155,8 +156,11 @@ class SlaveRig:
 
     def measure(self) -> Sample:
         """Return the present readings of encoders and accelerometer."""
-        acceleration = self._tool_acceleration()
-        return self._p.arm.reading(self._x, self._z, self._v_x, self._v_z, acceleration)
+        return self._p.arm.reading(
+            (self._x, 0.0, self._z),
+            (self._v_x, 0.0, self._v_z),
+            along_actuator(self._tool_acceleration()),
+        )
 
     def apply_arm_force(self, force: Vector) -> None:
         """Set the force of the arm's motors, N, each axis limited to their maximum."""
