@@ -65,8 +65,9 @@ from haptic_accel.core.model import (
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.network.playout import Played
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate, like
+from haptic_accel.core.rig.held_rig import DriveParameters
 from haptic_accel.core.rig.interface import Rig
-from haptic_accel.core.rig.master_rig import DriveParameters, MasterRig, MasterRigParameters
+from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters, Vibrating
 from haptic_accel.core.sampling import LATENCY, NANOSECONDS, check_latency
 from haptic_accel.core.surfaces.scene import Scene

@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from haptic_accel.core.model import FloatArray, Vector, vector
+from haptic_accel.core.model import ZERO, FloatArray, Vector, vector
 from haptic_accel.core.parameters import ParameterError, shown, suggestion
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
@@ -138,11 +138,14 @@ class MovingTool:
         Position, m.
     velocity : tuple of float
         Velocity, m/s.
+    acceleration : tuple of float
+        Mean acceleration in the last period, m/s^2.
     """
 
     def __init__(self, path: Path, parameters: ToolParameters, scene: Scene, rate: float) -> None:
         self._mujoco = _mujoco(path)
         self.scene = scene
+        self._rate = rate
         self._model = _with_tool(path, scene.start, parameters)
         self._steps = max(1, math.ceil(1 / rate / self._model.opt.timestep - 1e-9))
         self._model.opt.timestep = 1 / rate / self._steps
@@ -160,6 +163,7 @@ class MovingTool:
         self._mujoco.mj_resetData(self._model, self._data)
         self._mujoco.mj_forward(self._model, self._data)
         self._touched: set[int] = set()
+        self.acceleration: Vector = ZERO
         self._note()
 
     def advance(self, force: Vector) -> Contact | None:
@@ -178,6 +182,7 @@ class MovingTool:
                     contacts[other] = found
                     forces[other] = forces.get(other, 0.0) + np.array(found.force) / self._steps
         self._note()
+        self.acceleration = vector((np.array(self.velocity) - approaching) * self._rate)
         begun, self._touched = set(contacts) - self._touched, set(contacts)
         if not contacts:
             return None

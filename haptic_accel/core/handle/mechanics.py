@@ -113,14 +113,18 @@ def axial_mechanics(
 
 
 def zero_order_hold(a: FloatArray, b: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
-    """Return the factors of the state and of a held input after a time in s."""
+    """Return the factors of the state and of held inputs after a time in s.
+
+    B, and the factor of the inputs, have the shape (n,) for one input, or (n, m).
+    """
     from scipy.linalg import expm
 
     states = len(b)
-    exponent = np.zeros((states + 1, states + 1))
-    exponent[:states, :states], exponent[:states, states] = a * time, b * time
+    inputs = b.reshape(states, -1)
+    exponent = np.zeros((states + inputs.shape[1],) * 2)
+    exponent[:states, :states], exponent[:states, states:] = a * time, inputs * time
     transition = np.asarray(expm(exponent), dtype=np.float64)
-    return transition[:states, :states], transition[:states, states]
+    return transition[:states, :states], transition[:states, states:].reshape(b.shape)
 
 
 def _add_mount(mount: MountParameters, a: FloatArray, b: FloatArray) -> int:

@@ -18,15 +18,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from haptic_accel.core.axes import along_actuator
-from haptic_accel.core.model import AccelerometerParameters, Sample
+from haptic_accel.core.axes import ACTUATOR_AXIS, Axes
+from haptic_accel.core.model import AccelerometerParameters, Sample, Vector
 from haptic_accel.core.parameters import Checked, parameter
 
 _NOISE_BLOCK = 4096
+
+_NEXT_AXIS = 10
+"""Distance between the random streams of two axes, above all other streams of a seed."""
 
 
 class Quantizer:
@@ -85,6 +89,42 @@ class Accelerometer:
         return self._converter.saturated
 
 
+class VectorAccelerometer:
+    """Accelerometers along the axes of a device, with independent noise.
+
+    Parameters
+    ----------
+    parameters : AccelerometerParameters
+        Parameters of each axis.
+    axes : Axes
+    seed : int
+        Seed of the noise.
+    stream : int
+        Number of the random stream of the noise along z.
+    """
+
+    def __init__(
+        self, parameters: AccelerometerParameters, axes: Axes, seed: int, stream: int
+    ) -> None:
+        self._axes = [
+            (index, Accelerometer(parameters, seed, stream + _NEXT_AXIS * (ACTUATOR_AXIS - index)))
+            for index in axes.indices
+        ]
+
+    def measure(self, low_passed: Sequence[float], *, noisy: bool = True) -> Vector:
+        """Return a sample for accelerations along x, y, z after the low-pass, m/s^2."""
+        measured = [0.0, 0.0, 0.0]
+        for index, axis in self._axes:
+            measured[index] = axis.measure(low_passed[index], noisy=noisy)
+        x, y, z = measured
+        return x, y, z
+
+    @property
+    def saturated(self) -> int:
+        """Number of saturated samples of all axes."""
+        return sum(axis.saturated for _, axis in self._axes)
+
+
 @dataclass(frozen=True)
 class ArmParameters(Checked):
     """Limits of an arm's motors and encoders; defaults from the Phantom Omni's data sheet."""
@@ -103,10 +143,10 @@ class ArmParameters(Checked):
         resolution = self.position_resolution
         return round(position / resolution) * resolution if resolution else position
 
-    def reading(self, x: float, z: float, v_x: float, v_z: float, acceleration: float) -> Sample:
-        """Return the readings of an arm that moves along x and z."""
-        position = (self.encoded(x), 0.0, self.encoded(z))
-        return Sample(position, (v_x, 0.0, v_z), along_actuator(acceleration))
+    def reading(self, position: Vector, velocity: Vector, acceleration: Vector) -> Sample:
+        """Return the readings of an arm at a position in m, with rounded position."""
+        x, y, z = position
+        return Sample((self.encoded(x), self.encoded(y), self.encoded(z)), velocity, acceleration)
 
 
 PUT_BACK_AFTER = 0.2

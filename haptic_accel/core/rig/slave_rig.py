@@ -24,9 +24,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from haptic_accel.core.model import AccelerometerParameters, FloatArray, Sample, Vector
-from haptic_accel.core.parameters import Checked, parameter
-from haptic_accel.core.rig.instruments import Accelerometer, ArmParameters, Holding
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes, along_actuator
+from haptic_accel.core.model import ZERO, AccelerometerParameters, FloatArray, Sample, Vector
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.rig.instruments import ArmParameters, Holding, VectorAccelerometer
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE, clock_step
 from haptic_accel.core.rig.surface import (
     PROFILE_POINTS,
@@ -41,6 +42,9 @@ PHYSICS_STEP = 100e-6
 
 Vibrating: TypeAlias = Callable[[float, float], float]
 """Function from speed and normal force to an acceleration, called once per sample."""
+
+LATERAL_STREAM = 4
+"""Random stream of the slopes across the stroke, independent of the profile along it."""
 
 NOISE_STREAM = 2
 """Random stream of the tool's accelerometer, independent of the master's with the same seed."""
@@ -69,6 +73,12 @@ class ToolParameters(Checked):
     height: float = parameter(
         0.010, "height of the tip above the surface at the start", "m", 0, 0.1
     )
+    axes: str = parameter("z", "axes of the tool's accelerometer: some of x, y, z")
+
+    def __post_init__(self) -> None:
+        """Check all fields, and that there are such axes."""
+        super().__post_init__()
+        Axes.parsed(self.axes)
 
 
 @dataclass(frozen=True)
@@ -89,6 +99,10 @@ class SlaveRig:
     speed of the stroke. The tip stands still until the arm's first force, and returns to its start
     after a release.
 
+    The accelerometer measures the tip's acceleration along its axes: along the stroke (x) friction
+    and slope of the surface, across it (y) the normal force on the lateral slope. The tip's own
+    lateral motion is neglected, as it is a hundredth of the texture's wavelengths.
+
     Parameters
     ----------
     parameters : SlaveRigParameters
@@ -98,11 +112,16 @@ class SlaveRig:
         Seed of the texture and the accelerometer's noise.
     recording : ndarray, optional
         Tool acceleration in m/s^2 at `rate`, repeated in place of the simulation from the first
-        sample after the arm's first force.
+        sample after the arm's first force: along z, shape (n,), or x, y, z, shape (n, 3).
     physics_step : float
         Maximum integration step, s.
     texture : callable, optional
         As for `change_surface`.
+
+    Raises
+    ------
+    ParameterError
+        The recording has another shape.
     """
 
     def __init__(
@@ -118,10 +137,13 @@ class SlaveRig:
         self._texture = texture
         self._rate = rate
         self._longest_step = physics_step
-        self._accelerometer = Accelerometer(parameters.accelerometer, seed, NOISE_STREAM)
+        axes = Axes.parsed(parameters.tool.axes)
+        self._accelerometer = VectorAccelerometer(
+            parameters.accelerometer, axes, seed, NOISE_STREAM
+        )
         self._seed = seed
         self._law = tip_law(parameters.tool, parameters.surface, seed)
-        self._recording = None if recording is None else recording.tolist()
+        self._recording = None if recording is None else _played(recording, axes)
         self._corner = 2 * math.pi * parameters.accelerometer.bandwidth
         self._force_x = self._force_z = 0.0
         self._holding = Holding()
@@ -155,8 +177,9 @@ class SlaveRig:
 
     def measure(self) -> Sample:
         """Return the present readings of encoders and accelerometer."""
-        acceleration = self._tool_acceleration()
-        return self._p.arm.reading(self._x, self._z, self._v_x, self._v_z, acceleration)
+        return self._p.arm.reading(
+            (self._x, 0.0, self._z), (self._v_x, 0.0, self._v_z), self._tool_acceleration()
+        )
 
     def apply_arm_force(self, force: Vector) -> None:
         """Set the force of the arm's motors, N, each axis limited to their maximum."""
@@ -178,7 +201,9 @@ class SlaveRig:
         surface : SurfaceParameters
         texture : callable, optional
             Function from speed in m/s and normal force in N to an acceleration in m/s^2, called
-            for each sample. The acceleration is added to that of the surface's profile.
+            for each sample. The acceleration is added to that of the surface's profile along the
+            normal. Along the stroke, it changes the friction (assumed: by the surface's
+            coefficient). It has no part across the stroke (assumed).
         """
         self._texture = texture
         pressed = max(0.0, self._penetration())
@@ -216,7 +241,7 @@ class SlaveRig:
         self._lift = 0.0
         self._x, self._v_x = 0.0, 0.0
         self._z, self._v_z = self._p.tool.height, 0.0
-        self._low_passed = 0.0
+        self._low_passed = self._low_passed_x = self._low_passed_y = 0.0
 
     def _move(self, due: float) -> None:
         """Move the tip for a time in s."""
@@ -225,35 +250,56 @@ class SlaveRig:
         decay = math.exp(-self._corner * step)
         # Weights of a step's first and last acceleration in the low-pass, for linear acceleration.
         mean = (1 - decay) / (self._corner * step)
-        x, z, self._v_x, self._v_z, self._low_passed, *_ = self._law(
+        x, z, self._v_x, self._v_z, low_passed, along, across, *_ = self._law(
             *(self._x, self._z - self._lift, self._v_x, self._v_z, self._force_x, self._force_z),
             *(self._low_passed, steps, step, decay, mean - decay, 1 - mean),
+            *(self._low_passed_x, self._low_passed_y),
         )
         self._x, self._z = x, z + self._lift
+        self._low_passed, self._low_passed_x, self._low_passed_y = low_passed, along, across
 
-    def _tool_acceleration(self) -> float:
+    def _tool_acceleration(self) -> Vector:
         if self._recording is None:
-            added = 0.0
+            x, z = self._low_passed_x, self._low_passed
             if self._texture and self._started:
                 added = self._texture(abs(self._v_x), self.contact_force[2])
-            return self._accelerometer.measure(self._low_passed + added, noisy=self._started)
+                z += added
+                x -= self._p.surface.friction * added * self._direction
+            return self._accelerometer.measure((x, self._low_passed_y, z), noisy=self._started)
         if not self._started:
-            return 0.0
+            return ZERO
         if self._played_since is None:
             # From a sample, as the force may change between samples.
             self._played_since = self._now
         # The recording has already passed a sensor, and is played unchanged.
         index = round((self._now - self._played_since) * self._clock_step * self._rate)
-        return float(self._recording[index % len(self._recording)])
+        return self._recording[index % len(self._recording)]
+
+    @property
+    def _direction(self) -> float:
+        """Direction of the sliding along x, from -1 to 1; near 0 at rest, as that of friction."""
+        return self._v_x / math.hypot(self._v_x, self._v_z, self._p.tool.slip_velocity)
 
     def _penetration(self) -> float:
         """Depth of the tip in the surface, m; negative above it."""
         return self._law(self._x, self._z - self._lift, 0.0, 0.0, 0.0, 0.0)[-1]
 
 
-Moved = tuple[float, float, float, float, float, float, float, float, float]
-"""Motion of the tip: position, velocity, low-passed acceleration and present acceleration, each
-tangential before normal where it has both; then normal force and penetration of the contact."""
+def _played(recording: FloatArray, axes: Axes) -> list[Vector]:
+    """Return the samples of a recording, without the axes that the tool does not measure."""
+    if recording.ndim == 1:
+        recording = recording[:, np.newaxis] * along_actuator(1.0)
+    if recording.ndim != 2 or recording.shape[1] != 3:
+        raise ParameterError(
+            f"recording: has the shape {recording.shape}: must be one column, or x, y and z"
+        )
+    return [axes.vector(axes.components(sample)) for sample in recording.tolist()]
+
+
+Moved = tuple[float, float, float, float, float, float, float, float, float, float, float]
+"""Motion of the tip: position and velocity, each tangential before normal, low-passed acceleration
+(normal, tangential, lateral), present acceleration (tangential, normal), normal force and
+penetration of the contact."""
 
 
 def tip_law(tool: ToolParameters, surface: SurfaceParameters, seed: int) -> Callable[..., Moved]:
@@ -273,12 +319,19 @@ def tip_law(tool: ToolParameters, surface: SurfaceParameters, seed: int) -> Call
     callable
         Function that returns a motion as in `Moved`, in m, m/s, m/s^2 and N. Arguments are the
         tip's position, velocity and motor force, tangential and normal (m, m/s, N). Optional are
-        the low-passed acceleration, m/s^2, the number of steps, their length, s, and the low-pass
-        weights of its state and of a step's first and last acceleration. Without steps the tip
-        does not move.
+        the low-passed normal acceleration, m/s^2, the number of steps, their length, s, the
+        low-pass weights of its state and of a step's first and last acceleration, and the
+        low-passed tangential and lateral acceleration, which are computed only if the tool
+        measures them. Without steps the tip does not move.
     """
     profile = height_profile(surface, seed)
     heights, rises = profile.tolist(), (np.roll(profile, -1) - profile).tolist()
+    across: list[float] | None = None
+    if Axes.parsed(tool.axes) != ACTUATOR_AXES:
+        # On a surface without a preferred direction, the slopes across the stroke are as large as
+        # those along it, and at one point independent of them.
+        lateral = height_profile(surface, (seed, LATERAL_STREAM))
+        across = (np.roll(lateral, -1) - lateral).tolist()
     points, spacing = PROFILE_POINTS, PROFILE_STEP
     stiffness, damping, sliding = surface.stiffness, surface.contact_damping, surface.friction
     mass, viscous, dry = tool.mass, tool.viscous_friction, tool.coulomb_friction
@@ -298,9 +351,11 @@ def tip_law(tool: ToolParameters, surface: SurfaceParameters, seed: int) -> Call
         decay: float = 0.0,
         first: float = 0.0,
         last: float = 0.0,
+        low_x: float = 0.0,
+        low_y: float = 0.0,
     ) -> Moved:
         half = step / 2
-        half_x = half_z = before = 0.0
+        half_x = half_z = before = before_x = before_y = 0.0
         # The motors' force changes only at the start, and the low-pass must include this jump.
         for done in range(steps + 1):
             slipping = sqrt(v_x * v_x + v_z * v_z + slow)
@@ -323,6 +378,12 @@ def tip_law(tool: ToolParameters, surface: SurfaceParameters, seed: int) -> Call
                 force_x -= sliding * normal * v_x / slipping + normal * slope
                 force_z += normal
             a_x, a_z = force_x / mass, force_z / mass
+            if across:
+                a_y = -normal * across[index] / spacing / mass
+                if done:
+                    low_x = decay * low_x + first * before_x + last * a_x
+                    low_y = decay * low_y + first * before_y + last * a_y
+                before_x, before_y = a_x, a_y
             # Velocity Verlet scheme, whose energy does not drift.
             if done:
                 v_x = half_x + half * a_x
@@ -334,6 +395,6 @@ def tip_law(tool: ToolParameters, surface: SurfaceParameters, seed: int) -> Call
                 z += step * half_z
                 # Friction depends on velocity; a predicted one keeps the scheme second-order.
                 v_x, v_z = v_x + step * a_x, v_z + step * a_z
-        return x, z, v_x, v_z, low_passed, a_x, a_z, normal, penetration
+        return x, z, v_x, v_z, low_passed, low_x, low_y, a_x, a_z, normal, penetration
 
     return move

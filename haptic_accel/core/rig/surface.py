@@ -76,13 +76,13 @@ class SurfaceParameters(Checked):
     )
 
 
-def height_profile(surface: SurfaceParameters, seed: int) -> FloatArray:
+def height_profile(surface: SurfaceParameters, seed: int | tuple[int, int]) -> FloatArray:
     """Return heights in m at multiples of `PROFILE_STEP`, periodic in `PROFILE_POINTS`.
 
     Parameters
     ----------
     surface : SurfaceParameters
-    seed : int
+    seed : int or tuple of int
         Seed of the texture; another seed gives another piece of the same material.
     """
     random = np.random.default_rng(seed)

@@ -110,6 +110,7 @@ class VirtualTool:
         """Set the tool to rest at its initial position."""
         self.position: Vector = self._start(self.scene)
         self.velocity: Vector = ZERO
+        self._came = self._left = ZERO  # velocities before and after the forces of a period
         self._meet(self.scene)
 
     def change_scene(self, scene: Scene) -> None:
@@ -135,15 +136,15 @@ class VirtualTool:
     def _slip_under(self, pressed: Touch | None) -> None:
         """Use the scene, moved for the previous contact force, or to below the tool."""
         up = pressed.normal if pressed else UP
-        above = _ahead(self.position, up, FAR)
-        number, way = self.scene.first_hit(above, _ahead(ZERO, up, -1), 2 * FAR)
+        above = added(self.position, up, FAR)
+        number, way = self.scene.first_hit(above, added(ZERO, up, -1), 2 * FAR)
         if number < 0:
             self._meet(self.scene)
             return
         material = self.scene.objects[number].material
         depth = pressed.force() / material.stiffness if pressed else -SKIN
-        self._meet(self.scene.moved(_ahead(ZERO, up, way - FAR + depth)))
-        self._proxy.place = _ahead(self.position, up, depth + SKIN)
+        self._meet(self.scene.moved(added(ZERO, up, way - FAR + depth)))
+        self._proxy.place = added(self.position, up, depth + SKIN)
         if pressed:
             self._near = [self._touches[number]]
             self._near[0].take_over(pressed)
@@ -153,6 +154,15 @@ class VirtualTool:
         v_x, v_y, v_z = self.velocity
         kinetic = self._p.mass * (v_x * v_x + v_y * v_y + v_z * v_z) / 2
         return kinetic + sum(touch.energy() for touch in self._near)
+
+    @property
+    def acceleration(self) -> Vector:
+        """Mean acceleration in the last period, m/s^2, without that of repaid energy."""
+        x, y, z = (
+            (after - before) / self._period
+            for before, after in zip(self._came, self._left, strict=True)
+        )
+        return x, y, z
 
     def advance(self, force: Vector) -> Contact | None:
         """Move one sampling period.
@@ -172,7 +182,9 @@ class VirtualTool:
         fastest = math.hypot(*self.velocity) + self._period * math.hypot(*force) / self._p.mass
         ahead = (x + half * v_x, y + half * v_y, z + half * v_z)
         self._lay(self._proxy.follow(ahead, MARGIN + self._period * fastest))
+        self._came = self.velocity
         self._integrate(force)
+        self._left = self.velocity
         if not self._near:
             return None
         for touch in self._near:
@@ -181,7 +193,7 @@ class VirtualTool:
         return self._contact()
 
     def _start(self, scene: Scene) -> Vector:
-        return _ahead(scene.start, UP, self._p.height)
+        return added(scene.start, UP, self._p.height)
 
     def _check_start(self, scene: Scene) -> None:
         for each in scene.objects:
@@ -276,12 +288,6 @@ class VirtualTool:
             touch.impact_speed,
             touch.sliding,
         )
-
-
-def _ahead(place: Vector, direction: Vector, way: float) -> Vector:
-    """Return the position at a distance in a direction, m."""
-    x, y, z = (at + way * part for at, part in zip(place, direction, strict=True))
-    return x, y, z
 
 
 class Touch:
@@ -509,6 +515,12 @@ class Touch:
 def along(direction: Vector, vector: Vector) -> float:
     """Return the component of a vector along a direction."""
     return direction[0] * vector[0] + direction[1] * vector[1] + direction[2] * vector[2]
+
+
+def added(place: Vector, direction: Vector, way: float) -> Vector:
+    """Return a vector plus a multiple of another, such as the position at a distance in m."""
+    x, y, z = (at + way * part for at, part in zip(place, direction, strict=True))
+    return x, y, z
 
 
 class Contact(NamedTuple):

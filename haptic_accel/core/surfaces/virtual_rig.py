@@ -18,9 +18,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from haptic_accel.core.axes import along_actuator
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes, along_actuator
 from haptic_accel.core.model import ZERO, Sample, Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.instruments import ArmParameters, Holding
@@ -29,7 +30,7 @@ from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.scene import Material, Scene
 from haptic_accel.core.surfaces.taps import Tap
 from haptic_accel.core.surfaces.texture import Texture
-from haptic_accel.core.surfaces.tool import Contact, VirtualTool
+from haptic_accel.core.surfaces.tool import Contact, VirtualTool, added, along
 
 RINGING = 0.25
 """Time for which a texture decays after the contact, s; then there is no computation."""
@@ -98,6 +99,11 @@ class VirtualRig:
     decays while the next starts. The tool stands still until the arm's first force, and returns to
     its start after a release.
 
+    An accelerometer along z measures this vibration wherever the normal points. One with more axes
+    measures it along the normal, the change of friction that it causes against the motion, and the
+    tool's own acceleration along the surface, such as that of stick-slip. The tool does not turn,
+    so its frame is that of the arm.
+
     Parameters
     ----------
     parameters : VirtualRigParameters
@@ -125,7 +131,10 @@ class VirtualRig:
         self._now = 0  # samples
         self._started = False
         self._force = ZERO
-        self._acceleration = 0.0
+        self._acceleration = ZERO
+        self._axes = Axes.parsed(parameters.tool.axes)
+        self._slow = parameters.tool.slip_velocity
+        self._directions: dict[Material, Vector] = {}
         self.contact: Contact | None = None
         self.change_scene(scene)
 
@@ -149,7 +158,7 @@ class VirtualRig:
     def measure(self) -> Sample:
         """Return the present readings of the encoders, and the acceleration."""
         x, y, z = map(self._arm.encoded, self._tool.position)
-        return Sample((x, y, z), self._tool.velocity, along_actuator(self._acceleration))
+        return Sample((x, y, z), self._tool.velocity, self._acceleration)
 
     def apply_arm_force(self, force: Vector) -> None:
         """Set the force of the arm's motors, N, each axis limited to their maximum."""
@@ -192,7 +201,24 @@ class VirtualRig:
         """Integrate one sampling period."""
         contact = self.contact = self._tool.advance(self._force)
         touched = contact.object.material if contact else None
-        self._acceleration = sum(
-            vibration.synthesize(contact if material is touched else None)
+        vibrations = {
+            material: vibration.synthesize(contact if material is touched else None)
             for material, vibration in self._vibrations.items()
-        )
+        }
+        if self._axes == ACTUATOR_AXES:
+            self._acceleration = along_actuator(sum(vibrations.values()))
+        else:
+            self._acceleration = self._directed(vibrations, contact)
+
+    def _directed(self, vibrations: Mapping[Material, float], contact: Contact | None) -> Vector:
+        """Return the acceleration in the tool frame for vibrations of materials, m/s^2."""
+        total = ZERO
+        if contact:
+            material, acceleration = contact.object.material, self._tool.acceleration
+            total = added(acceleration, contact.normal, -along(contact.normal, acceleration))
+            slipping = -material.friction / math.hypot(contact.speed, self._slow)
+            self._directions[material] = added(contact.normal, contact.velocity, slipping)
+        for material, vibration in vibrations.items():
+            if vibration:
+                total = added(total, self._directions[material], vibration)
+        return self._axes.vector(self._axes.components(total))

@@ -41,7 +41,8 @@ from haptic_accel.core.model import (
 )
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.exploration import ExplorationParameters
-from haptic_accel.core.rig.master_rig import DriveParameters, MasterRig, MasterRigParameters
+from haptic_accel.core.rig.held_rig import DriveParameters
+from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 
 RATE = 1000.0
 RATES = [1000.0, 4000.0]

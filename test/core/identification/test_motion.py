@@ -37,7 +37,8 @@ from haptic_accel.core.model import (
     MountParameters,
     held,
 )
-from haptic_accel.core.rig.master_rig import DriveParameters, MasterRigParameters
+from haptic_accel.core.rig.held_rig import DriveParameters
+from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.trial import run_identification
 
 RATE = 1000.0

@@ -26,7 +26,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
-from haptic_accel.core.model import AccelerometerParameters
+from haptic_accel.core.model import AccelerometerParameters, FloatArray, Vector
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.rig.instruments import ArmParameters
 from haptic_accel.core.rig.interface import LONGEST_ADVANCE
@@ -456,3 +456,113 @@ def test_after_lifting_a_changed_surface_is_the_same_as_one_from_the_start() -> 
         rig.apply_arm_force((0.3, 0.0, -1.0))
     assert run(changed, 1, 300) == run(begun, 1, 300)
     assert changed.measure() == begun.measure()
+
+
+# Three axes
+
+
+def with_axes(parameters: SlaveRigParameters, axes: str = "x, y, z") -> SlaveRigParameters:
+    return replace(parameters, tool=replace(parameters.tool, axes=axes))
+
+
+def accelerations(rig: SlaveRig, force: Vector, samples: int = 1000) -> FloatArray:
+    """Hold a force, return the accelerations of all samples, m/s^2."""
+    found = []
+    rig.apply_arm_force(force)
+    for index in range(samples):
+        rig.advance(index * PERIOD)
+        found.append(rig.measure().acceleration)
+    return np.array(found)
+
+
+def test_more_axes_change_neither_the_motion_nor_z() -> None:
+    parameters = SlaveRigParameters(ToolParameters(height=0.0), surface=ROUGH)
+    one, three = SlaveRig(parameters, RATE, 3), SlaveRig(with_axes(parameters), RATE, 3)
+    of_one, of_three = (accelerations(rig, (1.0, 0.0, -1.0)) for rig in (one, three))
+    assert np.array_equal(of_one[:, 2], of_three[:, 2])
+    assert not of_one[:, :2].any()
+    assert of_three[:, :2].std(axis=0).min() > 0.1
+    assert one.measure()[:2] == three.measure()[:2]
+
+
+def test_in_the_air_x_is_the_arm_s_force_behind_the_low_pass(
+    ideal_slave: SlaveRigParameters,
+) -> None:
+    free = replace(ideal_slave, tool=replace(LOSSLESS.tool, height=0.01))
+    found = accelerations(SlaveRig(with_axes(free), RATE), (0.06, 7.0, 0.12), 3)
+    risen = 1 - np.exp(-math.pi * np.arange(3))
+    assert found[:, 0] == pytest.approx(1.0 * risen, rel=1e-6)
+    assert found[:, 2] == pytest.approx(2.0 * risen, rel=1e-6)
+    assert not found[:, 1].any()
+
+
+def test_friction_along_the_stroke_slows_the_tool(ideal_slave: SlaveRigParameters) -> None:
+    tool = replace(LOSSLESS.tool, height=0.0)
+    soft = SurfaceParameters(friction=0.3, contact_damping=300.0)
+    sliding = replace(ideal_slave, tool=tool, surface=soft)
+    rig = SlaveRig(with_axes(sliding), RATE)
+    rig.disturb(0.5, 0.0)
+    found = accelerations(rig, (0.0, 0.0, -1.0), 80)
+    # Coulomb: 0.3 of 1 N on 0.06 kg, against the motion.
+    assert found[40:, 0] == pytest.approx(-0.3 / 0.06, rel=0.02)
+
+
+def test_on_a_rough_surface_all_axes_vibrate_independently(
+    ideal_slave: SlaveRigParameters,
+) -> None:
+    surface = replace(ROUGH, friction=0.0)
+    dragged = replace(ideal_slave, tool=ToolParameters(height=0.0), surface=surface)
+    found = accelerations(SlaveRig(with_axes(dragged), RATE), (0.4, 0.0, -1.0), 3000)[1000:]
+    # Without friction x and y are the normal force on slopes along and across the stroke.
+    assert found[:, 1].std() == pytest.approx(found[:, 0].std(), rel=0.3)
+    assert abs(np.corrcoef(found[:, 0], found[:, 1])[0, 1]) < 0.1
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_an_added_texture_changes_the_friction_along_the_stroke(
+    ideal_slave: SlaveRigParameters, way: float
+) -> None:
+    sliding = replace(
+        ideal_slave, tool=ToolParameters(height=0.0), surface=SurfaceParameters(friction=0.4)
+    )
+    rigs = [
+        SlaveRig(with_axes(sliding), RATE, texture=texture)
+        for texture in (None, lambda speed, force: 2.0)
+    ]
+    for rig in rigs:
+        rig.disturb(0.5 * way, 0.0)
+    without, with_it = (accelerations(rig, (2.0 * way, 0.0, -1.0), 60)[30:] for rig in rigs)
+    assert with_it - without == pytest.approx(
+        np.tile((-0.4 * 2.0 * way, 0.0, 2.0), (30, 1)), abs=1e-3
+    )
+
+
+@pytest.mark.parametrize(
+    ("axes", "played"), [("z", [0.0, 0.0, 1.0]), ("x, z", [1.0, 0.0, 1.0]), ("x, y, z", [1.0] * 3)]
+)
+def test_a_recording_of_three_axes_is_played_along_those_of_the_tool(
+    axes: str, played: list[float]
+) -> None:
+    recording = TURN[:, np.newaxis] * (1.0, 10.0, 100.0)
+    rig = SlaveRig(with_axes(SlaveRigParameters(), axes), RATE, recording=recording)
+    found = accelerations(rig, (0.0, 0.0, 0.0), 12)
+    expected = np.resize(recording, (12, 3)) * played
+    assert np.array_equal(found, expected)
+
+
+def test_a_recording_of_one_axis_is_played_along_z() -> None:
+    rig = SlaveRig(with_axes(SlaveRigParameters()), RATE, recording=TURN)
+    assert np.array_equal(accelerations(rig, (0.0, 0.0, 0.0), 5), np.outer(TURN, (0.0, 0.0, 1.0)))
+
+
+def test_a_recording_of_two_axes_is_refused() -> None:
+    with pytest.raises(ParameterError) as refused:
+        SlaveRig(SlaveRigParameters(), RATE, recording=np.zeros((5, 2)))
+    assert str(refused.value) == (
+        "recording: has the shape (5, 2): must be one column, or x, y and z"
+    )
+
+
+def test_axes_that_do_not_exist_are_refused() -> None:
+    with pytest.raises(ParameterError, match="^axes = x, w: must be some of x, y, z, in this"):
+        ToolParameters(axes="x, w")

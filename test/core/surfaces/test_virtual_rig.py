@@ -144,3 +144,54 @@ def test_another_scene_changes_neither_motion_nor_force_at_that_moment() -> None
     assert rig.contact is not None
     assert rig.contact.object.name == "mat"
     assert rig.contact_force[2] == pytest.approx(force[2], rel=0.05)
+
+
+# Three axes
+
+SLOPE = math.radians(20.0)
+
+
+def in_three_axes(
+    texture: TextureModel | None = None, tap: TapModel | None = None, slope: float = 0.0
+) -> VirtualRig:
+    """Return a rig above a plane that rises along y by an angle in rad."""
+    tool = ToolParameters(height=0.0005, coulomb_friction=0.0, axes="x, y, z")
+    material = Material("wood", texture=texture, tap=tap, static_friction=0.4, friction=0.4)
+    tilted = Scene((SceneObject("bench", Plane(), material, rotation=(slope, 0.0, 0.0)),))
+    return VirtualRig(VirtualRigParameters(tool), tilted, RATE, seed=1)
+
+
+def test_a_tap_is_felt_along_the_normal_where_the_tool_does_not_slide() -> None:
+    rig = in_three_axes(tap=TAP, slope=SLOPE)
+    normal = np.array((0.0, -math.sin(SLOPE), math.cos(SLOPE)))
+    found = run(rig, tuple(-2.0 * normal), 0.3)
+    assert np.abs(found[:, 2]).max() > 1.0
+    assert found == pytest.approx(np.outer(found @ normal, normal), abs=1e-6)
+
+
+def test_a_texture_is_felt_along_the_normal_and_in_the_friction() -> None:
+    plain, rough = in_three_axes(), in_three_axes(WHITE)
+    force = (1.5, 0.0, -2.0)
+    still, vibrating = (run(rig, force, 0.5)[200:] for rig in (plain, rough))
+    texture = vibrating - still
+    assert texture[:, 2].std() > 0.1
+    assert texture[:, 0] == pytest.approx(-0.4 * texture[:, 2], rel=0.01, abs=1e-6)
+    assert not texture[:, 1].any()
+
+
+def test_a_tool_that_slips_is_accelerated_along_the_surface() -> None:
+    rig = in_three_axes()
+    run(rig, (0.0, 0.0, -2.0), 0.5)
+    stuck = run(rig, (0.7, 0.0, -2.0), 0.5, since=0.5)
+    slipping = run(rig, (1.4, 0.0, -2.0), 0.05, since=1.0)
+    # Friction holds 0.8 N; what is left accelerates the tool of 0.06 kg, but for the joints.
+    assert np.abs(stuck[-100:]).max() < 1e-3
+    assert slipping[2, 0] == pytest.approx(0.6 / 0.06, rel=0.25)
+    assert np.abs(slipping[:, 1]).max() < 1e-9
+
+
+def test_along_z_alone_it_is_the_vibration_wherever_the_normal_points() -> None:
+    one, three = touching(WHITE, TAP), in_three_axes(WHITE, TAP)
+    of_one, of_three = (run(rig, (0.0, 0.0, -2.0), 0.3) for rig in (one, three))
+    assert of_three[:, 2] == pytest.approx(of_one[:, 2], abs=1e-9)
+    assert not of_one[:, :2].any()

@@ -1,0 +1,292 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Linear mechanics of a handle with three coils: rigid body, hand, coils and accelerometer."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from haptic_accel.core.axes import NAMES
+from haptic_accel.core.model import FloatArray, HandleParameters, MountParameters
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
+
+# Order of states and inputs. Position and velocity of the handle's centre of mass, its rotation,
+# each coil's displacement from the handle along its own line, the hand along x and z, the
+# accelerometer's low-pass, and the modes of its mount, which rest where it is rigid.
+PLACE, TURN, TRAVEL = slice(0, 3), slice(3, 6), slice(6, 9)
+SPEED, SPIN, SLIP = slice(9, 12), slice(12, 15), slice(15, 18)
+HAND_X, HAND_Z, HAND_V_X, HAND_V_Z = range(18, 22)
+LOW_PASSED, BENT, BENDING = slice(22, 25), slice(25, 28), slice(28, 31)
+STATES = 31
+COILS, BETWEEN, ARM = slice(0, 3), slice(3, 6), slice(6, 9)
+HAND_A_X, HAND_A_Z, FALL = 9, 10, 11
+INPUTS = 12
+
+_BODY, _RATES = slice(0, 9), slice(9, 18)  # all coordinates of the bodies, and their velocities
+
+
+@dataclass(frozen=True)
+class BodyParameters(Checked):
+    """Rigid handle: inertia, the grip's width, and the accelerometer on it."""
+
+    gyration_radius: float = parameter(
+        0.030,
+        "radius of gyration of handle and hand about each axis (assumed: a rod of 0.1 m has"
+        " 0.029 m)",
+        "m",
+        1e-3,
+        1.0,
+    )
+    grip_width: float = parameter(
+        0.040,
+        "distance of the fingers on the handle, which makes the grip stiff against rotation"
+        " (assumed: a stylus between thumb and two fingers)",
+        "m",
+        0.0,
+        0.2,
+    )
+    sensor_x: float = parameter(
+        0.006, "position of the accelerometer from the centre of mass (assumed)", "m", -0.2, 0.2
+    )
+    sensor_y: float = parameter(
+        -0.004, "position of the accelerometer from the centre of mass (assumed)", "m", -0.2, 0.2
+    )
+    sensor_z: float = parameter(
+        0.020,
+        "position of the accelerometer from the centre of mass (assumed: at the stylus' end of the"
+        " coils)",
+        "m",
+        -0.2,
+        0.2,
+    )
+    sensor_axis: str = parameter(
+        "y", "axis of a rotation of the accelerometer that nobody knows of", choices=NAMES
+    )
+    sensor_rotation: float = parameter(0.0, "angle of that rotation", "rad", -math.pi, math.pi)
+
+
+@dataclass(frozen=True)
+class CoilMounting(Checked):
+    """Directions and places of the coils on the handle.
+
+    Each coil is tilted from its own axis towards the next one (x, y, z, x), and its line of action
+    passes the centre of mass at a distance along the axis after that. The defaults give a
+    cross-coupling of -10 dB.
+    """
+
+    tilt_x: float = parameter(
+        0.26, "angle of coil x from x towards y (assumed: 15 degrees)", "rad", -1.0, 1.0
+    )
+    tilt_y: float = parameter(
+        0.31, "angle of coil y from y towards z (assumed: 18 degrees)", "rad", -1.0, 1.0
+    )
+    tilt_z: float = parameter(
+        0.22, "angle of coil z from z towards x (assumed: 13 degrees)", "rad", -1.0, 1.0
+    )
+    offset_x: float = parameter(
+        0.004, "distance of coil x's line of action along z (assumed)", "m", -0.1, 0.1
+    )
+    offset_y: float = parameter(
+        0.006, "distance of coil y's line of action along x (assumed)", "m", -0.1, 0.1
+    )
+    offset_z: float = parameter(
+        0.005, "distance of coil z's line of action along y (assumed)", "m", -0.1, 0.1
+    )
+
+    @property
+    def directions(self) -> FloatArray:
+        """Unit vectors of the coils as columns, shape (3, 3)."""
+        tilts = self.tilt_x, self.tilt_y, self.tilt_z
+        return np.stack(
+            [math.cos(t) * _AXES[k] + math.sin(t) * _AXES[k - 2] for k, t in enumerate(tilts)],
+            axis=1,
+        )
+
+    @property
+    def places(self) -> FloatArray:
+        """Points of the lines of action nearest to the centre of mass as columns, m, (3, 3)."""
+        offsets = self.offset_x, self.offset_y, self.offset_z
+        return np.stack([offset * _AXES[k - 1] for k, offset in enumerate(offsets)], axis=1)
+
+
+_AXES = np.eye(3)
+
+
+@dataclass(frozen=True)
+class SensorMounts:
+    """Light, elastic mount of the accelerometer: a mode along each axis of the handle.
+
+    The mode is between sensor and handle, as in the rig with one coil, whose fitted mode is that
+    of bracket and stylus. A bracket bends more easily than it is compressed.
+    """
+
+    x: MountParameters = field(default_factory=MountParameters)
+    y: MountParameters = field(default_factory=MountParameters)
+    z: MountParameters = field(default_factory=MountParameters)
+
+
+def mass_matrix(handle: HandleParameters, body: BodyParameters, coils: CoilMounting) -> FloatArray:
+    """Return the mass matrix of place, turn and coils, shape (9, 9), in kg, kg m and kg m^2.
+
+    As in eq. (2) of the paper, the mass m_h is that of everything which moves with the handle
+    along an axis while one coil moves freely: it contains the two other coils.
+
+    Raises
+    ------
+    ParameterError
+        The handle is lighter than two coils.
+    """
+    rigid = handle.m_h - 2 * handle.m_a
+    if rigid <= 0:
+        raise ParameterError(
+            f"m_h = {handle.m_h:g}: must be above {2 * handle.m_a:g} kg, the mass of two coils,"
+            " which move with the handle"
+        )
+    mass = np.zeros((9, 9))
+    mass[PLACE, PLACE] = rigid * np.eye(3)
+    mass[TURN, TURN] = handle.m_h * body.gyration_radius**2 * np.eye(3)
+    for coil, (direction, place) in enumerate(
+        zip(coils.directions.T, coils.places.T, strict=True)
+    ):
+        moved = np.zeros((3, 9))  # motion of the coil's centre by all coordinates
+        moved[:, PLACE], moved[:, TURN] = np.eye(3), -_cross(place)
+        moved[:, TRAVEL.start + coil] = direction
+        mass += handle.m_a * moved.T @ moved
+    return mass
+
+
+def stiffness_and_damping(
+    handle: HandleParameters, body: BodyParameters
+) -> tuple[FloatArray, FloatArray]:
+    """Return stiffness and damping of place, turn and coils, each of shape (9,).
+
+    Half of the grip acts at each end of its width. Units are N/m and N s/m, and for the turn
+    N m/rad and N m s/rad.
+    """
+    gripped = np.repeat((1.0, (body.grip_width / 2) ** 2, 0.0), 3)
+    suspended = np.repeat((0.0, 0.0, 1.0), 3)
+    return (
+        handle.k_u * gripped + handle.k_s * suspended,
+        handle.b_u * gripped + handle.b_s * suspended,
+    )
+
+
+def sensed_motion(body: BodyParameters) -> FloatArray:
+    """Return the motion of the accelerometer's place by place, turn and coils, shape (3, 9)."""
+    sensed = np.zeros((3, 9))
+    sensed[:, PLACE] = np.eye(3)
+    sensed[:, TURN] = -_cross(np.array([body.sensor_x, body.sensor_y, body.sensor_z]))
+    return sensed
+
+
+def three_axis_mechanics(
+    handle: HandleParameters,
+    body: BodyParameters,
+    coils: CoilMounting,
+    mounts: SensorMounts,
+    corner: float,
+    coupling: float = 0.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Return A and B of x' = A x + B u for small rotations, from Lagrange's equations.
+
+    Constants name states and inputs: forces of the coils and between coil and handle, N, those of
+    the arm, accelerations of the hand and of gravity, m/s^2. As in eq. (1), a coil's force pushes
+    the handle along the coil's direction, and the coil the other way. The acceleration is that of
+    the accelerometer's place along the axes of the handle, after its low-pass.
+
+    Parameters
+    ----------
+    handle : HandleParameters
+        Coils with their suspension, handle and grip. The grip is the same along all axes, and
+        holds the handle at two points on both sides of its centre of mass.
+    body : BodyParameters
+    coils : CoilMounting
+    mounts : SensorMounts
+    corner : float
+        Corner of the accelerometer's first-order low-pass, Hz.
+    coupling : float
+        Stiffness of the coupling to the slave at the centre of mass, N/m.
+    """
+    a, b = np.zeros((STATES, STATES)), np.zeros((STATES, INPUTS))
+    a[_BODY, _RATES] = np.eye(9)
+    inverse_mass = np.linalg.inv(mass_matrix(handle, body, coils))
+    stiffness, damping = stiffness_and_damping(handle, body)
+    stiffness[PLACE] += coupling
+    a[_RATES, _BODY], a[_RATES, _RATES] = -inverse_mass * stiffness, -inverse_mass * damping
+    for axis, place, speed, driven in (
+        (0, HAND_X, HAND_V_X, HAND_A_X),
+        (2, HAND_Z, HAND_V_Z, HAND_A_Z),
+    ):
+        a[place, speed] = b[speed, driven] = 1.0
+        a[_RATES, place] = handle.k_u * inverse_mass[:, axis]
+        a[_RATES, speed] = handle.b_u * inverse_mass[:, axis]
+    b[_RATES, COILS], b[_RATES, BETWEEN] = -inverse_mass[:, TRAVEL], inverse_mass[:, TRAVEL]
+    b[_RATES, ARM] = inverse_mass[:, PLACE]
+    b[SPEED.start + 2, FALL] = 1.0
+    sensed = sensed_motion(body)
+    omega = 2 * np.pi * corner
+    a[LOW_PASSED] = omega * sensed @ a[_RATES]
+    b[LOW_PASSED] = omega * sensed @ b[_RATES]
+    a[BENT, BENDING] = np.eye(3)
+    for axis, mode in enumerate((mounts.x, mounts.y, mounts.z)):
+        if mode.frequency:
+            _bend(a, b, axis, mode, sensed[axis], omega)
+    a[LOW_PASSED, LOW_PASSED] -= omega * np.eye(3)
+    return a, b
+
+
+def _bend(
+    a: FloatArray,
+    b: FloatArray,
+    axis: int,
+    mode: MountParameters,
+    sensed: FloatArray,
+    omega: float,
+) -> None:
+    """Put a mode along an axis between the handle and the accelerometer.
+
+    As in `mechanics`, the mass of the mode is neglected.
+    """
+    own = 2 * np.pi * mode.frequency
+    bent, bending, low_passed = BENT.start + axis, BENDING.start + axis, LOW_PASSED.start + axis
+    a[bending, _BODY], a[bending, bent] = own**2 * sensed, -(own**2)
+    a[bending, _RATES], a[bending, bending] = (
+        2 * mode.damping * own * sensed,
+        -2 * mode.damping * own,
+    )
+    a[low_passed], b[low_passed] = omega * a[bending], omega * b[bending]
+
+
+def rotation(axis: str, angle: float) -> FloatArray:
+    """Return the matrix of a rotation about x, y or z by an angle in rad, shape (3, 3).
+
+    Examples
+    --------
+    >>> rotation("z", math.pi / 2).round() @ (1, 0, 0)
+    array([0., 1., 0.])
+    """
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_euler(axis, angle).as_matrix())
+
+
+def _cross(vector: FloatArray) -> FloatArray:
+    """Return the matrix of the cross product of a vector with another."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
