@@ -46,6 +46,7 @@ class CombinedDevice(Device):
         self._arm = self.ArmDevice(arm, rate, seed)
         self._handle = self.HandleDevice(handle, rate, seed)
         self.parts = self._arm, self._handle
+        self.axes = self._handle.axes
 
     def open(self) -> None:
         """Open both, or leave both closed."""

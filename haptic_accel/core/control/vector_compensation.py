@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from haptic_accel.core.actuator.guard import scaled_within
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION
-from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
+from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, NAMES, Axes
 from haptic_accel.core.control.alignment import Alignment
 from haptic_accel.core.control.compensation import (
     AT_RANGE,
@@ -70,6 +70,7 @@ class AlongAxis:
         axes: Axes = ACTUATOR_AXES,
         reduction: Reduction | None = None,
     ) -> None:
+        self.axes = axes
         (self._index,) = axes.indices
         self._reduction = reduction or (lambda tool: tool[self._index])
         self._compensation = compensation
@@ -130,6 +131,9 @@ class VectorCompensation:
         The rate is not that of the plant or too low for the high-pass, or the latency is not
         allowed.
     """
+
+    axes = ALL_AXES
+    """Axes of the handle."""
 
     def __init__(
         self,

@@ -60,6 +60,9 @@ class Compensating(Protocol):
     def adapt(self) -> None:
         """Execute a part of the slow computations."""
 
+    def diagnostics(self) -> tuple[str, dict[str, str]]:
+        """Return a warning, or an empty string, and values for diagnostics."""
+
 
 class CompensationPart:
     """Compute one force for each sample of the tool, in order.
