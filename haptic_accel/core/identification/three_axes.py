@@ -213,7 +213,7 @@ def _as_recorded(
     repeats = DROPPED_REPEATS + 1
     (moved,) = simulated([_causal(fit)], np.tile(force, repeats), found.rate)
     settled = moved[DROPPED_REPEATS * len(force) :]
-    return np.asarray((np.fft.rfft(settled) / np.fft.rfft(force))[found.lines])
+    return np.asarray(np.fft.rfft(settled)[found.lines] / np.fft.rfft(force)[found.lines])
 
 
 def _causal(fit: HandleFit) -> HandleFit:
