@@ -152,11 +152,11 @@ class Result:
         # Friction that may be zero must not be compensated.
         certain = fit.bearing.friction > INTERVAL * fit.standard_errors.get("friction", 0.0)
         friction = float(f"{fit.bearing.friction:.4f}") if certain else 0.0
-        handle = plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
-        mount = plain(asdict(fit.mount))
+        handle = report.plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
+        mount = report.plain(asdict(fit.mount))
         suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
         return {
-            EVERY_NODE: {ACTUATOR: plain(asdict(self.actuator) | suspension)},
+            EVERY_NODE: {ACTUATOR: report.plain(asdict(self.actuator) | suspension)},
             "master_device": {
                 "simulated": {
                     "handle": handle,
@@ -168,8 +168,8 @@ class Result:
                 }
             },
             "compensator": {
-                "constant": plain({"mass": fit.handle.m_h}),
-                "dynamic": plain(asdict(found.approximate)),
+                "constant": report.plain({"mass": fit.handle.m_h}),
+                "dynamic": report.plain(asdict(found.approximate)),
                 "plant": {
                     "handle": handle,
                     "mount": mount,
@@ -200,7 +200,7 @@ class Result:
         found, errors = self.found, self.errors
         discrete = errors.get("discrete")
         return {
-            **fit_metrics(found.fit),
+            **report.fit_metrics(found.fit),
             "latency_samples": self.latency,
             "max_magnitude_error_db": discrete.magnitude_db if discrete else None,
             "max_phase_error_deg": discrete.phase_deg if discrete else None,
@@ -211,7 +211,7 @@ class Result:
                 for name, grip in found.grips.items()
             },
             "physical_model": asdict(errors["physical"]) if errors else None,
-            "grips": {name: fit_metrics(grip.fit) for name, grip in found.grips.items()},
+            "grips": {name: report.fit_metrics(grip.fit) for name, grip in found.grips.items()},
             "approximate_model": asdict(found.approximate),
             "discrete_model": {
                 "sections": found.discrete.sections.tolist(),
@@ -292,11 +292,6 @@ def rig_as_held(arguments: IdentifyArguments) -> RigParameters:
     return RigParameters(replace(master, handle=handle, grip=grip))
 
 
-def plain(values: Mapping[str, Any]) -> dict[str, float]:
-    """Return numbers rounded to six digits for a parameter file."""
-    return {name: float(f"{value:.6g}") for name, value in values.items()}
-
-
 def model_errors(
     found: Identification,
     rig: RigParameters,
@@ -348,30 +343,6 @@ def model_errors(
             float(np.max(np.abs(np.angle(ratio))) * (180 / math.pi)),
         )
     return errors
-
-
-def fit_metrics(fit: HandleFit) -> dict[str, Any]:
-    """Return the parameters of a fit with standard errors for a JSON file."""
-    return {
-        "parameters": {
-            name: {
-                "value": fit.value(name),
-                "standard_error": fit.standard_errors.get(name),
-                "unit": given.unit,
-            }
-            for name, (_, given) in own_schema(HandleParameters).items()
-        },
-        "delay_s": fit.delay,
-        "delay_us": fit.delay * 1e6,
-        "delay_standard_error_s": fit.standard_errors.get("delay"),
-        "friction_n": fit.bearing.friction,
-        "friction_standard_error_n": fit.standard_errors.get("friction"),
-        "mount": asdict(fit.mount),
-        "mount_standard_errors": {
-            name: fit.standard_errors.get(f"mount_{name}") for name in asdict(fit.mount)
-        },
-        "residual": fit.residual,
-    }
 
 
 # Recordings

@@ -20,7 +20,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -271,6 +271,35 @@ def _number(value: float | None) -> str:
     if value is None or not math.isfinite(value):
         return DASH
     return f"{value:.{_DIGITS}g}".replace("-", "\N{MINUS SIGN}")
+
+
+def fit_metrics(fit: HandleFit) -> dict[str, Any]:
+    """Return the parameters of a fit with standard errors for a JSON file."""
+    return {
+        "parameters": {
+            name: {
+                "value": fit.value(name),
+                "standard_error": fit.standard_errors.get(name),
+                "unit": given.unit,
+            }
+            for name, (_, given) in own_schema(HandleParameters).items()
+        },
+        "delay_s": fit.delay,
+        "delay_us": fit.delay * 1e6,
+        "delay_standard_error_s": fit.standard_errors.get("delay"),
+        "friction_n": fit.bearing.friction,
+        "friction_standard_error_n": fit.standard_errors.get("friction"),
+        "mount": asdict(fit.mount),
+        "mount_standard_errors": {
+            name: fit.standard_errors.get(f"mount_{name}") for name in asdict(fit.mount)
+        },
+        "residual": fit.residual,
+    }
+
+
+def plain(values: Mapping[str, Any]) -> dict[str, float]:
+    """Return numbers rounded to six digits for a parameter file."""
+    return {name: float(f"{value:.6g}") for name, value in values.items()}
 
 
 def explained(found: Identification) -> str:
