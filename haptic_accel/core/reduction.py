@@ -33,7 +33,7 @@ from haptic_accel.core.model import FloatArray, Vector
 # Whole recordings
 
 
-def along_actuator(acceleration: FloatArray) -> FloatArray:
+def coil_component(acceleration: FloatArray) -> FloatArray:
     """Return the component along the axis of a single coil; the others are lost.
 
     Parameters
@@ -115,7 +115,7 @@ REDUCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "principal": principal,
     "sum": total,
     "magnitude": magnitude,
-    "axis": along_actuator,
+    "axis": coil_component,
 }
 """Reductions of a whole recording by name; each takes shape (n, 3) and returns shape (n,)."""
 

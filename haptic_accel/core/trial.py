@@ -406,7 +406,7 @@ def run_trial(
     hosts = (
         one_host(sides, part, rig, rate, latency)
         if channel is None
-        else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts)
+        else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts, axes)
     )
     samples = _samples(rigs, hosts, controlled, time.tolist(), deque(grips), warnings, crossings)
     # Number by number, as an array takes three times longer to read nested tuples.
@@ -418,7 +418,7 @@ def run_trial(
     corner = around.high_pass_frequency
     crossing = None
     if channel is not None:
-        crossing, tool = _crossed(crossings, tool, rate)
+        crossing, tool = _crossed(crossings, tool, rate, axes)
         desired = high_passed(tool, corner, rate)
     return Trial(
         *(surface, controller, rate, time, tool, desired, handle, force, corner, latency),
@@ -431,12 +431,12 @@ def run_trial(
 
 
 def _crossed(
-    crossings: Sequence[Crossed], tool: FloatArray, rate: float
+    crossings: Sequence[Crossed], tool: FloatArray, rate: float, axes: Axes
 ) -> tuple[Crossing, FloatArray]:
     """Return the network's signals, and the tool's acceleration at the played times."""
     places = np.array([each.position for each in crossings])
     count = np.arange(len(tool))
-    played = np.array([each.played.value for each in crossings])
+    played = along(axes, np.array([each.played.value for each in crossings]))
     kinds = tuple(each.played.kind for each in crossings)
     energy = np.array([each.energy for each in crossings])
     waiting = np.isnan(places)  # nothing is played then, and nothing desired

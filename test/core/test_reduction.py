@@ -31,7 +31,7 @@ from haptic_accel.core.reduction import (
     LIVE_REDUCTIONS,
     REDUCTIONS,
     PrincipalDirection,
-    along_actuator,
+    coil_component,
     dft321,
     live_reduction,
     magnitude,
@@ -66,7 +66,7 @@ def test_dft321_is_an_oscillation_and_not_its_length() -> None:
 
 
 def test_the_axis_is_that_of_the_coil() -> None:
-    np.testing.assert_array_equal(along_actuator(np.array([[1.0, 2.0, 3.0]])), [3.0])
+    np.testing.assert_array_equal(coil_component(np.array([[1.0, 2.0, 3.0]])), [3.0])
 
 
 @settings(deadline=None)
