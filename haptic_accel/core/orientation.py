@@ -26,12 +26,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from haptic_accel.core.model import Vector
-
-Quaternion = tuple[float, float, float, float]
-"""x, y, z, w of a rotation from turned axes to those of the base, as in ROS."""
-
-IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
+from haptic_accel.core.model import IDENTITY, Quaternion, Vector
 
 UNIT_ERROR = 0.01
 """Largest deviation of a quaternion's length from 1: far above rounding, also of float32, and far
@@ -82,6 +77,22 @@ def from_base(orientation: Quaternion, vector: Vector) -> Vector:
     return to_base((-x, -y, -z, w), vector)
 
 
+def is_turned(orientation: Quaternion, acceleration: Vector) -> bool:
+    """Return whether a vibration has to be turned.
+
+    A sensor with one axis has no direction: the others are zero, and its vibration is felt along
+    the coil whatever the orientation.
+
+    Examples
+    --------
+    >>> is_turned((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 2.0))
+    False
+    >>> is_turned((1.0, 0.0, 0.0, 0.0), (0.1, 0.0, 2.0))
+    True
+    """
+    return orientation is not IDENTITY and acceleration.count(0.0) < len(acceleration) - 1
+
+
 class Orientation:
     """Newest orientation of a tool or handle, from values that may be no rotation.
 
@@ -99,7 +110,7 @@ class Orientation:
     >>> tool = Orientation()
     >>> tool.put([0.0, 0.0, 0.0, 0.0])
     >>> tool.newest == IDENTITY, tool.problem
-    (True, 'orientation (0, 0, 0, 0) is no unit quaternion: the last valid one is kept')
+    (True, 'the orientation is no unit quaternion: the last valid one is kept')
     """
 
     def __init__(self) -> None:
@@ -111,7 +122,4 @@ class Orientation:
         if found := unit_quaternion(values):
             self.newest, self.problem = found, ""
         else:
-            listed = ", ".join(f"{value:g}" for value in values)
-            self.problem = (
-                f"orientation ({listed}) is no unit quaternion: the last valid one is kept"
-            )
+            self.problem = "the orientation is no unit quaternion: the last valid one is kept"

@@ -25,11 +25,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from haptic_accel.core.model import Vector
+from haptic_accel.core.model import IDENTITY, Quaternion, Vector
 from haptic_accel.core.orientation import (
-    IDENTITY,
     Orientation,
-    Quaternion,
     from_base,
     to_base,
     unit_quaternion,
