@@ -27,6 +27,7 @@ from typing import Any
 
 import numpy as np
 
+from haptic_accel.analysis import identification_report as report
 from haptic_accel.analysis.identification_report import ModelError
 from haptic_accel.bags.delivery import AGE_OF, durations
 from haptic_accel.bags.reading import Bag, read_bag
@@ -53,7 +54,7 @@ from haptic_accel.core.parameters import ParameterError, own_schema
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, same_rate
 from haptic_accel.core.trial import RigParameters, run_identification
 from haptic_accel.graph.arguments import AVERAGE_GRIP, IdentifyArguments
-from haptic_accel.graph.files import EVERY_NODE, parameter_text
+from haptic_accel.graph.files import EVERY_NODE
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 from haptic_accel.materials.recordings import read_recording
@@ -99,6 +100,31 @@ class Result:
         """Warnings to the reader of the metrics."""
         return [*self.doubts, *self.found.outliers] + [POOLED_NOTE] * (len(self.found.grips) > 1)
 
+    @property
+    def fits(self) -> dict[str, HandleFit]:
+        """Fits by column of a table."""
+        return report.fits_by_column(self.found)
+
+    @property
+    def explained(self) -> str:
+        """Sentence on the residual of the fit."""
+        return report.explained(self.found)
+
+    def write_report(
+        self, folder: Path, sweep: sweeps.SweepParameters, settings: Mapping[str, str]
+    ) -> Path:
+        """Write the page of the identification; return its path."""
+        return report.write_identification_report(
+            self.found,
+            sweep,
+            folder,
+            settings=settings,
+            truth=self.truth,
+            errors=self.errors,
+            band=self.band,
+            notes=self.notes,
+        )
+
     def sentences(self) -> Iterator[str]:
         """Yield errors against the true response, and the delay of the hardware."""
         for name, error in self.errors.items():
@@ -110,6 +136,89 @@ class Result:
             f"delay of the hardware: {self.found.fit.delay * 1e6:.0f} us, in addition to the"
             f" graph's latency of {self.latency} samples"
         )
+
+    def parameters(self, age: float) -> dict[str, dict[str, Any]]:
+        """Return the parameters of each node that describe the handle, and its controllers.
+
+        The compensator reports the doubts as a warning.
+
+        Parameters
+        ----------
+        age : float
+            Age of forces applied on arrival, s. A controller compensates it, as part of the delay,
+            but it is not part of the simulated handle's own delay.
+        """
+        found, fit = self.found, self.found.fit
+        # Friction that may be zero must not be compensated.
+        certain = fit.bearing.friction > INTERVAL * fit.standard_errors.get("friction", 0.0)
+        friction = float(f"{fit.bearing.friction:.4f}") if certain else 0.0
+        handle = report.plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
+        mount = report.plain(asdict(fit.mount))
+        suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
+        return {
+            EVERY_NODE: {ACTUATOR: report.plain(asdict(self.actuator) | suspension)},
+            "master_device": {
+                "simulated": {
+                    "handle": handle,
+                    "mount": mount,
+                    "drive": {
+                        "delay": float(f"{max(0.0, fit.delay - age):.6f}"),
+                        "coulomb_friction": friction,
+                    },
+                }
+            },
+            "compensator": {
+                "constant": report.plain({"mass": fit.handle.m_h}),
+                "dynamic": report.plain(asdict(found.approximate)),
+                "plant": {
+                    "handle": handle,
+                    "mount": mount,
+                    "delay": float(f"{max(0.0, fit.delay):.6f}"),
+                    "bandwidth": fit.low_pass_frequency,
+                    "friction": friction,
+                    "doubt": "; ".join(self.doubts),
+                },
+            },
+        }
+
+    @property
+    def heading(self) -> str:
+        """First lines of a parameter file."""
+        fit = self.found.fit
+        return (
+            "# A handle as identified; use with params_file:=FILE. SI units.\n"
+            f"# Band {fit.band[0]:.4g} to {fit.band[1]:.4g} Hz, delay of the hardware"
+            f" {fit.delay * 1e6:.0f} us, beside the latency\n# and the loop's own sample, residual"
+            f" {fit.residual:.2f} (1: noise alone).\n"
+        )
+
+    def metrics(self) -> dict[str, Any]:
+        """Return the metrics of an identification for a JSON file.
+
+        Keys without a model's name refer to the discrete model.
+        """
+        found, errors = self.found, self.errors
+        discrete = errors.get("discrete")
+        return {
+            **report.fit_metrics(found.fit),
+            "latency_samples": self.latency,
+            "max_magnitude_error_db": discrete.magnitude_db if discrete else None,
+            "max_phase_error_deg": discrete.phase_deg if discrete else None,
+            "band_hz": list(self.band),
+            "doubts": list(self.doubts),
+            "outliers": {
+                name: sum(trial.counters[sweeps.OUTLIERS] for trial in grip.trials)
+                for name, grip in found.grips.items()
+            },
+            "physical_model": asdict(errors["physical"]) if errors else None,
+            "grips": {name: report.fit_metrics(grip.fit) for name, grip in found.grips.items()},
+            "approximate_model": asdict(found.approximate),
+            "discrete_model": {
+                "sections": found.discrete.sections.tolist(),
+                "delay_samples": found.discrete.delay_samples,
+                "rate_hz": found.discrete.rate,
+            },
+        }
 
 
 POOLED_NOTE = (
@@ -183,67 +292,6 @@ def rig_as_held(arguments: IdentifyArguments) -> RigParameters:
     return RigParameters(replace(master, handle=handle, grip=grip))
 
 
-def handle_parameters(result: Result, age: float) -> dict[str, dict[str, Any]]:
-    """Return the parameters of each node that describe the handle, and its controllers.
-
-    Parameters
-    ----------
-    result : Result
-        The compensator reports its doubts as a warning.
-    age : float
-        Age of forces applied on arrival, s. It is part of the delay that a controller compensates,
-        but not of the simulated handle's own delay.
-    """
-    found, fit = result.found, result.found.fit
-    # Friction that may be zero must not be compensated.
-    certain = fit.bearing.friction > INTERVAL * fit.standard_errors.get("friction", 0.0)
-    friction = float(f"{fit.bearing.friction:.4f}") if certain else 0.0
-    handle = _plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
-    mount = _plain(asdict(fit.mount))
-    suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
-    return {
-        EVERY_NODE: {ACTUATOR: _plain(asdict(result.actuator) | suspension)},
-        "master_device": {
-            "simulated": {
-                "handle": handle,
-                "mount": mount,
-                "drive": {
-                    "delay": float(f"{max(0.0, fit.delay - age):.6f}"),
-                    "coulomb_friction": friction,
-                },
-            }
-        },
-        "compensator": {
-            "constant": _plain({"mass": fit.handle.m_h}),
-            "dynamic": _plain(asdict(found.approximate)),
-            "plant": {
-                "handle": handle,
-                "mount": mount,
-                "delay": float(f"{max(0.0, fit.delay):.6f}"),
-                "bandwidth": fit.low_pass_frequency,
-                "friction": friction,
-                "doubt": "; ".join(result.doubts),
-            },
-        },
-    }
-
-
-def parameter_file(result: Result, age: float) -> str:
-    """Return a ROS parameter file for ``params_file:=FILE``; see `handle_parameters`."""
-    fit = result.found.fit
-    head = (
-        "# A handle as identified; use with params_file:=FILE. SI units.\n"
-        f"# Band {fit.band[0]:.4g} to {fit.band[1]:.4g} Hz, delay of the hardware"
-        f" {fit.delay * 1e6:.0f} us, beside the latency\n# and the loop's own sample, residual"
-        f" {fit.residual:.2f} (1: noise alone).\n"
-    )
-    return head + parameter_text(handle_parameters(result, age))
-
-
-def _plain(values: Mapping[str, Any]) -> dict[str, float]:
-    return {name: float(f"{value:.6g}") for name, value in values.items()}
-
-
 def model_errors(
     found: Identification,
     rig: RigParameters,
@@ -295,58 +343,6 @@ def model_errors(
             float(np.max(np.abs(np.angle(ratio))) * (180 / math.pi)),
         )
     return errors
-
-
-def identification_metrics(result: Result) -> dict[str, Any]:
-    """Return the metrics of an identification for a JSON file.
-
-    Keys without a model's name refer to the discrete model.
-    """
-    found, errors = result.found, result.errors
-    discrete = errors.get("discrete")
-    return {
-        **_fit_metrics(found.fit),
-        "latency_samples": result.latency,
-        "max_magnitude_error_db": discrete.magnitude_db if discrete else None,
-        "max_phase_error_deg": discrete.phase_deg if discrete else None,
-        "band_hz": list(result.band),
-        "doubts": list(result.doubts),
-        "outliers": {
-            name: sum(trial.counters[sweeps.OUTLIERS] for trial in grip.trials)
-            for name, grip in found.grips.items()
-        },
-        "physical_model": asdict(errors["physical"]) if errors else None,
-        "grips": {name: _fit_metrics(grip.fit) for name, grip in found.grips.items()},
-        "approximate_model": asdict(found.approximate),
-        "discrete_model": {
-            "sections": found.discrete.sections.tolist(),
-            "delay_samples": found.discrete.delay_samples,
-            "rate_hz": found.discrete.rate,
-        },
-    }
-
-
-def _fit_metrics(fit: HandleFit) -> dict[str, Any]:
-    return {
-        "parameters": {
-            name: {
-                "value": fit.value(name),
-                "standard_error": fit.standard_errors.get(name),
-                "unit": given.unit,
-            }
-            for name, (_, given) in own_schema(HandleParameters).items()
-        },
-        "delay_s": fit.delay,
-        "delay_us": fit.delay * 1e6,
-        "delay_standard_error_s": fit.standard_errors.get("delay"),
-        "friction_n": fit.bearing.friction,
-        "friction_standard_error_n": fit.standard_errors.get("friction"),
-        "mount": asdict(fit.mount),
-        "mount_standard_errors": {
-            name: fit.standard_errors.get(f"mount_{name}") for name in asdict(fit.mount)
-        },
-        "residual": fit.residual,
-    }
 
 
 # Recordings

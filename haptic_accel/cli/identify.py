@@ -26,19 +26,16 @@ from pathlib import Path
 
 import click
 
-from haptic_accel.analysis import identification_report as report
 from haptic_accel.analysis.identification import (
     COLUMNS,
     Recordings,
     beside_truth,
     evaluate,
-    handle_parameters,
-    identification_metrics,
     named,
-    parameter_file,
     read_recordings,
     run_lockstep,
 )
+from haptic_accel.analysis.identification_report import parameter_table
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import check_writable, next_command, results_folder, save
@@ -53,7 +50,7 @@ from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.graph.arguments import SIMULATED, IdentifyArguments, stated_words
-from haptic_accel.graph.files import EVERY_NODE
+from haptic_accel.graph.files import EVERY_NODE, parameter_text
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, identification_graph
@@ -162,28 +159,19 @@ def identify(
     described = asdict(replace(arguments, latency=result.latency))
     settings = {name: str(value) for name, value in described.items() if value != ""}
     parameters = folder / "handle.yaml"
-    parameters.write_text(parameter_file(result, recorded.age), encoding="utf-8")
-    page = report.write_identification_report(
-        result.found,
-        arguments.sweep,
-        folder,
-        settings={"run": run, **settings},
-        truth=result.truth,
-        errors=result.errors,
-        band=result.band,
-        notes=result.notes,
-    )
-    save(identification_metrics(result), json_file)
-    print_table(report.parameter_table(result.found, result.truth))
+    nodes = result.parameters(recorded.age)
+    parameters.write_text(result.heading + parameter_text(nodes), encoding="utf-8")
+    page = result.write_report(folder, arguments.sweep, {"run": run, **settings})
+    save(result.metrics(), json_file)
+    print_table(parameter_table(result.fits, result.truth))
     print(*result.sentences(), sep="\n")
     if arguments.actuator == AUDIO:
         _, devices = node_parameters("master_device", graph_parameters(arguments)["master_device"])
         scale = devices[AUDIO].largest_force / result.found.fit.handle.m_h
         print(f"audio.full_scale: {scale:.4g} N per kg of the handle's mass without m_a")
-    print(*result.notes, report.explained(result.found), sep="\n")
+    print(*result.notes, result.explained, sep="\n")
     print(f"parameters: {update or parameters}", f"report: {page}", sep="\n")
     if update:
-        nodes = handle_parameters(result, recorded.age)
         nodes[EVERY_NODE] |= {"rate": arguments.rate}
         nodes["master_device"] |= {
             "device": arguments.master,

@@ -50,6 +50,8 @@ _STAMP = struct.Struct("<iI")
 _LENGTH = struct.Struct("<I")
 _VECTORS = {code: struct.Struct(f"{mark}3d") for code, mark in _BYTE_ORDERS.items()}
 _VECTOR_SIZE = _VECTORS[1].size
+_LENGTHS = {code: struct.Struct(f"{mark}I") for code, mark in _BYTE_ORDERS.items()}
+_QUATERNIONS = {code: struct.Struct(f"{mark}4d") for code, mark in _BYTE_ORDERS.items()}
 _BEHIND = {"pose.position": struct.pack("<4d", 0.0, 0.0, 0.0, 1.0), "vector": b""}
 """Bytes after the vector, by its path: an identity quaternion, nothing, or no rotation."""
 _NO_ROTATION = bytes(24)
@@ -136,6 +138,21 @@ def unpack_stamped_vector(data: bytes) -> tuple[int, Vector]:
     except (IndexError, struct.error):
         raise ValueError("too short") from None
     return sec * NANOSECONDS + nanosec, vector
+
+
+def unpack_orientation(data: bytes) -> tuple[float, ...]:
+    """Return the orientation (x, y, z, w) of a pose that `unpack_stamped_vector` accepts.
+
+    Raises
+    ------
+    ValueError
+        The message has no orientation.
+    """
+    (frame_length,) = _LENGTHS[data[1]].unpack_from(data, _ORIGIN + _STAMP.size)
+    try:
+        return _QUATERNIONS[data[1]].unpack_from(data, _vector_offset(frame_length) + _VECTOR_SIZE)
+    except struct.error:
+        raise ValueError("too short") from None
 
 
 def unpack_state(data: bytes) -> bool:

@@ -29,8 +29,8 @@ import numpy.typing as npt
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, ACTUATOR_AXIS, Axes, along_actuator
-from haptic_accel.core.control.along_axis import AlongAxis
-from haptic_accel.core.control.compensation import Compensation, CompensationParameters
+from haptic_accel.core.control.building import build_compensation
+from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.filters import (
     HIGH_PASS_FREQUENCY,
@@ -50,7 +50,7 @@ from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.identification.stops import LIMITED
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters, excitation
-from haptic_accel.core.loop.compensation import CompensationPart
+from haptic_accel.core.loop.compensation import Compensating, CompensationPart
 from haptic_accel.core.loop.coupling import CouplingPart
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, rig_side
 from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
@@ -68,7 +68,9 @@ from haptic_accel.core.parameters import Checked, ParameterError, check_positive
 from haptic_accel.core.rig.held_rig import DriveParameters
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+from haptic_accel.core.rig.masters import axes_of, simulated_master
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters, Vibrating
+from haptic_accel.core.rig.three_axis_rig import ThreeAxisRig
 from haptic_accel.core.sampling import LATENCY, NANOSECONDS, check_latency
 from haptic_accel.core.surfaces.scene import Scene
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
@@ -378,8 +380,11 @@ def run_trial(
     check_latency(latency)
     if not (np.isfinite(duration) and duration * rate >= 1):
         raise ParameterError(f"duration = {duration}: must hold at least one sample")
-    rig, axes = rig or RigParameters(), ACTUATOR_AXES
-    around = replace(compensation or CompensationParameters(), controller=controller)
+    rig = rig or RigParameters()
+    axes = axes_of(rig.master)
+    around = replace(
+        compensation or CompensationParameters(), controller=controller, axes=", ".join(axes.names)
+    )
     slave: Rig
     if replayed is not None:
         slave = ReplayRig(replayed)
@@ -390,18 +395,18 @@ def run_trial(
     time = np.arange(round(duration * rate)) / rate
     warnings: list[Warned] = []
     crossings: list[Crossed] = []
-    rigs = MasterRig(rig.master, rate, seed), slave
+    rigs = simulated_master(rig.master, rate, seed), slave
     master_limits, slave_limits = rig.safety
     sides = {
         MASTER: rig_side(rigs[0], master_limits, rate, latency),
         SLAVE: rig_side(slave, slave_limits, rate, latency, (ARM,)),
     }
-    controlled = Compensation(around, rate, controllers, latency=latency)
-    part = CompensationPart(AlongAxis(controlled), rate, latency)
+    controlled = build_compensation(around, rate, controllers, latency=latency)
+    part = CompensationPart(controlled, rate, latency)
     hosts = (
         one_host(sides, part, rig, rate, latency)
         if channel is None
-        else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts)
+        else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts, axes)
     )
     samples = _samples(rigs, hosts, controlled, time.tolist(), deque(grips), warnings, crossings)
     # Number by number, as an array takes three times longer to read nested tuples.
@@ -413,7 +418,7 @@ def run_trial(
     corner = around.high_pass_frequency
     crossing = None
     if channel is not None:
-        crossing, tool = _crossed(crossings, tool, rate)
+        crossing, tool = _crossed(crossings, tool, rate, axes)
         desired = high_passed(tool, corner, rate)
     return Trial(
         *(surface, controller, rate, time, tool, desired, handle, force, corner, latency),
@@ -426,12 +431,12 @@ def run_trial(
 
 
 def _crossed(
-    crossings: Sequence[Crossed], tool: FloatArray, rate: float
+    crossings: Sequence[Crossed], tool: FloatArray, rate: float, axes: Axes
 ) -> tuple[Crossing, FloatArray]:
     """Return the network's signals, and the tool's acceleration at the played times."""
     places = np.array([each.position for each in crossings])
     count = np.arange(len(tool))
-    played = np.array([each.played.value for each in crossings])
+    played = along(axes, np.array([each.played.value for each in crossings]))
     kinds = tuple(each.played.kind for each in crossings)
     energy = np.array([each.energy for each in crossings])
     waiting = np.isnan(places)  # nothing is played then, and nothing desired
@@ -498,9 +503,9 @@ def _arms(slave: Rig) -> list[str]:
 
 
 def _samples(
-    rigs: tuple[MasterRig, Rig],
+    rigs: tuple[MasterRig | ThreeAxisRig, Rig],
     hosts: HostLoop | TwoHosts,
-    compensation: Compensation,
+    compensation: Compensating,
     times: Sequence[float],
     grips: deque[GripChange],
     warnings: list[Warned],

@@ -26,8 +26,8 @@ import scipy.signal  # noqa: F401
 from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
-from haptic_accel.core.control.along_axis import AlongAxis
-from haptic_accel.core.control.compensation import PLANT, Compensation
+from haptic_accel.core.control.building import build_compensation
+from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.loop.compensation import Caused, CompensationPart
 from haptic_accel.core.model import ZERO
@@ -53,13 +53,13 @@ class Compensator(GraphNode):
         super().__init__("compensator", ("controller", FROZEN))
         p = self.parameters
         # All at once: designing a controller must not delay a force.
-        self._compensation = Compensation(
+        self._compensation = build_compensation(
             p, p.rate, self.options, tuple(CONTROLLERS), latency=p.latency
         )
         if doubt := self.options[PLANT].doubt:
             self.get_logger().warning(f"plant: {doubt}; then run identify again")
         self.part = CompensationPart(
-            AlongAxis(self._compensation), p.rate, p.latency, round(CATCH_UP * p.rate)
+            self._compensation, p.rate, p.latency, round(CATCH_UP * p.rate)
         )
         self._handles = self.samples(topics.HANDLE_ACCELERATION, p.rate)
         self._send_force = self.sender(topics.ACTUATOR_FORCE).send

@@ -27,8 +27,7 @@ from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
 
 from haptic_accel.core.axes import ACTUATOR_AXIS
-from haptic_accel.core.control.along_axis import AlongAxis
-from haptic_accel.core.control.compensation import Compensation
+from haptic_accel.core.control.building import build_compensation
 from haptic_accel.core.loop.compensation import CompensationPart
 from haptic_accel.core.loop.device_side import ARM, rig_side
 from haptic_accel.core.loop.wiring import MASTER, SLAVE
@@ -129,8 +128,8 @@ class PacedRig:
             MASTER: rig_side(self._master, limits[0], self._rate, latency),
             SLAVE: rig_side(self._slave, limits[1], self._rate, latency, (ARM,)),
         }
-        self._compensation = Compensation(around, self._rate, controllers, latency=latency)
-        part = CompensationPart(AlongAxis(self._compensation), self._rate, latency)
+        self._compensation = build_compensation(around, self._rate, controllers, latency=latency)
+        part = CompensationPart(self._compensation, self._rate, latency)
         self._loop = one_host(sides, part, rig, self._rate, latency)
         self.windows.settings = GraphSettings(
             around.high_pass_frequency, controllers[ACTUATOR], latency, assumed=False

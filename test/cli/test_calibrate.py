@@ -122,7 +122,7 @@ def test_a_board_is_calibrated_by_turning_it_over(board: Turned, tmp_path: Path)
     assert values["serial.calibration.gain"] == pytest.approx(49.0 / FULL_SCALE / 1.05, rel=1e-3)
     assert values["serial.calibration.offset"] == pytest.approx(0.5 / 49.0 * FULL_SCALE, abs=1)
     assert values["actuator.force_constant"] == 2.5
-    assert "Standard errors" in (tmp_path / "found.yaml").read_text()
+    assert "Gain 0.00142" in (tmp_path / "found.yaml").read_text()
     assert yaml.safe_load((tmp_path / "found.yaml").read_text())
 
 
@@ -157,7 +157,7 @@ def test_a_board_that_moves_is_refused(board: Turned, tmp_path: Path) -> None:
         ([], 2, "port = '': must be given, or usb_serial, and not both"),
         (["port:=none", "file:=nowhere/found.yaml"], 2, "file = 'nowhere/found.yaml'"),
         (["port:=none"], 1, "none: there is no such port"),
-        (["port:=port"], 1, "the input ended before both positions"),
+        (["port:=port"], 1, "the input ended before all positions"),
     ],
 )
 def test_what_cannot_be_is_said_in_one_line(

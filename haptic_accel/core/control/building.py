@@ -1,0 +1,72 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Construction of the compensation for a handle's coils."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from haptic_accel.core.axes import ALL_AXES, Axes
+from haptic_accel.core.control.compensation import PLANT, Compensation, CompensationParameters
+from haptic_accel.core.control.vector_compensation import AlongAxis, VectorCompensation
+from haptic_accel.core.handle.matrix_plant import MatrixPlant, read_matrix_plant
+from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.parameters import Checked, ParameterError
+from haptic_accel.core.reduction import live_reduction
+from haptic_accel.core.sampling import LATENCY
+
+VectorLoop = AlongAxis | VectorCompensation
+
+
+def build_compensation(
+    parameters: CompensationParameters,
+    rate: float,
+    options: Mapping[str, Checked] | None = None,
+    prepared: Sequence[str] = (),
+    *,
+    latency: int = LATENCY,
+) -> VectorLoop:
+    """Return the compensation for the axes of the parameters; arguments as for `Compensation`.
+
+    With three axes, the plant's model is the file of an identification with three axes. Without
+    one, all axes have the given plant, and none moves another.
+
+    Raises
+    ------
+    ParameterError
+        As for `Compensation`; or there are two axes, or the model has another number of axes.
+    """
+    axes = Axes.parsed(parameters.axes)
+    if len(axes.names) == 1:
+        along = Compensation(parameters, rate, options, prepared, latency=latency)
+        return AlongAxis(along, axes, live_reduction(parameters.reduction, rate, axes))
+    if axes != ALL_AXES:
+        raise ParameterError(f"axes = {parameters.axes}: must be one axis, or x, y, z")
+    return VectorCompensation(
+        *(parameters, rate, matrix_plant(options or {}, rate), options, prepared), latency=latency
+    )
+
+
+def matrix_plant(options: Mapping[str, Checked], rate: float) -> MatrixPlant:
+    """Return the plant with three axes that the parameters name."""
+    plant = options.get(PLANT, Plant())
+    assert isinstance(plant, Plant)
+    if not plant.model:
+        return MatrixPlant.uncoupled(plant, rate)
+    found = read_matrix_plant(Path(plant.model))
+    x, y, z = (replace(each, coupling=plant.coupling) for each in found.axes)
+    return replace(found, axes=(x, y, z))

@@ -1,0 +1,95 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Coupling of a handle with three coils as causal impulse responses, fitted over frequency."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from haptic_accel.core.identification.matrix_response import COILS, MatrixResponse
+from haptic_accel.core.model import ComplexArray, FloatArray
+
+LENGTHS = (1, 2, 4, 8, 16, 32, 64, 128)
+"""Lengths among which that of the impulse responses is chosen, samples."""
+
+LARGEST_TAP = 1.0
+"""Standard deviation that the prior allows the second sample of an impulse response; the direction
+of a coil, the first sample, is at most 1 (assumed)."""
+
+LAST_TAP = 0.01
+"""Ratio of the last sample to `LARGEST_TAP` in the prior (assumed)."""
+
+
+def fit_coupling(found: MatrixResponse, own: ComplexArray) -> FloatArray:
+    """Fit the impulse responses of K in G = K diag(own), of all nine elements.
+
+    Least squares with each line weighted by its standard deviation, regularised by a prior of
+    decaying, correlated samples (TC kernel: Chen, Ohlsson and Ljung, Automatica 48(8), 2012). The
+    length is that of `LENGTHS` with the smallest Bayesian information criterion (Schwarz, Annals
+    of Statistics 6, 1978) with the effective number of parameters, so that a coupling which noise
+    cannot tell from a static one is static.
+
+    Parameters
+    ----------
+    found : MatrixResponse
+    own : ndarray, shape (n, 3)
+        Response that each coil would have along its own axis, at the lines of `found`.
+
+    Returns
+    -------
+    ndarray, shape (3, 3, length)
+        Impulse responses at the rate of `found`.
+    """
+    fits = [_fitted(found, own, length) for length in LENGTHS]
+    return min(fits, key=lambda fit: fit[1])[0]
+
+
+def _fitted(found: MatrixResponse, own: ComplexArray, length: int) -> tuple[FloatArray, float]:
+    """Return impulse responses of a length, and their information criterion."""
+    turns = np.outer(found.frequency, np.arange(length)) / found.rate
+    basis = np.exp(-2j * np.pi * turns)
+    precision = _prior(length)
+    taps = np.zeros((COILS, COILS, length))
+    error = parameters = 0.0
+    for axis, coil in np.ndindex(COILS, COILS):
+        deviation = found.deviation[:, axis, coil]
+        rows = _stacked(basis * (own[:, coil] / deviation)[:, np.newaxis])
+        wanted = _stacked(found.response[:, axis, coil] / deviation)
+        normal = rows.T @ rows
+        solution = np.linalg.solve(normal + precision, rows.T @ wanted)
+        taps[axis, coil] = solution
+        error += float(np.sum((wanted - rows @ solution) ** 2))
+        parameters += float(np.trace(np.linalg.solve(normal + precision, normal)))
+    values = 2 * COILS**2 * len(found.frequency)
+    criterion = values * math.log(error / values) + parameters * math.log(values)
+    return taps, criterion
+
+
+def _prior(length: int) -> FloatArray:
+    """Return the inverse covariance of the samples; the first is free."""
+    precision = np.zeros((length, length))
+    if length > 1:
+        index = np.arange(length - 1)
+        decay = LAST_TAP ** (2.0 / (length - 1))
+        covariance = LARGEST_TAP**2 * decay ** np.maximum.outer(index, index)
+        precision[1:, 1:] = np.linalg.inv(covariance)
+    return precision
+
+
+def _stacked(values: ComplexArray) -> FloatArray:
+    """Return real parts above imaginary parts."""
+    return np.concatenate([values.real, values.imag])
