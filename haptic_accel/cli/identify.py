@@ -29,13 +29,16 @@ import click
 from haptic_accel.analysis.identification import (
     COLUMNS,
     Recordings,
+    Result,
     beside_truth,
     evaluate,
+    evaluation_stages,
     named,
     read_recordings,
     run_lockstep,
 )
 from haptic_accel.analysis.identification_report import parameter_table
+from haptic_accel.analysis.identification_three_axes import MODEL_FILE, ThreeAxisResult
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import check_writable, next_command, results_folder, save
@@ -43,7 +46,7 @@ from haptic_accel.cli.running import run_to_end, shown_stages, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
 from haptic_accel.core.identification.estimate import RecordingError
-from haptic_accel.core.identification.evaluation import DEFAULT_FREE, stages
+from haptic_accel.core.identification.evaluation import DEFAULT_FREE
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, schema
@@ -146,26 +149,31 @@ def identify(
                 recorded = read_recordings(places, arguments, recording_rate)
             for error in recorded.left_out:
                 print(advise(error), file=sys.stderr)
-            with shown_stages(stages(recorded.trials)) as tell:
+            with shown_stages(evaluation_stages(recorded.trials)) as tell:
                 result = evaluate(recorded.trials, arguments, free, tell)
         except RecordingError as error:
             raise StoppedError(advise(error)) from None
     if arguments.master == SIMULATED and not sources and len(by_grip) == 1:
         (held,) = by_grip.values()
-        result = beside_truth(result, held, on_arrival=not (lockstep or arguments.latency))
+        if isinstance(result, Result):
+            result = beside_truth(result, held, on_arrival=not (lockstep or arguments.latency))
     run = "lockstep" if lockstep else "live graph"
     if sources:
         run = "recordings: " + ", ".join(sources)
     described = asdict(replace(arguments, latency=result.latency))
     settings = {name: str(value) for name, value in described.items() if value != ""}
     parameters = folder / "handle.yaml"
+    if isinstance(result, ThreeAxisResult):
+        model = folder / MODEL_FILE
+        save(result.metrics(), model)
+        result = replace(result, model=str(model.resolve()))
     nodes = result.parameters(recorded.age)
     parameters.write_text(result.heading + parameter_text(nodes), encoding="utf-8")
     page = result.write_report(folder, arguments.sweep, {"run": run, **settings})
     save(result.metrics(), json_file)
     print_table(parameter_table(result.fits, result.truth))
     print(*result.sentences(), sep="\n")
-    if arguments.actuator == AUDIO:
+    if arguments.actuator == AUDIO and isinstance(result, Result):
         _, devices = node_parameters("master_device", graph_parameters(arguments)["master_device"])
         scale = devices[AUDIO].largest_force / result.found.fit.handle.m_h
         print(f"audio.full_scale: {scale:.4g} N per kg of the handle's mass without m_a")
