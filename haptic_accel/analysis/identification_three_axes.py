@@ -258,6 +258,8 @@ def response_plot(found: ThreeAxisIdentification) -> Figure:
         if coil == 0:
             magnitude.set_ylabel(f"{NAMES[axis]}: m/s² per N")
             phase.set_ylabel(f"{NAMES[axis]}: phase (degrees)")
+        low, high = magnitude.get_ylim() if coil else (np.inf, 0.0)
+        magnitude.set_ylim(min(low, size.min() / 3), max(high, size.max() * 2))
     for panel in panels[-1]:
         panel.set_xlabel("frequency (Hz)")
     handles, labels = panels[0, 0].get_legend_handles_labels()

@@ -24,13 +24,20 @@ from three_coils import RATE, SWEEP
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
+from haptic_accel.core.axes import ALL_AXES, Axes
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.multisine import (
     kept_periods,
     multisine,
     orthogonal_excitation,
+    trial_forces,
 )
-from haptic_accel.core.identification.sweep import SweepParameters, find_trials, sweep
+from haptic_accel.core.identification.sweep import (
+    SweepParameters,
+    excitation,
+    find_trials,
+    sweep,
+)
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 
@@ -80,6 +87,14 @@ def test_the_travel_of_each_coil_is_that_of_the_sweep() -> None:
     for force in orthogonal_excitation(SWEEP, RATE).T:
         assert travel(force) == pytest.approx(most, rel=0.05)
     assert most < 0.7 * actuator.travel
+
+
+def test_a_handle_with_one_coil_has_the_sweep() -> None:
+    (along,) = trial_forces(Axes(("z",)), SWEEP, RATE).T
+    assert np.array_equal(along, excitation(SWEEP, RATE))
+    assert trial_forces(ALL_AXES, SWEEP, RATE).shape == (12_000, 3)
+    with pytest.raises(ParameterError, match="axes = x, z: must be one, or x, y, z"):
+        trial_forces(Axes(("x", "z")), SWEEP, RATE)
 
 
 def test_a_band_beyond_half_the_rate_is_refused() -> None:
