@@ -21,6 +21,7 @@ import math
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -34,7 +35,7 @@ from haptic_accel.bags.delivery import AGE_OF, durations
 from haptic_accel.bags.reading import Bag, Signal, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.axes import ACTUATOR_AXIS
+from haptic_accel.core.axes import ACTUATOR_AXIS, Axes
 from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification import three_axes
 from haptic_accel.core.identification.estimate import RecordingError, dft_ratio
@@ -61,7 +62,7 @@ from haptic_accel.core.identification.three_axes import (
 from haptic_accel.core.model import ACTUATOR, FloatArray, HandleParameters, Suspension, held
 from haptic_accel.core.parameters import ParameterError, own_schema
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, on_grid, places, same_rate
-from haptic_accel.core.trial import RigParameters, run_identification
+from haptic_accel.core.trial import RigParameters, master_response, run_identification
 from haptic_accel.graph.arguments import AVERAGE_GRIP, IdentifyArguments
 from haptic_accel.graph.files import EVERY_NODE
 from haptic_accel.graph.node_parameters import node_parameters
@@ -327,9 +328,18 @@ def _coil_travel(found: ThreeAxisIdentification, most: float) -> list[str]:
     return [*filter(None, doubts)]
 
 
-def beside_truth(result: Result, arguments: IdentifyArguments, on_arrival: bool) -> Result:
+def axes_of(arguments: IdentifyArguments) -> Axes:
+    """Return the axes of the handle that is identified."""
+    return Axes.parsed(graph_parameters(arguments)["identifier"]["axes"])
+
+
+def beside_truth(
+    result: Result | ThreeAxisResult, arguments: IdentifyArguments, on_arrival: bool
+) -> Result | ThreeAxisResult:
     """Return a result with its errors against the simulated rig that was identified."""
     rig = rig_as_held(arguments)
+    if isinstance(result, ThreeAxisResult):
+        return result.beside_truth(partial(master_response, rig.master), on_arrival)
     errors = model_errors(result.found, rig, arguments.sweep, result.band, on_arrival)
     return replace(result, truth=rig.master.handle, errors=errors)
 

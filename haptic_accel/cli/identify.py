@@ -30,7 +30,9 @@ from haptic_accel.analysis.identification import (
     COLUMNS,
     Recordings,
     Result,
+    axes_of,
     beside_truth,
+    check_one_grip,
     evaluate,
     evaluation_stages,
     named,
@@ -45,8 +47,10 @@ from haptic_accel.cli.output import check_writable, next_command, results_folder
 from haptic_accel.cli.running import run_to_end, shown_stages, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
+from haptic_accel.core.axes import ALL_AXES
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.evaluation import DEFAULT_FREE
+from haptic_accel.core.identification.multisine import repeats_of_trial
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, schema
@@ -123,6 +127,8 @@ def identify(
     Writes a parameter file for params_file:=FILE, and the paper's figures 4 and 5.
     """
     by_grip = _by_grip(arguments, grips)
+    if axes_of(arguments) == ALL_AXES:
+        check_one_grip(by_grip)
     if lockstep and arguments.master != SIMULATED:
         raise ParameterError(f"master = {arguments.master!r}: with --lockstep must be simulated")
     if lockstep and sources:
@@ -155,8 +161,7 @@ def identify(
             raise StoppedError(advise(error)) from None
     if arguments.master == SIMULATED and not sources and len(by_grip) == 1:
         (held,) = by_grip.values()
-        if isinstance(result, Result):
-            result = beside_truth(result, held, on_arrival=not (lockstep or arguments.latency))
+        result = beside_truth(result, held, on_arrival=not (lockstep or arguments.latency))
     run = "lockstep" if lockstep else "live graph"
     if sources:
         run = "recordings: " + ", ".join(sources)
@@ -164,9 +169,7 @@ def identify(
     settings = {name: str(value) for name, value in described.items() if value != ""}
     parameters = folder / "handle.yaml"
     if isinstance(result, ThreeAxisResult):
-        model = folder / MODEL_FILE
-        save(result.metrics(), model)
-        result = replace(result, model=str(model.resolve()))
+        save(result.metrics(), folder / MODEL_FILE)
     nodes = result.parameters(recorded.age)
     parameters.write_text(result.heading + parameter_text(nodes), encoding="utf-8")
     page = result.write_report(folder, arguments.sweep, {"run": run, **settings})
@@ -180,11 +183,13 @@ def identify(
     print(*result.notes, result.explained, sep="\n")
     print(f"parameters: {update or parameters}", f"report: {page}", sep="\n")
     if update:
+        if isinstance(result, ThreeAxisResult):
+            result = replace(result, model=str((folder / MODEL_FILE).resolve()))
+            nodes = result.parameters(recorded.age)
         nodes[EVERY_NODE] |= {"rate": arguments.rate}
-        nodes["master_device"] |= {
-            "device": arguments.master,
-            "actuator_device": arguments.actuator,
-        }
+        nodes.setdefault("master_device", {}).update(
+            device=arguments.master, actuator_device=arguments.actuator
+        )
         update_parameter_file(update, nodes)
     print(next_command(*_next(arguments, update, parameters)))
 
@@ -260,7 +265,8 @@ def _run_live(
 
 
 def _run_graph(arguments: IdentifyArguments) -> None:
-    trials, repeats = arguments.trials, arguments.sweep.repeats
+    trials = arguments.trials
+    repeats = repeats_of_trial(axes_of(arguments), arguments.sweep)
     grip = f"{arguments.grip} grip: "
     places = [
         f"{grip}trial {trial} of {trials}, repeat {repeat} of {repeats}"

@@ -73,7 +73,6 @@ def test_the_parameter_file_names_model_and_axes(result: ThreeAxisResult) -> Non
     assert compensator["axes"] == "x, y, z"
     assert compensator["plant"]["model"] == "/rig/identification.json"
     assert compensator["plant"]["doubt"] == "axis x: doubtful"
-    assert content["/**/master_device"]["ros__parameters"]["axes"] == "x, y, z"
     actuator = content["/**"]["ros__parameters"]["actuator"]
     assert actuator["b_s"] == pytest.approx(2.0, rel=0.01)
 

@@ -136,6 +136,11 @@ def trial_forces(axes: Axes, parameters: SweepParameters, rate: float) -> FloatA
     return excitation(parameters, rate)[:, np.newaxis]
 
 
+def repeats_of_trial(axes: Axes, parameters: SweepParameters) -> int:
+    """Return the number of repeats in a trial of `trial_forces`."""
+    return parameters.repeats * (len(SIGNS) if axes == ALL_AXES else 1)
+
+
 def kept_periods(values: FloatArray, parameters: SweepParameters, rate: float) -> FloatArray:
     """Return the evaluated periods of a signal recorded from the start of the excitation on.
 
