@@ -16,8 +16,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +70,7 @@ class ThreeAxisResult:
     error : ModelError or None
         Largest error of the plant, if the true response is known.
     model : str
-        File of the results; empty before they are saved.
+        File of the results, which the parameter file names; beside that file by default.
     """
 
     found: ThreeAxisIdentification
@@ -78,7 +78,7 @@ class ThreeAxisResult:
     latency: int
     doubts: Sequence[str]
     error: ModelError | None = None
-    model: str = ""
+    model: str = MODEL_FILE
 
     truth = None
     """Parameters of a simulated handle with one axis."""
@@ -101,6 +101,28 @@ class ThreeAxisResult:
             f"The residuals of the fits are {residuals} times the scatter of the data; noise alone"
             " gives about 1."
         )
+
+    def beside_truth(
+        self, true: Callable[[FloatArray, float, float | None], ComplexArray], on_arrival: bool
+    ) -> ThreeAxisResult:
+        """Return the result with its error against a true response.
+
+        Parameters
+        ----------
+        true : callable
+            True response at frequencies in Hz, for a rate, and for a delay in s in place of the
+            rig's own, or None.
+        on_arrival : bool
+            True if forces took effect on arrival: their age adds to the rig's own delay, so the
+            identified delay is used as the true one.
+        """
+        plant = self.found.plant
+        low, high = COMPARED
+        lines = self.found.response.frequency
+        frequency = lines[(lines >= low) & (lines <= high)]
+        delay = float(np.mean([each.delay for each in plant.axes])) if on_arrival else None
+        modelled = plant.response(frequency, plant.rate)
+        return replace(self, error=plant_error(modelled, true(frequency, plant.rate, delay)))
 
     def sentences(self) -> Iterator[str]:
         """Yield the error against the true response, coherence, coupling and delays."""
@@ -147,14 +169,12 @@ class ThreeAxisResult:
             Age of forces applied on arrival, s; part of the identified delay.
         """
         del age  # nothing is told to a simulated device
-        axes = {"axes": ", ".join(ALL_AXES.names)}
         damping = float(np.mean([fit.handle.b_s for fit in self.fits.values()]))
         actuator = vars(self.actuator) | {"b_s": damping}
         plant = {"model": self.model, "doubt": "; ".join(self.doubts)}
         return {
             EVERY_NODE: {ACTUATOR: plain(actuator)},
-            "master_device": axes.copy(),
-            "compensator": {**axes, "plant": plant},
+            "compensator": {"axes": ", ".join(ALL_AXES.names), "plant": plant},
         }
 
     def metrics(self) -> dict[str, Any]:
@@ -258,6 +278,8 @@ def response_plot(found: ThreeAxisIdentification) -> Figure:
         if coil == 0:
             magnitude.set_ylabel(f"{NAMES[axis]}: m/s² per N")
             phase.set_ylabel(f"{NAMES[axis]}: phase (degrees)")
+        low, high = magnitude.get_ylim() if coil else (np.inf, 0.0)
+        magnitude.set_ylim(min(low, size.min() / 3), max(high, size.max() * 2))
     for panel in panels[-1]:
         panel.set_xlabel("frequency (Hz)")
     handles, labels = panels[0, 0].get_legend_handles_labels()

@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
-from haptic_accel.core.axes import ACTUATOR_AXES, ACTUATOR_AXIS, Axes, along_actuator
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.control.building import build_compensation
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
@@ -48,6 +48,7 @@ from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import Evaluation, align, evaluate
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import sampled_response
+from haptic_accel.core.identification.multisine import orthogonal_excitation
 from haptic_accel.core.identification.stops import LIMITED
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters, excitation
 from haptic_accel.core.loop.compensation import Compensating, CompensationPart
@@ -590,11 +591,39 @@ def run_identification(
     if trials < 1:
         raise ParameterError(f"trials = {trials}: must be at least 1")
     check_latency(latency)
-    force = np.append(excitation(parameters or SweepParameters(), rate), np.zeros(latency))
     rig = rig or MasterRigParameters()
+    axes = axes_of(rig)
+    excite = excitation if len(axes.names) == 1 else orthogonal_excitation
+    exciting = excite(parameters or SweepParameters(), rate)
+    force = np.concatenate([exciting, np.zeros((latency, *exciting.shape[1:]))])
     return [
         _excite(rig, _trial_seed(seed, index), force, rate, latency) for index in range(trials)
     ]
+
+
+def master_response(
+    rig: MasterRigParameters,
+    frequency: npt.ArrayLike,
+    rate: float,
+    delay: float | None = None,
+) -> ComplexArray:
+    """Return the true response of a simulated master with three coils, m/s^2 per N, (f, 3, 3).
+
+    Parameters
+    ----------
+    rig : MasterRigParameters
+    frequency : array_like, shape (f,)
+        Hz.
+    rate : float
+        Samples per second.
+    delay : float, optional
+        Delay of the drive in place of the rig's own, s.
+    """
+    if delay is not None:
+        rig = replace(rig, drive=replace(rig.drive, delay=delay))
+    master = simulated_master(rig, rate)
+    assert isinstance(master, ThreeAxisRig)
+    return master.response(frequency, rate)
 
 
 def _trial_seed(seed: int, trial: int) -> int:
@@ -605,16 +634,16 @@ def _trial_seed(seed: int, trial: int) -> int:
 def _excite(
     rig: MasterRigParameters, seed: int, force: FloatArray, rate: float, latency: int
 ) -> IdentificationTrial:
-    master = MasterRig(rig, rate, seed)
+    master, axes = simulated_master(rig, rate, seed), axes_of(rig)
     limits = MasterSafetyParameters(hardware=rig.actuator)
     side = rig_side(master, limits, rate, latency, (ACTUATOR,))
-    acceleration = np.zeros(len(force))
-    for tick, exciting in enumerate(force.tolist()):
+    acceleration = np.zeros((len(force), 3))
+    for tick, exciting in enumerate(force.reshape(len(force), -1).tolist()):
         side.begin(tick)
-        acceleration[tick] = next(side.read()).sample.acceleration[ACTUATOR_AXIS]
-        side.command(ACTUATOR, tick * NANOSECONDS / rate, along_actuator(exciting))
+        acceleration[tick] = next(side.read()).sample.acceleration
+        side.command(ACTUATOR, tick * NANOSECONDS / rate, axes.vector(exciting))
         side.apply()
         side.watch()
     values: dict[str, str | int] = {**master.counters(), **side.safety.diagnostics()}
     counts = {key: int(values[key]) for key in (*master.counters(), *LIMITED)}
-    return IdentificationTrial(rate, force, acceleration, counts, latency)
+    return IdentificationTrial(rate, force, along(axes, acceleration), counts, latency)

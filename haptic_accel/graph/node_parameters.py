@@ -173,6 +173,7 @@ class IdentifierNodeParameters(SweepParameters):
     rate: float = like(SampledParameters, "rate")
     latency: int = like(DeviceNodeParameters, "latency", IDENTIFICATION_LATENCY)
     timeout: float = like(EngagementParameters, "timeout")
+    axes: str = like(CompensationParameters, "axes")
     trials: int = parameter(
         4, "number of trials, each of all repeats (paper: four a user)", low=1, high=1000
     )

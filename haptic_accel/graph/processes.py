@@ -28,6 +28,7 @@ from typing import Any, TypeAlias
 from haptic_accel.bags import NO_ROSBAGS
 from haptic_accel.bags.facts import facts_text
 from haptic_accel.core.bounded_files import located
+from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.identification.sweep import repeat_samples
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.process import CUT_SHORT, DONE, WRONG_ARGUMENTS
@@ -251,12 +252,15 @@ def graph_parameters(arguments: Arguments) -> Values:
             values[executable] |= content[executable]
     for executable, set_values in set_here.items():
         values[executable] |= set_values
+    known = {"axes": values["compensator"].get("axes", CompensationParameters.axes)}
     if arguments.master in (names.SIMULATED, names.POINTER):
         # Simulated handles need no measurement of the sensor.
         _, devices = node_parameters("master_device", values["master_device"])
-        sensor = asdict(devices[names.SIMULATED].accelerometer)
+        simulated = devices[names.SIMULATED]
+        sensor = asdict(simulated.accelerometer)
         known = {f"accelerometer.{name}": value for name, value in sensor.items()}
-        values["identifier"] = known | values["identifier"]
+        known["axes"] = simulated.axes
+    values["identifier"] = known | values["identifier"]
     if side := getattr(arguments, "side", ""):
         _, device = node_parameters(f"{side}_device", values[f"{side}_device"])
         values["coupler"]["recovery"] = device[SAFETY].recovery

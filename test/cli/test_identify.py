@@ -22,10 +22,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import three_coils
 
 from bag_maker import BagContent, write_bag
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.axes import ACTUATOR_AXIS
+from haptic_accel.core.handle.matrix_plant import read_matrix_plant
 from haptic_accel.core.identification.evaluation import stages
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import POSTURES
@@ -309,3 +311,33 @@ def test_a_doubtful_handle_is_marked_and_the_graph_warns_of_it(
     graph = haptic_accel("teleop", "rig:=ideal", "params_file:=found/handle.yaml", "duration:=1")
     assert graph.end() == 0, graph.text
     assert "plant: travel = 3.7" in graph.text
+
+
+def test_a_recording_in_three_axes_gives_one_file_for_the_compensator(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (trial,) = three_coils.trials(three_coils.plant(), 1)
+    rest = np.zeros((300, 3))
+    signals = {
+        ACTUATOR_FORCE.name: np.concatenate([rest, trial.actuator_force, rest]),
+        HANDLE_ACCELERATION.name: np.concatenate([rest, trial.handle_acceleration, rest]),
+    }
+    write_bag(here / "bag", BagContent(signals, arms=False))
+    words = ("--start-frequency", "8", "--end-frequency", "450", "--duration", "1")
+    fitted = ("--free", "b_s,m_h,k_u,b_u,delay")
+    assert status_of("identify", "--from", "bag", *words, *fitted, "--out", "found") == 0
+    shown = capsys.readouterr().out
+    assert "cross-coupling: -1" in shown
+    model = here / "found" / "identification.json"
+    held = graph_parameters(GraphArguments(params_file=str(here / "found" / "handle.yaml")))
+    assert held["compensator"]["axes"] == "x, y, z"
+    assert held["compensator"]["plant.model"] == str(model)
+    frequency = np.arange(20.0, 401.0)
+    ratio = read_matrix_plant(model).response(frequency, 1000.0)
+    ratio /= three_coils.plant().response(frequency, 1000.0)
+    assert np.abs(20 * np.log10(np.abs(ratio))).max() < 1.0
+    assert np.abs(np.angle(ratio, deg=True)).max() < 5.0
+    # Several grips are not pooled.
+    grips = ("--from", "pinch=bag", "--from", "hook=bag")
+    assert status_of("identify", *grips, *words, *fitted, "--out", "again") == 2
+    assert "grips = pinch, hook: must be one for three axes" in capsys.readouterr().err

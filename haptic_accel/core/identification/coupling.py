@@ -34,6 +34,18 @@ LAST_TAP = 0.01
 """Ratio of the last sample to `LARGEST_TAP` in the prior (assumed)."""
 
 
+LEAST_DEVIATION = 1e-3
+"""Least standard deviation of a line, relative to the coil's own response: a coil's plant is not
+known better (assumed)."""
+
+OUTSIDE = 0.3
+"""Standard deviation of the coupling above the excited band, from that at its end (assumed): the
+band says nothing about it, but a controller drives the coils there too."""
+
+STEP_OUTSIDE = 5.0
+"""Distance of the frequencies above the band, Hz."""
+
+
 def fit_coupling(found: MatrixResponse, own: ComplexArray) -> FloatArray:
     """Fit the impulse responses of K in G = K diag(own), of all nine elements.
 
@@ -41,7 +53,8 @@ def fit_coupling(found: MatrixResponse, own: ComplexArray) -> FloatArray:
     decaying, correlated samples (TC kernel: Chen, Ohlsson and Ljung, Automatica 48(8), 2012). The
     length is that of `LENGTHS` with the smallest Bayesian information criterion (Schwarz, Annals
     of Statistics 6, 1978) with the effective number of parameters, so that a coupling which noise
-    cannot tell from a static one is static.
+    cannot tell from a static one is static. Above the band, the coupling is that at its end, with a
+    deviation of `OUTSIDE`.
 
     Parameters
     ----------
@@ -63,17 +76,24 @@ def _fitted(found: MatrixResponse, own: ComplexArray, length: int) -> tuple[Floa
     turns = np.outer(found.frequency, np.arange(length)) / found.rate
     basis = np.exp(-2j * np.pi * turns)
     precision = _prior(length)
+    above = np.arange(found.frequency[-1] + STEP_OUTSIDE, found.rate / 2, STEP_OUTSIDE)
+    outside = _stacked(np.exp(-2j * np.pi * np.outer(above, np.arange(length)) / found.rate))
+    outside = outside / OUTSIDE
     taps = np.zeros((COILS, COILS, length))
     error = parameters = 0.0
     for axis, coil in np.ndindex(COILS, COILS):
-        deviation = found.deviation[:, axis, coil]
+        least = LEAST_DEVIATION * np.abs(own[:, coil])
+        deviation = np.maximum(found.deviation[:, axis, coil], least)
         rows = _stacked(basis * (own[:, coil] / deviation)[:, np.newaxis])
         wanted = _stacked(found.response[:, axis, coil] / deviation)
         normal = rows.T @ rows
-        solution = np.linalg.solve(normal + precision, rows.T @ wanted)
+        end = found.response[-1, axis, coil] / own[-1, coil]
+        assumed = precision + outside.T @ outside
+        known = outside.T @ np.repeat([end.real / OUTSIDE, 0.0], len(outside) // 2)
+        solution = np.linalg.solve(normal + assumed, rows.T @ wanted + known)
         taps[axis, coil] = solution
         error += float(np.sum((wanted - rows @ solution) ** 2))
-        parameters += float(np.trace(np.linalg.solve(normal + precision, normal)))
+        parameters += float(np.trace(np.linalg.solve(normal + assumed, normal)))
     values = 2 * COILS**2 * len(found.frequency)
     criterion = values * math.log(error / values) + parameters * math.log(values)
     return taps, criterion

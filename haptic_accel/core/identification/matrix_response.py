@@ -140,10 +140,13 @@ def matrix_response(
     response = acceleration @ adjoint @ inverse
     rest = np.sum(np.abs(acceleration - response @ force) ** 2, axis=2) / (periods - COILS)
     noise = np.stack([smoothed(each) for each in rest.T], axis=1)
-    explained = np.mean(np.abs(response @ force) ** 2, axis=2)
     variance = np.diagonal(inverse, axis1=1, axis2=2).real
     power = np.mean(np.abs(force) ** 2, axis=2)
-    alone = np.abs(response) ** 2 * power[:, np.newaxis, :]
+    # The estimate explains a part of the noise, too, which is no coherence.
+    explained = np.mean(np.abs(response @ force) ** 2, axis=2) - noise * COILS / periods
+    explained = np.maximum(explained, 0.0)
+    alone = np.abs(response) ** 2 - noise[:, :, np.newaxis] * variance[:, np.newaxis, :]
+    alone = np.maximum(alone, 0.0) * power[:, np.newaxis, :]
     return MatrixResponse(
         np.asarray(frequency[used], dtype=np.float64),
         response,

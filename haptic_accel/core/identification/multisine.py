@@ -31,12 +31,15 @@ import math
 
 import numpy as np
 
+from haptic_accel.core.axes import ALL_AXES, Axes
 from haptic_accel.core.identification.sweep import (
     DROPPED_REPEATS,
     SweepParameters,
+    excitation,
     repeat_samples,
 )
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
 
 SIGNS: FloatArray = np.array(
     [[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, 1.0]]
@@ -108,6 +111,34 @@ def orthogonal_excitation(parameters: SweepParameters, rate: float) -> FloatArra
     fading = min(round(FADE * rate), len(repeated))
     repeated[:fading] *= (0.5 - 0.5 * np.cos(np.pi * np.arange(fading) / fading))[:, np.newaxis]
     return np.concatenate([signs * repeated for signs in SIGNS])
+
+
+def trial_forces(axes: Axes, parameters: SweepParameters, rate: float) -> FloatArray:
+    """Return the forces of a trial of a handle with one coil, or with three.
+
+    Returns
+    -------
+    ndarray, shape (m, number of axes)
+        Forces of the coils, N: those of `excitation` or of `orthogonal_excitation`.
+
+    Raises
+    ------
+    ParameterError
+        There are two axes, or the end frequency is not below half the rate.
+    """
+    if axes == ALL_AXES:
+        return orthogonal_excitation(parameters, rate)
+    if len(axes.names) > 1:
+        raise ParameterError(
+            f"axes = {', '.join(axes.names)}: must be one, or {', '.join(ALL_AXES.names)}, for an"
+            " identification"
+        )
+    return excitation(parameters, rate)[:, np.newaxis]
+
+
+def repeats_of_trial(axes: Axes, parameters: SweepParameters) -> int:
+    """Return the number of repeats in a trial of `trial_forces`."""
+    return parameters.repeats * (len(SIGNS) if axes == ALL_AXES else 1)
 
 
 def kept_periods(values: FloatArray, parameters: SweepParameters, rate: float) -> FloatArray:
