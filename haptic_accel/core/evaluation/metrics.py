@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -395,6 +395,12 @@ def direction_error(desired: FloatArray, actual: FloatArray) -> float:
 def components(values: FloatArray) -> list[FloatArray]:
     """Return the components of a signal, shape (n,) each: the signal itself if it has one axis."""
     return [values] if values.ndim == 1 else [np.ascontiguousarray(one) for one in values.T]
+
+
+def by_component(function: Callable[[FloatArray], FloatArray], values: FloatArray) -> FloatArray:
+    """Return a signal whose components are those of another one after a function of one axis."""
+    found = [function(one) for one in components(values)]
+    return found[0] if values.ndim == 1 else np.column_stack(found)
 
 
 def lengths(values: FloatArray) -> FloatArray:
