@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -38,8 +39,10 @@ from haptic_accel.analysis.segments import (
 )
 from haptic_accel.bags.reading import Bag, Signal, read_bag
 from haptic_accel.core import topics
+from haptic_accel.core.axes import Axes
 from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.evaluation.delay import estimate_delay, shift_back
+from haptic_accel.core.evaluation.metrics import by_component
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, places, sampling_rate
@@ -243,7 +246,8 @@ def compare_across(task: tuple[AnalysedTrial, Host, Host]) -> Across | str:
         rate = sampling_rate(tool.stamps, segment.rate)
         if rate != segment.rate:
             raise ParameterError(f"{robot.bag} has {rate:.5g} samples per second")
-        desired = high_passed(_tool(tool, rate), segment.high_pass_frequency, rate)
+        passed = partial(high_passed, corner=segment.high_pass_frequency, rate=rate)
+        desired = by_component(passed, _tool(tool, rate, segment.axes))
         # Position of the trial's first sample among the robot's, and the change per sample.
         place = (operator.clock.peer(segment.start) - robot.span[0]) * rate / NANOSECONDS
         begin = math.floor(place)
@@ -266,11 +270,11 @@ def compare_across(task: tuple[AnalysedTrial, Host, Host]) -> Across | str:
     )
 
 
-def _tool(tool: Signal, rate: float) -> FloatArray:
-    """Return the robot's samples from its first one on."""
+def _tool(tool: Signal, rate: float, axes: Axes) -> FloatArray:
+    """Return the robot's samples along the handle's axes, from its first one on."""
     start = int(tool.stamps.min())
     length = int(places(tool.stamps.max(keepdims=True), start, rate)[0]) + 1
-    return tool.on_grid(start, rate, length)[0]
+    return tool.on_grid(start, rate, length, axes)[0]
 
 
 def _pieces(desired: FloatArray, actual: FloatArray, rate: float) -> tuple[float, FloatArray]:

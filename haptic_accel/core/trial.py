@@ -45,7 +45,12 @@ from haptic_accel.core.coupling.position_position import (
     PositionPositionCoupling,
 )
 from haptic_accel.core.evaluation.discrimination import indistinguishable
-from haptic_accel.core.evaluation.metrics import Evaluation, align, evaluate
+from haptic_accel.core.evaluation.metrics import (
+    Evaluation,
+    align,
+    by_component,
+    evaluate,
+)
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.identification.multisine import orthogonal_excitation
@@ -241,7 +246,10 @@ class Trial:
         Only these two are removed, as they must not count as error. A handle that moves exactly as
         desired has no error.
         """
-        return without_hand_motion(self.handle_acceleration, self.high_pass_frequency, self.rate)
+        corner, rate = self.high_pass_frequency, self.rate
+        return by_component(
+            lambda handle: without_hand_motion(handle, corner, rate), self.handle_acceleration
+        )
 
     @property
     def after(self) -> int:
