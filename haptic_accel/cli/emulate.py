@@ -31,10 +31,10 @@ from typing import TYPE_CHECKING, Any
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.running import on_keys, stop_on_signal
-from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
+from haptic_accel.core.axes import ACTUATOR_AXES
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
-from haptic_accel.core.model import GRAVITY
+from haptic_accel.core.model import GRAVITY, Vector
 from haptic_accel.core.parameters import Checked, from_flat, like, parameter
 from haptic_accel.core.trial import DEFAULT_RATE, RigParameters
 from haptic_accel.devices.can.bus import bus_configuration, open_bus
@@ -191,7 +191,7 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
         b"x": partial(unplugged.inject, UNPLUG, arguments.fault_seconds),
         b"h": partial(held.tap, MASTER),
         b"t": partial(held.tap, SLAVE),
-        b"m": lambda: print(f"current {boards[0].current:.4f} A", flush=True),
+        b"m": lambda: print(f"current {boards[0].currents[2]:.4f} A", flush=True),
     }
     with on_keys(keys) as read:
         if read:
@@ -313,19 +313,21 @@ def _board(
     from haptic_accel.emulators.serial_line import EmulatedBoard
 
     actuator = rig.master.actuator
+    axes = ACTUATOR_AXES
     full_scale = actuator.peak_force / abs(actuator.force_constant) if side == MASTER else 0.0
+    full_scales = axes.vector([full_scale] * len(axes.names))
     sensor = getattr(rig, side).accelerometer
 
-    def measure(time: float) -> float:
-        return held.measured(
-            side, time, device.read(time).acceleration[ACTUATOR_AXIS], sensor.noise
-        )
+    def measure(time: float) -> Vector:
+        (acceleration,) = axes.components(device.read(time).acceleration)
+        return axes.vector([held.measured(side, time, acceleration, sensor.noise)])
 
-    def drive(time: float, current: float) -> None:
-        device.write(time, actuator_force=along_actuator(current * actuator.force_constant))
+    def drive(time: float, currents: Vector) -> None:
+        x, y, z = (current * actuator.force_constant for current in currents)
+        device.write(time, actuator_force=(x, y, z))
 
     name = f"emulated-{side}"
-    identity = Identity(FIRMWARE, axes_bits("xyz"), HIGHEST_RATE, sensor.range, full_scale, name)
+    identity = Identity(FIRMWARE, axes_bits("xyz"), HIGHEST_RATE, sensor.range, full_scales, name)
     return EmulatedBoard(identity, port, measure, drive, faults)
 
 

@@ -106,6 +106,7 @@ def along_actuator(value: float) -> Vector:
     """Return a vector along the axis of a single coil."""
     return (0.0, 0.0, value)
 
+
 def read_numbers(name: str, text: str, count: int) -> list[float]:
     """Return the numbers of a parameter, separated by commas or spaces.
 

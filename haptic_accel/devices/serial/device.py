@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
+from haptic_accel.core.axes import ACTUATOR_AXES, ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.devices.connection import AUTO, MANUAL
@@ -167,7 +167,7 @@ class SerialDevice(Device):
         self._actuator: ActuatorParameters | None = None
         if isinstance(p, SerialMasterParameters):
             self._actuator = p.actuator
-            required = replace(required, actuator=True, rearm=p.rearm == AUTO)
+            required = replace(required, coils=ACTUATOR_AXES.names, rearm=p.rearm == AUTO)
         self._link = BoardLink(required, self._take)
         self._waiting: deque[tuple[float, float]] = deque(maxlen=MOST_WAITING)
         self._gain = p.calibration.gain
@@ -230,7 +230,8 @@ class SerialDevice(Device):
         """
         if actuator_force is not None and self._actuator:
             along = actuator_force[ACTUATOR_AXIS]
-            self._link.set_current(along / self._actuator.force_constant, time)
+            current = along / self._actuator.force_constant
+            self._link.set_currents(along_actuator(current), time)
 
     def close(self) -> None:
         """Leave the board without current and without samples."""

@@ -23,11 +23,12 @@ from pathlib import Path
 
 import pytest
 
+from haptic_accel.core.model import Vector
 from haptic_accel.devices.serial.protocol import Identity
 from haptic_accel.emulators.pseudo_terminal import run
 from haptic_accel.emulators.serial_line import EmulatedBoard, SerialLines
 
-HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, 2.75, "handle-1")
+HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle-1")
 
 
 class Bench:
@@ -37,16 +38,17 @@ class Bench:
     ----------
     emulated : EmulatedBoard
     measure : callable
-        Returns the acceleration at its accelerometer at a time in s, m/s^2.
+        Returns the acceleration along z at its accelerometer at a time in s, m/s^2.
     driven : list of tuple of float
-        Times in s at which its current changed, and the current from then on, A.
+        Times in s at which a current changed, and the current along z from then on, A.
     """
 
     def __init__(self, link: Path, identity: Identity, drift: float) -> None:
         self.measure: Callable[[float], float] = lambda time: 0.0
+        across = 1.0, 2.0
         self.driven: list[tuple[float, float]] = []
         self.emulated = EmulatedBoard(
-            identity, link, lambda time: self.measure(time), self._note, drift=drift
+            identity, link, lambda time: (*across, self.measure(time)), self._note, drift=drift
         )
         self.path = str(link)
         self._ending = threading.Event()
@@ -54,8 +56,13 @@ class Bench:
         self._thread = threading.Thread(target=run, args=([lines], self._ending.is_set))
         self._thread.start()
 
-    def _note(self, time: float, current: float) -> None:
-        self.driven.append((time, current))
+    def _note(self, time: float, currents: Vector) -> None:
+        self.driven.append((time, currents[2]))
+
+    @property
+    def current(self) -> float:
+        """Current along z, A."""
+        return self.emulated.currents[2]
 
     def hold(self, acceleration: float) -> None:
         """Let the accelerometer measure the same from now on, m/s^2."""
