@@ -24,8 +24,16 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.core.model import Vector
-from haptic_accel.devices.serial.protocol import Identity
+from haptic_accel.devices.serial.protocol import (
+    ONE_COIL,
+    VERSION,
+    Decoder,
+    FrameType,
+    Identity,
+    encode,
+)
 from haptic_accel.emulators.pseudo_terminal import run
+from haptic_accel.emulators.serial_board import Board
 from haptic_accel.emulators.serial_line import EmulatedBoard, SerialLines
 
 HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle-1")
@@ -91,3 +99,30 @@ def bench(tmp_path: Path) -> Iterator[Callable[..., Bench]]:
     yield make
     for one in made:
         one.end()
+
+
+class OlderBoard(Board):
+    """A board that speaks protocol 2, and refuses a frame of protocol 3 as its firmware does."""
+
+    def __init__(self, identity: Identity, send: Callable[[bytes], bool]) -> None:
+        super().__init__(identity, lambda wire: send(self._older(wire)))
+        self._heard = Decoder()
+
+    def receive(self, data: bytes, now: int) -> None:
+        for frame in self._heard.feed(data):
+            # The refusal of a version is the same in both.
+            version = VERSION if frame.version == ONE_COIL else ONE_COIL
+            super().receive(encode(frame._replace(version=version)), now)
+
+    def _older(self, wire: bytes) -> bytes:
+        (frame,) = Decoder().feed(wire)
+        payload = frame.payload
+        if frame.type == FrameType.IDENTITY:
+            payload = payload[:10] + payload[18:]  # the current of the coil along z only
+        return encode(frame._replace(version=ONE_COIL, payload=payload))
+
+
+@pytest.fixture
+def older(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let boards speak protocol 2."""
+    monkeypatch.setattr("haptic_accel.emulators.serial_line.Board", OlderBoard)

@@ -57,7 +57,6 @@ from haptic_accel.devices.serial.protocol import (
     Error,
     ErrorCode,
     Frame,
-    FrameType,
     Identify,
     Identity,
     Message,
@@ -70,7 +69,6 @@ from haptic_accel.devices.serial.protocol import (
 )
 from haptic_accel.emulators.faults import DROP, GARBAGE, STALL, UNPLUG
 from haptic_accel.emulators.pseudo_terminal import PseudoTerminal
-from haptic_accel.emulators.serial_board import Board
 from running import PATIENCE, wait_until
 
 HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle-1")
@@ -135,7 +133,7 @@ def test_both_sides_have_a_serial_device() -> None:
     assert MASTERS["serial"] is SerialMaster
     assert SLAVES["serial"] is SerialSlave
     names = set(schema(SerialMaster.Parameters)) - set(schema(SerialSlave.Parameters))
-    assert names == {"rearm", *schema(ActuatorParameters)}
+    assert names == {"rearm", "coil_mounting", *schema(ActuatorParameters)}
 
 
 def test_the_package_does_without_the_libraries_until_a_port_is_opened() -> None:
@@ -584,33 +582,6 @@ def test_a_board_that_does_not_fit_is_refused(
     assert str(raised.value).startswith(board.path)
     # The port is free again for one that fits.
     connect(board, SerialSlave)
-
-
-class OlderBoard(Board):
-    """A board that speaks protocol 2, and refuses a frame of protocol 3 as its firmware does."""
-
-    def __init__(self, identity: Identity, send: Callable[[bytes], bool]) -> None:
-        super().__init__(identity, lambda wire: send(self._older(wire)))
-        self._heard = Decoder()
-
-    def receive(self, data: bytes, now: int) -> None:
-        for frame in self._heard.feed(data):
-            # The refusal of a version is the same in both.
-            version = VERSION if frame.version == ONE_COIL else ONE_COIL
-            super().receive(encode(frame._replace(version=version)), now)
-
-    def _older(self, wire: bytes) -> bytes:
-        (frame,) = Decoder().feed(wire)
-        payload = frame.payload
-        if frame.type == FrameType.IDENTITY:
-            payload = payload[:10] + payload[18:]  # the current of the coil along z only
-        return encode(frame._replace(version=ONE_COIL, payload=payload))
-
-
-@pytest.fixture
-def older(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let boards speak protocol 2."""
-    monkeypatch.setattr("haptic_accel.emulators.serial_line.Board", OlderBoard)
 
 
 @pytest.mark.usefixtures("older")
