@@ -31,7 +31,6 @@ from typing import TYPE_CHECKING, Any
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.running import on_keys, stop_on_signal
-from haptic_accel.core.axes import ACTUATOR_AXES
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.model import GRAVITY, Vector
@@ -179,7 +178,14 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
         _board(rig, side, folder / side, devices[side], faults[side], held) for side in SIDES
     ]
     arms = CoupledArms(boards, list(devices.values()), PositionPositionCoupling(rig.coupling))
-    _announce("boards", "serial", folder, {side: {"port": str(folder / side)} for side in SIDES})
+    given = {
+        side: {"port": str(folder / side), "axes": ", ".join(devices[side].axes.names)}
+        for side in SIDES
+    }
+    known = arguments.rig == EmulateSerialArguments.rig
+    # The compensator takes the plant from the rig.
+    words = "" if known else f"rig:={shlex.quote(arguments.rig)} "
+    _announce("boards", "serial", folder, given, words)
     sharpen_timers()
     ask_for_realtime()
     lines = SerialLines(boards, arms)
@@ -191,7 +197,7 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
         b"x": partial(unplugged.inject, UNPLUG, arguments.fault_seconds),
         b"h": partial(held.tap, MASTER),
         b"t": partial(held.tap, SLAVE),
-        b"m": lambda: print(f"current {boards[0].currents[2]:.4f} A", flush=True),
+        b"m": lambda: print(f"current {_currents(boards[0], devices[MASTER])} A", flush=True),
     }
     with on_keys(keys) as read:
         if read:
@@ -271,7 +277,7 @@ class _Held:
     def __init__(self, seed: int) -> None:
         self._gravity = 0.0
         self._random = random.Random(seed)
-        self._before: dict[str, float] = {}
+        self._before: dict[str, Sequence[float]] = {}
         self._tapped = dict.fromkeys(SIDES, -math.inf)
         self._asked: set[str] = set()
 
@@ -283,7 +289,9 @@ class _Held:
         """Tap one side's board."""
         self._asked.add(side)
 
-    def measured(self, side: str, time: float, acceleration: float, noise: float) -> float:
+    def measured(
+        self, side: str, time: float, acceleration: Sequence[float], noise: float
+    ) -> list[float]:
         """Return what a sensor with a noise measures, m/s^2, from the acceleration on its arm.
 
         The rig stands still, and its sensors are silent, until its first force: then the noise is
@@ -292,12 +300,20 @@ class _Held:
         still = acceleration == self._before.get(side)
         self._before[side] = acceleration
         if self._gravity or still:
-            acceleration = (self._gravity or acceleration) + self._random.gauss(0.0, noise)
+            acceleration = [
+                (self._gravity or each) + self._random.gauss(0.0, noise) for each in acceleration
+            ]
         if side in self._asked:
             self._asked.remove(side)
             self._tapped[side] = time
         since = time - self._tapped[side]
-        return acceleration + (TAP * math.exp(-since / TAP_DECAY) if since >= 0 else 0.0)
+        tap = TAP * math.exp(-since / TAP_DECAY) if since >= 0 else 0.0
+        return [each + tap for each in acceleration]
+
+
+def _currents(board: EmulatedBoard, device: SimulatedDevice) -> str:
+    """Return the currents of a board's coils for the user."""
+    return ", ".join(f"{current:.4f}" for current in device.axes.components(board.currents))
 
 
 def _board(
@@ -313,14 +329,14 @@ def _board(
     from haptic_accel.emulators.serial_line import EmulatedBoard
 
     actuator = rig.master.actuator
-    axes = ACTUATOR_AXES
+    axes = device.axes
     full_scale = actuator.peak_force / abs(actuator.force_constant) if side == MASTER else 0.0
     full_scales = axes.vector([full_scale] * len(axes.names))
     sensor = getattr(rig, side).accelerometer
 
     def measure(time: float) -> Vector:
-        (acceleration,) = axes.components(device.read(time).acceleration)
-        return axes.vector([held.measured(side, time, acceleration, sensor.noise)])
+        acceleration = axes.components(device.read(time).acceleration)
+        return axes.vector(held.measured(side, time, acceleration, sensor.noise))
 
     def drive(time: float, currents: Vector) -> None:
         x, y, z = (current * actuator.force_constant for current in currents)
