@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -65,7 +66,7 @@ class Axes:
                 f"axes = {', '.join(self.names) or 'none'}: must be some of x, y, z, in this order"
             )
 
-    @property
+    @cached_property
     def indices(self) -> tuple[int, ...]:
         """Positions of the axes in a vector."""
         return tuple(map(NAMES.index, self.names))
@@ -76,8 +77,10 @@ class Axes:
 
     def vector(self, components: Sequence[float]) -> Vector:
         """Return the vector with the given components along the axes."""
-        values = dict(zip(self.names, components, strict=True))
-        x, y, z = (values.get(name, 0.0) for name in NAMES)
+        values = [0.0, 0.0, 0.0]
+        for index, value in zip(self.indices, components, strict=True):
+            values[index] = value
+        x, y, z = values
         return x, y, z
 
     @classmethod
