@@ -46,9 +46,9 @@ class Turned:
     """
 
     def __init__(self, path: Path) -> None:
-        identity = Identity((1, 0, 0), 0b111, 10_000, 49.0, 2.75, "board-7")
+        identity = Identity((1, 0, 0), 0b111, 10_000, 49.0, (0.0, 0.0, 2.75), "board-7")
         self.felt = lambda time: 0.0
-        self.emulated = EmulatedBoard(identity, path, lambda time: self.felt(time))
+        self.emulated = EmulatedBoard(identity, path, lambda time: (0.0, 0.0, self.felt(time)))
         self._ending = threading.Event()
         lines = SerialLines([self.emulated])
         self._thread = threading.Thread(target=run, args=([lines], self._ending.is_set))

@@ -260,8 +260,8 @@ def plugged(options: dict[str, Any], board: Path) -> Iterator[None]:
     """Plug in the drives of an arm, and a board that is shaken by 5 m/s^2."""
     rig = SimulatedSlave(SimulatedSlaveParameters(), RATE, 0)
     arm = EmulatedArm(options["can"], rig, rate=RATE, watchdog=0.4)
-    identity = Identity((1, 0, 0), 0b111, 10_000, 49.0, 0.0, "tool-1")
-    emulated = EmulatedBoard(identity, board, lambda time: 5.0)
+    identity = Identity((1, 0, 0), 0b111, 10_000, 49.0, (0.0, 0.0, 0.0), "tool-1")
+    emulated = EmulatedBoard(identity, board, lambda time: (0.0, 0.0, 5.0))
     ending = threading.Event()
     line = CanLine(
         SlcanPort(Path(options["can"].channel)), [arm], RATE, Faults("", CAN_FAULTS, 1.0)

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.axes import NAMES
+from haptic_accel.core.axes import HIGHEST_CONDITION, NAMES
 from haptic_accel.core.document import Document, read_json_document
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import (
@@ -36,10 +36,6 @@ from haptic_accel.core.parameters import ParameterError, own_schema
 
 THREE_AXES = "three_axes"
 """Key of a plant with three axes in the results of an identification."""
-
-HIGHEST_CONDITION = 10.0
-"""Largest condition number of the coils' directions: beyond, a force along one axis needs ten
-times the force of another, and sensor noise is amplified as much (assumed limit)."""
 
 
 @dataclass(frozen=True, eq=False)
