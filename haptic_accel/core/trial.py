@@ -407,7 +407,7 @@ def run_trial(
     rigs = simulated_master(rig.master, rate, seed), slave
     master_limits, slave_limits = rig.safety
     sides = {
-        MASTER: rig_side(rigs[0], master_limits, rate, latency),
+        MASTER: rig_side(rigs[0], master_limits, rate, latency, axes=axes),
         SLAVE: rig_side(slave, slave_limits, rate, latency, (ARM,)),
     }
     controlled = build_compensation(around, rate, controllers, latency=latency)
@@ -644,7 +644,7 @@ def _excite(
 ) -> IdentificationTrial:
     master, axes = simulated_master(rig, rate, seed), axes_of(rig)
     limits = MasterSafetyParameters(hardware=rig.actuator)
-    side = rig_side(master, limits, rate, latency, (ACTUATOR,))
+    side = rig_side(master, limits, rate, latency, (ACTUATOR,), axes)
     acceleration = np.zeros((len(force), 3))
     for tick, exciting in enumerate(force.reshape(len(force), -1).tolist()):
         side.begin(tick)

@@ -98,7 +98,7 @@ class DeviceNode(ManagedNode):
         self._owner = self._kind.description.owners(p.device)[0]
         self._parameters_kind = devices[self._owner].Parameters
         self.device = self._build_device()
-        self.safety = SafetyLayer(self.options[SAFETY], p.rate)
+        self.safety = SafetyLayer(self.options[SAFETY], p.rate, self.device.axes)
         self.arm = arm.position.source
         self.offset = 0
         self._used = self._starting = self._warned = self._settled = False

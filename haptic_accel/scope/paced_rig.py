@@ -125,7 +125,7 @@ class PacedRig:
         self._slave = SimulatedSlave(_slave(values), self._rate, arguments.seed)
         limits = rig.safety
         sides = {
-            MASTER: rig_side(self._master, limits[0], self._rate, latency),
+            MASTER: rig_side(self._master, limits[0], self._rate, latency, axes=self._master.axes),
             SLAVE: rig_side(self._slave, limits[1], self._rate, latency, (ARM,)),
         }
         self._compensation = build_compensation(around, self._rate, controllers, latency=latency)

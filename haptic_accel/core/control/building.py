@@ -19,17 +19,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeAlias
 
-from haptic_accel.core.axes import ALL_AXES, Axes
+from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
+from haptic_accel.core.control.along_axis import AlongAxis
 from haptic_accel.core.control.compensation import PLANT, Compensation, CompensationParameters
-from haptic_accel.core.control.vector_compensation import AlongAxis, VectorCompensation
+from haptic_accel.core.control.vector_compensation import VectorCompensation
 from haptic_accel.core.handle.matrix_plant import MatrixPlant, read_matrix_plant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.parameters import Checked, ParameterError
 from haptic_accel.core.reduction import live_reduction
 from haptic_accel.core.sampling import LATENCY
 
-VectorLoop = AlongAxis | VectorCompensation
+VectorLoop: TypeAlias = AlongAxis | VectorCompensation
+"""Compensation of a handle with one coil, or with three."""
 
 
 def build_compensation(
@@ -51,11 +54,11 @@ def build_compensation(
         As for `Compensation`; or there are two axes, or the model has another number of axes.
     """
     axes = Axes.parsed(parameters.axes)
-    if len(axes.names) == 1:
+    if axes == ACTUATOR_AXES:
         along = Compensation(parameters, rate, options, prepared, latency=latency)
-        return AlongAxis(along, axes, live_reduction(parameters.reduction, rate, axes))
+        return AlongAxis(along, live_reduction(parameters.reduction, rate, axes))
     if axes != ALL_AXES:
-        raise ParameterError(f"axes = {parameters.axes}: must be one axis, or x, y, z")
+        raise ParameterError(f"axes = {parameters.axes}: must be z, or x, y, z")
     return VectorCompensation(
         *(parameters, rate, matrix_plant(options or {}, rate), options, prepared), latency=latency
     )

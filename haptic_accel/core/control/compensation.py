@@ -36,6 +36,7 @@ from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, GRAVITY, ApproximateModel
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.reduction import LIVE_REDUCTIONS
 from haptic_accel.core.sampling import LATENCY
 
 AT_RANGE = 0.999
@@ -81,6 +82,13 @@ class CompensationParameters(Checked):
         0,
         LARGEST_ACCELERATION,
         above=True,
+    )
+    axes: str = parameter("z", "axes of the handle's coils: z, or x, y, z")
+    reduction: str = parameter(
+        "axis",
+        "signal of a single coil from a tool that measures three axes: the component along the"
+        " coil, the sum, or the component along the direction of the strongest vibration",
+        choices=LIVE_REDUCTIONS,
     )
     decoupling: str = parameter(
         FULL,

@@ -22,8 +22,8 @@ from functools import partial
 
 import numpy as np
 
-from haptic_accel.core.axes import NAMES
-from haptic_accel.core.handle.matrix_plant import HIGHEST_CONDITION, MatrixPlant
+from haptic_accel.core.axes import HIGHEST_CONDITION, NAMES
+from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.identification.coupling import fit_coupling
 from haptic_accel.core.identification.estimate import RecordingError
