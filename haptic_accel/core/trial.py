@@ -34,6 +34,7 @@ from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.filters import (
     HIGH_PASS_FREQUENCY,
+    comparable,
     high_passed,
     without_hand_motion,
 )
@@ -293,7 +294,11 @@ class Trial:
             There are too few samples.
         """
         part = slice(first, end)
-        return align(self.desired_acceleration[part], self.actual_acceleration[part], self.after)
+        desired, actual = comparable(
+            *(self.desired_acceleration, self.handle_acceleration),
+            *(self.high_pass_frequency, self.rate),
+        )
+        return align(desired[part], actual[part], self.after)
 
     def bounds(self, rig: RigParameters, handle: HandleParameters, first: int = 0) -> Bounds:
         """Return the error bounds from a sample on, for a handle on a rig."""

@@ -94,7 +94,7 @@ def high_passed(tool: FloatArray, corner: float, rate: float) -> FloatArray:
 
     Parameters
     ----------
-    tool : ndarray, shape (n,)
+    tool : ndarray, shape (n,) or (n, k)
         m/s^2.
     corner : float
         Corner of the high-pass, Hz.
@@ -103,7 +103,7 @@ def high_passed(tool: FloatArray, corner: float, rate: float) -> FloatArray:
     """
     from scipy import signal
 
-    return np.asarray(signal.sosfilt(high_pass(corner, rate), tool - tool[0]))
+    return np.asarray(signal.sosfilt(high_pass(corner, rate), tool - tool[0], axis=0))
 
 
 def high_pass_response(corner: float, frequency: FloatArray, rate: float) -> ComplexArray:
@@ -165,6 +165,33 @@ def without_hand_motion(
     # and the filter's response to them disturbs a tenth of a second at both ends.
     forth = signal.sosfilt(sections, acceleration - np.mean(acceleration))
     return np.asarray(signal.sosfilt(sections, forth[::-1])[::-1])
+
+
+def comparable(
+    desired: FloatArray, handle: FloatArray, high_pass_frequency: float, rate: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return desired and actual acceleration without the hand's own motion, from complete signals.
+
+    Along one axis, only the handle's signal is filtered, by `without_hand_motion`. A hand that
+    strokes along an axis also has vibration of up to 20 Hz by its turns. In several axes, both
+    signals therefore pass the same zero-phase high-pass, with a gain of 0.5 at the corner: correct
+    motion causes no error, and slower motion does not count.
+
+    Parameters
+    ----------
+    desired, handle : ndarray, shape (n,) or (n, k)
+        Desired acceleration and the handle's, m/s^2.
+    high_pass_frequency, rate : float
+        As for `without_hand_motion`.
+    """
+    if handle.ndim == 1:
+        return desired, without_hand_motion(handle, high_pass_frequency, rate)
+    corner = high_pass_frequency / MOTION_SHARE
+    without = [
+        np.column_stack([without_hand_motion(each, corner, rate) for each in values.T])
+        for values in (desired, handle)
+    ]
+    return without[0], without[1]
 
 
 def inverse_of(model: ApproximateModel, rate: float) -> FloatArray:
