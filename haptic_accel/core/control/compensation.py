@@ -131,6 +131,8 @@ class Compensation:
         samples count as missing.
     untrusted : int
         Number of handle samples that were missing or saturated.
+    asleep : bool
+        True in the idle state.
 
     Raises
     ------
@@ -199,7 +201,7 @@ class Compensation:
             if name == self._active.name:
                 self._judge_anew()
             return
-        if self._asleep:
+        if self.asleep:
             self._active, self._follower, self._waiting = self._built[name], None, None
             self._judge_anew()
         elif self._follower and self._listened > self._listening:
@@ -230,27 +232,58 @@ class Compensation:
             Force within the actuator's limits, N; always finite.
         """
         tool = self._plausible(tool_acceleration)
-        if self._asleep and self._still(tool, handle_acceleration):
+        if self.asleep and self._still(tool, handle_acceleration):
             return 0.0, 0.0
         measured = self._trusted(handle_acceleration)
-        desired, force = self._wanted(tool, measured)
+        desired, force = self.wanted(tool, measured)
+        # If the handle's acceleration is unknown, it is assumed to be gravity.
+        self._handle = measured if math.isfinite(measured) else self._handle
+        force = self.guard.limited(force, self._handle)
+        self.settle(desired, measured, force)
+        return desired, force
+
+    def wake(self, tool_acceleration: float) -> None:
+        """Leave the idle state, for a tool that was at rest with this acceleration, m/s^2."""
+        self.asleep = False
+        self._rest = tool_acceleration
+        self._active.begin(tool_acceleration)
+
+    def wanted(self, tool: float, measured: float) -> tuple[float, float]:
+        """Return desired acceleration and force before the actuator's limits; then `settle`.
+
+        Parameters
+        ----------
+        tool : float
+            Plausible tool acceleration, m/s^2.
+        measured : float
+            Handle acceleration of the previous sample, m/s^2; NaN if missing, infinite if
+            saturated.
+        """
+        desired, force = self._mixed(tool, measured)
         if not (math.isfinite(desired) and math.isfinite(force)):
             # An unstable controller: filters with an infinite state never recover.
             self.reset()
             desired = force = 0.0
-        force = self._fallback.force(desired, force)
-        # If the handle's acceleration is unknown, it is assumed to be gravity.
-        self._handle = measured if math.isfinite(measured) else self._handle
-        force = self.guard.limited(self._audible(force), self._handle)
+        return desired, self._audible(self._fallback.force(desired, force))
+
+    def settle(self, desired: float, measured: float, force: float) -> None:
+        """Finish a sample with the force that is really sent.
+
+        Parameters
+        ----------
+        desired, measured : float
+            Desired and measured acceleration of `wanted`.
+        force : float
+            Force within the actuator's limits, N.
+        """
         self._active.controller.applied(force)
         if self._follower:
             self._follower.controller.applied(force)
         self._fallback.observe(desired, measured, force)
-        return desired, force
 
     def adapt(self) -> None:
         """Execute a part of the controller's slow computations; call it when no force is due."""
-        if self._asleep:
+        if self.asleep:
             return
         channels = [self._active, self._follower] if self._follower else [self._active]
         fallback = self._fallback
@@ -267,7 +300,7 @@ class Compensation:
         not answer, and would push with newtons as soon as the device applies forces again. They
         are faded in over `FADING`; in the idle state there is nothing to fade.
         """
-        if self._muted and not muted and self._asleep:
+        if self._muted and not muted and self.asleep:
             self._share = 1.0
         self._muted = muted
 
@@ -312,7 +345,7 @@ class Compensation:
 
     def _fall_asleep(self) -> None:
         """Enter the idle state, until two samples differ."""
-        self._asleep = True
+        self.asleep = True
         self._tool_at_rest: float | None = None
         self._handle_at_rest: float | None = None
 
@@ -324,12 +357,10 @@ class Compensation:
             self._handle_at_rest = handle
         if tool == self._tool_at_rest and (handle is None or handle == self._handle_at_rest):
             return True
-        self._asleep = False
-        self._rest = self._tool_at_rest
-        self._active.begin(self._rest)
+        self.wake(self._tool_at_rest)
         return False
 
-    def _wanted(self, tool: float, measured: float) -> tuple[float, float]:
+    def _mixed(self, tool: float, measured: float) -> tuple[float, float]:
         """Return desired acceleration and force, crossfaded during a change of controller."""
         desired, force = self._active.process(tool, measured)
         self._rest += self._resting * (tool - self._rest)
