@@ -23,6 +23,7 @@ from dataclasses import dataclass
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
+from haptic_accel.core.model import Vector
 
 CUSHION = 0.8
 """Fraction of the travel at which braking of the actuator begins."""
@@ -221,3 +222,31 @@ class ActuatorGuard:
             return force
         self.cushioned += 1
         return side * braking
+
+
+def scaled_within(force: Vector, allowed: Vector) -> Vector:
+    """Return a force on several coils, scaled as a whole to what their guards allow.
+
+    Parameters
+    ----------
+    force, allowed : tuple of float
+        Force of each coil, and what its guard allows in place of it, N. A guard that asks for more
+        force, in order to brake, does not limit the others; one that asks for the opposite allows
+        none.
+
+    Examples
+    --------
+    >>> scaled_within((4.0, 3.0, 0.0), (2.0, 3.0, 0.0))
+    (2.0, 1.5, 0.0)
+    """
+    share, last = 1.0, -1
+    for coil, (wanted, most) in enumerate(zip(force, allowed, strict=True)):
+        if most != wanted != 0.0 and most / wanted < share:
+            share, last = max(0.0, most / wanted), coil
+    if last < 0:
+        return force
+    scaled = [share * each for each in force]
+    if share:
+        scaled[last] = allowed[last]  # exactly
+    x, y, z = scaled
+    return x, y, z

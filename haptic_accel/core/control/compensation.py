@@ -32,6 +32,7 @@ from haptic_accel.core.control.filters import (
     check_corner,
     high_pass,
 )
+from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, GRAVITY, ApproximateModel
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
@@ -48,6 +49,12 @@ FADING = 5e-3
 
 RESTING = 0.05
 """Time constant of the mean tool acceleration with which a new controller starts, s."""
+
+FULL, STATIC = "full", "static"
+"""Decoupling of three coils: with the dynamics of their coupling, or without."""
+
+DIRECTION, PER_AXIS = "direction", "per_axis"
+"""Limits of three coils: with the direction of the force kept, or each coil on its own."""
 
 PLANT = "plant"
 """Name of the identified plant among the controllers' parameters."""
@@ -74,6 +81,17 @@ class CompensationParameters(Checked):
         0,
         LARGEST_ACCELERATION,
         above=True,
+    )
+    decoupling: str = parameter(
+        FULL,
+        "decoupling of three coils: by the full inverse of their coupling (constant and dynamic:"
+        " always static), or by the inverse of its mean",
+        choices=(FULL, STATIC),
+    )
+    saturation: str = parameter(
+        DIRECTION,
+        "limits of three coils: keep the direction of the force, or limit each coil on its own",
+        choices=(DIRECTION, PER_AXIS),
     )
 
 
@@ -123,6 +141,8 @@ class Compensation:
         Controllers to build in advance, so that `select` takes no time.
     latency : int
         Delay from sample to force, in samples.
+    high_passed : bool
+        True if the tool's acceleration has passed the high-pass already.
 
     Attributes
     ----------
@@ -148,10 +168,13 @@ class Compensation:
         prepared: Sequence[str] = (),
         *,
         latency: int = LATENCY,
+        high_passed: bool = False,
     ) -> None:
         check_corner(rate, parameters.high_pass_frequency)
         self._options = dict(options or {})
         self._sections = high_pass(parameters.high_pass_frequency, rate)
+        if high_passed:
+            self._sections = self._sections[:0]
         self._handle_range = AT_RANGE * parameters.handle_range
         actuator = self._options.get(ACTUATOR, ActuatorParameters())
         plant = self._options.get(PLANT, Plant())
@@ -170,12 +193,23 @@ class Compensation:
         self._follower: _Channel | None = None
         self._waiting: _Channel | None = None
         self._listened = 0
-        self._resting = -math.expm1(-1.0 / (RESTING * rate))
+        # A filtered acceleration has no mean to start with.
+        self._resting = 0.0 if high_passed else -math.expm1(-1.0 / (RESTING * rate))
         self._rest = self._handle = 0.0
         self._fall_asleep()
         self._listening, self._fading = round(LISTENING * rate), max(1, round(FADING * rate))
         self.rejected = self.untrusted = 0
         self._muted, self._share = False, 1.0
+
+    @property
+    def active(self) -> str:
+        """Name of the controller whose force is used."""
+        return self._active.name
+
+    @property
+    def supervisor(self) -> ResponseSupervisor:
+        """Comparison of the handle with its plant."""
+        return self._fallback.supervisor
 
     @property
     def controller(self) -> str:
