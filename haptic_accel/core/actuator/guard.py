@@ -182,8 +182,11 @@ class ActuatorGuard:
             Number of sampling periods of this force; above one if samples were missed.
         """
         heat = force * force if square is None else square
-        warming = self._warming if samples == 1 else -math.expm1(samples * self._staying)
-        self._heat += warming * (heat - self._heat)
+        if samples == 1:
+            self._heat += self._warming * (heat - self._heat)
+            self._estimator.observe(force, handle_acceleration)
+            return
+        self._heat += -math.expm1(samples * self._staying) * (heat - self._heat)
         for _ in range(min(samples, self._settling)):
             self._estimator.observe(force, handle_acceleration)
 
