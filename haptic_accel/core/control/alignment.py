@@ -67,8 +67,8 @@ class Alignment:
 
     After decoupling, the axis of each coil moves by its own force only, by an amount that
     depends on the hand. Any response to the others, as far as no gain of the own axis explains
-    it, shows other axes than those identified: the accelerometer was turned since, a plug was
-    swapped, or a coil is bent. The gains are free, so that a hand is no fault.
+    it, shows other axes than those identified: the accelerometer was turned since, or a coil is
+    bent. The gains are free, so that a hand is no fault.
 
     `observe` only stores values; `update` does all computations.
 

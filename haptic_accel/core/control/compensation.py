@@ -84,8 +84,8 @@ class CompensationParameters(Checked):
     )
     decoupling: str = parameter(
         FULL,
-        "decoupling of three coils: by the full inverse of their coupling (constant and dynamic:"
-        " always static), or by the inverse of its mean",
+        "decoupling of three coils: by the inverse of their coupling with its dynamics, or of its"
+        " mean alone",
         choices=(FULL, STATIC),
     )
     saturation: str = parameter(
@@ -141,8 +141,6 @@ class Compensation:
         Controllers to build in advance, so that `select` takes no time.
     latency : int
         Delay from sample to force, in samples.
-    high_passed : bool
-        True if the tool's acceleration has passed the high-pass already.
 
     Attributes
     ----------
@@ -168,13 +166,10 @@ class Compensation:
         prepared: Sequence[str] = (),
         *,
         latency: int = LATENCY,
-        high_passed: bool = False,
     ) -> None:
         check_corner(rate, parameters.high_pass_frequency)
         self._options = dict(options or {})
         self._sections = high_pass(parameters.high_pass_frequency, rate)
-        if high_passed:
-            self._sections = self._sections[:0]
         self._handle_range = AT_RANGE * parameters.handle_range
         actuator = self._options.get(ACTUATOR, ActuatorParameters())
         plant = self._options.get(PLANT, Plant())
@@ -193,8 +188,7 @@ class Compensation:
         self._follower: _Channel | None = None
         self._waiting: _Channel | None = None
         self._listened = 0
-        # A filtered acceleration has no mean to start with.
-        self._resting = 0.0 if high_passed else -math.expm1(-1.0 / (RESTING * rate))
+        self._resting = -math.expm1(-1.0 / (RESTING * rate))
         self._rest = self._handle = 0.0
         self._fall_asleep()
         self._listening, self._fading = round(LISTENING * rate), max(1, round(FADING * rate))
@@ -202,14 +196,14 @@ class Compensation:
         self._muted, self._share = False, 1.0
 
     @property
-    def active(self) -> str:
-        """Name of the controller whose force is used."""
-        return self._active.name
-
-    @property
     def supervisor(self) -> ResponseSupervisor:
         """Comparison of the handle with its plant."""
         return self._fallback.supervisor
+
+    @property
+    def used(self) -> float:
+        """Fraction of the controller's force that is used."""
+        return self._fallback.used
 
     @property
     def controller(self) -> str:

@@ -28,7 +28,7 @@ import numpy as np
 from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
 from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
-from haptic_accel.core.model import ZERO, FloatArray, Vector
+from haptic_accel.core.model import FloatArray, Vector
 
 MEMORY = 0.1
 """Length of a decoupling, s: ten times the decay of a structural mode at 100 Hz with a damping
@@ -101,48 +101,28 @@ class VectorConvolution:
     ----------
     taps : ndarray, shape (3, 3, n)
         Impulse responses; the first index is that of the output.
-    fading : int
-        Duration of the crossfade to other taps, in samples.
     """
 
     # The window is filled from its end to its beginning, as in `SampleWindow`.
 
-    def __init__(self, taps: FloatArray, fading: int = 1) -> None:
+    def __init__(self, taps: FloatArray) -> None:
         self._length = 3 * taps.shape[2]
-        self._fading = fading
-        self._past = np.zeros(2 * self._length + 3)
-        self._newest, self._left = self._length, 0
-        self._taps = self._wanted = self._rows(taps)
-        self._slope = np.zeros_like(self._taps)
+        self._taps = np.ascontiguousarray(taps.transpose(0, 2, 1).reshape(3, self._length))
+        self._past = np.zeros(2 * self._length)
+        self._newest = self._length
 
     def process(self, value: Vector) -> Vector:
         """Filter one sample."""
         newest, past = self._newest - 3, self._past
         if newest < 0:
-            newest = len(past) - self._length
+            newest = self._length
             past[newest + 3 :] = past[: self._length - 3]
         past[newest], past[newest + 1], past[newest + 2] = value
         self._newest = newest
-        if self._left:
-            self._left -= 1
-            self._taps = self._wanted - self._left * self._slope
         x, y, z = self._taps.dot(past[newest : newest + self._length]).tolist()
         return x, y, z
 
-    def replace(self, taps: FloatArray) -> None:
-        """Crossfade to other taps of the same length or shorter."""
-        self._wanted = self._rows(taps)
-        self._slope = (self._wanted - self._taps) / self._fading
-        self._left = self._fading
-
-    def restart(self, taps: FloatArray, past: Vector = ZERO) -> None:
-        """Use these taps, and assume a constant past."""
-        self._taps = self._wanted = self._rows(taps)
-        self._left = 0
+    def fill(self, past: Vector) -> None:
+        """Assume a constant past."""
         self._past[:] = np.resize(past, len(self._past))
         self._newest = self._length
-
-    def _rows(self, taps: FloatArray) -> FloatArray:
-        rows = np.zeros((3, self._length))
-        rows[:, : 3 * taps.shape[2]] = taps.transpose(0, 2, 1).reshape(3, -1)
-        return rows

@@ -25,14 +25,12 @@ from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
 from haptic_accel.core.control.alignment import Alignment
 from haptic_accel.core.control.compensation import (
     AT_RANGE,
-    FADING,
     FULL,
     PER_AXIS,
     PLANT,
     Compensation,
     CompensationParameters,
 )
-from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.decoupling import (
     VectorConvolution,
     full_decoupling,
@@ -40,7 +38,7 @@ from haptic_accel.core.control.decoupling import (
 )
 from haptic_accel.core.control.filters import SampleFilter, high_pass
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
-from haptic_accel.core.model import ZERO, FloatArray, Vector
+from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked
 from haptic_accel.core.sampling import LATENCY
 
@@ -149,7 +147,6 @@ class VectorCompensation:
                 {**(options or {}), PLANT: own},
                 prepared,
                 latency=latency,
-                high_passed=True,
             )
             for own in plant.axes
         ]
@@ -158,11 +155,9 @@ class VectorCompensation:
         self._alignment = Alignment(rate)
         sections = high_pass(parameters.high_pass_frequency, rate)
         self._high_pass = [SampleFilter(sections) for _ in self._axes]
-        self._static = static_decoupling(plant)
-        full = parameters.decoupling == FULL
-        self._full = full_decoupling(plant) if full else self._static
-        self._tool = VectorConvolution(self._full, max(1, round(FADING * rate)))
-        self._seen = VectorConvolution(self._full)
+        design = full_decoupling if parameters.decoupling == FULL else static_decoupling
+        decoupling = design(plant)
+        self._tool, self._seen = VectorConvolution(decoupling), VectorConvolution(decoupling)
         self._per_axis = parameters.saturation == PER_AXIS
         self._handle_range = AT_RANGE * parameters.handle_range
         self._handle = ZERO
@@ -209,17 +204,18 @@ class VectorCompensation:
             high_z.process(z - rest_z),
         )
         axis_x, axis_y, axis_z = self._axes
-        d_x, d_y, d_z = self._tool.process(desired)
+        tool_x, tool_y, tool_z = self._tool.process(tool)
         m_x, m_y, m_z = measured
-        wanted_x, wanted_y, wanted_z = (
-            axis_x.wanted(d_x, m_x),
-            axis_y.wanted(d_y, m_y),
-            axis_z.wanted(d_z, m_z),
-        )
+        d_x, f_x = axis_x.wanted(tool_x, m_x)
+        d_y, f_y = axis_y.wanted(tool_y, m_y)
+        d_z, f_z = axis_z.wanted(tool_z, m_z)
         if axis_x.asleep or axis_y.asleep or axis_z.asleep:  # a controller was unstable
             self.reset()
             return ZERO, ZERO
-        force = self._limited((wanted_x[1], wanted_y[1], wanted_z[1]))
+        force = f_x, f_y, f_z
+        if self._alignment.warning:
+            force = self._with_common_fraction(force)
+        force = self._limited(force)
         self._alignment.observe([each.expected for each in self._supervisors], measured)
         axis_x.settle(d_x, m_x, force[0])
         axis_y.settle(d_y, m_y, force[1])
@@ -233,7 +229,6 @@ class VectorCompensation:
         for axis in self._axes:
             axis.adapt()
         self._alignment.update()
-        self._choose_decoupling()
 
     def mute(self, muted: bool) -> None:
         """Compute no force while the device applies none; see `Compensation.mute`."""
@@ -278,22 +273,10 @@ class VectorCompensation:
             return True
         self._asleep = False
         self._rest = self._tool_at_rest
-        for axis in self._axes:
-            axis.wake(0.0)
-        self._decoupled_by = self._decoupling()
-        self._tool.restart(self._decoupled_by)
+        self._tool.fill(self._rest)
+        for axis, rest in zip(self._axes, self._tool.process(self._rest), strict=True):
+            axis.wake(rest)
         return False
-
-    def _decoupling(self) -> FloatArray:
-        """Return the decoupling for the active controller."""
-        return self._full if CONTROLLERS[self._axes[0].active].reducible else self._static
-
-    def _choose_decoupling(self) -> None:
-        """Crossfade to the decoupling of another active controller."""
-        wanted = self._decoupling()
-        if wanted is not self._decoupled_by:
-            self._decoupled_by = wanted
-            self._tool.replace(wanted)
 
     def _plausible(self, tool: Vector) -> Vector:
         x, y, z = tool
@@ -310,7 +293,7 @@ class VectorCompensation:
             if not self._seen_once:
                 # To a decoupling with zero past, gravity is a step.
                 self._seen_once = True
-                self._seen.restart(self._full, handle)
+                self._seen.fill(handle)
             self._handle = handle
         # If the handle's acceleration is unknown, it is assumed to be gravity.
         seen = self._seen.process(self._handle)
@@ -331,6 +314,16 @@ class VectorCompensation:
             return SATURATED
         self.rejected += 1
         return MISSING
+
+    def _with_common_fraction(self, force: Vector) -> Vector:
+        """Return the force with the smallest fraction of all axes, as the axes are not separate.
+
+        The fraction of an axis that is moved by another axis' force would find no end.
+        """
+        used = [axis.used for axis in self._axes]
+        least = min(used)
+        x, y, z = (each * least / max(own, 1e-9) for each, own in zip(force, used, strict=True))
+        return x, y, z
 
     def _limited(self, wanted: Vector) -> Vector:
         """Return the force within the limits of all coils, in the direction of the wanted one."""

@@ -42,7 +42,7 @@ HIGHEST_CONDITION = 10.0
 times the force of another, and sensor noise is amplified as much (assumed limit)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MatrixPlant:
     """Response of a handle with three coils, G(f) = K(f) diag(p_x(f), p_y(f), p_z(f)).
 
