@@ -12,16 +12,16 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Compensation in vectors: for a handle with three coils, and for one coil."""
+"""Compensation of a handle with three coils."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from haptic_accel.core.actuator.guard import scaled_within
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION
-from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
+from haptic_accel.core.axes import ALL_AXES, NAMES
 from haptic_accel.core.control.alignment import Alignment
 from haptic_accel.core.control.compensation import (
     AT_RANGE,
@@ -42,57 +42,9 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked
 from haptic_accel.core.sampling import LATENCY
 
-Reduction = Callable[[Vector], float]
-"""Reduction of the tool's acceleration to the one component that a single coil renders."""
-
 MISSING: Vector = (math.nan, math.nan, math.nan)
 SATURATED: Vector = (math.inf, math.inf, math.inf)
 """Handle acceleration that is missing, or at the sensor's limits in any axis."""
-
-
-class AlongAxis:
-    """Compensation with a single coil, for vectors.
-
-    Parameters
-    ----------
-    compensation : Compensation
-    axes : Axes
-        Axis of the coil.
-    reduction : callable, optional
-        Component of the tool's acceleration to render; default: that along the coil's axis.
-    """
-
-    def __init__(
-        self,
-        compensation: Compensation,
-        axes: Axes = ACTUATOR_AXES,
-        reduction: Reduction | None = None,
-    ) -> None:
-        (self._index,) = axes.indices
-        self._reduction = reduction or (lambda tool: tool[self._index])
-        self._compensation = compensation
-        self.select, self.adapt = compensation.select, compensation.adapt
-        self.mute, self.freeze = compensation.mute, compensation.freeze
-        self.reset, self.diagnostics = compensation.reset, compensation.diagnostics
-
-    @property
-    def controller(self) -> str:
-        """Name of the active controller, or of the last selected one."""
-        return self._compensation.controller
-
-    def process(self, tool: Vector, handle: Vector | None) -> tuple[Vector, Vector]:
-        """Process one sample; see `Compensation.process`."""
-        index = self._index
-        desired, force = self._compensation.process(
-            self._reduction(tool), None if handle is None else handle[index]
-        )
-        return _along(index, desired), _along(index, force)
-
-
-def _along(index: int, value: float) -> Vector:
-    if index == 2:
-        return 0.0, 0.0, value
-    return (value, 0.0, 0.0) if index == 0 else (0.0, value, 0.0)
 
 
 class VectorCompensation:
@@ -128,6 +80,9 @@ class VectorCompensation:
         The rate is not that of the plant or too low for the high-pass, or the latency is not
         allowed.
     """
+
+    axes = ALL_AXES
+    """Axes of the handle."""
 
     def __init__(
         self,
