@@ -23,7 +23,6 @@ from dataclasses import dataclass
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
-from haptic_accel.core.model import Vector
 
 CUSHION = 0.8
 """Fraction of the travel at which braking of the actuator begins."""
@@ -227,7 +226,7 @@ class ActuatorGuard:
         return side * braking
 
 
-def scaled_within(force: Vector, allowed: Vector) -> Vector:
+def scaled_within(force: tuple[float, ...], allowed: tuple[float, ...]) -> tuple[float, ...]:
     """Return a force on several coils, scaled as a whole to what their guards allow.
 
     Parameters
@@ -245,11 +244,13 @@ def scaled_within(force: Vector, allowed: Vector) -> Vector:
     share, last = 1.0, -1
     for coil, (wanted, most) in enumerate(zip(force, allowed, strict=True)):
         if most != wanted != 0.0 and most / wanted < share:
-            share, last = max(0.0, most / wanted), coil
+            share, last = most / wanted, coil
     if last < 0:
         return force
-    scaled = [share * each for each in force]
-    if share:
-        scaled[last] = allowed[last]  # exactly
-    x, y, z = scaled
-    return x, y, z
+    if share <= 0.0:
+        return (0.0,) * len(force)
+    # Exactly what the guard allows, without rounding.
+    return tuple(
+        most if coil == last else share * wanted
+        for coil, (wanted, most) in enumerate(zip(force, allowed, strict=True))
+    )

@@ -285,7 +285,8 @@ class VectorCompensation:
         force = self._each_within(wanted)
         if force != wanted and not self._per_axis:
             # Again, for a coil that must be braked.
-            force = self._each_within(scaled_within(wanted, force))
+            x, y, z = scaled_within(wanted, force)
+            force = self._each_within((x, y, z))
         for guard, each, felt in zip(self._guards, force, self._handle, strict=True):
             guard.advance(each, felt)
         return force
