@@ -396,9 +396,7 @@ def run_trial(
         raise ParameterError(f"duration = {duration}: must hold at least one sample")
     rig = rig or RigParameters()
     axes = axes_of(rig.master)
-    around = replace(
-        compensation or CompensationParameters(), controller=controller, axes=", ".join(axes.names)
-    )
+    around = replace(compensation or CompensationParameters(), controller=controller)
     slave: Rig
     if replayed is not None:
         slave = ReplayRig(replayed)
