@@ -146,6 +146,12 @@ def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration | Ax
     from haptic_accel.devices.serial.board_samples import BoardSamples
 
     with BoardSamples(arguments, arguments.rate, arguments.axis) as board:
+        coils = "".join(board.identity.coils)
+        if arguments.axis == ALL and arguments.side == MASTER and coils != ALL:
+            raise CalibrationError(
+                f"axis = {ALL}: the board drives coils along {coils or 'no axis'}, must"
+                " be all three: a handle with one coil uses one axis of its sensor"
+            )
         measure = _all_axes if arguments.axis == ALL else _one_axis
         return board.identity, measure(arguments, board)
 
@@ -191,12 +197,11 @@ def port_parameters(
     """Return the parameters of each node: port, calibration and the actuator's force constant."""
     port = "port" if arguments.port else "usb_serial"
     number = identity.serial_number
-    values: dict[str, Any] = {
-        port: getattr(arguments, port),
-        "calibration": found.parameters(number)
-        if isinstance(found, AxesCalibration)
-        else found.parameters(arguments.axis, number),
-    }
+    values: dict[str, Any] = {port: getattr(arguments, port)}
+    if isinstance(found, AxesCalibration):
+        values |= {"axes": ", ".join(NAMES), "calibration": found.parameters(number)}
+    else:
+        values["calibration"] = found.parameters(arguments.axis, number)
     nodes: dict[str, dict[str, Any]] = {f"{arguments.side}_device": {SERIAL: values}}
     if arguments.side == MASTER:
         nodes[EVERY_NODE] = {ACTUATOR: {"force_constant": arguments.force_constant}}

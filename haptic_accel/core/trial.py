@@ -418,7 +418,7 @@ def run_trial(
     hosts = (
         one_host(sides, part, rig, rate, latency)
         if channel is None
-        else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts, axes)
+        else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts, tool_axes)
     )
     samples = _samples(rigs, hosts, controlled, time.tolist(), deque(grips), warnings, crossings)
     # Number by number, as an array takes three times longer to read nested tuples.
@@ -451,8 +451,11 @@ def _crossed(
     played = along(axes, np.array([each.played.value for each in crossings]))
     kinds = tuple(each.played.kind for each in crossings)
     energy = np.array([each.energy for each in crossings])
-    waiting = np.isnan(places)  # nothing is played then, and nothing desired
-    aligned = np.where(waiting, played, np.interp(np.nan_to_num(places), count, tool))
+    followed = np.apply_along_axis(
+        lambda component: np.interp(np.nan_to_num(places), count, component), 0, tool
+    )
+    # While waiting nothing is played, and nothing desired.
+    aligned = np.where(np.isnan(places), played.T, followed.T).T
     return Crossing(played, (count - places) / rate, kinds, energy), aligned
 
 

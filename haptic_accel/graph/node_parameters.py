@@ -151,6 +151,7 @@ class CouplerNodeParameters(CouplingParameters, PassiveParameters, EngagementPar
         choices=(SPRING, PASSIVE),
     )
     side: str = parameter("", "arm that this host has; empty for both", choices=ARMS)
+    axes: str = parameter("z", "axes of this host's tool, which cross the network: z, or x, y, z")
 
 
 @dataclass(frozen=True)

@@ -270,7 +270,7 @@ def calibrate_axes(poses: Mapping[str, Sequence[Rest]], nominal_gain: float) -> 
         than `MAGNITUDE_ERROR`.
     """
     if len(poses) < FEWEST_POSES:
-        raise CalibrationError(f"{len(poses)} poses: must be at least {FEWEST_POSES}")
+        raise CalibrationError(f"poses: {len(poses)}, must be at least {FEWEST_POSES}")
     names = list(poses)
     counts = np.array([[axis.mean for axis in rests] for rests in poses.values()])
     upward = np.array([POSES[name] for name in names])

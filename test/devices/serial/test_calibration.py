@@ -174,7 +174,7 @@ def changed(*names: str, **others: Sequence[Rest]) -> Mapping[str, Sequence[Rest
 @pytest.mark.parametrize(
     ("poses", "named"),
     [
-        (changed("x axis up", "y axis up"), "2 poses: must be at least 3"),
+        (changed("x axis up", "y axis up"), "poses: 2, must be at least 3"),
         (changed("x axis up", "x axis down", "y axis up"), "too alike"),
         (
             changed("x axis up", "y axis up", "z axis up", z_axis_up=EXACT["x axis up"]),
