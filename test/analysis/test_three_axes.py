@@ -172,12 +172,12 @@ def test_each_axis_has_its_own_signals(bags: Path) -> None:
 
 
 def test_plots_show_each_axis_and_the_planes_between(report: Path) -> None:
-    for name in (*PICTURES, "polarisation"):
+    for name in (*PICTURES, "polarisation_plywood"):
         with Image.open(report / f"{name}.png") as picture:
             assert picture.width == pytest.approx(7.16 * 300, abs=5)
             assert len(picture.convert("L").getcolors() or []) > 20
     text = Page(report / "index.html").text
-    assert "polarisation.pdf" in text
+    assert "polarisation_plywood.pdf" in text
     assert "direction error (°)" in text
     assert len(pd.read_csv(report / "trials.csv")) == 4
 
