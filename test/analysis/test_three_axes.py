@@ -39,6 +39,8 @@ from haptic_accel.core import topics
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
 from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.evaluation.metrics import by_component
+from haptic_accel.core.handle.matrix_plant import MatrixPlant
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray
 
 RATE = 1000.0
@@ -199,3 +201,20 @@ def test_the_page_shows_the_axis_that_is_chosen(report: Path) -> None:
             assert len(pictures) == (1 if has_one_axis else 3)
             assert page.locator(".planes canvas").count() == 3
         assert not faults
+
+
+def test_the_bound_is_that_of_the_compensators_model_in_three_axes(tmp_path: Path) -> None:
+    model = tmp_path / "handle.json"
+    plant = MatrixPlant.uncoupled(Plant(), RATE)
+    model.write_text(json.dumps({"three_axes": plant.as_document()}))
+    for seed, (name, file) in enumerate((("known", model), ("lost", tmp_path / "lost.json"))):
+        written = content("inverse", seed, axes="x, y, z")
+        written.facts["parameters"]["compensator"]["plant.model"] = str(file)
+        write_bag(tmp_path / "bags" / name, written)
+    analysis = load(tmp_path / "bags")
+    found = trials(analysis).set_index("trial")
+    assert 0.0 < found.bound_percent["known"] <= found.limited_bound_percent["known"] < 100.0
+    assert math.isnan(found.bound_percent["lost"])
+    assert [
+        line for line in analysis.problems["lost"] if "no bound" in line and "lost.json" in line
+    ]
