@@ -33,7 +33,7 @@ from haptic_accel.bags.delivery import AGE_OF
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.axes import NAMES
-from haptic_accel.core.control.filters import without_hand_motion
+from haptic_accel.core.control.filters import comparable, without_hand_motion
 from haptic_accel.core.control.inversion.bound import bounds
 from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
 from haptic_accel.core.control.supervision import supervise
@@ -264,6 +264,9 @@ def measure(
             f" contact is at least {CONTACT:.2g} m/s²"
         )
     elif desired is not None and actual is not None:
+        if desired.ndim > 1:
+            handle = segment.signals[topics.HANDLE_ACCELERATION.name]
+            desired, actual = comparable(desired, handle, corner, segment.rate)
         likeness = _compared(desired, actual, segment, shift, notes, begin)
         likeness.metrics.update(_bounds(segment, likeness.shift, notes))
     notes += _deviation(segment)
