@@ -22,6 +22,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,8 +33,9 @@ from haptic_accel.bags.delivery import AGE_OF
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.axes import NAMES
-from haptic_accel.core.control.filters import without_hand_motion
+from haptic_accel.core.control.filters import comparable, without_hand_motion
 from haptic_accel.core.control.inversion.bound import bounds
+from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
 from haptic_accel.core.control.supervision import supervise
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.evaluation.delay import Delay, estimate_delay, shift_back
@@ -49,6 +51,7 @@ from haptic_accel.core.evaluation.metrics import (
     lengths,
 )
 from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
+from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.model import AccelerometerParameters, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tables import Column
@@ -261,6 +264,9 @@ def measure(
             f" contact is at least {CONTACT:.2g} m/s²"
         )
     elif desired is not None and actual is not None:
+        if desired.ndim > 1:
+            handle = segment.signals[topics.HANDLE_ACCELERATION.name]
+            desired, actual = comparable(desired, handle, corner, segment.rate)
         likeness = _compared(desired, actual, segment, shift, notes, begin)
         likeness.metrics.update(_bounds(segment, likeness.shift, notes))
     notes += _deviation(segment)
@@ -396,18 +402,22 @@ def _bounds(segment: Segment, shift: float, notes: list[str]) -> dict[str, float
     """Return the error bounds of a trial for a shift, s, of at least one sample."""
     tool = segment.signals.get(topics.TOOL_ACCELERATION.name)
     granted = round(shift * segment.rate, 6) - segment.latency
-    if tool is None or segment.plant is None or granted < 0 or granted % 1 or tool.ndim > 1:
+    plant = segment.plant
+    if tool is None or plant is None or granted < 0 or granted % 1:
         return {}
+    around: dict[str, Any] = {
+        "granted_delay": int(granted),
+        "noise": segment.noise,
+        "high_pass_frequency": segment.high_pass_frequency,
+        "actuator": segment.actuator,
+    }
     try:
-        found = bounds(
-            segment.plant,
-            segment.rate,
-            tool,
-            granted_delay=int(granted),
-            noise=segment.noise,
-            high_pass_frequency=segment.high_pass_frequency,
-            actuator=segment.actuator,
-        )
+        if isinstance(plant, MatrixPlant):
+            found = matrix_bounds(plant, segment.rate, tool, **around)
+        elif tool.ndim == 1:
+            found = bounds(plant, segment.rate, tool, **around)
+        else:
+            return {}
     except ParameterError as error:
         notes.append(f"no bound of the error: {error}")
         return {}

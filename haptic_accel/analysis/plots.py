@@ -308,36 +308,36 @@ def amplitude_spectra(portraits: Portraits) -> Figure:
     return figure
 
 
-def polarisation(portraits: Portraits) -> Figure:
-    """Draw the paths of desired and actual acceleration in the planes of each two axes."""
-    rows = {
-        f"{surface}, {across}-{up}": (surface, across, up)
-        for (_, surface), portrait in portraits.items()
-        for across, up in combinations(portrait.by_axis, 2)
-    }
-    planes = {
-        (controller, row): portraits[controller, surface]
-        for controller, row in product(dict.fromkeys(name for name, _ in portraits), rows)
-        if (surface := rows[row][0]) and (controller, surface) in portraits
-    }
-    figure, panels = _panels(planes, _TRACES, ("", ""), 1.0, one_x=False, more_down=0.2)
+def polarisation(portraits: Mapping[str, Portrait]) -> Figure:
+    """Draw the paths of desired and actual acceleration in the planes of each two axes.
+
+    Parameters
+    ----------
+    portraits : mapping
+        Portraits of vectors on one surface, by controller.
+    """
+    axes = next(iter(portraits.values())).by_axis
+    planes = {f"{across}-{up}": (across, up) for across, up in combinations(axes, 2)}
+    rows = {(name, row): portraits[name] for row, name in product(planes, portraits)}
+    figure, panels = _panels(rows, _TRACES, ("", ""), 1.0, one_x=False, more_down=0.2)
+    drawn = [
+        part[: round(PATH * portrait.rate)]
+        for portrait in portraits.values()
+        for part in (portrait.desired, portrait.actual)
+    ]
+    reach = 1.05 * _extent(drawn)
     for (controller, row), panel in panels.items():
-        surface, across, up = rows[row]
-        drawn = _on(portraits, surface)
-        reach = 1.05 * _extent(
-            s[: round(PATH * p.rate)] for p in drawn for s in (p.desired, p.actual)
-        )
         panel.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
         for axis in (panel.xaxis, panel.yaxis):
             axis.set_major_locator(ticker.MaxNLocator(5, steps=(1, 2, 5, 10)))
+        own = portraits[controller].by_axis
+        across, up = planes[row]
         panel.set_xlabel(f"{across} (m/s²)", fontsize=_LABEL, labelpad=1)
-        if controller == next(iter(panels))[0]:
+        if controller == next(iter(portraits)):
             panel.set_ylabel(f"{up} (m/s²)", fontsize=_LABEL)
-        if portrait := planes.get((controller, row)):
-            first, second = portrait.by_axis[across], portrait.by_axis[up]
-            part = slice(round(PATH * portrait.rate))
-            panel.plot(first.desired[part], second.desired[part], **DESIRED)
-            panel.plot(first.actual[part], second.actual[part], **ACTUAL)
+        part = slice(round(PATH * own[up].rate))
+        panel.plot(own[across].desired[part], own[up].desired[part], **DESIRED)
+        panel.plot(own[across].actual[part], own[up].actual[part], **ACTUAL)
     return figure
 
 

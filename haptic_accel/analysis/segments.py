@@ -32,11 +32,13 @@ from haptic_accel.bags.facts import LOCKSTEP, RUN
 from haptic_accel.bags.reading import Bag, Change, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.axes import ACTUATOR_AXES, Axes
+from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
+from haptic_accel.core.control.building import matrix_plant
 from haptic_accel.core.control.compensation import FADING, LISTENING, PLANT
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_passed
 from haptic_accel.core.evaluation.metrics import by_component
+from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
 from haptic_accel.core.parameters import ParameterError
@@ -140,7 +142,7 @@ class Segment:
         Delay from sample to force, in samples.
     granted_delay : int
         Delay granted to the controller in addition to the latency, in samples.
-    plant : Plant or None
+    plant : Plant, MatrixPlant for three axes, or None
         Handle with the complete path from command to sample, for the bounds of the error.
     noise : float
         Standard deviation of a sample of the handle's accelerometer, m/s^2, if known.
@@ -170,7 +172,7 @@ class Segment:
     notes: tuple[str, ...] = ()
     latency: int = 0
     granted_delay: int = 1
-    plant: Plant | None = None
+    plant: Plant | MatrixPlant | None = None
     noise: float = 0.0
     told: Plant | None = None
     start: int = 0
@@ -343,6 +345,16 @@ class _Known:
         if condition.grip in POSTURES:
             grip = replace(grip, posture=condition.grip)
         return self.rig.plant(held(self.rig.master.handle, grip, self.seed))
+
+    def matrix_plant(self, problems: list[str]) -> MatrixPlant | None:
+        """Return the compensator's model of three axes; if it cannot be read, add the reason."""
+        if not self.told or not self.told.model:
+            return None
+        try:
+            return matrix_plant(self.controllers, self.rate).coupled()
+        except ParameterError as error:
+            problems.append(f"no bound of the error: {error}")
+            return None
 
 
 def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list[str]) -> _Known:
@@ -544,7 +556,7 @@ def _segment(
         tuple(notes),
         recorded.latency,
         granted_delay(condition.controller, known.controllers),
-        known.plant(condition),
+        known.matrix_plant(problems) if axes == ALL_AXES else known.plant(condition),
         known.rig.master.accelerometer.noise if known.rig else 0.0,
         known.told,
         start,

@@ -29,7 +29,7 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_accel.analysis.metrics import PERCENT, AnalysedTrial, actual_acceleration
+from haptic_accel.analysis.metrics import PERCENT, AnalysedTrial
 from haptic_accel.analysis.segments import (
     OPERATOR,
     ROBOT,
@@ -40,7 +40,7 @@ from haptic_accel.analysis.segments import (
 from haptic_accel.bags.reading import Bag, Signal, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.axes import Axes
-from haptic_accel.core.control.filters import high_passed
+from haptic_accel.core.control.filters import comparable, high_passed
 from haptic_accel.core.evaluation.delay import estimate_delay, shift_back
 from haptic_accel.core.evaluation.metrics import by_component
 from haptic_accel.core.model import FloatArray
@@ -238,7 +238,7 @@ def compare_across(task: tuple[AnalysedTrial, Host, Host]) -> Across | str:
     trial, operator, robot = task
     assert operator.clock
     segment = read_segment(operator.bag, trial.segment.number)
-    handle = actual_acceleration(segment)
+    handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
     tool = read_bag(robot.bag, VECTORS).signals[topics.TOOL_ACCELERATION.name]
     try:
         if handle is None:
@@ -248,6 +248,7 @@ def compare_across(task: tuple[AnalysedTrial, Host, Host]) -> Across | str:
             raise ParameterError(f"{robot.bag} has {rate:.5g} samples per second")
         passed = partial(high_passed, corner=segment.high_pass_frequency, rate=rate)
         desired = by_component(passed, _tool(tool, rate, segment.axes))
+        desired, handle = comparable(desired, handle, segment.high_pass_frequency, rate)
         # Position of the trial's first sample among the robot's, and the change per sample.
         place = (operator.clock.peer(segment.start) - robot.span[0]) * rate / NANOSECONDS
         begin = math.floor(place)

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -53,16 +54,13 @@ PICTURES = {
 }
 """Captions of the paper's figures by name of their plots."""
 
-POLARISATION = "polarisation"
-"""Name of the plot of vectors."""
-
-VECTOR_PICTURES = {
-    POLARISATION: "Paths of desired and actual handle acceleration in the planes of each two axes,"
-    f" in the first {plots.PATH:g} s of the excerpt of the first figure. All panels of a surface"
-    " have one scale, equal on both axes. A perfect handle draws orange on blue; a path that is"
-    " turned is vibration in a wrong direction, and a single coil draws a line.",
-}
-"""Captions of the figures of trials with several axes."""
+PATHS = (
+    "paths of desired and actual handle acceleration in the planes of each two axes, in the first"
+    f" {plots.PATH:g} s of the excerpt of the first figure. All panels have one scale, equal on"
+    " both axes. A perfect handle draws orange on blue; a path that is turned is vibration in a"
+    " wrong direction, and a single coil draws a line."
+)
+"""Caption of a figure of vectors, after its surface."""
 
 FORCE = "actuator_force"
 """Column of the force, without axis and unit."""
@@ -116,7 +114,8 @@ def write_analysis(
         # Cells of undefined numbers are empty.
         table.to_csv(folder / name, index=named, float_format="%.9g", lineterminator="\n")
     if setting:
-        captions = {f"{name}.png": text for name, text in (PICTURES | VECTOR_PICTURES).items()}
+        vectors = {name: f"{surface}: {PATHS}" for name, surface in _polarised(analysis).items()}
+        captions = {f"{name}.png": text for name, text in (PICTURES | vectors).items()}
         shown = {file: text for file, text in captions.items() if file in written}
         setting = replace(setting, pictures=shown)
     write_page(analysis, folder / PAGE, comparison, setting=setting, files=written)
@@ -179,9 +178,10 @@ def _plots(analysis: Analysis) -> dict[str, Figure]:
         draw = (plots.time_traces, plots.regressions, plots.amplitude_spectra)
         components = dict(_components(portraits))
         drawn |= {name: one(components) for name, one in zip(PICTURES, draw, strict=True)}
-    vectors = {key: portrait for key, portrait in portraits.items() if portrait.by_axis}
-    if vectors:
-        drawn[POLARISATION] = plots.polarisation(vectors)
+    for name, surface in _polarised(analysis).items():
+        own = {c: one for (c, on), one in portraits.items() if on == surface and one.by_axis}
+        if own:
+            drawn[name] = plots.polarisation(own)
     errors = _band_errors(analysis)
     if any(errors.values()):
         drawn["bands"] = plots.band_errors(errors)
@@ -212,6 +212,12 @@ def _typical(analysis: Analysis) -> dict[tuple[str, str], plots.Portrait]:
         if portrait and controller in controllers and surface in surfaces:
             found[controller, surface] = portrait
     return found
+
+
+def _polarised(analysis: Analysis) -> dict[str, str]:
+    """Return the surfaces of trials of several axes, by the names of their plots."""
+    surfaces = {t.surface for t in analysis.trials if t.portrait and t.portrait.by_axis}
+    return {f"polarisation_{re.sub(r'[^A-Za-z0-9.-]+', '_', s)}": s for s in sorted(surfaces)}
 
 
 def _components(
