@@ -341,3 +341,43 @@ def test_a_recording_in_three_axes_gives_one_file_for_the_compensator(
     grips = ("--from", "pinch=bag", "--from", "hook=bag")
     assert status_of("identify", *grips, *words, *fitted, "--out", "again") == 2
     assert "grips = pinch, hook: must be one for three axes" in capsys.readouterr().err
+
+
+def test_three_axes_are_identified_in_lockstep(here: Path) -> None:
+    fitted = ("--free", "b_s,m_h,k_u,b_u,delay", "--json", "metrics.json", "--out", "found")
+    words = ("rig:=three_axis_ideal", "--trials", "1")
+    assert status_of("identify", "--lockstep", *words, *fitted) == 0
+    metrics = json.loads((here / "metrics.json").read_text())
+    assert metrics["max_magnitude_error_db"] < 1.0
+    assert metrics["max_phase_error_deg"] < 5.0
+    assert min(metrics["mean_coherence"]) > 0.99
+    assert read_matrix_plant(here / "metrics.json").rate == 1000.0
+    assert (here / "found" / "index.html").is_file()
+
+
+def test_three_axes_have_a_band_of_their_own_and_one_grip(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    arguments = IdentifyArguments.from_given(rig="three_axis", duration=2.0)
+    assert arguments.band == (8.0, 450.0)
+    assert (arguments.duration, arguments.trials) == (2.0, 2)
+    assert IdentifyArguments.from_given().band == (10.0, 200.0)
+    words = ("--lockstep", "rig:=three_axis", "--grips", "pinch,hook")
+    assert status_of("identify", *words) == 2
+    assert "grips = pinch, hook: must be one for three axes" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_live_graph_finds_three_axes(haptic_accel: Start, tmp_path: Path) -> None:
+    command = haptic_accel(
+        *("identify", "rig:=three_axis", "--trials", "1", "--json", "metrics.json"),
+        *("--free", "b_s,m_h,k_u,b_u,delay", "--out", "found"),
+    )
+    assert command.end() == 0, command.text
+    assert any("repeat 12 of 12" in line for line in command.lines)
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert metrics["max_magnitude_error_db"] < 1.5
+    assert metrics["max_phase_error_deg"] < 8.0
+    sent = read_bag(tmp_path / "found" / "bags" / "average").signals[ACTUATOR_FORCE.name].values
+    assert np.abs(sent).max(axis=0) == pytest.approx(2.0, abs=0.1)
+    assert not sent[-1].any()
