@@ -93,7 +93,7 @@ def run(rig: str, surface: str, condition: str) -> tuple[Trial, Row]:
         rig=rig, surface=surface, controller=controller, duration=SECONDS, record=False
     )
     alike = read_parameter_file(preset_file("rig", LIKE[rig]))["compensator"]
-    own = alike | changes if "axes" in changes else changes
+    own = alike | dict(changes) if "axes" in changes else changes
     trial = lockstep_trial(arguments, changes={"compensator": own})
     desired, actual = compared(trial)
     row = Row(

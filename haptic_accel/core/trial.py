@@ -397,6 +397,7 @@ def run_trial(
     rig = rig or RigParameters()
     axes = axes_of(rig.master)
     around = replace(compensation or CompensationParameters(), controller=controller)
+    tool_axes = Axes.parsed((rig.virtual if scene else rig.slave).tool.axes)
     slave: Rig
     if replayed is not None:
         slave = ReplayRig(replayed)
