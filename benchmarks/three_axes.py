@@ -28,7 +28,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from haptic_accel.analysis.plots import BLACK, BLUE, VERMILION
 from haptic_accel.core.control.building import matrix_plant
 from haptic_accel.core.control.filters import comparable, high_passed
 from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
@@ -120,18 +122,62 @@ def bound(arguments: GraphArguments, trial: Trial) -> float:
     ).limited
 
 
+DRAWN = {"one coil: axis": VERMILION, "three coils: adaptive": BLUE}
+"""Conditions whose motion is drawn, and their colours."""
+
+SHOWN = 0.05
+"""Duration of the motion that is drawn, s."""
+
+
+def figure(rows: Mapping[str, Mapping[str, Row]], trials: Mapping[str, Trial]) -> Figure:
+    """Draw the errors by rig and condition, and the motion of two conditions in a plane."""
+    drawn = Figure(figsize=(10, 4.2), layout="constrained")
+    bars, *planes = drawn.subplots(1, 1 + len(DRAWN), width_ratios=[1.6, 1, 1])
+    names = [name for name in CONDITIONS if name != "none"]
+    height = 0.8 / len(rows)
+    looks = zip(rows.items(), (BLUE, VERMILION), strict=False)
+    for index, ((rig, found), color) in enumerate(looks):
+        places = np.arange(len(names)) + (index - 0.5 * (len(rows) - 1)) * height
+        bars.barh(places, [found[name].error for name in names], height, color=color, label=rig)
+        bound = float(np.mean([each.bound for each in found.values()]))
+        bars.axvline(bound, color=color, ls="--", lw=1.2, label=f"bound, {rig}")
+    bars.set_yticks(np.arange(len(names)), names)
+    bars.invert_yaxis()
+    bars.set(xlabel="error of the vector (%); 100 without force")
+    bars.grid(axis="x", alpha=0.3)
+    bars.legend(loc="lower right", fontsize="small")
+    for axes, (name, color) in zip(planes, DRAWN.items(), strict=True):
+        desired, actual = compared(trials[name])
+        middle = int(np.argmax(np.linalg.norm(desired, axis=1)))
+        part = slice(middle, middle + round(SHOWN * trials[name].rate))
+        axes.plot(desired[part, 0], desired[part, 2], color=BLACK, lw=1.6, label="tool")
+        axes.plot(actual[part, 0], actual[part, 2], color=color, lw=1.2, ls="--", label="handle")
+        axes.set(title=name, xlabel="x, along the stroke (m/s$^2$)", aspect="equal")
+        axes.set(adjustable="datalim", ylabel="z, normal (m/s$^2$)")
+        axes.grid(alpha=0.3)
+        axes.legend(loc="upper right", fontsize="small")
+    return drawn
+
+
 def main() -> None:
-    """Print the table."""
+    """Print the table, and draw the figure if a file is given."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--rigs", nargs="+", default=tuple(LIKE))
     parser.add_argument("--surfaces", nargs="+", default=SURFACES)
+    parser.add_argument("--figure", type=Path, help="PNG file to draw")
     given = parser.parse_args()
     print("mean over the surfaces: error %, its bound %, direction degrees, not told apart %")
+    means: dict[str, dict[str, Row]] = {rig: {} for rig in given.rigs}
+    trials: dict[str, Trial] = {}
     for rig in given.rigs:
         for condition in CONDITIONS:
-            rows = [run(rig, surface, condition)[1] for surface in given.surfaces]
-            values = " ".join(f"{value:7.2f}" for value in np.mean(rows, axis=0))
-            print(f"{Path(rig).stem:18} {condition:30} {values}", flush=True)
+            runs = [run(rig, surface, condition) for surface in given.surfaces]
+            mean = means[rig][condition] = Row(*np.mean([row for _, row in runs], axis=0))
+            trials[condition] = runs[0][0]
+            values = " ".join(f"{value:7.2f}" for value in mean)
+            print(f"{rig:18} {condition:30} {values}", flush=True)
+    if given.figure:
+        figure(means, trials).savefig(given.figure, dpi=120)
 
 
 if __name__ == "__main__":

@@ -267,19 +267,9 @@ class Scope(GraphNode):
                 settings = GraphSettings(
                     own.high_pass_frequency, options[ACTUATOR], own.latency, assumed=False
                 )
-        self._show_axes(axes)
+        self.windows.show_axes(axes)
         for windows in self.windows.by_axis.values():
             windows.settings = settings
-
-    def _show_axes(self, axes: Axes) -> None:
-        """Receive the signals along some axes; without the actuator's, the last stands for it."""
-        ours = self.windows
-        ours.axis = ours.axis if ours.axis in axes.names else axes.names[-1]
-        ours.others = {
-            name: ours.others.get(name) or Windows(name)
-            for name in axes.names
-            if name != ours.axis
-        }
 
 
 def _only(name: str) -> _Put:

@@ -25,7 +25,7 @@ import numpy as np
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
-from haptic_accel.core.axes import ACTUATOR_AXIS, NAMES
+from haptic_accel.core.axes import ACTUATOR_AXIS, NAMES, Axes
 from haptic_accel.core.control import filters
 from haptic_accel.core.control.compensation import FADING, LISTENING
 from haptic_accel.core.evaluation.discrimination import indistinguishable
@@ -233,6 +233,15 @@ class Windows:
         """Signals of all axes of the rig, in order."""
         found = {self.axis: self, **self.others}
         return {axis: found[axis] for axis in sorted(found)}
+
+    def show_axes(self, axes: Axes) -> None:
+        """Store the signals along some axes; without the actuator's, the last stands for it."""
+        self.axis = self.axis if self.axis in axes.names else axes.names[-1]
+        self.others = {
+            name: self.others.get(name) or Windows(name)
+            for name in axes.names
+            if name != self.axis
+        }
 
     def compare_anew(self) -> None:
         """Restrict the comparison to samples after a change of controller that begins now."""
