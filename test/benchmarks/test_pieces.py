@@ -106,7 +106,7 @@ def coupled(rate: float) -> MatrixPlant:
 
 @pytest.mark.parametrize("rate", [RATE, 4 * RATE])
 @pytest.mark.parametrize("controller", list(CONTROLLERS))
-def test_a_sample_of_three_coils_takes_at_most_five_samples_of_one(
+def test_a_sample_of_three_coils_takes_at_most_six_samples_of_one(
     controller: str, rate: float
 ) -> None:
     """Three compensations with their decoupling, beside one of them; medians of both in turn."""
@@ -126,7 +126,7 @@ def test_a_sample_of_three_coils_takes_at_most_five_samples_of_one(
         each[:] = middle - begun, time.perf_counter() - middle
     together, alone = 1e6 * np.median(times, axis=0)
     print(f"{controller}: {together:.1f} us, {together / alone:.1f} times {alone:.1f} us")
-    assert together < 5.0 * alone
+    assert together < 6.0 * alone
 
 
 @pytest.mark.parametrize("rate", [RATE, 4 * RATE])

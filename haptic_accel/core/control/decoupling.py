@@ -25,14 +25,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
 from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
 from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.model import FloatArray, Vector
 
-MEMORY = 0.1
-"""Length of a decoupling, s: ten times the decay of a structural mode at 100 Hz with a damping
-ratio of 0.15."""
+MEMORY = 0.2
+"""Length of a decoupling, s, as of an inverse: twenty times the decay of a structural mode at 100
+Hz with a damping ratio of 0.15."""
 
 MOST_TAPS = 512
 """Maximum length of a decoupling: its equations have three times as many unknowns."""
@@ -45,17 +46,24 @@ LINES = 513
 """Number of frequencies of the mean coupling: 1 Hz apart at 1 kHz."""
 
 
-def full_decoupling(plant: MatrixPlant, spectrum: ToolSpectrum = PRIOR) -> FloatArray:
+def full_decoupling(
+    plant: MatrixPlant,
+    spectrum: ToolSpectrum = PRIOR,
+    high_pass_frequency: float = HIGH_PASS_FREQUENCY,
+) -> FloatArray:
     """Design the causal inverse of a plant's coupling K.
 
-    With the tool's spectrum S, the integral over frequency of S |K D - I|^2 is minimised. As K has
-    no delay of its own, none is granted.
+    With the spectrum S of the desired acceleration, the integral over frequency of S |K D - I|^2
+    is minimised. As K has no delay of its own, none is granted. Below the high-pass, where no
+    identification shows K, D is free.
 
     Parameters
     ----------
     plant : MatrixPlant
     spectrum : callable
         Spectrum of the tool's acceleration.
+    high_pass_frequency : float
+        Corner of the compensator's high-pass, Hz.
 
     Returns
     -------
@@ -65,10 +73,10 @@ def full_decoupling(plant: MatrixPlant, spectrum: ToolSpectrum = PRIOR) -> Float
     from scipy.linalg import cho_factor, cho_solve
 
     if plant.coupling.shape[2] == 1:
-        return static_decoupling(plant, spectrum)
+        return static_decoupling(plant, spectrum, high_pass_frequency)
     length = max(1, min(round(MEMORY * plant.rate), MOST_TAPS))
     grid = grid_for(plant.rate, max(length, plant.coupling.shape[2]))
-    weights = spectrum(grid.frequency)
+    weights = _desired(spectrum, high_pass_frequency, grid.frequency, plant.rate)
     response = np.array([[grid.spectrum(each) for each in row] for row in plant.coupling])
     weighted = weights * response.conj()
     gram, sides = (
@@ -86,12 +94,26 @@ def full_decoupling(plant: MatrixPlant, spectrum: ToolSpectrum = PRIOR) -> Float
     return np.ascontiguousarray(taps.transpose(0, 2, 1))
 
 
-def static_decoupling(plant: MatrixPlant, spectrum: ToolSpectrum = PRIOR) -> FloatArray:
-    """Return the inverse of a plant's mean coupling over the tool's spectrum, shape (3, 3, 1)."""
+def static_decoupling(
+    plant: MatrixPlant,
+    spectrum: ToolSpectrum = PRIOR,
+    high_pass_frequency: float = HIGH_PASS_FREQUENCY,
+) -> FloatArray:
+    """Return the inverse of the mean of K over the spectrum of `full_decoupling`, (3, 3, 1)."""
+    if plant.coupling.shape[2] == 1:  # without the rounding of a mean
+        return np.asarray(np.linalg.inv(plant.directions)[:, :, np.newaxis])
     frequency = np.linspace(0.0, plant.rate / 2.0, LINES)[1:]
-    weights = spectrum(frequency)
+    weights = _desired(spectrum, high_pass_frequency, frequency, plant.rate)
     mean = np.einsum("f,fij->ij", weights, plant.coupling_response(frequency).real)
     return np.asarray(np.linalg.inv(mean / weights.sum())[:, :, np.newaxis])
+
+
+def _desired(
+    spectrum: ToolSpectrum, corner: float, frequency: FloatArray, rate: float
+) -> FloatArray:
+    """Return the spectrum of the desired acceleration, (m/s^2)^2/Hz."""
+    passed = np.abs(high_pass_response(corner, frequency, rate)) ** 2
+    return np.asarray(spectrum(frequency) * passed)
 
 
 class VectorConvolution:

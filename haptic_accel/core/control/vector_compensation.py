@@ -111,7 +111,7 @@ class VectorCompensation:
         sections = high_pass(parameters.high_pass_frequency, rate)
         self._high_pass = [SampleFilter(sections) for _ in self._axes]
         design = full_decoupling if parameters.decoupling == FULL else static_decoupling
-        decoupling = design(plant)
+        decoupling = design(plant, high_pass_frequency=parameters.high_pass_frequency)
         self._tool, self._seen = VectorConvolution(decoupling), VectorConvolution(decoupling)
         self._per_axis = parameters.saturation == PER_AXIS
         self._handle_range = AT_RANGE * parameters.handle_range

@@ -110,32 +110,6 @@ class MatrixPlant:
                 f"rate = {rate:g}: must be that of the identified plant, {self.rate:g} Hz"
             )
 
-    def condition(self, frequency: npt.ArrayLike) -> FloatArray:
-        """Return the condition number of K at frequencies in Hz, shape (f,).
-
-        It is 1 for orthogonal axes of equal strength; a force along one axis then needs no more
-        force, and sensor noise is not amplified.
-        """
-        return np.asarray(np.linalg.cond(self.coupling_response(frequency)))
-
-    def cross_coupling(self, frequency: npt.ArrayLike) -> FloatArray:
-        """Return the acceleration in the other axes relative to that in the own one, dB.
-
-        Parameters
-        ----------
-        frequency : array_like, shape (f,)
-            Frequencies, Hz.
-
-        Returns
-        -------
-        ndarray, shape (f, 3)
-            For the coil of each axis; -inf without cross-coupling.
-        """
-        power = np.abs(self.coupling_response(frequency)) ** 2
-        own = np.diagonal(power, axis1=1, axis2=2)
-        with np.errstate(divide="ignore"):
-            return np.asarray(10.0 * np.log10((power.sum(axis=1) - own) / own))
-
     def coupled(self) -> MatrixPlant:
         """Return the plant with the coupling of the arms as part of the handle."""
         x, y, z = (plant.coupled() for plant in self.axes)

@@ -249,8 +249,10 @@ def test_a_change_of_the_controller_is_no_jump(controller: str) -> None:
 # Faults
 
 
-@pytest.mark.parametrize("controller", WITH_FORCE)
-@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 0.6, 0.8)])
+@pytest.mark.parametrize(
+    ("controller", "axis"),
+    [*((name, (1.0, 0.0, 0.0)) for name in WITH_FORCE), ("inverse", (0.0, 0.6, 0.8))],
+)
 def test_a_sensor_turned_by_ten_degrees_is_told_and_does_no_harm(
     controller: str, axis: Sequence[float]
 ) -> None:

@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from haptic_accel.core.handle.matrix_plant import MatrixPlant, read_matrix_plant
 from haptic_accel.core.handle.plant import Plant
@@ -98,21 +97,3 @@ def test_other_couplings_are_refused(tmp_path: Path, taps: object) -> None:
 def test_another_rate_is_refused() -> None:
     with pytest.raises(ParameterError, match="rate = 500: must be .* 1000 Hz"):
         a_plant().response(FREQUENCY, 500.0)
-
-
-def test_cross_coupling_is_that_of_each_coil_in_decibel() -> None:
-    coupling = np.zeros((3, 3, 2))
-    coupling[:, :, 0] = [[1.0, 0.0, 0.0], [0.1, 2.0, 0.0], [0.0, 0.0, 1.0]]
-    coupling[0, 1, 1] = 0.2  # a delay changes no level
-    plant = MatrixPlant((Plant(), Plant(), Plant()), coupling, 1000.0)
-    assert plant.cross_coupling(FREQUENCY) == pytest.approx(
-        np.array([[-20.0, -20.0, -np.inf]] * 3)
-    )
-
-
-def test_the_condition_is_one_for_orthogonal_axes_of_equal_strength() -> None:
-    turned = Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()
-    plant = MatrixPlant((Plant(), Plant(), Plant()), turned[:, :, np.newaxis], 1000.0)
-    assert plant.condition(FREQUENCY) == pytest.approx(1.0)
-    plant = MatrixPlant(plant.axes, plant.coupling * [[[1.0], [1.0], [4.0]]], 1000.0)
-    assert plant.condition(FREQUENCY) == pytest.approx(4.0)
