@@ -148,7 +148,7 @@ def figure(rows: Mapping[str, Mapping[str, Row]], trials: Mapping[str, Trial]) -
     bars.legend(loc="lower right", fontsize="small")
     for axes, (name, color) in zip(planes, DRAWN.items(), strict=True):
         desired, actual = compared(trials[name])
-        middle = int(np.argmax(np.linalg.norm(desired, axis=1)))
+        middle = int(np.argmax(np.abs(desired[:, 0])))
         part = slice(middle, middle + round(SHOWN * trials[name].rate))
         axes.plot(desired[part, 0], desired[part, 2], color=BLACK, lw=1.6, label="tool")
         axes.plot(actual[part, 0], actual[part, 2], color=color, lw=1.2, ls="--", label="handle")
