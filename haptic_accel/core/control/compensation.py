@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from haptic_accel.core.actuator.guard import ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION as LARGEST_ACCELERATION
+from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop, granted_delay
 from haptic_accel.core.control.fallback import DYNAMIC, Fallback
 from haptic_accel.core.control.filters import (
@@ -149,6 +150,8 @@ class Compensation:
         Controllers to build in advance, so that `select` takes no time.
     latency : int
         Delay from sample to force, in samples.
+    authority : Authority, optional
+        As for `Fallback`.
 
     Attributes
     ----------
@@ -174,6 +177,7 @@ class Compensation:
         prepared: Sequence[str] = (),
         *,
         latency: int = LATENCY,
+        authority: Authority | None = None,
     ) -> None:
         check_corner(rate, parameters.high_pass_frequency)
         self._options = dict(options or {})
@@ -191,7 +195,7 @@ class Compensation:
         self._active = self._built[parameters.controller]
         approximate = self._options.get(DYNAMIC, ApproximateModel())
         assert isinstance(approximate, ApproximateModel)
-        self._fallback = Fallback(self._loop, approximate)
+        self._fallback = Fallback(self._loop, approximate, authority)
         self._start_judging()
         self._follower: _Channel | None = None
         self._waiting: _Channel | None = None
@@ -209,9 +213,9 @@ class Compensation:
         return self._fallback.supervisor
 
     @property
-    def used(self) -> float:
-        """Fraction of the controller's force that is used."""
-        return self._fallback.used
+    def active(self) -> str:
+        """Name of the controller whose force is used, also while another one is prepared."""
+        return self._active.name
 
     @property
     def controller(self) -> str:

@@ -17,12 +17,14 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping, Sequence
 
 from haptic_accel.core.actuator.guard import scaled_within
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION
 from haptic_accel.core.axes import ALL_AXES, NAMES
 from haptic_accel.core.control.alignment import Alignment
+from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.compensation import (
     AT_RANGE,
     FULL,
@@ -31,6 +33,7 @@ from haptic_accel.core.control.compensation import (
     Compensation,
     CompensationParameters,
 )
+from haptic_accel.core.control.controllers import CONTROLLERS, granted_delay
 from haptic_accel.core.control.decoupling import (
     VectorConvolution,
     full_decoupling,
@@ -95,6 +98,8 @@ class VectorCompensation:
         latency: int = LATENCY,
     ) -> None:
         plant.check_rate(rate)
+        self._options, self._latency = dict(options or {}), latency
+        self._authority = Authority(rate, len(self.axes.names))
         self._axes = [
             Compensation(
                 parameters,
@@ -102,6 +107,7 @@ class VectorCompensation:
                 {**(options or {}), PLANT: own},
                 prepared,
                 latency=latency,
+                authority=self._authority,
             )
             for own in plant.axes
         ]
@@ -128,6 +134,8 @@ class VectorCompensation:
         """Change to another controller without a jump in force; see `Compensation.select`."""
         for axis in self._axes:
             axis.select(name)
+        if name == self._judged:
+            self._judge_anew()
 
     def process(self, tool: Vector, handle: Vector | None) -> tuple[Vector, Vector]:
         """Process one sample of tool and handle acceleration.
@@ -167,10 +175,12 @@ class VectorCompensation:
         if axis_x.asleep or axis_y.asleep or axis_z.asleep:  # a controller was unstable
             self.reset()
             return ZERO, ZERO
-        force = f_x, f_y, f_z
-        if self._alignment.warning:
-            force = self._with_common_fraction(force)
-        force = self._limited(force)
+        force = self._limited((f_x, f_y, f_z))
+        if self._reducible:
+            self._due.append(desired)
+            self._authority.observe_vector(
+                self._due[0], self._handle if math.isfinite(m_x) else MISSING
+            )
         self._alignment.observe([each.expected for each in self._supervisors], measured)
         axis_x.settle(d_x, m_x, force[0])
         axis_y.settle(d_y, m_y, force[1])
@@ -184,6 +194,19 @@ class VectorCompensation:
         for axis in self._axes:
             axis.adapt()
         self._alignment.update()
+        if self._axes[0].active != self._judged:
+            self._judge_anew()
+        elif self._reducible:
+            self._authority.update(all([each.described for each in self._supervisors]))
+
+    def _judge_anew(self) -> None:
+        """Judge the active controller, with its full force at first."""
+        self._judged = name = self._axes[0].active
+        self._reducible = CONTROLLERS[name].reducible
+        # The first one is due with the handle's sample of the previous tick.
+        length = self._latency + granted_delay(name, self._options) + 2
+        self._due = deque([ZERO] * length, maxlen=length)
+        self._authority.reset()
 
     def mute(self, muted: bool) -> None:
         """Compute no force while the device applies none; see `Compensation.mute`."""
@@ -202,6 +225,7 @@ class VectorCompensation:
         for each in self._high_pass:
             each.reset()
         self._alignment.reset()
+        self._judge_anew()
         self._rest = ZERO
         self._seen_once = False
         self._asleep = True
@@ -215,8 +239,13 @@ class VectorCompensation:
             warning, own = axis.diagnostics()
             warnings.append(f"{name}: {warning}" if warning else "")
             values |= {f"{name} {key}": own[key] for key in own if key not in _COMMON}
+        reduced = ""
+        if self._authority.reduced:
+            reduced = f"{self._judged} is worse than no compensation: its force is reduced"
         counts = {"rejected": str(self.rejected), "handle not trusted": str(self.untrusted)}
-        return ", ".join(filter(None, (self._alignment.warning, *warnings))), values | counts
+        return ", ".join(
+            filter(None, (self._alignment.warning, reduced, *warnings))
+        ), values | counts
 
     def _still(self, tool: Vector, handle: Vector | None) -> bool:
         """Return whether all samples so far are equal; leave the idle state at a difference."""
@@ -269,16 +298,6 @@ class VectorCompensation:
             return SATURATED
         self.rejected += 1
         return MISSING
-
-    def _with_common_fraction(self, force: Vector) -> Vector:
-        """Return the force with the smallest fraction of all axes, as the axes are not separate.
-
-        The fraction of an axis that is moved by another axis' force would find no end.
-        """
-        used = [axis.used for axis in self._axes]
-        least = min(used)
-        x, y, z = (each * least / max(own, 1e-9) for each, own in zip(force, used, strict=True))
-        return x, y, z
 
     def _limited(self, wanted: Vector) -> Vector:
         """Return the force within the limits of all coils, in the direction of the wanted one."""

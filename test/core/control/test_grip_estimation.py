@@ -34,7 +34,8 @@ from haptic_accel.core.control.grip_estimation import (
 )
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import AccelerometerParameters, HandleParameters
-from haptic_accel.core.rig.master_rig import DriveParameters, MasterRig, MasterRigParameters
+from haptic_accel.core.rig.held_rig import DriveParameters
+from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 
 RATE = 1000.0
 TABLE_I = HandleParameters()

@@ -179,7 +179,9 @@ def test_without_coupling_each_axis_is_that_of_a_single_coil(controller: str) ->
     handle = 0.9 * np.roll(tool, 2, axis=0) + REST
     tool += REST
     for index in range(len(tool)):
-        felt = None if index % 50 == 7 else vector(handle[index])
+        # Forces are reduced together, by what the handle measures in all axes.
+        unseen = index % 50 == 7 or CONTROLLERS[controller].reducible
+        felt = None if unseen else vector(handle[index])
         desired, force = stream.process(vector(tool[index]), felt)
         alone = [
             single.process(float(tool[index, axis]), None if felt is None else felt[axis])
@@ -431,3 +433,29 @@ def test_while_muted_there_is_no_force() -> None:
 def test_another_rate_is_refused() -> None:
     with pytest.raises(ParameterError, match="rate = 2000: must be .* 1000 Hz"):
         VectorCompensation(CompensationParameters("none"), 2000.0, COUPLED)
+
+
+def test_the_error_of_a_weak_axis_costs_no_force_of_the_strong_ones() -> None:
+    stream = compensation("inverse", UNCOUPLED, WIDE)
+    tool = textures(3.0) * np.array([1.0, 0.05, 1.0])
+    handle = np.roll(tool, LATENCY + GRANTED + 1, axis=0)
+    handle[:, 1] = -2.0 * handle[:, 1]  # three times the error of no force along y
+    for each, felt in zip(tool + REST, handle + REST, strict=True):
+        stream.process(vector(each), vector(felt))
+        stream.adapt()
+    warning, _ = stream.diagnostics()
+    assert "force is reduced" not in warning
+
+
+def test_a_vector_that_is_worse_than_no_force_costs_all_coils_theirs() -> None:
+    stream = compensation("inverse", UNCOUPLED, WIDE)
+    tool = textures(3.0)
+    handle = -np.roll(tool, LATENCY + GRANTED + 1, axis=0)
+    forces = []
+    for each, felt in zip(tool + REST, handle + REST, strict=True):
+        forces.append(stream.process(vector(each), vector(felt))[1])
+        stream.adapt()
+    warning, _ = stream.diagnostics()
+    assert "inverse is worse than no compensation: its force is reduced" in warning
+    early, late = (np.std(forces[part], axis=0) for part in (slice(0, 100), slice(-500, None)))
+    assert (late < 0.1 * early).all()

@@ -48,7 +48,8 @@ from haptic_accel.core.model import (
 )
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.rig.exploration import ExplorationParameters
-from haptic_accel.core.rig.master_rig import DriveParameters, MasterRigParameters
+from haptic_accel.core.rig.held_rig import DriveParameters
+from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.trial import RigParameters, Trial, run_trial
 
