@@ -75,6 +75,9 @@ CRTK = "crtk"
 SCENE = f"{VIRTUAL}.scene"
 """Parameter of `slave_device`: file of the scene."""
 
+TOOL_AXES = "tool.axes"
+"""Parameter of the simulated slave devices: axes that the tool measures."""
+
 RECORDING = f"{SIMULATED}.recording.file"
 """Parameter of `slave_device`: file of the recorded acceleration."""
 
@@ -127,7 +130,14 @@ class ConditionArguments(Checked):
         text="controller of the actuator's force; with master:=pointer, adaptive if neither given"
         " nor in a parameter file",
     )
-    rig: str = parameter("paper", "virtual rig: ideal, paper, or a .yaml file")
+    reduction: str = sets(
+        "compensator.reduction",
+        text="signal of a single coil from the tool's three axes: component along the coil, sum,"
+        " or component along the strongest vibration; a simulated tool then measures three axes",
+    )
+    rig: str = parameter(
+        "paper", "virtual rig: ideal, paper, three_axis_ideal, three_axis, or a .yaml file"
+    )
     grip: str = sets(
         "master_device.simulated.grip.posture", text="grip of the simulated hand on the handle"
     )

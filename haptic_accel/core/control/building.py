@@ -53,15 +53,36 @@ def build_compensation(
     ParameterError
         As for `Compensation`; or there are two axes, or the model has another number of axes.
     """
-    axes = Axes.parsed(parameters.axes)
-    if axes == ACTUATOR_AXES:
+    if check_axes(parameters, options or {}, rate) == ACTUATOR_AXES:
         along = Compensation(parameters, rate, options, prepared, latency=latency)
-        return AlongAxis(along, live_reduction(parameters.reduction, rate, axes))
-    if axes != ALL_AXES:
-        raise ParameterError(f"axes = {parameters.axes}: must be z, or x, y, z")
+        return AlongAxis(along, live_reduction(parameters.reduction, rate))
     return VectorCompensation(
         *(parameters, rate, matrix_plant(options or {}, rate), options, prepared), latency=latency
     )
+
+
+def check_axes(
+    parameters: CompensationParameters, options: Mapping[str, Checked], rate: float
+) -> Axes:
+    """Return the axes of the parameters after a check that all goes with them.
+
+    Raises
+    ------
+    ParameterError
+        There are two axes, three coils have a reduction, or the plant's model has another number
+        of axes or another rate.
+    """
+    axes = Axes.parsed(parameters.axes)
+    if axes not in (ACTUATOR_AXES, ALL_AXES):
+        raise ParameterError(f"axes = {parameters.axes}: must be z, or x, y, z")
+    if axes == ALL_AXES:
+        if parameters.reduction != CompensationParameters.reduction:
+            raise ParameterError(
+                f"reduction = {parameters.reduction}: must be {CompensationParameters.reduction}"
+                " for three coils, which render all axes"
+            )
+        matrix_plant(options, rate).check_rate(rate)
+    return axes
 
 
 def matrix_plant(options: Mapping[str, Checked], rate: float) -> MatrixPlant:

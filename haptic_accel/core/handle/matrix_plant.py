@@ -107,7 +107,7 @@ class MatrixPlant:
         """
         if rate != self.rate:
             raise ParameterError(
-                f"rate = {rate:g}: must be that of the identified plant, {self.rate:g} Hz"
+                f"rate = {rate:g}: must be that of the identified plant, {self.rate:g} Hz; run identify"
             )
 
     def coupled(self) -> MatrixPlant:
