@@ -107,7 +107,8 @@ class MatrixPlant:
         """
         if rate != self.rate:
             raise ParameterError(
-                f"rate = {rate:g}: must be that of the identified plant, {self.rate:g} Hz; run identify"
+                f"rate = {rate:g}: must be that of the identified plant, {self.rate:g} Hz;"
+                " run identify"
             )
 
     def coupled(self) -> MatrixPlant:
