@@ -58,6 +58,9 @@ LONGEST = 2.0
 """Maximum delay from the robot's tool to the handle in the search, s. A usable network has less
 than 0.5 s; the clock error adds up to its bound."""
 
+STRETCH = 2 * LONGEST
+"""Length of the stretches of a trial that are searched for a delay, s."""
+
 PIECE = 0.5
 """Length of the pieces of a trial, s, each compared at its own delay. Playout changes its delay by
 1 ms/s, and 0.5 ms is a tenth of a period at 200 Hz, where textures are felt."""
@@ -278,6 +281,28 @@ def _tool(tool: Signal, rate: float, axes: Axes) -> FloatArray:
     return tool.on_grid(start, rate, length, axes)[0]
 
 
+def _usual_delay(desired: FloatArray, actual: FloatArray, rate: float) -> float:
+    """Return a delay near those of all pieces, s.
+
+    Where the delay changes too much for the whole trial, it is that of the stretch with the most
+    distinct one.
+
+    Raises
+    ------
+    ValueError
+        `actual` does not follow `desired`.
+    """
+    length = round(STRETCH * rate)
+    stretches = [slice(begin, begin + length) for begin in range(0, len(desired), length)]
+    found = estimate_delay(desired, actual, rate, LONGEST)
+    if math.isnan(found.seconds):
+        tried = [estimate_delay(desired[each], actual[each], rate, LONGEST) for each in stretches]
+        found = max(tried, key=lambda each: each.correlation, default=found)
+    if math.isnan(found.seconds):
+        raise ValueError("no delay was found")
+    return found.seconds
+
+
 def _pieces(desired: FloatArray, actual: FloatArray, rate: float) -> tuple[float, FloatArray]:
     """Return the relative RMS error over all pieces, each at its own delay, and the delays, s.
 
@@ -287,10 +312,7 @@ def _pieces(desired: FloatArray, actual: FloatArray, rate: float) -> tuple[float
         The signals are too short, or `actual` does not follow `desired`.
     """
     samples = round(PIECE * rate)
-    whole = estimate_delay(desired, actual, rate, LONGEST).seconds
-    if math.isnan(whole):
-        raise ValueError("no delay was found")
-    base = round(whole * rate) / rate
+    base = round(_usual_delay(desired, actual, rate) * rate) / rate
     desired, actual = shift_back(desired, actual, rate, base)
     delays: list[float] = []
     errors, powers = 0.0, 0.0

@@ -334,7 +334,7 @@ class DeviceNode(ManagedNode):
         tick, sample, work = taken
         stamp = self.rate_keeper.time(tick) + self.offset
         self._acceleration.send(stamp, sample.acceleration)
-        self._position.send(stamp, sample.position)
+        self._position.send(stamp, sample.position, sample.orientation)
         self._velocity.send(stamp, sample.velocity)
         if self._work_asked:
             self._work_sender.send(stamp, work)

@@ -21,13 +21,14 @@ previous tick. The handle's sample of the same tick may not have arrived yet.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple, Protocol
 
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.control.loss_concealment import LossConcealment
-from haptic_accel.core.model import IDENTITY, Vector
+from haptic_accel.core.model import IDENTITY, ZERO, Vector
 from haptic_accel.core.orientation import from_base, is_turned
 from haptic_accel.core.sampling import NANOSECONDS
 
@@ -172,6 +173,8 @@ class CompensationPart:
                 self._compensation.process(self._axes.vector(predicted), None)
 
     def _store(self, tool: Vector) -> None:
-        """Store a sample for predictions."""
+        """Store a sample for predictions; one with an axis that is not finite counts as zero."""
+        if len(self._stored) > 1 and not math.isfinite(sum(tool)):
+            tool = ZERO
         for index, concealment in self._stored:
             concealment.put(tool[index])

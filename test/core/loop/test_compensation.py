@@ -88,7 +88,11 @@ class Passing:
 
     axes = ALL_AXES
 
+    def __init__(self) -> None:
+        self.given: list[Vector] = []
+
     def process(self, tool: Vector, handle: Vector | None) -> tuple[Vector, Vector]:
+        self.given.append(tool)
         return tool, tool
 
     def adapt(self) -> None:
@@ -105,6 +109,18 @@ def test_a_turned_handle_gets_the_tools_vibration_in_its_own_axes() -> None:
     assert found[0] == (1.0, 2.0, 3.0)
     assert found[1] == pytest.approx((2.0, -1.0, 3.0))
     assert found[2] == along_actuator(3.0)
+
+
+def test_nothing_is_predicted_from_a_sample_with_an_axis_that_is_no_number() -> None:
+    passing = Passing()
+    part = CompensationPart(passing, RATE, latency=1)
+    for tick in range(30):
+        part.put_tool(tick * PERIOD, (math.nan, 1000.0, 1000.0) if tick % 3 else (1.0, 1.0, 1.0))
+        list(part.forces(tick * PERIOD + LATE))
+    part.put_tool(40 * PERIOD, (1.0, 1.0, 1.0))
+    list(part.forces(40 * PERIOD + LATE))
+    assert part.bridged == 10
+    assert all(max(map(abs, tool)) <= 1.0 for tool in passing.given[30:])
 
 
 def test_what_waits_can_be_forgotten(part: CompensationPart) -> None:
