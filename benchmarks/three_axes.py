@@ -179,7 +179,7 @@ def figure(rows: Mapping[str, Mapping[str, Row]], trials: Mapping[str, Trial]) -
         axes.set(title=name, xlabel="x, along the stroke (m/s$^2$)", aspect="equal")
         axes.set(adjustable="datalim", ylabel="z, normal (m/s$^2$)")
         axes.grid(alpha=0.3)
-        axes.legend(loc="upper right", fontsize="small")
+        axes.legend(loc="lower right", fontsize="small")
     return drawn
 
 

@@ -129,7 +129,7 @@ class Authority:
         self.reduced = False
         self._rest = math.nan  # gravity at the first sample, m/s^2
         self._latest = 0.0
-        self._rests: Sequence[float] = ()
+        self._rests: FloatArray | None = None
         self._latests: Sequence[float] = (0.0,) * self._axes
         self._desired.clear()
         self._measured.clear()
@@ -165,9 +165,10 @@ class Authority:
     def observe_vector(self, desired: Sequence[float], measured: Sequence[float]) -> None:
         """Store one sample of several axes, all of `measured` known or nothing."""
         if math.isfinite(measured[0]):
-            if not self._rests:
-                self._rests = measured
-            self._latests = [now - rest for now, rest in zip(measured, self._rests, strict=True)]
+            if self._rests is None:
+                self._rests = np.array(measured)
+                self._measured = list(measured) * (len(self._measured) // self._axes)
+            self._latests = measured
         self._desired += desired
         self._measured += self._latests
 
@@ -187,7 +188,10 @@ class Authority:
         self._desired.clear()
         self._measured.clear()
         if self._axes > 1:
-            block = block.reshape(2, length, self._axes).swapaxes(1, 2).reshape(-1, length)
+            block = block.reshape(2, length, self._axes)
+            if self._rests is not None:
+                block[1] -= self._rests
+            block = block.swapaxes(1, 2).reshape(-1, length)
         block, self._state = self._filtered(self._sections, block, zi=self._state)
         # The components of a vector, one after the other, have the sum of their powers.
         block = block.reshape(2, -1)
