@@ -38,11 +38,16 @@ from haptic_accel.devices.serial.protocol import (
     FrameType,
     Identity,
     PayloadError,
+    ScheduleCurrent,
+    SetCurrent,
     State,
     encode,
     read_message,
 )
 from haptic_accel.emulators.serial_board import Board
+
+COILS = 3
+"""Number of the board's coils."""
 
 SPOILED = 0.1
 """Fraction of the frames that are damaged on the way."""
@@ -84,7 +89,8 @@ class _Line:
         self._random = random.Random(seed)
         self._decoder = Decoder()
         self._board = Board(
-            Identity((1, 0, 0), 0b111, 10_000, 84.6, 2.75, "bench"), self._count_answer
+            Identity((1, 0, 0), 0b111, 10_000, 84.6, (2.75, 2.75, 2.75), "bench"),
+            self._count_answer,
         )
         self._now = 0
         self._wire = b""
@@ -119,8 +125,8 @@ class _Line:
         if rng.random() < 0.5:
             kind, length = rng.choice(
                 [
-                    (FrameType.SET_CURRENT, 2),
-                    (FrameType.SCHEDULE_CURRENT, 6),
+                    (FrameType.SET_CURRENT, SetCurrent.size(COILS)),
+                    (FrameType.SCHEDULE_CURRENT, ScheduleCurrent.size(COILS)),
                     (FrameType.ALIGN, 8),
                     (FrameType.ARM, 0),
                     (FrameType.CONFIGURE, 4),
@@ -191,7 +197,8 @@ class _Line:
 
         board = self._board
         armed = board.state is State.ARMED
-        if abs(board.current) > FULL_SCALE or (board.current and not armed):
+        largest = max(map(abs, board.currents))
+        if largest > FULL_SCALE or (largest and not armed):
             self.counts["unlawful"] += 1
 
     def _count_answer(self, data: bytes) -> bool:

@@ -43,8 +43,9 @@ int32_t difference(uint32_t later, uint32_t earlier) {
   return static_cast<int32_t>(later - earlier);
 }
 
-// Bytes of the payload that a frame of the host has; -1 for a type that no host sends.
-int payload_length(uint8_t type) {
+// Bytes of the payload that a frame of the host has for a number of coils; -1 for a type that no
+// host sends.
+int payload_length(uint8_t type, int coils) {
   switch (type) {
     case IDENTIFY:
     case ARM:
@@ -53,9 +54,9 @@ int payload_length(uint8_t type) {
     case CONFIGURE:
       return 4;
     case SET_CURRENT:
-      return 2;
+      return 2 * coils;
     case SCHEDULE_CURRENT:
-      return 6;
+      return 2 * coils + 4;
     case ALIGN:
       return 8;
     default:
@@ -116,7 +117,7 @@ void Board::disconnect() {
   decoder_.restart();
   be_silent();
   heard_ = false;
-  current_ = 0;
+  switch_off();
   if (state_ != FAULT) state_ = DISARMED;
 }
 
@@ -156,14 +157,20 @@ void Board::execute(const Frame &frame, uint32_t now) {
   }
 }
 
+int Board::coil_count() const {
+  int count = 0;
+  for (int axis = 0; axis < AXIS_COUNT; axis++) count += has_coil(axis);
+  return count;
+}
+
 ErrorCode Board::refusal(const Frame &frame) const {
-  const bool has_actuator = identity_.full_scale_current > 0;
+  const int coils = coil_count();
   if (frame.version != VERSION) return BAD_VERSION;
-  const int length = payload_length(frame.type);
+  const int length = payload_length(frame.type, coils);
   if (length < 0) return BAD_TYPE;
-  if (frame.length != static_cast<size_t>(length)) return BAD_LENGTH;
   const bool sets = frame.type == SET_CURRENT || frame.type == SCHEDULE_CURRENT;
-  if ((frame.type == ARM || sets) && !has_actuator) return NO_ACTUATOR;
+  if ((frame.type == ARM || sets) && !coils) return NO_ACTUATOR;
+  if (frame.length != static_cast<size_t>(length)) return BAD_LENGTH;
   if (frame.type == ARM && state_ == FAULT) return IN_FAULT;
   if (frame.type == DISARM && faulty_) return IN_FAULT;
   if (frame.type == CONFIGURE && !can(frame)) return BAD_VALUE;
@@ -229,16 +236,22 @@ void Board::apply_due() {
   int number = 0;
   while (number < scheduled_length_ && passed(scheduled_[number].due)) number++;
   if (!number) return;
-  apply(scheduled_[number - 1].counts);
+  apply(scheduled_[number - 1]);
   scheduled_length_ -= number;
   memmove(scheduled_, scheduled_ + number, sizeof(SetPoint) * scheduled_length_);
 }
 
 void Board::take_set_point(const Frame &frame, uint32_t now) {
-  const int16_t counts = static_cast<int16_t>(read_u16(frame.payload));
+  SetPoint set_point = {now, {}};
+  const uint8_t *next = frame.payload;
+  for (int axis = 0; axis < AXIS_COUNT; axis++) {
+    if (!has_coil(axis)) continue;
+    set_point.counts[axis] = static_cast<int16_t>(read_u16(next));
+    next += 2;
+  }
   const bool scheduled = frame.type == SCHEDULE_CURRENT;
-  const uint32_t due = scheduled ? read_u32(frame.payload + 2) : now;
-  const bool too_early = difference(due, now) > LONGEST_LEAD;
+  if (scheduled) set_point.due = read_u32(next);
+  const bool too_early = difference(set_point.due, now) > LONGEST_LEAD;
   if (too_early || (state_ != ARMED && state_ != TIMED_OUT)) {
     refused_++;
     return;
@@ -246,18 +259,19 @@ void Board::take_set_point(const Frame &frame, uint32_t now) {
   state_ = ARMED;
   last_set_ = now;
   if (scheduled && ticked_) {
-    schedule(counts, due);
+    schedule(set_point);
   } else {
     scheduled_length_ = 0;
-    apply(counts);
+    apply(set_point);
   }
 }
 
 // Keep a set-point until its tick, in the order in which they are due.
-void Board::schedule(int16_t counts, uint32_t due) {
+void Board::schedule(const SetPoint &set_point) {
+  const uint32_t due = set_point.due;
   if (passed(due)) {
     late_++;
-    apply(counts);
+    apply(set_point);
   } else if (scheduled_length_ == ROOM) {
     overflowed_++;
   } else {
@@ -265,41 +279,53 @@ void Board::schedule(int16_t counts, uint32_t due) {
     for (; place && difference(scheduled_[place - 1].due, due) > 0; place--) {
       scheduled_[place] = scheduled_[place - 1];
     }
-    scheduled_[place] = {due, counts};
+    scheduled_[place] = set_point;
   }
 }
 
-void Board::apply(int16_t counts) {
-  current_ = counts < -FULL_SCALE ? static_cast<int16_t>(-FULL_SCALE) : counts;
+void Board::apply(const SetPoint &set_point) {
+  for (int axis = 0; axis < AXIS_COUNT; axis++) {
+    const int16_t counts = set_point.counts[axis];
+    currents_[axis] = counts < -FULL_SCALE ? static_cast<int16_t>(-FULL_SCALE) : counts;
+  }
 }
+
+void Board::switch_off() { memset(currents_, 0, sizeof currents_); }
 
 // Whatever the change, no current flows until a set-point comes.
 void Board::enter(State state, uint32_t now) {
   state_ = state;
-  current_ = 0;
+  switch_off();
   scheduled_length_ = 0;
   report(now);
 }
 
 void Board::report(uint32_t now) {
   last_status_ = now;
-  uint8_t payload[35] = {state_};
-  write_u16(payload + 1, static_cast<uint16_t>(current_));
+  uint8_t payload[33 + 2 * AXIS_COUNT] = {state_};
+  uint8_t *next = payload + 1;
+  for (int axis = 0; axis < AXIS_COUNT; axis++) {
+    if (!has_coil(axis)) continue;
+    write_u16(next, static_cast<uint16_t>(currents_[axis]));
+    next += 2;
+  }
   const uint32_t counts[] = {decoder_.received, decoder_.damaged, decoder_.lost,
                              refused_,          timeouts_,        unsent_,
                              late_,             overflowed_};
-  for (size_t i = 0; i < 8; i++) write_u32(payload + 3 + 4 * i, counts[i]);
-  send(STATUS, payload, sizeof payload, now);
+  for (size_t i = 0; i < 8; i++, next += 4) write_u32(next, counts[i]);
+  send(STATUS, payload, static_cast<size_t>(next - payload), now);
 }
 
 void Board::identify(uint32_t now) {
-  uint8_t payload[30];
+  uint8_t payload[38];
   memcpy(payload, identity_.firmware, 3);
   payload[3] = identity_.axes;
   write_u16(payload + 4, identity_.highest_rate);
   write_f32(payload + 6, identity_.full_scale_acceleration);
-  write_f32(payload + 10, identity_.full_scale_current);
-  memcpy(payload + 14, identity_.serial_number, sizeof identity_.serial_number);
+  for (int axis = 0; axis < AXIS_COUNT; axis++) {
+    write_f32(payload + 10 + 4 * axis, identity_.full_scale_currents[axis]);
+  }
+  memcpy(payload + 22, identity_.serial_number, sizeof identity_.serial_number);
   send(IDENTITY, payload, sizeof payload, now);
 }
 

@@ -49,7 +49,7 @@ struct Identity {
   uint8_t axes;                  // of the accelerometer
   uint16_t highest_rate;         // samples per second
   float full_scale_acceleration; // nominal, of 32767 counts, m/s^2
-  float full_scale_current;      // of FULL_SCALE counts, A; 0 where there is no actuator
+  float full_scale_currents[AXIS_COUNT];  // of FULL_SCALE counts, A; 0 where there is no coil
   char serial_number[16];        // padded with zeros
 };
 
@@ -62,8 +62,8 @@ class Board {
 
   // Take bytes of the host.
   void receive(const uint8_t *bytes, size_t length, uint32_t now);
-  // Take the sample of a tick, counts by axis, and the moment it was taken at; then the set-point
-  // that is due flows.
+  // Take the sample of a tick, counts by axis, and the moment it was taken at; then the set-points
+  // that are due flow.
   void sample(const int16_t values[AXIS_COUNT], uint32_t now);
   // Look at the time: to be called at least every ms.
   void tick(uint32_t now);
@@ -73,12 +73,15 @@ class Board {
   void disconnect();
 
   State state() const { return state_; }
-  int16_t current() const { return current_; }  // that is to flow, counts of FULL_SCALE
-  uint16_t rate() const { return rate_; }       // of the samples wanted; 0 for none
-  uint32_t period() const { return period_; }   // from this tick to the next, ns
+  uint16_t rate() const { return rate_; }      // of the samples wanted; 0 for none
+  uint32_t period() const { return period_; }  // from this tick to the next, ns
+  // The current that is to flow in the coil of an axis, counts of FULL_SCALE.
+  int16_t current(int axis) const { return currents_[axis]; }
 
  private:
   void execute(const Frame &frame, uint32_t now);
+  bool has_coil(int axis) const { return identity_.full_scale_currents[axis] > 0; }
+  int coil_count() const;
   ErrorCode refusal(const Frame &frame) const;
   bool can(const Frame &frame) const;
   bool can_follow(const Frame &frame) const;
@@ -88,8 +91,13 @@ class Board {
   bool passed(uint32_t due) const;
   void apply_due();
   void take_set_point(const Frame &frame, uint32_t now);
-  void schedule(int16_t counts, uint32_t due);
-  void apply(int16_t counts);
+  struct SetPoint {
+    uint32_t due;
+    int16_t counts[AXIS_COUNT];  // 0 where there is no coil
+  };
+  void schedule(const SetPoint &set_point);
+  void apply(const SetPoint &set_point);
+  void switch_off();
   void enter(State state, uint32_t now);
   void report(uint32_t now);
   void identify(uint32_t now);
@@ -103,7 +111,7 @@ class Board {
   void *context_;
   Decoder decoder_;
   State state_ = DISARMED;
-  int16_t current_ = 0;
+  int16_t currents_[AXIS_COUNT] = {};
   uint16_t rate_ = 0;
   uint8_t axes_ = 0;
   uint8_t samples_per_frame_ = 0;
@@ -113,10 +121,6 @@ class Board {
   size_t pending_length_ = 0;
   uint8_t pending_samples_ = 0;
   uint32_t pending_clock_ = 0;
-  struct SetPoint {
-    uint32_t due;
-    int16_t counts;
-  };
   SetPoint scheduled_[ROOM];  // in the order in which they are due
   int scheduled_length_ = 0;
   uint32_t period_ = 0;

@@ -13,25 +13,33 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-// Handle or tool on a Teensy 4.0: analogue accelerometer in, current of a voice coil out.
+// Handle or tool on a Teensy 4.0: analogue accelerometer in, currents of up to three voice coils out.
 //
 // Protocol and rules are in board.cpp and protocol.cpp; here are only clock, pins and port. Wiring
-// and reasons: docs/serial_protocol.md. For a slave's tool, set FULL_SCALE_CURRENT to 0.
+// and reasons: docs/serial_protocol.md. Set COILS to 3 for a handle with three coils, to 0 for a
+// slave's tool.
 #include <SPI.h>
 
 #include "board.h"
 
+#ifndef COILS
+#define COILS 1  // 1 is along z
+#endif
+static_assert(COILS == 0 || COILS == 1 || COILS == 3, "no coil, one along z, or three");
+
 // ADXL325 at 3.3 V: 174 mV/g at 3 V (data sheet), in proportion to the supply, is 191 mV/g. Half
 // the converter's range is 1.65 V, 8.6 g. The calibration mends the tolerance.
 const float FULL_SCALE_ACCELERATION = 84.6f;  // m/s^2 at 32767 counts
-const float FULL_SCALE_CURRENT = 2.75f;       // A at 32767 counts: 6.6 N of a coil with 2.4 N/A
+// A at 32767 counts: 6.6 N of a coil with 2.4 N/A; of the coils along x, y and z.
+const float FULL_SCALE_CURRENTS[haptic::AXIS_COUNT] = {
+    COILS == 3 ? 2.75f : 0.0f, COILS == 3 ? 2.75f : 0.0f, COILS ? 2.75f : 0.0f};
 const uint8_t AXES = 0b111;                   // x, y, z are wired
 const uint16_t HIGHEST_RATE = 10000;          // samples per second
 
 const int ACCELEROMETER_PINS[haptic::AXIS_COUNT] = {A0, A1, A2};
-const int CONVERTER_SELECT_PIN = 10;  // MCP4921 on SPI: 11 data, 13 clock
-const int ENABLE_PIN = 2;             // amplifier, high is on; 10 kOhm to ground keep it off
-const int FAULT_PIN = 3;              // amplifier, low is a fault
+const int CONVERTER_SELECT_PINS[haptic::AXIS_COUNT] = {8, 9, 10};  // MCP4921: 11 data, 13 clock
+const int ENABLE_PIN = 2;  // of all amplifiers, high is on; 10 kOhm to ground keep them off
+const int FAULT_PIN = 3;   // of any amplifier, low is a fault
 
 const int INPUT_BITS = 12, INPUT_AVERAGING = 4;
 const int INPUT_MIDDLE = 1 << (INPUT_BITS - 1);     // no acceleration
@@ -59,7 +67,7 @@ volatile bool hung = false;
 IntervalTimer sampler, guard;
 uint16_t sampled_rate = 0;
 uint32_t timed_period = 0;  // ns, given to the timer last
-int16_t flowing = 0;
+int16_t flowing[haptic::AXIS_COUNT] = {};
 haptic::Board *board = nullptr;
 
 bool send(void *, const uint8_t *bytes, size_t length) {
@@ -87,12 +95,12 @@ void watch_loop() {
   }
 }
 
-void put_out(int16_t current) {
+void put_out(int axis, int16_t current) {
   const uint16_t value = static_cast<uint16_t>(OUTPUT_MIDDLE + current / OUTPUT_SCALE);
   SPI.beginTransaction(OUTPUT_SETTINGS);
-  digitalWrite(CONVERTER_SELECT_PIN, LOW);
+  digitalWrite(CONVERTER_SELECT_PINS[axis], LOW);
   SPI.transfer16(OUTPUT_COMMAND | value);
-  digitalWrite(CONVERTER_SELECT_PIN, HIGH);
+  digitalWrite(CONVERTER_SELECT_PINS[axis], HIGH);
   SPI.endTransaction();
 }
 
@@ -107,15 +115,19 @@ void setup() {
   pinMode(ENABLE_PIN, OUTPUT);
   digitalWrite(ENABLE_PIN, LOW);
   pinMode(FAULT_PIN, INPUT_PULLUP);
-  pinMode(CONVERTER_SELECT_PIN, OUTPUT);
-  digitalWrite(CONVERTER_SELECT_PIN, HIGH);
+  for (const int pin : CONVERTER_SELECT_PINS) {
+    pinMode(pin, OUTPUT);
+    digitalWrite(pin, HIGH);
+  }
   SPI.begin();
-  put_out(0);
+  for (int axis = 0; axis < haptic::AXIS_COUNT; axis++) put_out(axis, 0);
   analogReadResolution(INPUT_BITS);
   analogReadAveraging(INPUT_AVERAGING);
 
-  haptic::Identity identity = {
-      {2, 0, 0}, AXES, HIGHEST_RATE, FULL_SCALE_ACCELERATION, FULL_SCALE_CURRENT, {}};
+  haptic::Identity identity = {{3, 0, 0}, AXES, HIGHEST_RATE, FULL_SCALE_ACCELERATION, {}, {}};
+  for (int axis = 0; axis < haptic::AXIS_COUNT; axis++) {
+    identity.full_scale_currents[axis] = FULL_SCALE_CURRENTS[axis];
+  }
   write_serial_number(identity.serial_number);
   static haptic::Board the_board(identity, send, nullptr);
   board = &the_board;
@@ -158,7 +170,10 @@ void follow_period() {
 }
 
 void drive() {
-  if (board->current() != flowing) put_out(flowing = board->current());
+  for (int axis = 0; axis < haptic::AXIS_COUNT; axis++) {
+    const int16_t current = board->current(axis);
+    if (current != flowing[axis]) put_out(axis, flowing[axis] = current);
+  }
   const bool on = board->state() == haptic::ARMED || board->state() == haptic::TIMED_OUT;
   digitalWrite(ENABLE_PIN, on ? HIGH : LOW);
 }

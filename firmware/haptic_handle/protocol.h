@@ -23,7 +23,7 @@
 
 namespace haptic {
 
-constexpr uint8_t VERSION = 2;           // of the protocol
+constexpr uint8_t VERSION = 3;           // of the protocol
 constexpr int16_t FULL_SCALE = 32767;    // counts of the full-scale current either way
 constexpr size_t LONGEST_PAYLOAD = 240;  // bytes: with header and CRC below the 254 of COBS
 constexpr size_t HEADER_SIZE = 8;        // bytes: version, type, sequence number, clock

@@ -27,8 +27,15 @@ import numpy as np
 import pandas as pd
 
 from haptic_accel.analysis.loading import Analysis, analyse
-from haptic_accel.analysis.metrics import METRICS, MILLI, AnalysedTrial, Shift
+from haptic_accel.analysis.metrics import (
+    METRICS,
+    MILLI,
+    VECTOR_METRICS,
+    AnalysedTrial,
+    Shift,
+)
 from haptic_accel.analysis.segments import Segment, read_segment
+from haptic_accel.analysis.traces import named_components
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
 from haptic_accel.core.evaluation.statistics import mean_interval
 
@@ -115,6 +122,12 @@ def band_column(band: str) -> str:
     return f"nrmse_{band.replace('-', '_').replace(' ', '_')}_percent"
 
 
+def vector_metrics(analysis: Analysis) -> list[str]:
+    """Return the names of those of `VECTOR_METRICS` that any trial has."""
+    found = {name for trial in analysis.trials for name in trial.metrics}
+    return [name for name in VECTOR_METRICS if name in found]
+
+
 def band_names(analysis: Analysis) -> list[str]:
     """Return the names of all bands."""
     return list(dict.fromkeys(name for trial in analysis.trials for name in trial.bands))
@@ -146,7 +159,7 @@ def groups(analysis: Analysis) -> pd.DataFrame:
     The column ``interval`` contains the method of the NRMSE's interval, or the reason for its
     absence. Trials without contact are excluded.
     """
-    columns = [*METRICS, *map(band_column, band_names(analysis))]
+    columns = [*METRICS, *vector_metrics(analysis), *map(band_column, band_names(analysis))]
     rows = []
     for key, own in by_condition(trials(analysis)):
         found = {name: mean_interval(own[name].tolist()) for name in columns}
@@ -297,7 +310,7 @@ def signals(path: Path | str, number: int = 1) -> pd.DataFrame:
     -------
     DataFrame
         Tool, desired and handle acceleration in m/s^2 and actuator force in N, if recorded, by
-        topic name.
+        topic name; of several axes, a column for each, as in ``slave/tool/acceleration_x``.
 
     Raises
     ------
@@ -311,4 +324,4 @@ def segment_signals(segment: Segment) -> pd.DataFrame:
     """Return the samples of a segment by time in s."""
     length = max(map(len, segment.signals.values()))
     time = pd.Index(np.arange(length) / segment.rate, name="time_s")
-    return pd.DataFrame(dict(segment.signals), index=time)
+    return pd.DataFrame(dict(named_components(segment.signals, segment.axes)), index=time)

@@ -19,28 +19,35 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from statistics import fmean
 from typing import Any
 
 import numpy as np
 
+from haptic_accel.analysis import identification_report as report
 from haptic_accel.analysis.identification_report import ModelError
+from haptic_accel.analysis.identification_three_axes import ThreeAxisResult
 from haptic_accel.bags.delivery import AGE_OF, durations
-from haptic_accel.bags.reading import Bag, read_bag
+from haptic_accel.bags.reading import Bag, Signal, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.axes import ACTUATOR_AXIS, Axes
 from haptic_accel.core.identification import sweep as sweeps
+from haptic_accel.core.identification import three_axes
 from haptic_accel.core.identification.estimate import RecordingError, dft_ratio
 from haptic_accel.core.identification.evaluation import (
     Identification,
     Tell,
     centred,
     identify_handle,
+    stages,
 )
 from haptic_accel.core.identification.fit import INTERVAL, HandleFit
+from haptic_accel.core.identification.multisine import orthogonal_excitation
 from haptic_accel.core.identification.stops import (
     LIMITED,
     STOPS_HIT,
@@ -48,12 +55,16 @@ from haptic_accel.core.identification.stops import (
     check_stops,
     check_travel,
 )
+from haptic_accel.core.identification.three_axes import (
+    ThreeAxisIdentification,
+    identify_three_axes,
+)
 from haptic_accel.core.model import ACTUATOR, FloatArray, HandleParameters, Suspension, held
 from haptic_accel.core.parameters import ParameterError, own_schema
-from haptic_accel.core.sampling import NANOSECONDS, BoolArray, same_rate
-from haptic_accel.core.trial import RigParameters, run_identification
+from haptic_accel.core.sampling import NANOSECONDS, BoolArray, on_grid, places, same_rate
+from haptic_accel.core.trial import RigParameters, master_response, run_identification
 from haptic_accel.graph.arguments import AVERAGE_GRIP, IdentifyArguments
-from haptic_accel.graph.files import EVERY_NODE, parameter_text
+from haptic_accel.graph.files import EVERY_NODE
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
 from haptic_accel.materials.recordings import read_recording
@@ -99,6 +110,31 @@ class Result:
         """Warnings to the reader of the metrics."""
         return [*self.doubts, *self.found.outliers] + [POOLED_NOTE] * (len(self.found.grips) > 1)
 
+    @property
+    def fits(self) -> dict[str, HandleFit]:
+        """Fits by column of a table."""
+        return report.fits_by_column(self.found)
+
+    @property
+    def explained(self) -> str:
+        """Sentence on the residual of the fit."""
+        return report.explained(self.found)
+
+    def write_report(
+        self, folder: Path, sweep: sweeps.SweepParameters, settings: Mapping[str, str]
+    ) -> Path:
+        """Write the page of the identification; return its path."""
+        return report.write_identification_report(
+            self.found,
+            sweep,
+            folder,
+            settings=settings,
+            truth=self.truth,
+            errors=self.errors,
+            band=self.band,
+            notes=self.notes,
+        )
+
     def sentences(self) -> Iterator[str]:
         """Yield errors against the true response, and the delay of the hardware."""
         for name, error in self.errors.items():
@@ -110,6 +146,89 @@ class Result:
             f"delay of the hardware: {self.found.fit.delay * 1e6:.0f} us, in addition to the"
             f" graph's latency of {self.latency} samples"
         )
+
+    def parameters(self, age: float) -> dict[str, dict[str, Any]]:
+        """Return the parameters of each node that describe the handle, and its controllers.
+
+        The compensator reports the doubts as a warning.
+
+        Parameters
+        ----------
+        age : float
+            Age of forces applied on arrival, s. A controller compensates it, as part of the delay,
+            but it is not part of the simulated handle's own delay.
+        """
+        found, fit = self.found, self.found.fit
+        # Friction that may be zero must not be compensated.
+        certain = fit.bearing.friction > INTERVAL * fit.standard_errors.get("friction", 0.0)
+        friction = float(f"{fit.bearing.friction:.4f}") if certain else 0.0
+        handle = report.plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
+        mount = report.plain(asdict(fit.mount))
+        suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
+        return {
+            EVERY_NODE: {ACTUATOR: report.plain(asdict(self.actuator) | suspension)},
+            "master_device": {
+                "simulated": {
+                    "handle": handle,
+                    "mount": mount,
+                    "drive": {
+                        "delay": float(f"{max(0.0, fit.delay - age):.6f}"),
+                        "coulomb_friction": friction,
+                    },
+                }
+            },
+            "compensator": {
+                "constant": report.plain({"mass": fit.handle.m_h}),
+                "dynamic": report.plain(asdict(found.approximate)),
+                "plant": {
+                    "handle": handle,
+                    "mount": mount,
+                    "delay": float(f"{max(0.0, fit.delay):.6f}"),
+                    "bandwidth": fit.low_pass_frequency,
+                    "friction": friction,
+                    "doubt": "; ".join(self.doubts),
+                },
+            },
+        }
+
+    @property
+    def heading(self) -> str:
+        """First lines of a parameter file."""
+        fit = self.found.fit
+        return (
+            "# A handle as identified; use with params_file:=FILE. SI units.\n"
+            f"# Band {fit.band[0]:.4g} to {fit.band[1]:.4g} Hz, delay of the hardware"
+            f" {fit.delay * 1e6:.0f} us, beside the latency\n# and the loop's own sample, residual"
+            f" {fit.residual:.2f} (1: noise alone).\n"
+        )
+
+    def metrics(self) -> dict[str, Any]:
+        """Return the metrics of an identification for a JSON file.
+
+        Keys without a model's name refer to the discrete model.
+        """
+        found, errors = self.found, self.errors
+        discrete = errors.get("discrete")
+        return {
+            **report.fit_metrics(found.fit),
+            "latency_samples": self.latency,
+            "max_magnitude_error_db": discrete.magnitude_db if discrete else None,
+            "max_phase_error_deg": discrete.phase_deg if discrete else None,
+            "band_hz": list(self.band),
+            "doubts": list(self.doubts),
+            "outliers": {
+                name: sum(trial.counters[sweeps.OUTLIERS] for trial in grip.trials)
+                for name, grip in found.grips.items()
+            },
+            "physical_model": asdict(errors["physical"]) if errors else None,
+            "grips": {name: report.fit_metrics(grip.fit) for name, grip in found.grips.items()},
+            "approximate_model": asdict(found.approximate),
+            "discrete_model": {
+                "sections": found.discrete.sections.tolist(),
+                "delay_samples": found.discrete.delay_samples,
+                "rate_hz": found.discrete.rate,
+            },
+        }
 
 
 POOLED_NOTE = (
@@ -124,8 +243,8 @@ def evaluate(
     arguments: IdentifyArguments,
     free: Sequence[str],
     tell: Tell = lambda _: None,
-) -> Result:
-    """Fit the model to recordings.
+) -> Result | ThreeAxisResult:
+    """Fit the model to recordings, of three axes if they have three.
 
     Parameters
     ----------
@@ -135,27 +254,32 @@ def evaluate(
     free : sequence of str
         Parameters of the model to fit.
     tell : callable
-        Called with the name of each stage, as by `identify_handle`.
+        Called with the name of each of `evaluation_stages` as it begins.
 
     Raises
     ------
     RecordingError
         The response cannot be determined.
+    ParameterError
+        A handle with three axes is held with several grips.
     """
     check_stops(recorded)
     _, known = node_parameters("identifier", graph_parameters(arguments)["identifier"])
     actuator, sensor = known[ACTUATOR], known["accelerometer"]
-    found = identify_handle(
-        recorded,
-        arguments.sweep,
-        sensor.range,
-        sensor.bandwidth,
-        known=HandleParameters(
-            m_a=actuator.m_a, k_s=actuator.k_s, b_s=actuator.b_s or HandleParameters.b_s
-        ),
-        free=free,
-        tell=tell,
+    sensed = sensor.range, sensor.bandwidth
+    handle = HandleParameters(
+        m_a=actuator.m_a, k_s=actuator.k_s, b_s=actuator.b_s or HandleParameters.b_s
     )
+    latency = next(iter(recorded.values()))[0].latency
+    if _has_three_axes(recorded):
+        check_one_grip(recorded)
+        (trials,) = recorded.values()
+        axes = identify_three_axes(
+            trials, arguments.sweep, *sensed, known=handle, free=free, tell=tell
+        )
+        stretched = _coil_travel(axes, actuator.travel)
+        return ThreeAxisResult(axes, actuator, latency, [*stretched, *axes.doubts])
+    found = identify_handle(recorded, arguments.sweep, *sensed, known=handle, free=free, tell=tell)
     # Of each grip, the doubt on the largest travel.
     travel = [
         max(check_travel(name, each, grip.fit.handle, actuator.travel) for each in grip.trials)
@@ -164,13 +288,58 @@ def evaluate(
     doubts = [*filter(None, travel), *found.doubts]
     lowest, highest = arguments.sweep.start_frequency, 0.9 * arguments.sweep.end_frequency
     band = max(LOWEST_COMPARED, lowest), min(highest, HIGHEST_COMPARED)
-    latency = next(iter(recorded.values()))[0].latency
     return Result(found, actuator, latency, band, doubts)
 
 
-def beside_truth(result: Result, arguments: IdentifyArguments, on_arrival: bool) -> Result:
+def evaluation_stages(recorded: Recorded) -> list[str]:
+    """Return the names of the stages of `evaluate`, in their order."""
+    return three_axes.stages() if _has_three_axes(recorded) else stages(recorded)
+
+
+def check_one_grip(grips: Collection[str]) -> None:
+    """Reject several grips on a handle with three axes.
+
+    Raises
+    ------
+    ParameterError
+        The message contains the grips.
+    """
+    if len(grips) > 1:
+        raise ParameterError(f"grips = {', '.join(grips)}: must be one for three axes")
+
+
+def _has_three_axes(recorded: Recorded) -> bool:
+    return any(trial.actuator_force.ndim == 2 for trials in recorded.values() for trial in trials)
+
+
+def _coil_travel(found: ThreeAxisIdentification, most: float) -> list[str]:
+    """Return a doubt for each coil whose largest estimated travel comes near its stops, m."""
+    doubts = []
+    for coil, (name, fit) in enumerate(found.fits.items()):
+        alone = [
+            replace(
+                trial,
+                actuator_force=trial.actuator_force[:, coil],
+                handle_acceleration=trial.handle_acceleration[:, coil],
+            )
+            for trial in found.trials
+        ]
+        doubts.append(max(check_travel(f"axis {name}", each, fit.handle, most) for each in alone))
+    return [*filter(None, doubts)]
+
+
+def axes_of(arguments: IdentifyArguments) -> Axes:
+    """Return the axes of the handle that is identified."""
+    return Axes.parsed(graph_parameters(arguments)["identifier"]["axes"])
+
+
+def beside_truth(
+    result: Result | ThreeAxisResult, arguments: IdentifyArguments, on_arrival: bool
+) -> Result | ThreeAxisResult:
     """Return a result with its errors against the simulated rig that was identified."""
     rig = rig_as_held(arguments)
+    if isinstance(result, ThreeAxisResult):
+        return result.beside_truth(partial(master_response, rig.master), on_arrival)
     errors = model_errors(result.found, rig, arguments.sweep, result.band, on_arrival)
     return replace(result, truth=rig.master.handle, errors=errors)
 
@@ -181,67 +350,6 @@ def rig_as_held(arguments: IdentifyArguments) -> RigParameters:
     handle = held(master.handle, master.grip, arguments.seed)
     grip = replace(master.grip, variation=0.0, posture=AVERAGE_GRIP)
     return RigParameters(replace(master, handle=handle, grip=grip))
-
-
-def handle_parameters(result: Result, age: float) -> dict[str, dict[str, Any]]:
-    """Return the parameters of each node that describe the handle, and its controllers.
-
-    Parameters
-    ----------
-    result : Result
-        The compensator reports its doubts as a warning.
-    age : float
-        Age of forces applied on arrival, s. It is part of the delay that a controller compensates,
-        but not of the simulated handle's own delay.
-    """
-    found, fit = result.found, result.found.fit
-    # Friction that may be zero must not be compensated.
-    certain = fit.bearing.friction > INTERVAL * fit.standard_errors.get("friction", 0.0)
-    friction = float(f"{fit.bearing.friction:.4f}") if certain else 0.0
-    handle = _plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
-    mount = _plain(asdict(fit.mount))
-    suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
-    return {
-        EVERY_NODE: {ACTUATOR: _plain(asdict(result.actuator) | suspension)},
-        "master_device": {
-            "simulated": {
-                "handle": handle,
-                "mount": mount,
-                "drive": {
-                    "delay": float(f"{max(0.0, fit.delay - age):.6f}"),
-                    "coulomb_friction": friction,
-                },
-            }
-        },
-        "compensator": {
-            "constant": _plain({"mass": fit.handle.m_h}),
-            "dynamic": _plain(asdict(found.approximate)),
-            "plant": {
-                "handle": handle,
-                "mount": mount,
-                "delay": float(f"{max(0.0, fit.delay):.6f}"),
-                "bandwidth": fit.low_pass_frequency,
-                "friction": friction,
-                "doubt": "; ".join(result.doubts),
-            },
-        },
-    }
-
-
-def parameter_file(result: Result, age: float) -> str:
-    """Return a ROS parameter file for ``params_file:=FILE``; see `handle_parameters`."""
-    fit = result.found.fit
-    head = (
-        "# A handle as identified; use with params_file:=FILE. SI units.\n"
-        f"# Band {fit.band[0]:.4g} to {fit.band[1]:.4g} Hz, delay of the hardware"
-        f" {fit.delay * 1e6:.0f} us, beside the latency\n# and the loop's own sample, residual"
-        f" {fit.residual:.2f} (1: noise alone).\n"
-    )
-    return head + parameter_text(handle_parameters(result, age))
-
-
-def _plain(values: Mapping[str, Any]) -> dict[str, float]:
-    return {name: float(f"{value:.6g}") for name, value in values.items()}
 
 
 def model_errors(
@@ -295,58 +403,6 @@ def model_errors(
             float(np.max(np.abs(np.angle(ratio))) * (180 / math.pi)),
         )
     return errors
-
-
-def identification_metrics(result: Result) -> dict[str, Any]:
-    """Return the metrics of an identification for a JSON file.
-
-    Keys without a model's name refer to the discrete model.
-    """
-    found, errors = result.found, result.errors
-    discrete = errors.get("discrete")
-    return {
-        **_fit_metrics(found.fit),
-        "latency_samples": result.latency,
-        "max_magnitude_error_db": discrete.magnitude_db if discrete else None,
-        "max_phase_error_deg": discrete.phase_deg if discrete else None,
-        "band_hz": list(result.band),
-        "doubts": list(result.doubts),
-        "outliers": {
-            name: sum(trial.counters[sweeps.OUTLIERS] for trial in grip.trials)
-            for name, grip in found.grips.items()
-        },
-        "physical_model": asdict(errors["physical"]) if errors else None,
-        "grips": {name: _fit_metrics(grip.fit) for name, grip in found.grips.items()},
-        "approximate_model": asdict(found.approximate),
-        "discrete_model": {
-            "sections": found.discrete.sections.tolist(),
-            "delay_samples": found.discrete.delay_samples,
-            "rate_hz": found.discrete.rate,
-        },
-    }
-
-
-def _fit_metrics(fit: HandleFit) -> dict[str, Any]:
-    return {
-        "parameters": {
-            name: {
-                "value": fit.value(name),
-                "standard_error": fit.standard_errors.get(name),
-                "unit": given.unit,
-            }
-            for name, (_, given) in own_schema(HandleParameters).items()
-        },
-        "delay_s": fit.delay,
-        "delay_us": fit.delay * 1e6,
-        "delay_standard_error_s": fit.standard_errors.get("delay"),
-        "friction_n": fit.bearing.friction,
-        "friction_standard_error_n": fit.standard_errors.get("friction"),
-        "mount": asdict(fit.mount),
-        "mount_standard_errors": {
-            name: fit.standard_errors.get(f"mount_{name}") for name in asdict(fit.mount)
-        },
-        "residual": fit.residual,
-    }
 
 
 # Recordings
@@ -452,9 +508,13 @@ def _trials(
         No trial is left.
     """
     force, acceleration, missing = _read_excited(bag, arguments.rate)
-    found = sweeps.find_trials(
-        force, acceleration, arguments.sweep, arguments.rate, missing, bag.latency
-    )
+    sweep, rate = arguments.sweep, arguments.rate
+    wanted = sweeps.excitation(sweep, rate)
+    if force[:, [axis for axis in range(3) if axis != ACTUATOR_AXIS]].any():
+        wanted = orthogonal_excitation(sweep, rate)
+    else:
+        force, acceleration = force[:, ACTUATOR_AXIS], acceleration[:, ACTUATOR_AXIS]
+    found = sweeps.find_trials(force, acceleration, sweep, rate, missing, bag.latency, wanted)
     # The device's counts do not name the trial.
     values = _last_values(bag)
     for trial in found:
@@ -488,7 +548,7 @@ def _read_excited(bag: Bag, rate: float) -> tuple[FloatArray, FloatArray, BoolAr
 
     Returns
     -------
-    actuator_force, handle_acceleration : ndarray, shape (n,)
+    actuator_force, handle_acceleration : ndarray, shape (n, 3)
         N and m/s^2; each force is at the sample that caused it.
     missing : ndarray of bool, shape (n,)
         True for samples missing in the bag, which repeat the previous value.
@@ -511,9 +571,18 @@ def _read_excited(bag: Bag, rate: float) -> tuple[FloatArray, FloatArray, BoolAr
         )
     start = int(stamps[0])
     length = round((int(stamps[-1]) - start) / (NANOSECONDS / rate)) + 1
-    force, _ = signals[topics.ACTUATOR_FORCE.name].on_grid(start, rate, length)
-    acceleration, seen = signals[topics.HANDLE_ACCELERATION.name].on_grid(start, rate, length)
+    force, _ = _on_grid(signals[topics.ACTUATOR_FORCE.name], start, rate, length)
+    acceleration, seen = _on_grid(signals[topics.HANDLE_ACCELERATION.name], start, rate, length)
     return force, acceleration, ~seen
+
+
+def _on_grid(
+    recorded: Signal, start: int, rate: float, length: int
+) -> tuple[FloatArray, BoolArray]:
+    """Return the vectors of a signal on a grid, and a mask of its samples."""
+    where = places(recorded.stamps, start, rate)
+    columns = [on_grid(where, column, length) for column in recorded.values.T]
+    return np.stack([values for values, _ in columns], axis=1), columns[0][1]
 
 
 def _force_age(bag: Bag) -> float:

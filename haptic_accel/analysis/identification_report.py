@@ -20,7 +20,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -134,8 +134,8 @@ def write_identification_report(
         found=found,
         settings=settings,
         notes=notes,
-        columns=[name for name, _ in fits_by_column(found)],
-        parameters=parameter_rows(found, truth),
+        columns=list(fits_by_column(found)),
+        parameters=parameter_rows(fits_by_column(found), truth),
         simulated=truth is not None,
         explained=explained(found),
         order=_order(found.discrete),
@@ -143,7 +143,7 @@ def write_identification_report(
         band=band,
         number=number,
         parameter_file=PARAMETER_FILE,
-        pictures={name: _picture(figure, folder / name) for name, figure in plots.items()},
+        pictures=pictures(plots, folder),
     )
     return index
 
@@ -153,6 +153,11 @@ _CSS_DPI = 96  # pixels per inch of a page
 _DIGITS = 5  # significant digits of a value with unknown error
 _MOST_DIGITS = 7  # for a very small error
 _ERROR_DIGITS = 2  # of a standard error
+
+
+def pictures(figures: Mapping[str, Figure], folder: Path) -> dict[str, dict[str, Any]]:
+    """Write figures to a folder; return by name their addresses for a page and sizes in pixels."""
+    return {name: _picture(figure, folder / name) for name, figure in figures.items()}
 
 
 def _picture(figure: Figure, path: Path) -> dict[str, Any]:
@@ -177,10 +182,10 @@ class Row:
     cells: list[tuple[str, str]]
 
 
-def fits_by_column(found: Identification) -> list[tuple[str, HandleFit]]:
+def fits_by_column(found: Identification) -> dict[str, HandleFit]:
     """Return the fit of each grip and, if there are several, of all together."""
-    fits = [(name, grip.fit) for name, grip in found.grips.items()]
-    return fits if len(fits) == 1 else [*fits, (POOLED, found.fit)]
+    fits = {name: grip.fit for name, grip in found.grips.items()}
+    return fits if len(fits) == 1 else {**fits, POOLED: found.fit}
 
 
 def _quantities() -> Iterator[tuple[str, str, str, float]]:
@@ -198,17 +203,19 @@ def _quantities() -> Iterator[tuple[str, str, str, float]]:
         yield f"mount_{name}", "mount of the accelerometer", given.unit or "1", 1.0
 
 
-def parameter_rows(found: Identification, truth: HandleParameters | None) -> list[Row]:
+def parameter_rows(
+    by_column: Mapping[str, HandleFit], truth: HandleParameters | None
+) -> list[Row]:
     """Return the table of fitted and known parameters.
 
     Parameters
     ----------
-    found : Identification
-        Result of the identification; a row has a cell for each of `fits_by_column`.
+    by_column : mapping of str to HandleFit
+        Fits, each with a cell in a row.
     truth : HandleParameters or None
         Parameters of a simulated handle, if known.
     """
-    fits = [fit for _, fit in fits_by_column(found)]
+    fits = list(by_column.values())
     of_handle = own_schema(HandleParameters)
     rows = []
     for name, text, unit, factor in _quantities():
@@ -225,17 +232,19 @@ def parameter_rows(found: Identification, truth: HandleParameters | None) -> lis
     return rows
 
 
-def parameter_table(found: Identification, truth: HandleParameters | None) -> ResultTable:
+def parameter_table(
+    by_column: Mapping[str, HandleFit], truth: HandleParameters | None
+) -> ResultTable:
     """Return the parameters as a table for a terminal."""
     left = ("name", "unit", "true") if truth else ("name", "unit")
     rows = []
-    for row in parameter_rows(found, truth):
+    for row in parameter_rows(by_column, truth):
         cells = [
             f"{value} ± {error}" if error[0].isdigit() else f"{value} {error}"
             for value, error in row.cells
         ]
         rows.append([*(getattr(row, name) for name in left), *cells])
-    headings = ("", *left[1:], *(name for name, _ in fits_by_column(found)))
+    headings = ("", *left[1:], *by_column)
     return ResultTable(headings, rows, "the handle, with standard errors", left=len(left))
 
 
@@ -262,6 +271,35 @@ def _number(value: float | None) -> str:
     if value is None or not math.isfinite(value):
         return DASH
     return f"{value:.{_DIGITS}g}".replace("-", "\N{MINUS SIGN}")
+
+
+def fit_metrics(fit: HandleFit) -> dict[str, Any]:
+    """Return the parameters of a fit with standard errors for a JSON file."""
+    return {
+        "parameters": {
+            name: {
+                "value": fit.value(name),
+                "standard_error": fit.standard_errors.get(name),
+                "unit": given.unit,
+            }
+            for name, (_, given) in own_schema(HandleParameters).items()
+        },
+        "delay_s": fit.delay,
+        "delay_us": fit.delay * 1e6,
+        "delay_standard_error_s": fit.standard_errors.get("delay"),
+        "friction_n": fit.bearing.friction,
+        "friction_standard_error_n": fit.standard_errors.get("friction"),
+        "mount": asdict(fit.mount),
+        "mount_standard_errors": {
+            name: fit.standard_errors.get(f"mount_{name}") for name in asdict(fit.mount)
+        },
+        "residual": fit.residual,
+    }
+
+
+def plain(values: Mapping[str, Any]) -> dict[str, float]:
+    """Return numbers rounded to six digits for a parameter file."""
+    return {name: float(f"{value:.6g}") for name, value in values.items()}
 
 
 def explained(found: Identification) -> str:

@@ -244,7 +244,7 @@ def _digest(segment: Segment) -> bytes:
     digest = hashlib.blake2b(digest_size=16)
     for name, values in sorted(segment.signals.items()):
         digest.update(name.encode())
-        digest.update(np.ascontiguousarray(values).data)
+        digest.update(np.ascontiguousarray(values).ravel().data)
     return digest.digest()
 
 

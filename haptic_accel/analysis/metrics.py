@@ -20,7 +20,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,14 +32,26 @@ from haptic_accel.analysis.traces import Traces
 from haptic_accel.bags.delivery import AGE_OF
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.travel import TravelEstimator
-from haptic_accel.core.control.filters import without_hand_motion
+from haptic_accel.core.axes import NAMES
+from haptic_accel.core.control.filters import comparable, without_hand_motion
 from haptic_accel.core.control.inversion.bound import bounds
+from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
 from haptic_accel.core.control.supervision import supervise
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.evaluation.delay import Delay, estimate_delay, shift_back
 from haptic_accel.core.evaluation.discrimination import indistinguishable
-from haptic_accel.core.evaluation.metrics import band_nrmse, bands, evaluate
+from haptic_accel.core.evaluation.metrics import (
+    band_nrmse,
+    bands,
+    by_component,
+    components,
+    direction_error,
+    evaluate,
+    evaluate_axes,
+    lengths,
+)
 from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
+from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.model import AccelerometerParameters, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tables import Column
@@ -91,6 +105,16 @@ METRICS: Mapping[str, Column] = {
     )
 }
 """Metrics by name with unit, as used for columns of tables and files."""
+
+
+VECTOR_METRICS: Mapping[str, Column] = {
+    column.key: column
+    for column in (
+        Column("direction_error_deg", "direction error", "°", 1),
+        *(Column(f"nrmse_{axis}_percent", f"NRMSE {axis}", "%", 1) for axis in NAMES),
+    )
+}
+"""Further metrics of trials with several axes."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +192,7 @@ class AnalysedTrial:
     segment : Segment
         Segment of the bag, without its signals.
     metrics : dict
-        Value of each of `METRICS`; NaN where undefined.
+        Value of each of `METRICS`, and of `VECTOR_METRICS` for several axes; NaN where undefined.
     bands : dict
         NRMSE in percent by band; empty if the accelerations cannot be compared.
     error : Interval
@@ -232,7 +256,7 @@ def measure(
     if actual is None and segment.rate <= 2 * corner:
         notes.append(f"{segment.rate:g} samples per second are too few for its {corner:g} Hz")
     likeness = _Likeness()
-    felt = math.nan if desired is None else float(np.sqrt(np.mean(desired**2)))
+    felt = math.nan if desired is None else _rms(desired)
     contact = not felt < CONTACT
     if not contact:
         notes.append(
@@ -240,6 +264,9 @@ def measure(
             f" contact is at least {CONTACT:.2g} m/s²"
         )
     elif desired is not None and actual is not None:
+        if desired.ndim > 1:
+            handle = segment.signals[topics.HANDLE_ACCELERATION.name]
+            desired, actual = comparable(desired, handle, corner, segment.rate)
         likeness = _compared(desired, actual, segment, shift, notes, begin)
         likeness.metrics.update(_bounds(segment, likeness.shift, notes))
     notes += _deviation(segment)
@@ -249,8 +276,8 @@ def measure(
     delivery = segment.delivery
     metrics = dict.fromkeys(METRICS, math.nan) | likeness.metrics
     if force is not None:
-        metrics["force_rms_N"] = float(np.sqrt(np.mean(force**2)))
-        metrics["force_peak_N"] = float(np.max(np.abs(force)))
+        metrics["force_rms_N"] = _rms(force)
+        metrics["force_peak_N"] = float(np.max(lengths(force)))
     if travel is not None:
         farthest = np.max(np.abs(travel[round(TRAVEL_BEGIN * segment.rate) :]))
         if farthest <= segment.actuator.travel:
@@ -266,10 +293,15 @@ def measure(
     for label in ("p50", "p99", "max"):
         metrics[f"age_{label}_us"] = delivery.age_us.get(label, math.nan)
     metrics["lost"] = float(sum(delivery.lost.values()))
-    traces = Traces.of(drawn, segment.rate, likeness.shift, begin)
+    traces = Traces.of(drawn, segment.rate, likeness.shift, begin, segment.axes)
     kept, unique = replace(segment, signals={}), tuple(dict.fromkeys(notes))
     compared = likeness.bands, likeness.error, likeness.portrait
     return AnalysedTrial(name, source, kept, metrics, *compared, traces, unique, contact)
+
+
+def _rms(values: FloatArray) -> float:
+    """Return the root mean square of a signal, of a vector's length."""
+    return float(np.sqrt(np.mean(lengths(values) ** 2)))
 
 
 COMPENSATOR = "compensator"
@@ -286,7 +318,7 @@ def _deviation(segment: Segment) -> list[str]:
         return []
     force = segment.signals.get(topics.ACTUATOR_FORCE.name)
     handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
-    if segment.told is None or force is None or handle is None:
+    if segment.told is None or force is None or handle is None or handle.ndim > 1:
         return []
     try:
         plant = segment.told.delayed(segment.latency)
@@ -304,7 +336,10 @@ def actual_acceleration(segment: Segment) -> FloatArray | None:
     handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
     if handle is None or segment.rate <= 2 * segment.high_pass_frequency:
         return None
-    return without_hand_motion(handle, segment.high_pass_frequency, segment.rate)
+    without = partial(
+        without_hand_motion, high_pass_frequency=segment.high_pass_frequency, rate=segment.rate
+    )
+    return by_component(without, handle)
 
 
 _NO_ERROR = Interval(math.nan, math.nan, math.nan, 0, "no value")
@@ -336,7 +371,11 @@ def _compared(
         seconds = shift.of(segment, delay)
         desired, actual = shift_back(desired, actual, rate, seconds)
         evaluation = evaluate(desired, actual, rate, 0.0)
-        portrait = Portrait.of(desired, actual, rate, evaluation, begin)
+        by_axis = {}
+        if desired.ndim > 1:
+            evaluations = evaluate_axes(desired, actual, rate)
+            by_axis = dict(zip(segment.axes.names, evaluations, strict=True))
+        portrait = Portrait.of(desired, actual, rate, evaluation, begin, by_axis)
         errors = band_nrmse(desired, actual, rate, bands(rate))
     except ValueError as error:
         notes.append(f"cannot be compared: {error}")
@@ -349,6 +388,9 @@ def _compared(
         "delay_correlation": delay.correlation,
         "shift_ms": MILLI * seconds,
     }
+    if by_axis:
+        metrics["direction_error_deg"] = direction_error(desired, actual)
+        metrics |= {f"nrmse_{axis}_percent": own.nrmse_percent for axis, own in by_axis.items()}
     own = nrmse_interval(desired, actual, rate)
     low, high = PERCENT * own.low, PERCENT * own.high
     nrmse = replace(own, value=evaluation.nrmse_percent, low=low, high=high)
@@ -360,18 +402,22 @@ def _bounds(segment: Segment, shift: float, notes: list[str]) -> dict[str, float
     """Return the error bounds of a trial for a shift, s, of at least one sample."""
     tool = segment.signals.get(topics.TOOL_ACCELERATION.name)
     granted = round(shift * segment.rate, 6) - segment.latency
-    if tool is None or segment.plant is None or granted < 0 or granted % 1:
+    plant = segment.plant
+    if tool is None or plant is None or granted < 0 or granted % 1:
         return {}
+    around: dict[str, Any] = {
+        "granted_delay": int(granted),
+        "noise": segment.noise,
+        "high_pass_frequency": segment.high_pass_frequency,
+        "actuator": segment.actuator,
+    }
     try:
-        found = bounds(
-            segment.plant,
-            segment.rate,
-            tool,
-            granted_delay=int(granted),
-            noise=segment.noise,
-            high_pass_frequency=segment.high_pass_frequency,
-            actuator=segment.actuator,
-        )
+        if isinstance(plant, MatrixPlant):
+            found = matrix_bounds(plant, segment.rate, tool, **around)
+        elif tool.ndim == 1:
+            found = bounds(plant, segment.rate, tool, **around)
+        else:
+            return {}
     except ParameterError as error:
         notes.append(f"no bound of the error: {error}")
         return {}
@@ -379,11 +425,18 @@ def _bounds(segment: Segment, shift: float, notes: list[str]) -> dict[str, float
 
 
 def _travel(segment: Segment) -> FloatArray | None:
-    """Return the actuator's position between its stops at each sample, m."""
+    """Return the position of each axis' actuator between its stops at each sample, m."""
     force = segment.signals.get(topics.ACTUATOR_FORCE.name)
     handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
     if force is None or handle is None:
         return None
+    pairs = zip(components(force), components(handle), strict=True)
+    found = [_travel_along(segment, *pair) for pair in pairs]
+    return found[0] if force.ndim == 1 else np.column_stack(found)
+
+
+def _travel_along(segment: Segment, force: FloatArray, handle: FloatArray) -> FloatArray:
+    """Return the position of an actuator, m."""
     sample = TravelEstimator(segment.actuator, segment.rate).observe
     # Iterate over arrays directly: lists of their numbers would take four times the memory.
     return np.fromiter(map(sample, force.data, handle.data), np.float64, len(force))

@@ -30,8 +30,14 @@ import numpy as np
 from haptic_accel.analysis import frames
 from haptic_accel.analysis.comparison import Comparison
 from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.metrics import METRICS, MILLI, PERCENT, AnalysedTrial
-from haptic_accel.analysis.plots import Portrait
+from haptic_accel.analysis.metrics import (
+    METRICS,
+    MILLI,
+    PERCENT,
+    VECTOR_METRICS,
+    AnalysedTrial,
+)
+from haptic_accel.analysis.plots import PATH, Portrait
 from haptic_accel.analysis.provenance import provenance
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.traces import EXCERPT, Trace, sampled
@@ -116,6 +122,7 @@ def write_page(
     found = sorted(analysis.trials, key=lambda t: frames.ranks((t.controller, t.surface)))
     ordered = replace(analysis, trials=found)
     frame, grouped = frames.trials(ordered), frames.groups(ordered)
+    of_vectors = frames.vector_metrics(ordered)
     write(
         file,
         "analysis.html.j2",
@@ -125,9 +132,10 @@ def write_page(
         analysis=analysis,
         confidence=f"{PERCENT * CONFIDENCE:g} %",
         table=frames.table_two(grouped),
-        metrics=METRICS,
-        per_trial=PER_TRIAL,
-        per_group=PER_GROUP,
+        metrics={**METRICS, **VECTOR_METRICS},
+        per_trial=(*of_vectors, *PER_TRIAL),
+        per_group=(*of_vectors, *PER_GROUP),
+        with_vectors=bool(of_vectors),
         trials=frame.to_dict("records"),
         groups=grouped.to_dict("records"),
         published=REGRESSION,
@@ -169,6 +177,7 @@ def _data(found: Sequence[AnalysedTrial]) -> dict[str, Any]:
     errors = [t.error.value if math.isfinite(t.error.value) else math.inf for t in found]
     return {
         "excerpt": EXCERPT,
+        "path": PATH,
         "first": errors.index(min(errors)) if errors else 0,
         "trials": [_drawn(trial, share) for trial in found],
     }
@@ -176,6 +185,8 @@ def _data(found: Sequence[AnalysedTrial]) -> dict[str, Any]:
 
 def _drawn(trial: AnalysedTrial, points: int) -> dict[str, Any]:
     whole, detail = trial.traces.shrunk(points)
+    axes = trial.segment.axes.names
+    by_axis = trial.portrait.by_axis if trial.portrait else {}
     return {
         "name": trial.name,
         "controller": trial.controller,
@@ -183,14 +194,25 @@ def _drawn(trial: AnalysedTrial, points: int) -> dict[str, Any]:
         "whole": _packed_trace(whole),
         "detail": _packed_trace(detail),
         "begin": trial.traces.excerpt,
-        "cloud": _cloud(trial.portrait) if trial.portrait else None,
-        "spectra": _spectra(trial.portrait) if trial.portrait else None,
+        **_likeness(None if by_axis else trial.portrait),
         "free": trial.segment.actuator.travel * MILLI,
+        "axes": {axis: _likeness(by_axis.get(axis)) for axis in axes} if len(axes) > 1 else None,
+    }
+
+
+def _likeness(portrait: Portrait | None) -> dict[str, Any]:
+    """Return regression and spectra of one axis."""
+    return {
+        "cloud": _cloud(portrait) if portrait else None,
+        "spectra": _spectra(portrait) if portrait else None,
     }
 
 
 def _packed_trace(trace: Trace) -> dict[str, Any]:
-    signals = {name: _packed(v * _UNITS.get(name, 1.0)) for name, v in trace.signals.items()}
+    signals = {
+        name: _packed(values * _UNITS.get(name.split("_")[0], 1.0))
+        for name, values in trace.signals.items()
+    }
     return {"begin": trace.begin, "step": trace.step, "signals": signals}
 
 
@@ -209,7 +231,7 @@ def _cloud(portrait: Portrait) -> dict[str, Any]:
         "desired": _packed(portrait.cloud_desired[points]),
         "slope": portrait.evaluation.slope_desired_on_actual if portrait.regressed else None,
         "middle": [portrait.mean_actual, portrait.mean_desired],
-        "r2": portrait.evaluation.r2,
+        "r2": portrait.evaluation.r2 if math.isfinite(portrait.evaluation.r2) else 0.0,
     }
 
 

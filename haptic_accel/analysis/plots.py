@@ -23,8 +23,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import cycle, product
+from dataclasses import dataclass, field, replace
+from itertools import combinations, cycle, product
 from pathlib import Path
 from typing import Any, Literal
 
@@ -37,7 +37,13 @@ from matplotlib.lines import Line2D
 
 from haptic_accel.analysis.traces import EXCERPT, excerpt_of, sampled
 from haptic_accel.core.evaluation.delay import ALIKE
-from haptic_accel.core.evaluation.metrics import Evaluation, Spectra, spectra
+from haptic_accel.core.evaluation.metrics import (
+    Evaluation,
+    Spectra,
+    components,
+    lengths,
+    spectra,
+)
 from haptic_accel.core.evaluation.statistics import Interval
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.tables import DASH, number
@@ -47,6 +53,10 @@ LOWEST_FREQUENCY = 10.0
 
 MOST_POINTS = 4000
 """Maximum number of points in a scatter plot; more would overlap."""
+
+PATH = 0.05
+"""Length of a path in the planes of two axes, s: several periods of texture, which can be told
+apart by eye."""
 
 LEAST_R2 = ALIKE**2
 """Minimum R^2 for drawing a regression line, equal to the minimum correlation for a delay. Below
@@ -124,14 +134,16 @@ class Portrait:
     spectra : Spectra
     begin : float
         Start of the excerpt, s.
-    desired, actual : ndarray
+    desired, actual : ndarray, shape (n,) for one axis or (n, k) for several
         Excerpt, m/s^2.
-    cloud_desired, cloud_actual : ndarray
+    cloud_desired, cloud_actual : ndarray, shape (m,) or (m, k)
         Samples drawn at random from the whole trial, m/s^2.
     mean_desired, mean_actual : float
         m/s^2.
     largest : float
         Largest magnitude in either signal, m/s^2.
+    by_axis : dict of Portrait
+        Portraits of the components of vectors by axis, with the same excerpt and samples.
     """
 
     rate: float
@@ -145,6 +157,7 @@ class Portrait:
     mean_desired: float
     mean_actual: float
     largest: float
+    by_axis: Mapping[str, Portrait] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -154,13 +167,30 @@ class Portrait:
         rate: float,
         evaluation: Evaluation,
         begin: float | None = None,
+        by_axis: Mapping[str, Evaluation] | None = None,
     ) -> Portrait:
         """Return the drawn parts of two aligned accelerations.
 
-        See `excerpt_of` for `begin`.
+        See `excerpt_of` for `begin`; `by_axis` has the evaluation of each component of vectors.
         """
-        window = excerpt_of(desired, rate, begin)
-        points = sampled(desired.size, MOST_POINTS)
+        window = excerpt_of(lengths(desired), rate, begin)
+        whole = cls._of(desired, actual, rate, evaluation, window)
+        own = {}
+        if by_axis:
+            parts = zip(by_axis.items(), components(desired), components(actual), strict=True)
+            own = {axis: cls._of(d, a, rate, found, window) for (axis, found), d, a in parts}
+        return replace(whole, by_axis=own)
+
+    @classmethod
+    def _of(
+        cls,
+        desired: FloatArray,
+        actual: FloatArray,
+        rate: float,
+        evaluation: Evaluation,
+        window: slice,
+    ) -> Portrait:
+        points = sampled(len(desired), MOST_POINTS)
         found, begin = spectra(desired, actual, rate), window.start / rate
         excerpt = desired[window].copy(), actual[window].copy()
         cloud = desired[points], actual[points]
@@ -275,6 +305,39 @@ def amplitude_spectra(portraits: Portraits) -> Figure:
             spectrum = portraits[key].spectra
             panel.plot(spectrum.frequency, spectrum.desired, **DESIRED)
             panel.plot(spectrum.frequency, spectrum.actual, **ACTUAL)
+    return figure
+
+
+def polarisation(portraits: Mapping[str, Portrait]) -> Figure:
+    """Draw the paths of desired and actual acceleration in the planes of each two axes.
+
+    Parameters
+    ----------
+    portraits : mapping
+        Portraits of vectors on one surface, by controller.
+    """
+    axes = next(iter(portraits.values())).by_axis
+    planes = {f"{across}-{up}": (across, up) for across, up in combinations(axes, 2)}
+    rows = {(name, row): portraits[name] for row, name in product(planes, portraits)}
+    figure, panels = _panels(rows, _TRACES, ("", ""), 1.0, one_x=False, more_down=0.2)
+    drawn = [
+        part[: round(PATH * portrait.rate)]
+        for portrait in portraits.values()
+        for part in (portrait.desired, portrait.actual)
+    ]
+    reach = 1.05 * _extent(drawn)
+    for (controller, row), panel in panels.items():
+        panel.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+        for axis in (panel.xaxis, panel.yaxis):
+            axis.set_major_locator(ticker.MaxNLocator(5, steps=(1, 2, 5, 10)))
+        own = portraits[controller].by_axis
+        across, up = planes[row]
+        panel.set_xlabel(f"{across} (m/s²)", fontsize=_LABEL, labelpad=1)
+        if controller == next(iter(portraits)):
+            panel.set_ylabel(f"{up} (m/s²)", fontsize=_LABEL)
+        part = slice(round(PATH * own[up].rate))
+        panel.plot(own[across].desired[part], own[up].desired[part], **DESIRED)
+        panel.plot(own[across].actual[part], own[up].actual[part], **ACTUAL)
     return figure
 
 

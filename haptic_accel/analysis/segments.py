@@ -21,6 +21,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,9 +32,13 @@ from haptic_accel.bags.facts import LOCKSTEP, RUN
 from haptic_accel.bags.reading import Bag, Change, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
+from haptic_accel.core.control.building import matrix_plant
 from haptic_accel.core.control.compensation import FADING, LISTENING, PLANT
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_passed
+from haptic_accel.core.evaluation.metrics import by_component
+from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
 from haptic_accel.core.parameters import ParameterError
@@ -123,8 +128,8 @@ class Segment:
         Number of samples.
     begin : float
         Start relative to the bag's first message, s.
-    signals : dict of ndarray, shape (n,)
-        Samples along the actuator's axis, by topic, if present in the bag.
+    signals : dict of ndarray, shape (n,) for one axis or (n, k) for several
+        Samples along the axes, by topic, if present in the bag.
     delivery : Delivery
     actuator : ActuatorParameters
         Actuator of the handle, for its travel.
@@ -137,7 +142,7 @@ class Segment:
         Delay from sample to force, in samples.
     granted_delay : int
         Delay granted to the controller in addition to the latency, in samples.
-    plant : Plant or None
+    plant : Plant, MatrixPlant for three axes, or None
         Handle with the complete path from command to sample, for the bounds of the error.
     noise : float
         Standard deviation of a sample of the handle's accelerometer, m/s^2, if known.
@@ -149,6 +154,8 @@ class Segment:
         Description of the run; empty if the bag does not state it.
     simulated : bool
         True for a simulated handle, whose world stood still with its node's process.
+    axes : Axes
+        Axes of the vibration.
     """
 
     bag: Path
@@ -165,12 +172,13 @@ class Segment:
     notes: tuple[str, ...] = ()
     latency: int = 0
     granted_delay: int = 1
-    plant: Plant | None = None
+    plant: Plant | MatrixPlant | None = None
     noise: float = 0.0
     told: Plant | None = None
     start: int = 0
     run: str = ""
     simulated: bool = False
+    axes: Axes = ACTUATOR_AXES
 
     @property
     def after(self) -> int:
@@ -337,6 +345,16 @@ class _Known:
         if condition.grip in POSTURES:
             grip = replace(grip, posture=condition.grip)
         return self.rig.plant(held(self.rig.master.handle, grip, self.seed))
+
+    def matrix_plant(self, problems: list[str]) -> MatrixPlant | None:
+        """Return the compensator's model of three axes; if it cannot be read, add the reason."""
+        if not self.told or not self.told.model:
+            return None
+        try:
+            return matrix_plant(self.controllers, self.rate).coupled()
+        except ParameterError as error:
+            problems.append(f"no bound of the error: {error}")
+            return None
 
 
 def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list[str]) -> _Known:
@@ -513,10 +531,11 @@ def _segment(
     start = int(anchor.stamps[np.argmax(anchor.stamps >= low)])
     length = math.floor((high - start) * rate / NANOSECONDS + _WHOLE) + 1
     signals: dict[str, FloatArray] = {}
+    axes = recorded.axes
     recording = np.zeros(length, dtype=bool)
     for name in _NAMES:
         if name in recorded.signals:
-            values, seen = recorded.signals[name].on_grid(start, rate, length)
+            values, seen = recorded.signals[name].on_grid(start, rate, length, axes)
             recording |= seen
             if seen.any():
                 signals[name] = values
@@ -537,12 +556,13 @@ def _segment(
         tuple(notes),
         recorded.latency,
         granted_delay(condition.controller, known.controllers),
-        known.plant(condition),
+        known.matrix_plant(problems) if axes == ALL_AXES else known.plant(condition),
         known.rig.master.accelerometer.noise if known.rig else 0.0,
         known.told,
         start,
         run_of(recorded),
         _mapping(recorded.facts.get("arguments")).get("master") in (SIMULATED, POINTER),
+        axes,
     )
 
 
@@ -573,5 +593,6 @@ def _complete(signals: dict[str, FloatArray], known: _Known) -> list[str]:
         del signals[name]
     tool, desired = topics.TOOL_ACCELERATION.name, topics.DESIRED_ACCELERATION.name
     if tool in signals and desired not in signals and known.rate > 2 * known.high_pass_frequency:
-        signals[desired] = high_passed(signals[tool], known.high_pass_frequency, known.rate)
+        passed = partial(high_passed, corner=known.high_pass_frequency, rate=known.rate)
+        signals[desired] = by_component(passed, signals[tool])
     return notes

@@ -31,13 +31,21 @@ from haptic_accel.analysis.frames import (
     rank,
     table_two,
     trials,
+    vector_metrics,
 )
 from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.metrics import BEYOND_STOPS, CONTACT, METRICS, MILLI
+from haptic_accel.analysis.metrics import (
+    BEYOND_STOPS,
+    CONTACT,
+    METRICS,
+    MILLI,
+    VECTOR_METRICS,
+)
 from haptic_accel.analysis.plots import percent
 from haptic_accel.analysis.segments import Segment
 from haptic_accel.core.control.supervision import DEVIATES
 from haptic_accel.core.due_forces import IN_TIME
+from haptic_accel.core.evaluation.metrics import DIRECTION_SHARE
 from haptic_accel.core.tables import ResultTable, number
 
 
@@ -51,6 +59,7 @@ def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[st
         *_runs(frame),
         *_without_contact(frame),
         _errors(analysis),
+        *_directions(frame),
         *_shares(frame),
         _delays(frame, analysis),
         *_ages(frame),
@@ -130,18 +139,30 @@ def _errors(analysis: Analysis) -> str:
 
 def _shares(frame: pd.DataFrame) -> list[str]:
     """Return a sentence on the vibration that a hand could not tell from the desired one."""
-    touching = frame[frame.contact]
-    means = touching.groupby("controller")["indistinguishable_percent"].mean().dropna()
-    if means.empty:
-        return []
-    ordered = sorted(
-        ((str(name), share) for name, share in means.items()), key=lambda m: rank(m[0])
-    )
-    each = ", ".join(f"{controller} {percent(share)}" for controller, share in ordered)
-    return [
+    each = _each(frame, "indistinguishable_percent", " %")
+    return each and [
         "Share of the vibration, by third octave and half second, whose strength a hand could not"
-        f" tell from the desired one: {each}."
+        f" tell from the desired one: {each[0]}."
     ]
+
+
+def _directions(frame: pd.DataFrame) -> list[str]:
+    """Return a sentence on the direction of the vibration, for several axes."""
+    each = _each(frame, "direction_error_deg", "°")
+    return each and [
+        "Angle between actual and desired acceleration, median of the samples in which the desired"
+        f" one has at least {DIRECTION_SHARE:g} of its root mean square: {each[0]}."
+    ]
+
+
+def _each(frame: pd.DataFrame, name: str, unit: str) -> list[str]:
+    """Return the mean of a metric for each controller as one text; nothing without any."""
+    if name not in frame:
+        return []
+    means = frame[frame.contact].groupby("controller")[name].mean().dropna()
+    ordered = sorted(((str(key), mean) for key, mean in means.items()), key=lambda m: rank(m[0]))
+    each = ", ".join(f"{controller} {number(mean, 1, unit)}" for controller, mean in ordered)
+    return [each] if each else []
 
 
 def _beside(cell: Cell) -> str:
@@ -305,7 +326,7 @@ def tables(analysis: Analysis) -> Iterator[ResultTable]:
     )
     yield ResultTable(
         ("", *table.rows),
-        list(_means(trials(analysis), list(table.rows))),
+        list(_means(trials(analysis), list(table.rows), vector_metrics(analysis))),
         "regression over all surfaces, and other metrics: means (paper's in brackets)",
     )
 
@@ -318,16 +339,20 @@ def _cell(cell: Cell) -> str:
     return shown if cell.paper is None else f"{shown} ({cell.paper:.1f})"
 
 
-def _means(frame: pd.DataFrame, controllers: Sequence[str]) -> Iterator[list[str]]:
+def _means(
+    frame: pd.DataFrame, controllers: Sequence[str], of_vectors: Sequence[str]
+) -> Iterator[list[str]]:
     """Yield a row for each metric: its heading, and its mean under each controller."""
     frame = frame[frame.contact]
     # The paper's averages are over its own surfaces.
     paper = PAPER_REGRESSION if set(frame.surface) == PAPER_SURFACES else {}
-    means = frame.groupby("controller")[list(SHOWN)].mean()
-    for name in SHOWN:
+    shown = [*of_vectors, *SHOWN]
+    means = frame.groupby("controller")[shown].mean()
+    columns = {**METRICS, **VECTOR_METRICS}
+    for name in shown:
         published = paper.get(name, {})
-        yield [METRICS[name].heading] + [
-            METRICS[name].text(means[name][controller])
+        yield [columns[name].heading] + [
+            columns[name].text(means[name][controller])
             + (f" ({published[controller]:.2f})" if controller in published else "")
             for controller in controllers
         ]

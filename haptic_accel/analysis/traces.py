@@ -18,11 +18,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes
+from haptic_accel.core.evaluation.metrics import by_component, components, lengths
 from haptic_accel.core.model import FloatArray
 
 EXCERPT = 0.2
@@ -101,23 +104,26 @@ class Traces:
         rate: float,
         shift: float,
         begin: float | None = None,
+        axes: Axes = ACTUATOR_AXES,
     ) -> Traces:
         """Thin some signals; the one named ``actual`` is shifted back by the shift in s.
 
-        The difference ``error``, actual minus desired, is added. See `excerpt_of` for `begin`.
+        The difference ``error``, actual minus desired, is added. The components of vectors are
+        named as in ``desired_x``. See `excerpt_of` for `begin`.
         """
         if not signals:
             nothing = Trace(0.0, 1.0, {})
             return cls(nothing, nothing, 0.0)
+        earlier = partial(_earlier, samples=shift * rate)
         moved = {
-            name: _earlier(values, shift * rate) if name == "actual" else values
+            name: by_component(earlier, values) if name == "actual" else values
             for name, values in signals.items()
         }
         if {"desired", "actual"} <= moved.keys():
             # After thinning, points of two signals have different times.
             moved["error"] = moved["actual"] - moved["desired"]
-        every = Trace(0.0, 1 / rate, moved)
-        leading = moved.get("desired", next(iter(moved.values())))
+        every = Trace(0.0, 1 / rate, dict(named_components(moved, axes)))
+        leading = lengths(moved.get("desired", next(iter(moved.values()))))
         excerpt = excerpt_of(leading, rate, begin)
         window = enclosing(excerpt, leading.size, min(round(DETAIL * rate), DETAIL_POINTS))
         start = excerpt.start / rate
@@ -130,6 +136,16 @@ class Traces:
         excerpt = slice(begin, min(begin + round(EXCERPT / detail.step), detail.size))
         window = enclosing(excerpt, detail.size, points * 4 // 10)
         return self.whole.thinned(min(points * 6 // 10, WHOLE_POINTS)), detail.part(window)
+
+
+def named_components(
+    signals: Mapping[str, FloatArray], axes: Axes
+) -> Iterator[tuple[str, FloatArray]]:
+    """Yield signals by name; those of several axes by component, as in ``desired_x``."""
+    for name, values in signals.items():
+        ends = [f"_{axis}" for axis in axes.names] if values.ndim > 1 else [""]
+        for end, component in zip(ends, components(values), strict=True):
+            yield name + end, component
 
 
 def _earlier(values: FloatArray, samples: float) -> FloatArray:

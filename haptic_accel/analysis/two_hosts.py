@@ -24,11 +24,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from haptic_accel.analysis.metrics import PERCENT, AnalysedTrial, actual_acceleration
+from haptic_accel.analysis.metrics import PERCENT, AnalysedTrial
 from haptic_accel.analysis.segments import (
     OPERATOR,
     ROBOT,
@@ -38,8 +39,10 @@ from haptic_accel.analysis.segments import (
 )
 from haptic_accel.bags.reading import Bag, Signal, read_bag
 from haptic_accel.core import topics
-from haptic_accel.core.control.filters import high_passed
+from haptic_accel.core.axes import Axes
+from haptic_accel.core.control.filters import comparable, high_passed
 from haptic_accel.core.evaluation.delay import estimate_delay, shift_back
+from haptic_accel.core.evaluation.metrics import by_component
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, places, sampling_rate
@@ -54,6 +57,9 @@ would appear as drift."""
 LONGEST = 2.0
 """Maximum delay from the robot's tool to the handle in the search, s. A usable network has less
 than 0.5 s; the clock error adds up to its bound."""
+
+STRETCH = 2 * LONGEST
+"""Length of the stretches of a trial that are searched for a delay, s."""
 
 PIECE = 0.5
 """Length of the pieces of a trial, s, each compared at its own delay. Playout changes its delay by
@@ -235,7 +241,7 @@ def compare_across(task: tuple[AnalysedTrial, Host, Host]) -> Across | str:
     trial, operator, robot = task
     assert operator.clock
     segment = read_segment(operator.bag, trial.segment.number)
-    handle = actual_acceleration(segment)
+    handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
     tool = read_bag(robot.bag, VECTORS).signals[topics.TOOL_ACCELERATION.name]
     try:
         if handle is None:
@@ -243,7 +249,9 @@ def compare_across(task: tuple[AnalysedTrial, Host, Host]) -> Across | str:
         rate = sampling_rate(tool.stamps, segment.rate)
         if rate != segment.rate:
             raise ParameterError(f"{robot.bag} has {rate:.5g} samples per second")
-        desired = high_passed(_tool(tool, rate), segment.high_pass_frequency, rate)
+        passed = partial(high_passed, corner=segment.high_pass_frequency, rate=rate)
+        desired = by_component(passed, _tool(tool, rate, segment.axes))
+        desired, handle = comparable(desired, handle, segment.high_pass_frequency, rate)
         # Position of the trial's first sample among the robot's, and the change per sample.
         place = (operator.clock.peer(segment.start) - robot.span[0]) * rate / NANOSECONDS
         begin = math.floor(place)
@@ -266,11 +274,33 @@ def compare_across(task: tuple[AnalysedTrial, Host, Host]) -> Across | str:
     )
 
 
-def _tool(tool: Signal, rate: float) -> FloatArray:
-    """Return the robot's samples from its first one on."""
+def _tool(tool: Signal, rate: float, axes: Axes) -> FloatArray:
+    """Return the robot's samples along the handle's axes, from its first one on."""
     start = int(tool.stamps.min())
     length = int(places(tool.stamps.max(keepdims=True), start, rate)[0]) + 1
-    return tool.on_grid(start, rate, length)[0]
+    return tool.on_grid(start, rate, length, axes)[0]
+
+
+def _usual_delay(desired: FloatArray, actual: FloatArray, rate: float) -> float:
+    """Return a delay near those of all pieces, s.
+
+    Where the delay changes too much for the whole trial, it is that of the stretch with the most
+    distinct one.
+
+    Raises
+    ------
+    ValueError
+        `actual` does not follow `desired`.
+    """
+    length = round(STRETCH * rate)
+    stretches = [slice(begin, begin + length) for begin in range(0, len(desired), length)]
+    found = estimate_delay(desired, actual, rate, LONGEST)
+    if math.isnan(found.seconds):
+        tried = [estimate_delay(desired[each], actual[each], rate, LONGEST) for each in stretches]
+        found = max(tried, key=lambda each: each.correlation, default=found)
+    if math.isnan(found.seconds):
+        raise ValueError("no delay was found")
+    return found.seconds
 
 
 def _pieces(desired: FloatArray, actual: FloatArray, rate: float) -> tuple[float, FloatArray]:
@@ -282,10 +312,7 @@ def _pieces(desired: FloatArray, actual: FloatArray, rate: float) -> tuple[float
         The signals are too short, or `actual` does not follow `desired`.
     """
     samples = round(PIECE * rate)
-    whole = estimate_delay(desired, actual, rate, LONGEST).seconds
-    if math.isnan(whole):
-        raise ValueError("no delay was found")
-    base = round(whole * rate) / rate
+    base = round(_usual_delay(desired, actual, rate) * rate) / rate
     desired, actual = shift_back(desired, actual, rate, base)
     delays: list[float] = []
     errors, powers = 0.0, 0.0

@@ -17,7 +17,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -53,13 +54,24 @@ PICTURES = {
 }
 """Captions of the paper's figures by name of their plots."""
 
-SIGNAL_COLUMNS = {
-    topics.TOOL_ACCELERATION.name: "tool_acceleration_m_s2",
-    topics.DESIRED_ACCELERATION.name: "desired_acceleration_m_s2",
-    topics.HANDLE_ACCELERATION.name: "handle_acceleration_m_s2",
-    topics.ACTUATOR_FORCE.name: "actuator_force_N",
+PATHS = (
+    "paths of desired and actual handle acceleration in the planes of each two axes, in the first"
+    f" {plots.PATH:g} s of the excerpt of the first figure. All panels have one scale, equal on"
+    " both axes. A perfect handle draws orange on blue; a path that is turned is vibration in a"
+    " wrong direction, and a single coil draws a line."
+)
+"""Caption of a figure of vectors, after its surface."""
+
+FORCE = "actuator_force"
+"""Column of the force, without axis and unit."""
+
+SIGNALS = {
+    topics.TOOL_ACCELERATION.name: "tool_acceleration",
+    topics.DESIRED_ACCELERATION.name: "desired_acceleration",
+    topics.HANDLE_ACCELERATION.name: "handle_acceleration",
+    topics.ACTUATOR_FORCE.name: FORCE,
 }
-"""Columns of a table of signals by topic."""
+"""Columns of a table of signals by topic, without axis and unit."""
 
 MOST_CONTROLLERS, MOST_SURFACES = 6, 8
 """Maximum numbers of columns and rows in a plot."""
@@ -102,7 +114,9 @@ def write_analysis(
         # Cells of undefined numbers are empty.
         table.to_csv(folder / name, index=named, float_format="%.9g", lineterminator="\n")
     if setting:
-        shown = {f"{n}.png": text for n, text in PICTURES.items() if f"{n}.png" in written}
+        vectors = {name: f"{surface}: {PATHS}" for name, surface in _polarised(analysis).items()}
+        captions = {f"{name}.png": text for name, text in (PICTURES | vectors).items()}
+        shown = {file: text for file, text in captions.items() if file in written}
         setting = replace(setting, pictures=shown)
     write_page(analysis, folder / PAGE, comparison, setting=setting, files=written)
     return folder / PAGE
@@ -148,11 +162,12 @@ def as_json(analysis: Analysis, comparison: Comparison | None = None) -> dict[st
 def signal_table(segment: Segment) -> pd.DataFrame:
     """Return the signals of a trial, read again, by time in s, under names with units."""
     whole = read_segment(segment.bag, segment.number)
-    frame = frames.segment_signals(whole).rename(columns=SIGNAL_COLUMNS)
+    signals = {SIGNALS[name]: values for name, values in whole.signals.items()}
     actual = actual_acceleration(whole)
     if actual is not None:
-        frame["actual_acceleration_m_s2"] = actual
-    return frame
+        signals["actual_acceleration"] = actual
+    frame = frames.segment_signals(replace(whole, signals=signals))
+    return frame.rename(columns=lambda name: name + ("_N" if FORCE in name else "_m_s2"))
 
 
 def _plots(analysis: Analysis) -> dict[str, Figure]:
@@ -161,7 +176,12 @@ def _plots(analysis: Analysis) -> dict[str, Figure]:
     portraits = _typical(analysis)
     if portraits:
         draw = (plots.time_traces, plots.regressions, plots.amplitude_spectra)
-        drawn |= {name: one(portraits) for name, one in zip(PICTURES, draw, strict=True)}
+        components = dict(_components(portraits))
+        drawn |= {name: one(components) for name, one in zip(PICTURES, draw, strict=True)}
+    for name, surface in _polarised(analysis).items():
+        own = {c: one for (c, on), one in portraits.items() if on == surface and one.by_axis}
+        if own:
+            drawn[name] = plots.polarisation(own)
     errors = _band_errors(analysis)
     if any(errors.values()):
         drawn["bands"] = plots.band_errors(errors)
@@ -192,6 +212,23 @@ def _typical(analysis: Analysis) -> dict[tuple[str, str], plots.Portrait]:
         if portrait and controller in controllers and surface in surfaces:
             found[controller, surface] = portrait
     return found
+
+
+def _polarised(analysis: Analysis) -> dict[str, str]:
+    """Return the surfaces of trials of several axes, by the names of their plots."""
+    surfaces = {t.surface for t in analysis.trials if t.portrait and t.portrait.by_axis}
+    return {f"polarisation_{re.sub(r'[^A-Za-z0-9.-]+', '_', s)}": s for s in sorted(surfaces)}
+
+
+def _components(
+    portraits: plots.Portraits,
+) -> Iterator[tuple[tuple[str, str], plots.Portrait]]:
+    """Yield portraits of one axis, under surfaces as in ``plywood, x`` if a trial has several."""
+    for (controller, surface), portrait in portraits.items():
+        if not portrait.by_axis:
+            yield (controller, surface), portrait
+        for axis, own in portrait.by_axis.items():
+            yield (controller, f"{surface}, {axis}"), own
 
 
 def _median(values: pd.Series[float]) -> Any:

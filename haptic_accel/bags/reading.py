@@ -25,7 +25,7 @@ import os
 import sqlite3
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -42,7 +42,7 @@ from haptic_accel.bags.facts import facts_of
 from haptic_accel.bags.folder import COMPRESSED, MCAP, METADATA, MUST_BE, is_storage, storage_files
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, MOST_PROBLEMS, Block, McapFile
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
-from haptic_accel.core.axes import ACTUATOR_AXIS
+from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
 from haptic_accel.core.cdr import unpack_stamped_vectors
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
@@ -54,7 +54,15 @@ from haptic_accel.core.sampling import (
     on_grid,
     places,
 )
-from haptic_accel.core.topics import CONTACT_FORCE, DIAGNOSTICS, SIGNALS, ArmTopics, reporter
+from haptic_accel.core.topics import (
+    ACTUATOR_FORCE,
+    CONTACT_FORCE,
+    DESIRED_ACCELERATION,
+    DIAGNOSTICS,
+    SIGNALS,
+    ArmTopics,
+    reporter,
+)
 
 _EVENTS = "parameter_events"
 _EVENTS_TYPE = "rcl_interfaces/msg/ParameterEvent"
@@ -77,20 +85,25 @@ class Signal:
     stamps, received : ndarray of int64, shape (n,)
         Times of the samples, and recording times of their messages; system time, ns.
     values : ndarray, shape (n, 3)
-        Vectors in SI units; the actuator's axis is the third, z.
+        Vectors in SI units.
     """
 
     stamps: IntArray
     received: IntArray
     values: FloatArray
 
-    def on_grid(self, start: int, rate: float, length: int) -> tuple[FloatArray, BoolArray]:
-        """Return the component along the actuator's axis on a grid, and a mask of samples.
+    def on_grid(
+        self, start: int, rate: float, length: int, axes: Axes = ACTUATOR_AXES
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return the components along some axes on a grid, and a mask of samples.
 
-        Parameters as for `core.sampling.places` and `core.sampling.on_grid`.
+        The components have shape (n,) for one axis, and (n, k) for several. Parameters as for
+        `core.sampling.places` and `core.sampling.on_grid`.
         """
         where = places(self.stamps, start, rate)
-        return on_grid(where, self.values[:, ACTUATOR_AXIS], length)
+        first, *others = axes.indices
+        along = self.values[:, [first, *others] if others else first]
+        return on_grid(where, along, length)
 
 
 @dataclass(frozen=True)
@@ -170,6 +183,27 @@ class Bag:
         arguments = self.facts.get("arguments")
         stated = arguments.get("latency") if isinstance(arguments, dict) else None
         return stated if isinstance(stated, int) and 0 <= stated <= HIGHEST_LATENCY else 0
+
+    @property
+    def axes(self) -> Axes:
+        """Axes of the vibration: those of the compensator, or those along which it ever acted."""
+        nodes = self.facts.get("parameters")
+        compensator = nodes.get("compensator") if isinstance(nodes, dict) else None
+        stated = compensator.get("axes") if isinstance(compensator, dict) else None
+        if isinstance(stated, str):
+            with suppress(ParameterError):
+                return Axes.parsed(stated)
+        acted = [
+            self.signals[topic.name].values
+            for topic in (DESIRED_ACCELERATION, ACTUATOR_FORCE)
+            if topic.name in self.signals
+        ]
+        names = tuple(
+            name
+            for place, name in enumerate(NAMES)
+            if any((np.abs(values[:, place]) > 0.0).any() for values in acted)
+        )
+        return Axes(names) if names else ACTUATOR_AXES
 
     def coupled(self, arm: ArmTopics) -> list[tuple[int, int]]:
         """Return start and end of each period in which an arm was coupled, ns.

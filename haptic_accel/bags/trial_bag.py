@@ -26,7 +26,6 @@ from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core import topics
-from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.cdr import StampedVector
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
@@ -45,7 +44,9 @@ def trial_vectors(trial: Trial) -> dict[Topic, FloatArray]:
     found = dict(trial.arms)
     for topic, name in zip(topics.ANALYSED, _FIELDS, strict=True):
         found[topic.name] = np.zeros((len(trial.time), 3))
-        found[topic.name][:, ACTUATOR_AXIS] = getattr(trial, name)
+        found[topic.name][:, trial.axes.indices] = getattr(trial, name).reshape(
+            len(trial.time), -1
+        )
     return {topic: found[topic.name] for topic in _TOPICS if topic.name in found}
 
 

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``haptic-accel calibrate``: gain and offset of an accelerometer, from gravity."""
+"""``haptic-accel calibrate``: gain, offset and mounting of an accelerometer, from gravity."""
 
 from __future__ import annotations
 
@@ -28,16 +28,22 @@ from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, arguments, verb
 from haptic_accel.cli.output import check_writable, next_command
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.axes import NAMES
 from haptic_accel.core.bounded_files import located
-from haptic_accel.core.model import ACTUATOR, FloatArray
-from haptic_accel.core.parameters import ParameterError, like, parameter
+from haptic_accel.core.model import ACTUATOR
+from haptic_accel.core.parameters import ParameterError, parameter
 from haptic_accel.devices import DeviceError
-from haptic_accel.devices.serial.calibration import Calibration, CalibrationError, calibrate, rest
-from haptic_accel.devices.serial.device import (
-    HIGHEST_RATE,
-    CalibrationParameters,
-    PortParameters,
+from haptic_accel.devices.serial.calibration import (
+    POSES,
+    AxesCalibration,
+    Calibration,
+    CalibrationError,
+    Rest,
+    calibrate,
+    calibrate_axes,
+    rest,
 )
+from haptic_accel.devices.serial.device import HIGHEST_RATE, PortParameters
 from haptic_accel.graph.files import EVERY_NODE, parameter_text
 from haptic_accel.graph.rig_file import teleoperation_words, update_parameter_file
 
@@ -46,6 +52,14 @@ if TYPE_CHECKING:
     from haptic_accel.devices.serial.protocol import Identity
 
 MASTER, SLAVE = "master", "slave"
+
+HELD = {MASTER: "handle", SLAVE: "tool"}
+
+ALL = "".join(NAMES)
+"""All axes of an accelerometer, which are calibrated with its mounting."""
+
+SKIP = "s"
+"""Answer that leaves out a pose."""
 
 SERIAL = "serial"
 """Name of the devices behind a serial board."""
@@ -56,7 +70,12 @@ class CalibrateArguments(PortParameters):
     """Arguments of a calibration."""
 
     side: str = parameter(MASTER, "side of the board", choices=(MASTER, SLAVE))
-    axis: str = like(CalibrationParameters, "axis")
+    axis: str = parameter(
+        "z",
+        "axis of the accelerometer along the actuator, to turn over; xyz for all axes and the"
+        " rotation from sensor to handle or tool, from six poses",
+        choices=(*NAMES, ALL),
+    )
     seconds: float = parameter(
         2.0, "time to measure in each position", unit="s", low=0.1, high=600.0
     )
@@ -74,7 +93,7 @@ class CalibrateArguments(PortParameters):
 @verb(
     "haptic-accel calibrate port:=/dev/ttyACM0",
     "haptic-accel calibrate port:=/dev/ttyACM0 side:=slave",
-    "haptic-accel calibrate usb_serial:=NUMBER side:=slave axis:=z",
+    "haptic-accel calibrate usb_serial:=NUMBER axis:=xyz --update rig.yaml",
     name="calibrate",
 )
 @arguments(CalibrateArguments)
@@ -88,7 +107,9 @@ class CalibrateArguments(PortParameters):
 def calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None:
     """Measure an accelerometer behind a serial board with one axis up, then down.
 
-    Writes its gain and offset as a parameter file for params_file:=FILE.
+    Writes its gain and offset as a parameter file for params_file:=FILE. With axis:=xyz, hold
+    handle or tool with each of its axes up, then down: that also gives the rotation from the
+    sensor. Three poses that are not in one plane give the rotation alone.
     """
     if bool(arguments.port) == bool(arguments.usb_serial):
         raise ParameterError("port = '': must be given, or usb_serial, and not both")
@@ -104,17 +125,13 @@ def calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None:
     except (DeviceError, CalibrationError) as error:
         raise StoppedError(str(error)) from None
     except EOFError:
-        raise StoppedError("the input ended before both positions") from None
+        raise StoppedError("the input ended before all positions") from None
     if update:
         update_parameter_file(update, _parameters(arguments, identity, found))
     else:
         with located(f"file = '{path}'", unreadable=""):
             path.write_text(parameter_file(arguments, identity, found), encoding="utf-8")
-    print(
-        f"board {identity.serial_number}, axis {arguments.axis}: gain"
-        f" {found.gain:.6g} +- {found.gain_error:.1g} m/s^2 per count, offset"
-        f" {found.offset:.1f} +- {found.offset_error:.1g} counts, noise {found.noise:.3f} m/s^2"
-    )
+    print(f"board {identity.serial_number}, axis {arguments.axis}: {found.text}")
     print(f"parameters: {path}, for params_file:={path}")
     if arguments.side == MASTER:
         words = ["identify", f"params_file:={path}", "--update", str(path)]
@@ -124,24 +141,49 @@ def calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None:
     print(next_command(*words, *device))
 
 
-def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration]:
-    """Measure in both positions; the actuator is not armed."""
+def _measured(arguments: CalibrateArguments) -> tuple[Identity, Calibration | AxesCalibration]:
+    """Measure in all positions; the actuator is not armed."""
     from haptic_accel.devices.serial.board_samples import BoardSamples
 
     with BoardSamples(arguments, arguments.rate, arguments.axis) as board:
-        gain = board.identity.nominal_gain
-        up, down = (rest(_held(position, arguments, board), gain) for position in ("up", "down"))
-        return board.identity, calibrate(up, down, gain)
+        coils = "".join(board.identity.coils)
+        if arguments.axis == ALL and arguments.side == MASTER and coils != ALL:
+            raise CalibrationError(
+                f"axis = {ALL}: the board drives coils along {coils or 'no axis'}, must"
+                " be all three: a handle with one coil uses one axis of its sensor"
+            )
+        measure = _all_axes if arguments.axis == ALL else _one_axis
+        return board.identity, measure(arguments, board)
 
 
-def _held(position: str, arguments: CalibrateArguments, board: BoardSamples) -> FloatArray:
-    """Ask a person to hold the board, and return its samples from then on."""
-    input(f"hold the {arguments.axis} axis {position}, firm and still, then press Enter\n")
-    return board.collect(arguments.seconds)[:, 0]
+def _one_axis(arguments: CalibrateArguments, board: BoardSamples) -> Calibration:
+    """Turn one axis of the sensor over."""
+    rests = []
+    for way in ("up", "down"):
+        input(f"hold the {arguments.axis} axis {way}, firm and still, then press Enter\n")
+        rests += _rests(arguments, board)
+    up, down = rests
+    return calibrate(up, down, board.identity.nominal_gain)
+
+
+def _all_axes(arguments: CalibrateArguments, board: BoardSamples) -> AxesCalibration:
+    """Hold handle or tool in all poses, except those that a person leaves out."""
+    poses = {}
+    for name in POSES:
+        held = f"hold the {HELD[arguments.side]} with its {name}, firm and still, then press Enter"
+        if input(f"{held}; or type {SKIP} to skip\n").strip() != SKIP:
+            poses[name] = _rests(arguments, board)
+    return calibrate_axes(poses, board.identity.nominal_gain)
+
+
+def _rests(arguments: CalibrateArguments, board: BoardSamples) -> list[Rest]:
+    """Return the rest of each sampled axis from now on."""
+    counts = board.collect(arguments.seconds)
+    return [rest(axis, board.identity.nominal_gain) for axis in counts.T]
 
 
 def _parameters(
-    arguments: CalibrateArguments, identity: Identity, found: Calibration
+    arguments: CalibrateArguments, identity: Identity, found: Calibration | AxesCalibration
 ) -> dict[str, dict[str, Any]]:
     """Return the parameters of the rig's file: device, port and calibration."""
     nodes = port_parameters(arguments, identity, found)
@@ -150,27 +192,30 @@ def _parameters(
 
 
 def port_parameters(
-    arguments: CalibrateArguments, identity: Identity, found: Calibration
+    arguments: CalibrateArguments, identity: Identity, found: Calibration | AxesCalibration
 ) -> dict[str, dict[str, Any]]:
     """Return the parameters of each node: port, calibration and the actuator's force constant."""
     port = "port" if arguments.port else "usb_serial"
-    values: dict[str, Any] = {
-        port: getattr(arguments, port),
-        "calibration": found.parameters(arguments.axis, identity.serial_number),
-    }
+    number = identity.serial_number
+    values: dict[str, Any] = {port: getattr(arguments, port)}
+    if isinstance(found, AxesCalibration):
+        values |= {"axes": ", ".join(NAMES), "calibration": found.parameters(number)}
+    else:
+        values["calibration"] = found.parameters(arguments.axis, number)
     nodes: dict[str, dict[str, Any]] = {f"{arguments.side}_device": {SERIAL: values}}
     if arguments.side == MASTER:
         nodes[EVERY_NODE] = {ACTUATOR: {"force_constant": arguments.force_constant}}
     return nodes
 
 
-def parameter_file(arguments: CalibrateArguments, identity: Identity, found: Calibration) -> str:
+def parameter_file(
+    arguments: CalibrateArguments, identity: Identity, found: Calibration | AxesCalibration
+) -> str:
     """Return a ROS parameter file for ``params_file:=FILE``; see `port_parameters`."""
     head = [
         f"Board {identity.serial_number}, {datetime.now():%Y-%m-%d %H:%M}, by gravity"
         f" (haptic-accel calibrate), {arguments.seconds:g} s in each position.",
-        f"Standard errors: gain {found.gain_error:.2g} m/s^2 per count,"
-        f" offset {found.offset_error:.2g} counts. Noise at rest {found.noise:.3f} m/s^2.",
+        f"{found.text[0].upper()}{found.text[1:]}.",
     ]
     if arguments.side == MASTER:
         head.append("The force constant is the data sheet's.")

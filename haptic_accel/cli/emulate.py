@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 import shlex
@@ -31,10 +32,10 @@ from typing import TYPE_CHECKING, Any
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.running import on_keys, stop_on_signal
-from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
+from haptic_accel.core.axes import NAMES, Axes
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
-from haptic_accel.core.model import GRAVITY
+from haptic_accel.core.model import GRAVITY, ZERO, Vector
 from haptic_accel.core.parameters import Checked, from_flat, like, parameter
 from haptic_accel.core.trial import DEFAULT_RATE, RigParameters
 from haptic_accel.devices.can.bus import bus_configuration, open_bus
@@ -67,8 +68,9 @@ WATCHDOG = 0.5
 """Time-out of the axes' watchdogs, s."""
 
 KEYS = (
-    "u, d: hold both boards still, all axes up or down; l: put them back; h, t: tap the handle or"
-    " the tool; m: read the meter for the coil's current; x: unplug one board"
+    "u, d: hold both boards still, all axes up or down; 1 to 6: only x up, x down, y up, y down, z"
+    " up, z down; l: put them back; h, t: tap the handle or the tool; m: read the meters for the"
+    " coils' currents; x: unplug one board"
 )
 """Keys in the terminal of the emulated boards, in place of a person's hands."""
 
@@ -179,20 +181,30 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
         _board(rig, side, folder / side, devices[side], faults[side], held) for side in SIDES
     ]
     arms = CoupledArms(boards, list(devices.values()), PositionPositionCoupling(rig.coupling))
-    _announce("boards", "serial", folder, {side: {"port": str(folder / side)} for side in SIDES})
+    given = {
+        side: {"port": str(folder / side), "axes": ", ".join(devices[side].axes.names)}
+        for side in SIDES
+    }
+    known = arguments.rig == EmulateSerialArguments.rig
+    # The compensator takes the plant from the rig.
+    words = "" if known else f"rig:={shlex.quote(arguments.rig)} "
+    _announce("boards", "serial", folder, given, words)
     sharpen_timers()
     ask_for_realtime()
     lines = SerialLines(boards, arms)
     unplugged = faults[arguments.fault_board]
     keys: dict[bytes, Callable[[], None]] = {
-        b"u": partial(held.tilt, GRAVITY),
-        b"d": partial(held.tilt, -GRAVITY),
-        b"l": partial(held.tilt, 0.0),
+        b"u": partial(held.tilt, (GRAVITY,) * 3),
+        b"d": partial(held.tilt, (-GRAVITY,) * 3),
+        b"l": partial(held.tilt, ZERO),
         b"x": partial(unplugged.inject, UNPLUG, arguments.fault_seconds),
         b"h": partial(held.tap, MASTER),
         b"t": partial(held.tap, SLAVE),
-        b"m": lambda: print(f"current {boards[0].current:.4f} A", flush=True),
+        b"m": lambda: print(f"current {_currents(boards[0], devices[MASTER])} A", flush=True),
     }
+    poses = itertools.product(NAMES, (GRAVITY, -GRAVITY))
+    for place, (name, gravity) in enumerate(poses, start=1):
+        keys[b"%d" % place] = partial(held.tilt, Axes((name,)).vector([gravity]))
     with on_keys(keys) as read:
         if read:
             print(f"keys: {KEYS}", flush=True)
@@ -269,21 +281,23 @@ class _Held:
     """
 
     def __init__(self, seed: int) -> None:
-        self._gravity = 0.0
+        self._gravity = ZERO
         self._random = random.Random(seed)
-        self._before: dict[str, float] = {}
+        self._before: dict[str, Vector] = {}
         self._tapped = dict.fromkeys(SIDES, -math.inf)
         self._asked: set[str] = set()
 
-    def tilt(self, gravity: float) -> None:
-        """Hold the boards so that gravity acts along the axes, m/s^2; 0 for on their arms."""
+    def tilt(self, gravity: Vector) -> None:
+        """Hold the boards so that gravity acts along the axes, m/s^2; zero for on their arms."""
         self._gravity = gravity
 
     def tap(self, side: str) -> None:
         """Tap one side's board."""
         self._asked.add(side)
 
-    def measured(self, side: str, time: float, acceleration: float, noise: float) -> float:
+    def measured(
+        self, side: str, time: float, acceleration: Vector, noise: float, axes: Axes
+    ) -> Vector:
         """Return what a sensor with a noise measures, m/s^2, from the acceleration on its arm.
 
         The rig stands still, and its sensors are silent, until its first force: then the noise is
@@ -291,13 +305,21 @@ class _Held:
         """
         still = acceleration == self._before.get(side)
         self._before[side] = acceleration
-        if self._gravity or still:
-            acceleration = (self._gravity or acceleration) + self._random.gauss(0.0, noise)
+        held = any(self._gravity)
+        components = axes.components(self._gravity if held else acceleration)
+        if held or still:
+            components = [each + self._random.gauss(0.0, noise) for each in components]
         if side in self._asked:
             self._asked.remove(side)
             self._tapped[side] = time
         since = time - self._tapped[side]
-        return acceleration + (TAP * math.exp(-since / TAP_DECAY) if since >= 0 else 0.0)
+        tap = TAP * math.exp(-since / TAP_DECAY) if since >= 0 else 0.0
+        return axes.vector([each + tap for each in components])
+
+
+def _currents(board: EmulatedBoard, device: SimulatedDevice) -> str:
+    """Return the currents of a board's coils for the user."""
+    return ", ".join(f"{current:.4f}" for current in device.axes.components(board.currents))
 
 
 def _board(
@@ -313,19 +335,20 @@ def _board(
     from haptic_accel.emulators.serial_line import EmulatedBoard
 
     actuator = rig.master.actuator
+    axes = device.axes
     full_scale = actuator.peak_force / abs(actuator.force_constant) if side == MASTER else 0.0
+    full_scales = axes.vector([full_scale] * len(axes.names))
     sensor = getattr(rig, side).accelerometer
 
-    def measure(time: float) -> float:
-        return held.measured(
-            side, time, device.read(time).acceleration[ACTUATOR_AXIS], sensor.noise
-        )
+    def measure(time: float) -> Vector:
+        return held.measured(side, time, device.read(time).acceleration, sensor.noise, axes)
 
-    def drive(time: float, current: float) -> None:
-        device.write(time, actuator_force=along_actuator(current * actuator.force_constant))
+    def drive(time: float, currents: Vector) -> None:
+        x, y, z = (current * actuator.force_constant for current in currents)
+        device.write(time, actuator_force=(x, y, z))
 
     name = f"emulated-{side}"
-    identity = Identity(FIRMWARE, axes_bits("xyz"), HIGHEST_RATE, sensor.range, full_scale, name)
+    identity = Identity(FIRMWARE, axes_bits("xyz"), HIGHEST_RATE, sensor.range, full_scales, name)
     return EmulatedBoard(identity, port, measure, drive, faults)
 
 

@@ -26,34 +26,38 @@ from pathlib import Path
 
 import click
 
-from haptic_accel.analysis import identification_report as report
 from haptic_accel.analysis.identification import (
     COLUMNS,
     Recordings,
+    Result,
+    axes_of,
     beside_truth,
+    check_one_grip,
     evaluate,
-    handle_parameters,
-    identification_metrics,
+    evaluation_stages,
     named,
-    parameter_file,
     read_recordings,
     run_lockstep,
 )
+from haptic_accel.analysis.identification_report import parameter_table
+from haptic_accel.analysis.identification_three_axes import MODEL_FILE, ThreeAxisResult
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import check_writable, next_command, results_folder, save
 from haptic_accel.cli.running import run_to_end, shown_stages, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
+from haptic_accel.core.axes import ALL_AXES
 from haptic_accel.core.identification.estimate import RecordingError
-from haptic_accel.core.identification.evaluation import DEFAULT_FREE, stages
+from haptic_accel.core.identification.evaluation import DEFAULT_FREE
+from haptic_accel.core.identification.multisine import repeats_of_trial
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.graph.arguments import SIMULATED, IdentifyArguments, stated_words
-from haptic_accel.graph.files import EVERY_NODE
+from haptic_accel.graph.files import EVERY_NODE, parameter_text
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, identification_graph
@@ -123,6 +127,8 @@ def identify(
     Writes a parameter file for params_file:=FILE, and the paper's figures 4 and 5.
     """
     by_grip = _by_grip(arguments, grips)
+    if axes_of(arguments) == ALL_AXES:
+        check_one_grip(by_grip)
     if lockstep and arguments.master != SIMULATED:
         raise ParameterError(f"master = {arguments.master!r}: with --lockstep must be simulated")
     if lockstep and sources:
@@ -149,7 +155,7 @@ def identify(
                 recorded = read_recordings(places, arguments, recording_rate)
             for error in recorded.left_out:
                 print(advise(error), file=sys.stderr)
-            with shown_stages(stages(recorded.trials)) as tell:
+            with shown_stages(evaluation_stages(recorded.trials)) as tell:
                 result = evaluate(recorded.trials, arguments, free, tell)
         except RecordingError as error:
             raise StoppedError(advise(error)) from None
@@ -162,33 +168,28 @@ def identify(
     described = asdict(replace(arguments, latency=result.latency))
     settings = {name: str(value) for name, value in described.items() if value != ""}
     parameters = folder / "handle.yaml"
-    parameters.write_text(parameter_file(result, recorded.age), encoding="utf-8")
-    page = report.write_identification_report(
-        result.found,
-        arguments.sweep,
-        folder,
-        settings={"run": run, **settings},
-        truth=result.truth,
-        errors=result.errors,
-        band=result.band,
-        notes=result.notes,
-    )
-    save(identification_metrics(result), json_file)
-    print_table(report.parameter_table(result.found, result.truth))
+    if isinstance(result, ThreeAxisResult):
+        save(result.metrics(), folder / MODEL_FILE)
+    nodes = result.parameters(recorded.age)
+    parameters.write_text(result.heading + parameter_text(nodes), encoding="utf-8")
+    page = result.write_report(folder, arguments.sweep, {"run": run, **settings})
+    save(result.metrics(), json_file)
+    print_table(parameter_table(result.fits, result.truth))
     print(*result.sentences(), sep="\n")
-    if arguments.actuator == AUDIO:
+    if arguments.actuator == AUDIO and isinstance(result, Result):
         _, devices = node_parameters("master_device", graph_parameters(arguments)["master_device"])
         scale = devices[AUDIO].largest_force / result.found.fit.handle.m_h
         print(f"audio.full_scale: {scale:.4g} N per kg of the handle's mass without m_a")
-    print(*result.notes, report.explained(result.found), sep="\n")
+    print(*result.notes, result.explained, sep="\n")
     print(f"parameters: {update or parameters}", f"report: {page}", sep="\n")
     if update:
-        nodes = handle_parameters(result, recorded.age)
+        if isinstance(result, ThreeAxisResult):
+            result = replace(result, model=str((folder / MODEL_FILE).resolve()))
+            nodes = result.parameters(recorded.age)
         nodes[EVERY_NODE] |= {"rate": arguments.rate}
-        nodes["master_device"] |= {
-            "device": arguments.master,
-            "actuator_device": arguments.actuator,
-        }
+        nodes.setdefault("master_device", {}).update(
+            device=arguments.master, actuator_device=arguments.actuator
+        )
         update_parameter_file(update, nodes)
     print(next_command(*_next(arguments, update, parameters)))
 
@@ -264,7 +265,8 @@ def _run_live(
 
 
 def _run_graph(arguments: IdentifyArguments) -> None:
-    trials, repeats = arguments.trials, arguments.sweep.repeats
+    trials = arguments.trials
+    repeats = repeats_of_trial(axes_of(arguments), arguments.sweep)
     grip = f"{arguments.grip} grip: "
     places = [
         f"{grip}trial {trial} of {trials}, repeat {repeat} of {repeats}"

@@ -42,8 +42,11 @@ def print_trials(done: int, total: int, name: str, trials: Sequence[AnalysedTria
         names = ("nrmse_percent", "indistinguishable_percent", *frames.BOUNDS)
         error, share, *bounds = (number(trial.metrics[name], 1) for name in names)
         against = f"limited bound {bounds[0]}, bound {bounds[1]}"
+        angle = trial.metrics.get("direction_error_deg")
+        turned = "" if angle is None else f", direction {number(angle, 1)}°"
         print(
-            f"{done} of {total}: {condition} {error} % ({against}), {share} % indistinguishable",
+            f"{done} of {total}: {condition} {error} % ({against}){turned},"
+            f" {share} % indistinguishable",
             flush=True,
         )
 

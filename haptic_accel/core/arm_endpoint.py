@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.coupling.passive import (
     NONSENSE,
     PassiveHalf,
@@ -60,6 +61,8 @@ class ArmEndpoint:
         Delay from sample to force, in samples.
     session : int
         Random number of this run, not 0.
+    axes : Axes
+        Axes of the local tool.
 
     Attributes
     ----------
@@ -68,13 +71,19 @@ class ArmEndpoint:
     """
 
     def __init__(
-        self, side: str, parameters: PassiveParameters, rate: float, latency: int, session: int
+        self,
+        side: str,
+        parameters: PassiveParameters,
+        rate: float,
+        latency: int,
+        session: int,
+        axes: Axes = ACTUATOR_AXES,
     ) -> None:
         leads = side == ARMS[1]
         self._scale = parameters.scale if leads else 1.0
         own = of_slave(parameters) if leads else parameters
         self.half = PassiveHalf(own, rate, latency, leads=leads)
-        self.endpoint = Endpoint(side, rate, session)
+        self.endpoint = Endpoint(side, rate, session, axes)
         self._origin = ZERO
         self._approach = CATCH_UP / rate  # m in a sample
         self._goal = ZERO

@@ -18,12 +18,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
-from haptic_accel.core.model import Vector
-from haptic_accel.core.parameters import ParameterError
+import numpy as np
+import numpy.typing as npt
+
+from haptic_accel.core.decimals import read_decimal
+from haptic_accel.core.model import FloatArray, Vector
+from haptic_accel.core.parameters import ParameterError, shown
 
 NAMES = ("x", "y", "z")
 """Components of a vector, in order."""
+
+HIGHEST_CONDITION = 10.0
+"""Largest condition number of the directions of coils or of a sensor's axes: beyond, a force along
+one axis needs ten times the force of another, and sensor noise is amplified as much (assumed)."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +66,7 @@ class Axes:
                 f"axes = {', '.join(self.names) or 'none'}: must be some of x, y, z, in this order"
             )
 
-    @property
+    @cached_property
     def indices(self) -> tuple[int, ...]:
         """Positions of the axes in a vector."""
         return tuple(map(NAMES.index, self.names))
@@ -68,8 +77,10 @@ class Axes:
 
     def vector(self, components: Sequence[float]) -> Vector:
         """Return the vector with the given components along the axes."""
-        values = dict(zip(self.names, components, strict=True))
-        x, y, z = (values.get(name, 0.0) for name in NAMES)
+        values = [0.0, 0.0, 0.0]
+        for index, value in zip(self.indices, components, strict=True):
+            values[index] = value
+        x, y, z = values
         return x, y, z
 
     @classmethod
@@ -97,3 +108,101 @@ ACTUATOR_AXIS = NAMES.index("z")
 def along_actuator(value: float) -> Vector:
     """Return a vector along the axis of a single coil."""
     return (0.0, 0.0, value)
+
+
+def read_numbers(name: str, text: str, count: int) -> list[float]:
+    """Return the numbers of a parameter, separated by commas or spaces.
+
+    Raises
+    ------
+    ParameterError
+        The text holds something else, or another count of numbers.
+
+    Examples
+    --------
+    >>> read_numbers("offsets", "1, -2.5 3", 3)
+    [1.0, -2.5, 3.0]
+    """
+    try:
+        numbers = [read_decimal(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not np.isfinite(numbers).all():
+        raise ParameterError(f"{name} = {shown(repr(text))}: must be {count} finite numbers")
+    return numbers
+
+
+class Mounting:
+    """Directions of three coils, or of three axes of a sensor, in the frame of handle or tool.
+
+    Parameters
+    ----------
+    directions : array_like, shape (3, 3)
+        Direction of each coil or axis in a row; lengths do not matter.
+    name : str
+        Name of the parameter, for the error.
+
+    Raises
+    ------
+    ParameterError
+        The directions are too close to a plane to be inverted.
+
+    Examples
+    --------
+    >>> turned = Mounting([[0, 2, 0], [-1, 0, 0], [0, 0, 1]])
+    >>> turned.acceleration((1.0, 2.0, 3.0))
+    (-2.0, 1.0, 3.0)
+    >>> turned.coil_forces((1.0, 2.0, 3.0))
+    (2.0, -1.0, 3.0)
+    """
+
+    def __init__(self, directions: npt.ArrayLike, name: str = "directions") -> None:
+        rows = np.asarray(directions, dtype=float)
+        lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+        rows = np.asarray(rows / np.where(lengths, lengths, 1.0))
+        condition = np.linalg.cond(rows)
+        if not condition <= HIGHEST_CONDITION:
+            raise ParameterError(
+                f"{name}: axes that are not orthogonal enough to be inverted: their condition"
+                f" number is {condition:.3g}, must be at most {HIGHEST_CONDITION:g}"
+            )
+        inverse = np.asarray(np.linalg.inv(rows), dtype=np.float64)
+        self._to_handle, self._to_coils = _Rows(inverse), _Rows(inverse.T)
+
+    def acceleration(self, measured: Vector) -> Vector:
+        """Return the acceleration whose components along the axes of a sensor were measured."""
+        return self._to_handle.times(measured)
+
+    def coil_forces(self, force: Vector) -> Vector:
+        """Return the forces of the coils whose sum is a force."""
+        return self._to_coils.times(force)
+
+
+def read_mounting(name: str, text: str, axes: Axes) -> Mounting | None:
+    """Return the mounting given by nine numbers, such as "1 0 0, 0 1 0, 0 0 1".
+
+    Returns
+    -------
+    Mounting or None
+        None for an empty text, and for a device without all axes.
+
+    Raises
+    ------
+    ParameterError
+        The text does not hold nine finite numbers, or the directions cannot be inverted.
+    """
+    if not text or axes != ALL_AXES:
+        return None
+    return Mounting(np.reshape(read_numbers(name, text, 9), (3, 3)), name)
+
+
+class _Rows:
+    """Rows of a 3x3 matrix: floats, as numpy would take ten times as long for one product."""
+
+    def __init__(self, matrix: FloatArray) -> None:
+        self._rows = matrix.tolist()
+
+    def times(self, vector: Vector) -> Vector:
+        x, y, z = vector
+        first, second, third = (row[0] * x + row[1] * y + row[2] * z for row in self._rows)
+        return first, second, third

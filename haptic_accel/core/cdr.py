@@ -30,7 +30,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.model import FloatArray, Vector
+from haptic_accel.core.model import IDENTITY, FloatArray, Quaternion, Vector
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, IntArray
 from haptic_accel.core.topics import VECTORS, Topic
 
@@ -50,7 +50,9 @@ _STAMP = struct.Struct("<iI")
 _LENGTH = struct.Struct("<I")
 _VECTORS = {code: struct.Struct(f"{mark}3d") for code, mark in _BYTE_ORDERS.items()}
 _VECTOR_SIZE = _VECTORS[1].size
-_BEHIND = {"pose.position": struct.pack("<4d", 0.0, 0.0, 0.0, 1.0), "vector": b""}
+_LENGTHS = {code: struct.Struct(f"{mark}I") for code, mark in _BYTE_ORDERS.items()}
+_QUATERNIONS = {code: struct.Struct(f"{mark}4d") for code, mark in _BYTE_ORDERS.items()}
+_BEHIND = {"pose.position": struct.pack("<4d", *IDENTITY), "vector": b""}
 """Bytes after the vector, by its path: an identity quaternion, nothing, or no rotation."""
 _NO_ROTATION = bytes(24)
 
@@ -76,9 +78,16 @@ class StampedVector:
         behind = _BEHIND.get(VECTORS[topic.type], _NO_ROTATION)
         start = (_ENCAPSULATION + header + frame).ljust(self._offset, b"\0")
         self._bytes = bytearray(start + bytes(_VECTOR_SIZE) + behind)
+        self._orientation = IDENTITY
 
-    def pack(self, stamp: int, vector: Vector) -> bytes:
-        """Return the message for a stamp, system time in ns, and a vector."""
+    def pack(self, stamp: int, vector: Vector, orientation: Quaternion = IDENTITY) -> bytes:
+        """Return the message for a stamp, system time in ns, and a vector.
+
+        Only a pose has an orientation.
+        """
+        if orientation is not self._orientation:
+            self._orientation = orientation
+            _QUATERNIONS[1].pack_into(self._bytes, self._offset + _VECTOR_SIZE, *orientation)
         _STAMP.pack_into(self._bytes, _ORIGIN, *divmod(stamp, NANOSECONDS))
         _VECTORS[1].pack_into(self._bytes, self._offset, *vector)
         return bytes(self._bytes)
@@ -136,6 +145,24 @@ def unpack_stamped_vector(data: bytes) -> tuple[int, Vector]:
     except (IndexError, struct.error):
         raise ValueError("too short") from None
     return sec * NANOSECONDS + nanosec, vector
+
+
+def unpack_orientation(data: bytes) -> tuple[float, ...]:
+    """Return the orientation (x, y, z, w) of a pose.
+
+    Raises
+    ------
+    ValueError
+        The message is no pose in plain CDR.
+    """
+    try:
+        order = data[1]
+        (frame_length,) = _LENGTHS[order].unpack_from(data, _ORIGIN + _STAMP.size)
+        return _QUATERNIONS[order].unpack_from(data, _vector_offset(frame_length) + _VECTOR_SIZE)
+    except KeyError:
+        raise ValueError("not plain CDR") from None
+    except (IndexError, struct.error):
+        raise ValueError("too short") from None
 
 
 def unpack_state(data: bytes) -> bool:

@@ -43,6 +43,12 @@ def vector(values: FloatArray) -> Vector:
 
 ZERO: Vector = (0.0, 0.0, 0.0)
 
+Quaternion = tuple[float, float, float, float]
+"""x, y, z, w of a rotation from turned axes to those of the base, as in ROS."""
+
+IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
+"""Rotation of axes that are parallel to those of the base."""
+
 GRAVITY = 9.80665
 """Standard gravity, m/s^2 (ISO 80000-3)."""
 
@@ -207,11 +213,14 @@ class Sample(NamedTuple):
         Velocity of the same point, m/s.
     acceleration : tuple of float
         Acceleration in the tool or handle frame, m/s^2; zero along axes that are not measured.
+    orientation : tuple of float
+        Orientation of tool or handle in the arm's base frame, a quaternion of unit length.
     """
 
     position: Vector
     velocity: Vector
     acceleration: Vector
+    orientation: Quaternion = IDENTITY
 
 
 class _Answer(Enum):

@@ -21,11 +21,27 @@ IEEE Transactions on Haptics 15(3), 2022), but keep its strength and spectrum ap
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from operator import itemgetter
 
 import numpy as np
 
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes
+from haptic_accel.core.model import FloatArray, Vector
+
+# Whole recordings
+
+
+def coil_component(acceleration: FloatArray) -> FloatArray:
+    """Return the component along the axis of a single coil; the others are lost.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (n, 3)
+    """
+    (index,) = ACTUATOR_AXES.indices
+    return np.asarray(acceleration[:, index])
 
 
 def total(acceleration: FloatArray) -> FloatArray:
@@ -99,5 +115,156 @@ REDUCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "principal": principal,
     "sum": total,
     "magnitude": magnitude,
+    "axis": coil_component,
 }
 """Reductions of a whole recording by name; each takes shape (n, 3) and returns shape (n,)."""
+
+# Sample by sample
+
+Reduction = Callable[[Vector], float]
+"""Causal reduction: it is called with each sample in order."""
+
+LEARNING = 2.0
+"""Time in contact in which a principal direction is found, s: hundreds of periods (assumed)."""
+
+CONTACT = 0.5
+"""Vibration above which a tool counts as in contact, m/s^2: assumed, four times the noise of three
+ADXL320."""
+
+CORNER = 15.0
+"""Frequency below which an acceleration is motion or gravity, Hz: the compensation's high-pass."""
+
+FIRST_TURN, LATER_TURN = math.radians(90.0), math.radians(5.0)
+"""Fastest turn of a principal direction while it is found, and afterwards, rad/s (assumed): no
+direction is further than the first in a second, and the second changes a component by less than a
+tenth in a second."""
+
+SEARCH = 0.05
+"""Period in which the principal direction is computed, s of contact: not more often, as that takes
+20 us."""
+
+
+class PrincipalDirection:
+    """Component along the direction of the tool's strongest vibration, which turns slowly.
+
+    The direction begins along the coil. In the first `LEARNING` seconds of contact it turns to
+    the eigenvector of the largest eigenvalue of the vibration's covariance, and then follows it
+    slowly. It takes the nearer of the two opposite directions, and turns by a bounded step in each
+    sample, so that the signal neither jumps nor changes its sign. The less the largest eigenvalue
+    exceeds the next, the slower it turns: a circular vibration has no principal direction.
+
+    This is principal component analysis with exponential forgetting. It assumes that the direction
+    changes less often than every few seconds, as in strokes over one surface.
+
+    Parameters
+    ----------
+    rate : float
+        Samples per second.
+    axes : Axes
+        Single axis of the coil, along which the direction begins.
+
+    Attributes
+    ----------
+    direction : tuple of float
+        Present direction, of unit length.
+
+    Examples
+    --------
+    >>> reduced = PrincipalDirection(1000.0)
+    >>> for sample in range(3000):
+    ...     x = 5.0 * math.sin(0.3 * sample)
+    ...     found = reduced((0.6 * x, 0.0, 0.8 * x))
+    >>> [round(each, 3) for each in reduced.direction]
+    [0.6, 0.0, 0.8]
+    """
+
+    def __init__(self, rate: float, axes: Axes = ACTUATOR_AXES) -> None:
+        self.direction = axes.vector([1.0])
+        self._principal, self._distinct = np.array(self.direction), 0.0
+        self._resting = -math.expm1(-2 * math.pi * CORNER / rate)
+        self._rest: Vector | None = None
+        self._products = np.zeros((3, 3))
+        self._waiting: list[Vector] = []
+        self._block = max(1, round(SEARCH * rate))
+        self._learning = LEARNING * rate
+        self._contact = 0  # samples
+        self._turns = FIRST_TURN / rate, LATER_TURN / rate
+
+    def __call__(self, acceleration: Vector) -> float:
+        """Return the component of a sample, m/s^2."""
+        self._learn(acceleration)
+        x, y, z = acceleration
+        d_x, d_y, d_z = self.direction
+        return x * d_x + y * d_y + z * d_z
+
+    def _learn(self, acceleration: Vector) -> None:
+        """Add a sample of contact to the covariance, and turn; missing samples have no effect."""
+        if not math.isfinite(sum(acceleration)):
+            return
+        x, y, z = acceleration
+        r_x, r_y, r_z = self._rest or acceleration
+        moving = x - r_x, y - r_y, z - r_z
+        a = self._resting
+        self._rest = r_x + a * moving[0], r_y + a * moving[1], r_z + a * moving[2]
+        if math.hypot(*moving) < CONTACT:
+            return
+        self._contact += 1
+        self._waiting.append(moving)
+        if len(self._waiting) == self._block:
+            self._search()
+        if self._distinct:
+            self._turn()
+
+    def _search(self) -> None:
+        """Compute the principal direction, and how distinct it is, 0 to 1."""
+        block = np.array(self._waiting)
+        self._waiting.clear()
+        self._products *= math.exp(-self._block / self._learning)
+        self._products += block.T @ block
+        values, vectors = np.linalg.eigh(self._products)
+        self._principal = vectors[:, -1]
+        self._distinct = float(1.0 - values[1] / values[2])
+
+    def _turn(self) -> None:
+        """Turn the direction towards the nearer principal direction by at most a step."""
+        now = np.array(self.direction)
+        along = float(now @ self._principal)
+        across = self._principal * math.copysign(1.0, along) - now * abs(along)
+        sine = float(np.linalg.norm(across))
+        step = self._distinct * self._turns[self._contact > self._learning]
+        if sine > 0.0:
+            now += across * min(1.0, step / sine)
+            x, y, z = (now / np.linalg.norm(now)).tolist()
+            self.direction = x, y, z
+
+
+def live_reduction(name: str, rate: float, axes: Axes = ACTUATOR_AXES) -> Reduction:
+    """Return a causal reduction for a handle with one coil.
+
+    Parameters
+    ----------
+    name : str
+        One of `LIVE_REDUCTIONS`.
+    rate : float
+        Samples per second.
+    axes : Axes
+        Single axis of the coil.
+
+    Examples
+    --------
+    >>> live_reduction("axis", 1000.0)((1.0, 2.0, 4.0))
+    4.0
+    >>> live_reduction("sum", 1000.0)((1.0, 2.0, 4.0))
+    7.0
+    """
+    if name == "principal":
+        return PrincipalDirection(rate, axes)
+    if name == "sum":
+        return sum
+    (index,) = axes.indices
+    return itemgetter(index)
+
+
+LIVE_REDUCTIONS = ("axis", "sum", "principal")
+"""Names of causal reductions: component along the coil, sum of the components, component along a
+slowly turning principal direction."""

@@ -28,12 +28,13 @@ import numpy.typing as npt
 
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
-from haptic_accel.core.axes import ACTUATOR_AXES, ACTUATOR_AXIS, Axes, along_actuator
-from haptic_accel.core.control.along_axis import AlongAxis
-from haptic_accel.core.control.compensation import Compensation, CompensationParameters
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes
+from haptic_accel.core.control.building import build_compensation
+from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.filters import (
     HIGH_PASS_FREQUENCY,
+    comparable,
     high_passed,
     without_hand_motion,
 )
@@ -45,12 +46,18 @@ from haptic_accel.core.coupling.position_position import (
     PositionPositionCoupling,
 )
 from haptic_accel.core.evaluation.discrimination import indistinguishable
-from haptic_accel.core.evaluation.metrics import Evaluation, align, evaluate
+from haptic_accel.core.evaluation.metrics import (
+    Evaluation,
+    align,
+    by_component,
+    evaluate,
+)
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import sampled_response
+from haptic_accel.core.identification.multisine import orthogonal_excitation
 from haptic_accel.core.identification.stops import LIMITED
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters, excitation
-from haptic_accel.core.loop.compensation import CompensationPart
+from haptic_accel.core.loop.compensation import Compensating, CompensationPart
 from haptic_accel.core.loop.coupling import CouplingPart
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, rig_side
 from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
@@ -68,7 +75,9 @@ from haptic_accel.core.parameters import Checked, ParameterError, check_positive
 from haptic_accel.core.rig.held_rig import DriveParameters
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+from haptic_accel.core.rig.masters import axes_of, simulated_master
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters, Vibrating
+from haptic_accel.core.rig.three_axis_rig import ThreeAxisRig
 from haptic_accel.core.sampling import LATENCY, NANOSECONDS, check_latency
 from haptic_accel.core.surfaces.scene import Scene
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
@@ -238,7 +247,10 @@ class Trial:
         Only these two are removed, as they must not count as error. A handle that moves exactly as
         desired has no error.
         """
-        return without_hand_motion(self.handle_acceleration, self.high_pass_frequency, self.rate)
+        corner, rate = self.high_pass_frequency, self.rate
+        return by_component(
+            lambda handle: without_hand_motion(handle, corner, rate), self.handle_acceleration
+        )
 
     @property
     def after(self) -> int:
@@ -282,7 +294,11 @@ class Trial:
             There are too few samples.
         """
         part = slice(first, end)
-        return align(self.desired_acceleration[part], self.actual_acceleration[part], self.after)
+        desired, actual = comparable(
+            *(self.desired_acceleration, self.handle_acceleration),
+            *(self.high_pass_frequency, self.rate),
+        )
+        return align(desired[part], actual[part], self.after)
 
     def bounds(self, rig: RigParameters, handle: HandleParameters, first: int = 0) -> Bounds:
         """Return the error bounds from a sample on, for a handle on a rig."""
@@ -378,8 +394,10 @@ def run_trial(
     check_latency(latency)
     if not (np.isfinite(duration) and duration * rate >= 1):
         raise ParameterError(f"duration = {duration}: must hold at least one sample")
-    rig, axes = rig or RigParameters(), ACTUATOR_AXES
+    rig = rig or RigParameters()
+    axes = axes_of(rig.master)
     around = replace(compensation or CompensationParameters(), controller=controller)
+    tool_axes = Axes.parsed((rig.virtual if scene else rig.slave).tool.axes)
     slave: Rig
     if replayed is not None:
         slave = ReplayRig(replayed)
@@ -390,18 +408,18 @@ def run_trial(
     time = np.arange(round(duration * rate)) / rate
     warnings: list[Warned] = []
     crossings: list[Crossed] = []
-    rigs = MasterRig(rig.master, rate, seed), slave
+    rigs = simulated_master(rig.master, rate, seed), slave
     master_limits, slave_limits = rig.safety
     sides = {
-        MASTER: rig_side(rigs[0], master_limits, rate, latency),
+        MASTER: rig_side(rigs[0], master_limits, rate, latency, axes=axes),
         SLAVE: rig_side(slave, slave_limits, rate, latency, (ARM,)),
     }
-    controlled = Compensation(around, rate, controllers, latency=latency)
-    part = CompensationPart(AlongAxis(controlled), rate, latency)
+    controlled = build_compensation(around, rate, controllers, latency=latency)
+    part = CompensationPart(controlled, rate, latency)
     hosts = (
         one_host(sides, part, rig, rate, latency)
         if channel is None
-        else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts)
+        else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts, tool_axes)
     )
     samples = _samples(rigs, hosts, controlled, time.tolist(), deque(grips), warnings, crossings)
     # Number by number, as an array takes three times longer to read nested tuples.
@@ -413,7 +431,7 @@ def run_trial(
     corner = around.high_pass_frequency
     crossing = None
     if channel is not None:
-        crossing, tool = _crossed(crossings, tool, rate)
+        crossing, tool = _crossed(crossings, tool, rate, axes)
         desired = high_passed(tool, corner, rate)
     return Trial(
         *(surface, controller, rate, time, tool, desired, handle, force, corner, latency),
@@ -426,16 +444,19 @@ def run_trial(
 
 
 def _crossed(
-    crossings: Sequence[Crossed], tool: FloatArray, rate: float
+    crossings: Sequence[Crossed], tool: FloatArray, rate: float, axes: Axes
 ) -> tuple[Crossing, FloatArray]:
     """Return the network's signals, and the tool's acceleration at the played times."""
     places = np.array([each.position for each in crossings])
     count = np.arange(len(tool))
-    played = np.array([each.played.value for each in crossings])
+    played = along(axes, np.array([each.played.value for each in crossings]))
     kinds = tuple(each.played.kind for each in crossings)
     energy = np.array([each.energy for each in crossings])
-    waiting = np.isnan(places)  # nothing is played then, and nothing desired
-    aligned = np.where(waiting, played, np.interp(np.nan_to_num(places), count, tool))
+    followed = np.apply_along_axis(
+        lambda component: np.interp(np.nan_to_num(places), count, component), 0, tool
+    )
+    # While waiting nothing is played, and nothing desired.
+    aligned = np.where(np.isnan(places), played.T, followed.T).T
     return Crossing(played, (count - places) / rate, kinds, energy), aligned
 
 
@@ -498,9 +519,9 @@ def _arms(slave: Rig) -> list[str]:
 
 
 def _samples(
-    rigs: tuple[MasterRig, Rig],
+    rigs: tuple[MasterRig | ThreeAxisRig, Rig],
     hosts: HostLoop | TwoHosts,
-    compensation: Compensation,
+    compensation: Compensating,
     times: Sequence[float],
     grips: deque[GripChange],
     warnings: list[Warned],
@@ -585,11 +606,39 @@ def run_identification(
     if trials < 1:
         raise ParameterError(f"trials = {trials}: must be at least 1")
     check_latency(latency)
-    force = np.append(excitation(parameters or SweepParameters(), rate), np.zeros(latency))
     rig = rig or MasterRigParameters()
+    axes = axes_of(rig)
+    excite = excitation if len(axes.names) == 1 else orthogonal_excitation
+    exciting = excite(parameters or SweepParameters(), rate)
+    force = np.concatenate([exciting, np.zeros((latency, *exciting.shape[1:]))])
     return [
         _excite(rig, _trial_seed(seed, index), force, rate, latency) for index in range(trials)
     ]
+
+
+def master_response(
+    rig: MasterRigParameters,
+    frequency: npt.ArrayLike,
+    rate: float,
+    delay: float | None = None,
+) -> ComplexArray:
+    """Return the true response of a simulated master with three coils, m/s^2 per N, (f, 3, 3).
+
+    Parameters
+    ----------
+    rig : MasterRigParameters
+    frequency : array_like, shape (f,)
+        Hz.
+    rate : float
+        Samples per second.
+    delay : float, optional
+        Delay of the drive in place of the rig's own, s.
+    """
+    if delay is not None:
+        rig = replace(rig, drive=replace(rig.drive, delay=delay))
+    master = simulated_master(rig, rate)
+    assert isinstance(master, ThreeAxisRig)
+    return master.response(frequency, rate)
 
 
 def _trial_seed(seed: int, trial: int) -> int:
@@ -600,16 +649,16 @@ def _trial_seed(seed: int, trial: int) -> int:
 def _excite(
     rig: MasterRigParameters, seed: int, force: FloatArray, rate: float, latency: int
 ) -> IdentificationTrial:
-    master = MasterRig(rig, rate, seed)
+    master, axes = simulated_master(rig, rate, seed), axes_of(rig)
     limits = MasterSafetyParameters(hardware=rig.actuator)
-    side = rig_side(master, limits, rate, latency, (ACTUATOR,))
-    acceleration = np.zeros(len(force))
-    for tick, exciting in enumerate(force.tolist()):
+    side = rig_side(master, limits, rate, latency, (ACTUATOR,), axes)
+    acceleration = np.zeros((len(force), 3))
+    for tick, exciting in enumerate(force.reshape(len(force), -1).tolist()):
         side.begin(tick)
-        acceleration[tick] = next(side.read()).sample.acceleration[ACTUATOR_AXIS]
-        side.command(ACTUATOR, tick * NANOSECONDS / rate, along_actuator(exciting))
+        acceleration[tick] = next(side.read()).sample.acceleration
+        side.command(ACTUATOR, tick * NANOSECONDS / rate, axes.vector(exciting))
         side.apply()
         side.watch()
     values: dict[str, str | int] = {**master.counters(), **side.safety.diagnostics()}
     counts = {key: int(values[key]) for key in (*master.counters(), *LIMITED)}
-    return IdentificationTrial(rate, force, acceleration, counts, latency)
+    return IdentificationTrial(rate, force, along(axes, acceleration), counts, latency)

@@ -23,6 +23,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from haptic_accel.core.arm_endpoint import ArmEndpoint
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.coupling.engagement import EngagementParameters
 from haptic_accel.core.coupling.half_engagement import HalfEngagement
 from haptic_accel.core.coupling.passive import PassiveParameters
@@ -60,6 +61,8 @@ class TwoHosts:
         Seed of the network.
     blackouts : sequence of (float, float)
         Start and end of each blackout, s, in which no packet arrives.
+    axes : Axes
+        Axes of the tool.
 
     Attributes
     ----------
@@ -78,7 +81,9 @@ class TwoHosts:
         compensation: CompensationPart | None = None,
         seed: int = 0,
         blackouts: Sequence[tuple[float, float]] = (),
+        axes: Axes = ACTUATOR_AXES,
     ) -> None:
+        self._axes = axes
         self._parameters, self._sides, self._compensation = parameters, sides, compensation
         self._rate = sides[MASTER].rate
         self._first = round(BEGIN * self._rate)
@@ -107,7 +112,7 @@ class TwoHosts:
         """Start or restart the host of an arm at a time in s."""
         side, conditions = self._sides[arm], EngagementParameters()
         session = next(self._sessions)
-        end = ArmEndpoint(arm, self._parameters, side.rate, side.latency, session)
+        end = ArmEndpoint(arm, self._parameters, side.rate, side.latency, session, self._axes)
         half = HalfCouplingPart(end, HalfEngagement(conditions, now, arm), conditions.timeout)
         half.offset = BEGIN * NANOSECONDS
         self.halves[arm] = half

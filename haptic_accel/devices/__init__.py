@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.devices.can.device import CanMaster, CanSlave
-from haptic_accel.devices.combined import combined
+from haptic_accel.devices.combined import CombinedDevice, CombinedTool, combined
 from haptic_accel.devices.crtk.device import CrtkMaster, CrtkSlave
 from haptic_accel.devices.interface import Device, DeviceDescription, DeviceError, Sample
 from haptic_accel.devices.outside import MASTERS_GROUP, SLAVES_GROUP, with_outside
@@ -50,9 +50,9 @@ _SLAVES: dict[str, type[Device]] = {
     "serial": SerialSlave,
     "crtk": CrtkSlave,
 }
-for _devices in (_MASTERS, _SLAVES):
-    _devices["can_serial"] = combined(_devices, "can", "serial")
-    _devices["crtk_serial"] = combined(_devices, "crtk", "serial")
+for _devices, _kind in ((_MASTERS, CombinedDevice), (_SLAVES, CombinedTool)):
+    _devices["can_serial"] = combined(_devices, "can", "serial", _kind)
+    _devices["crtk_serial"] = combined(_devices, "crtk", "serial", _kind)
 
 MASTERS = with_outside(_MASTERS, MASTERS_GROUP, RESERVED)
 SLAVES = with_outside(_SLAVES, SLAVES_GROUP, RESERVED)

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Actuator behind a sound card and an amplifier, beside the master's own device."""
+"""Actuator behind a sound card and amplifiers, beside the master's own device."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ import math
 import time as clocks
 from bisect import insort
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any
@@ -29,10 +29,11 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
-from haptic_accel.core.model import FloatArray, Vector
-from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.axes import read_mounting
+from haptic_accel.core.model import ZERO, FloatArray, Vector
+from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
 from haptic_accel.devices.interface import LATER, Device, DeviceDescription, DeviceError, Reading
+from haptic_accel.devices.serial.device import SerialMasterParameters
 from haptic_accel.devices.simulated import SimulatedDevice
 
 AUDIO = "audio"
@@ -58,7 +59,7 @@ leaves 26 us."""
 
 @dataclass(frozen=True)
 class AudioParameters(Checked):
-    """Sound card that drives the actuator."""
+    """Sound card that drives the actuator, of one coil or three."""
 
     device: str = parameter(
         "", "name of the sound card, as `python -m sounddevice` lists it; empty for the default"
@@ -69,15 +70,23 @@ class AudioParameters(Checked):
         low=8,
         high=4096,
     )
-    channel: int = parameter(1, "output channel of the actuator; others are silent", "", 1, 64)
+    channel: int = parameter(
+        1,
+        "output channel of the first coil; the next channels have the other coils, and the rest is"
+        " silent",
+        "",
+        1,
+        64,
+    )
     full_scale: float = parameter(
         0.0,
-        "actuator force at the card's full scale, negative where wires are swapped;"
+        "force of a coil at the card's full scale, negative where wires are swapped;"
         " `identify actuator:=audio` finds it; 0 for actuator.peak_force",
         "N",
         -1000.0,
         1000.0,
     )
+    coil_mounting: str = like(SerialMasterParameters, "coil_mounting")
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
 
     @property
@@ -96,6 +105,8 @@ class SoundCard:
     parameters : AudioParameters
     period : float
         Interval between two calls of `write` at the most, s.
+    coils : int
+        Number of coils, on successive channels.
 
     Attributes
     ----------
@@ -107,7 +118,7 @@ class SoundCard:
         Time from writing a sample to the card until it sounds, s.
     """
 
-    def __init__(self, parameters: AudioParameters, period: float) -> None:
+    def __init__(self, parameters: AudioParameters, period: float, coils: int = 1) -> None:
         try:
             import sounddevice
         except (ImportError, OSError):  # the latter without PortAudio
@@ -115,6 +126,8 @@ class SoundCard:
         self._library = sounddevice
         self._parameters = parameters
         self._period = period
+        first = parameters.channel - 1
+        self._own = slice(first, first + coils)
         self._stream: Any = None
         self._channels = self._size = self.block = 0
         self.rate = self.lead = math.nan
@@ -135,10 +148,14 @@ class SoundCard:
             raise DeviceError("audio.device = '': must name a sound card, as none is the default")
         found = self._opened(lambda: library.query_devices(p.device or None, "output"))
         self.name, self.rate = found["name"], found["default_samplerate"]
-        if p.channel > (most := found["max_output_channels"]):
-            raise ParameterError(f"audio.channel = {p.channel}: must be at most {most}")
+        most, last = found["max_output_channels"], self._own.stop
+        if last > most:
+            raise ParameterError(
+                f"audio.channel = {p.channel}: channel {last} of the last coil must be at most"
+                f" {most}"
+            )
         # Two channels if the card has two: a single channel may sound from both.
-        self._channels = max(p.channel, min(2, most))
+        self._channels = max(last, min(2, most))
         self._stream = self._opened(
             lambda: library.OutputStream(
                 device=found["index"],
@@ -172,9 +189,9 @@ class SoundCard:
         return (self._size - self._free()) / self.rate
 
     def write(self, samples: FloatArray) -> bool:
-        """Write samples, full scale 1; return whether the card underran."""
+        """Write samples, shape (n, coils), full scale 1; return whether the card underran."""
         frames = np.zeros((len(samples), self._channels), dtype=np.float32)
-        frames[:, self._parameters.channel - 1] = samples
+        frames[:, self._own] = samples
         return bool(self._asked(lambda stream: stream.write(frames)))
 
     def _free(self) -> int:
@@ -226,7 +243,10 @@ class AudioActuator(Device):
         latency: int,
         clock: Callable[[], float] = clocks.monotonic,
     ) -> None:
-        self._card = SoundCard(parameters, 1 / rate)
+        self.axes = device.axes
+        self._coils = len(self.axes.names)
+        self._mounting = read_mounting("audio.coil_mounting", parameters.coil_mounting, self.axes)
+        self._card = SoundCard(parameters, 1 / rate, self._coils)
         self._parameters = parameters
         self._full_scale = parameters.largest_force
         self._rate = rate
@@ -234,8 +254,8 @@ class AudioActuator(Device):
         self.parts = (device,)
         self._latency = latency
         self._clock = clock
-        self._force = HeldForce()
-        self._waiting: list[tuple[float, float]] = []
+        self._force = HeldForce(self._coils)
+        self._waiting: list[tuple[float, Vector]] = []
         self._next = math.nan  # time at which the next sample given to the card sounds
         self._errors: list[float] = []
         self._counts: Counter[str] = Counter(audio_underruns=0, audio_clipped=0)
@@ -278,7 +298,7 @@ class AudioActuator(Device):
         reading = self._device.read(time)
         if reading is not LATER:
             while self._waiting and self._waiting[0][0] <= time:
-                self._device.write(time, actuator_force=along_actuator(self._waiting.pop(0)[1]))
+                self._device.write(time, actuator_force=self._waiting.pop(0)[1])
         self._supply()
         return reading
 
@@ -287,23 +307,25 @@ class AudioActuator(Device):
     ) -> None:
         """Apply the arm's force now, and the actuator's force when due."""
         if actuator_force is not None:
-            along = actuator_force[ACTUATOR_AXIS]
-            self._add(time, along if math.isfinite(along) else 0.0)
+            finite = all(map(math.isfinite, actuator_force))
+            self._add(time, actuator_force if finite else ZERO)
         if arm_force is not None:
             self._device.write(time, arm_force=arm_force)
 
-    def _add(self, time: float, force: float) -> None:
+    def _add(self, time: float, force: Vector) -> None:
+        turned = self._mounting.coil_forces(force) if self._mounting else force
+        coils = self.axes.components(turned)
         felt = isinstance(self._device, SimulatedDevice)
         if time > self._clock():
             self._late += time < self._next
-            self._force.put(time, force)
+            self._force.put(time, coils)
             if felt:
                 self._waiting.append((time, force))
             return
-        self._force.replace(force)
+        self._force.replace(coils)
         self._waiting.clear()
         if felt:
-            self._device.write(time, actuator_force=along_actuator(force))
+            self._device.write(time, actuator_force=force)
 
     def _supply(self) -> None:
         """Give the card the samples that sound within its lead."""
@@ -317,9 +339,10 @@ class AudioActuator(Device):
         count = min(card.room, int((now + card.lead - self._next) * card.rate))
         if count > 0:
             samples = self._force.means(self._next, card.rate, count) / self._full_scale
-            within = np.clip(samples, -1.0, 1.0)
-            self._counts["audio_clipped"] += int(np.count_nonzero(within != samples))
-            dry |= card.write(within)
+            # All coils together, so that a force keeps its direction.
+            largest = np.maximum(np.abs(samples).max(axis=1, keepdims=True), 1.0)
+            self._counts["audio_clipped"] += int(np.count_nonzero(largest > 1.0))
+            dry |= card.write(samples / largest)
             self._next += count / card.rate
         self._counts["audio_underruns"] += dry
 
@@ -352,8 +375,9 @@ class AudioActuator(Device):
         """Remark of the device; card, block, lead and calibration."""
         card, p = self._card, self._parameters
         calibrated = "" if p.full_scale else ", not calibrated"
+        others = f" to {p.channel + self._coils - 1}" if self._coils > 1 else ""
         own = (
-            f"sound card {card.name}, channel {p.channel}, {card.block} samples a block at"
+            f"sound card {card.name}, channel {p.channel}{others}, {card.block} samples a block at"
             f" {card.rate:g} Hz, supplied {card.lead * 1e3:.1f} ms ahead, full scale"
             f" {self._full_scale:g} N{calibrated}"
         )
@@ -370,34 +394,39 @@ class AudioActuator(Device):
 
 
 class HeldForce:
-    """Forces with due times, each held until the next force is due.
+    """Forces of coils with due times, each held until the next force is due.
 
     Each output sample is the mean force over its period. A step between two samples thus keeps its
     time to a fraction of a sample, and the impulse.
 
+    Parameters
+    ----------
+    coils : int
+
     Examples
     --------
-    >>> held = HeldForce()
-    >>> held.put(0.5, 2.0)
+    >>> held = HeldForce(2)
+    >>> held.put(0.5, [2.0, 4.0])
     >>> held.means(0.0, 1.0, 2)
-    array([1., 2.])
+    array([[1., 2.],
+           [2., 4.]])
     """
 
-    def __init__(self) -> None:
-        self._waiting: list[tuple[float, float]] = []
-        self._held = 0.0
+    def __init__(self, coils: int = 1) -> None:
+        self._waiting: list[tuple[float, Sequence[float]]] = []
+        self._held = np.zeros(coils)
 
-    def put(self, due: float, force: float) -> None:
-        """Add a force, N, with a due time, s; a late force acts at once."""
-        insort(self._waiting, (due, force))
+    def put(self, due: float, forces: Sequence[float]) -> None:
+        """Add the coils' forces, N, with a due time, s; late forces act at once."""
+        insort(self._waiting, (due, forces))
 
-    def replace(self, force: float) -> None:
-        """Apply a force in N at once, and discard forces not due yet."""
+    def replace(self, forces: Sequence[float]) -> None:
+        """Apply forces in N at once, and discard forces not due yet."""
         self._waiting.clear()
-        self._held = force
+        self._held = np.array(forces)
 
     def means(self, start: float, rate: float, count: int) -> FloatArray:
-        """Return the mean force of each sample, and discard forces due before the end.
+        """Return the mean forces of each sample, and discard forces due before the end.
 
         Parameters
         ----------
@@ -409,16 +438,18 @@ class HeldForce:
 
         Returns
         -------
-        ndarray, shape (count,)
+        ndarray, shape (count, coils)
             N.
         """
-        means = np.full(count, self._held)
+        means = np.full((count, len(self._held)), self._held)
         while self._waiting and self._waiting[0][0] < start + count / rate:
-            due, force = self._waiting.pop(0)
+            due, forces = self._waiting.pop(0)
+            force = np.array(forces)
             place = max(0.0, (due - start) * rate)
             first = int(place)
             # The new force acts for the rest of that sample.
-            means[first : first + 1] += (force - self._held) * (first + 1 - place)
+            if first < count:
+                means[first] += (force - self._held) * (first + 1 - place)
             means[first + 1 :] = force
             self._held = force
         return means

@@ -22,7 +22,8 @@ from contextlib import ExitStack
 from typing import Any, ClassVar
 
 from haptic_accel.core.model import Vector
-from haptic_accel.devices.interface import LATER, Device, DeviceDescription, Reading
+from haptic_accel.core.orientation import is_turned, to_base
+from haptic_accel.devices.interface import LATER, Device, DeviceDescription, Reading, Sample
 
 
 class CombinedDevice(Device):
@@ -46,6 +47,7 @@ class CombinedDevice(Device):
         self._arm = self.ArmDevice(arm, rate, seed)
         self._handle = self.HandleDevice(handle, rate, seed)
         self.parts = self._arm, self._handle
+        self.axes = self._handle.axes
 
     def open(self) -> None:
         """Open both, or leave both closed."""
@@ -92,7 +94,23 @@ class CombinedDevice(Device):
         }
 
 
-def combined(devices: Mapping[str, type[Device]], arm: str, handle: str) -> type[CombinedDevice]:
+class CombinedTool(CombinedDevice):
+    """Arm with a tool, whose acceleration is turned to the axes of the arm's base."""
+
+    def read(self, time: float) -> Reading:
+        """Return the arm's motion and the tool's acceleration in the axes of the arm's base."""
+        sample = super().read(time)
+        if isinstance(sample, Sample) and is_turned(sample.orientation, sample.acceleration):
+            return sample._replace(acceleration=to_base(sample.orientation, sample.acceleration))
+        return sample
+
+
+def combined(
+    devices: Mapping[str, type[Device]],
+    arm: str,
+    handle: str,
+    kind: type[CombinedDevice] = CombinedDevice,
+) -> type[CombinedDevice]:
     """Return a device class with one device's arm, and another's handle or tool.
 
     The class has both devices' parameters.
@@ -103,8 +121,10 @@ def combined(devices: Mapping[str, type[Device]], arm: str, handle: str) -> type
         Device classes by name.
     arm, handle : str
         Device names.
+    kind : type
+        `CombinedTool` for a slave.
     """
     parts = {"ArmDevice": devices[arm], "HandleDevice": devices[handle]}
     name = "".join(part.__name__ for part in parts.values())
     described = DeviceDescription((arm, handle), ahead=devices[handle].description.ahead)
-    return type(name, (CombinedDevice,), {**parts, "description": described})
+    return type(name, (kind,), {**parts, "description": described})

@@ -22,6 +22,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.model import LATER, Reading, Sample, Vector
 from haptic_accel.core.parameters import Checked
 
@@ -99,6 +100,9 @@ class Device(ABC):
     Parameters: ClassVar[type] = NoParameters
 
     description: ClassVar[DeviceDescription] = DeviceDescription()
+
+    axes: Axes = ACTUATOR_AXES
+    """Axes along which the device measures vibration and drives an actuator."""
 
     parts: Sequence[Device] = ()
     """Component devices, the arm first; this device has their joints, remarks, warnings and

@@ -93,7 +93,7 @@ class ObservedDevice:
     ) -> None:
         self._device = device
         self._rate, self._latency = rate, latency
-        self._safety = SafetyLayer(safety, rate)
+        self._safety = SafetyLayer(safety, rate, device.axes)
         ahead = (ACTUATOR,) if device.description.ahead else ()
         self._side = DeviceSide(
             device, self._safety, rate, latency, time.monotonic, kinds=(ARM, ACTUATOR), ahead=ahead

@@ -19,14 +19,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from haptic_accel.core.axes import Axes
 from haptic_accel.core.model import FloatArray, GripParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
 from haptic_accel.core.resampling import crossfaded
 from haptic_accel.core.rig.guided_hand import WORKSPACE, GuidedHand
+from haptic_accel.core.rig.held_rig import Hand
 from haptic_accel.core.rig.interface import SampledRig
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+from haptic_accel.core.rig.masters import SimulatedMasterParameters, axes_of, simulated_master
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters, Vibrating
 from haptic_accel.core.rig.surface import SurfaceParameters
+from haptic_accel.core.rig.three_axis_rig import ThreeAxisRig
 from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.devices.interface import Device, DeviceDescription
 from haptic_accel.materials.folders import preset_file
@@ -53,13 +57,19 @@ class SimulatedDevice(SampledRig, Device):
 class SimulatedMaster(SimulatedDevice):
     """Hand, handle, voice coil and arm."""
 
-    Parameters = MasterRigParameters
+    Parameters = SimulatedMasterParameters
     description = DeviceDescription(changeable=tuple(schema(GripParameters, "grip.")))
 
-    _rig: MasterRig
+    _rig: MasterRig | ThreeAxisRig
 
     def __init__(self, parameters: MasterRigParameters, rate: float, seed: int) -> None:
-        self._rig = MasterRig(parameters, rate, seed)
+        self._build(parameters, rate, seed)
+
+    def _build(
+        self, parameters: MasterRigParameters, rate: float, seed: int, hand: Hand | None = None
+    ) -> None:
+        self.axes = axes_of(parameters)
+        self._rig = simulated_master(parameters, rate, seed, hand)
 
     def change(self, parameters: MasterRigParameters) -> None:
         """Change the user's grip of the handle."""
@@ -74,7 +84,7 @@ class PointerMaster(SimulatedMaster):
 
     def __init__(self, parameters: MasterRigParameters, rate: float, seed: int) -> None:
         self._hand = GuidedHand(parameters.exploration.height)
-        self._rig = MasterRig(parameters, rate, seed, self._hand)
+        self._build(parameters, rate, seed, self._hand)
 
     def point(self, position: Vector) -> None:
         """Lead the hand along x and z, within its workspace."""
@@ -113,6 +123,7 @@ class SimulatedSlave(SimulatedDevice):
 
     def __init__(self, parameters: SimulatedSlaveParameters, rate: float, seed: int) -> None:
         self._grain = rate, seed
+        self.axes = Axes.parsed(parameters.tool.axes)
         texture = textured(parameters.surface, rate, seed)
         recording = played(parameters.recording, rate)
         self._rig = SlaveRig(parameters, rate, seed, recording, texture=texture)

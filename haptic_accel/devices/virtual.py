@@ -20,6 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from haptic_accel.core.axes import Axes
 from haptic_accel.core.bounded_work import without_bounded_work
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import parameter
@@ -50,6 +51,7 @@ class VirtualSlave(SimulatedDevice):
     def __init__(self, parameters: VirtualSlaveParameters, rate: float, seed: int) -> None:
         scene = read_scene(Path(parameters.scene))
         self._rig = VirtualRig(parameters, scene, rate, seed)
+        self.axes = Axes.parsed(parameters.tool.axes)
 
     @property
     def contact_force(self) -> Vector:

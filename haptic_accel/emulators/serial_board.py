@@ -30,6 +30,7 @@ from haptic_accel.devices.serial.protocol import (
     Configuration,
     ErrorCode,
     Frame,
+    FrameType,
     ScheduleCurrent,
     SetCurrent,
     State,
@@ -64,12 +65,15 @@ SMOOTHING = 4
 """Number of ticks in which a distance from the grid is removed. As a timer uses a new interval one
 tick later, a quarter per tick is the fastest correction without overshoot."""
 
+DRIVING = FrameType.ARM, FrameType.SET_CURRENT, FrameType.SCHEDULE_CURRENT
+"""Types of frames for an actuator."""
+
 SILENT = Configuration(0, 0, 0)
 """Configuration before the host has sent one."""
 
 
 class Board:
-    """Board with input of bytes and accelerometer samples, and output of frames and a current.
+    """Board with input of bytes and accelerometer samples, and output of frames and currents.
 
     The board sends nothing until an intact frame arrives.
 
@@ -84,20 +88,20 @@ class Board:
     ----------
     configuration : Configuration
     state : State
-    current : int
-        Set-point of the current, counts of `FULL_SCALE`; 0 unless armed.
+    currents : tuple of int
+        Set-points of the coils' currents, counts of `FULL_SCALE`; 0 unless armed.
     period : int
         Time from this sampling tick to the next, ns; 0 without samples.
     """
 
     def __init__(self, identity: protocol.Identity, send: Callable[[bytes], bool]) -> None:
         self._identity = identity
-        self._has_actuator = identity.full_scale_current > 0
+        self._coils = len(identity.coils)
         self._send_bytes = send
         self._decoder = protocol.Decoder()
         self._encoder = protocol.Encoder()
         self.state = State.DISARMED
-        self.current = 0
+        self._switch_off()
         self._scheduled: list[ScheduleCurrent] = []
         self._last_tick: int | None = None
         self._index = 0
@@ -157,7 +161,7 @@ class Board:
         self._decoder.restart()
         self._configure(SILENT)
         self._contacted = False
-        self.current = 0
+        self._switch_off()
         if self.state is not State.FAULT:
             self.state = State.DISARMED
 
@@ -192,13 +196,11 @@ class Board:
             return ErrorCode.VERSION
         if frame.type not in protocol.REQUESTS:
             return ErrorCode.TYPE
-        if len(frame.payload) != protocol.REQUESTS[frame.type].LAYOUT.size:
+        if frame.type in DRIVING and not self._coils:
+            return ErrorCode.NO_ACTUATOR
+        if len(frame.payload) != protocol.REQUESTS[frame.type].size(self._coils):
             return ErrorCode.LENGTH
         match protocol.read_message(frame):
-            case protocol.ArmRequest() | SetCurrent() | ScheduleCurrent() if (
-                not self._has_actuator
-            ):
-                return ErrorCode.NO_ACTUATOR
             case protocol.ArmRequest() if self.state is State.FAULT:
                 return ErrorCode.FAULT
             case protocol.DisarmRequest() if self._faulty:
@@ -282,12 +284,15 @@ class Board:
             self._scheduled.insert(place, set_point)
 
     def _apply(self, set_point: SetCurrent | ScheduleCurrent) -> None:
-        self.current = max(-protocol.FULL_SCALE, set_point.counts)
+        self.currents = tuple(max(-protocol.FULL_SCALE, counts) for counts in set_point.counts)
+
+    def _switch_off(self) -> None:
+        self.currents = (0,) * self._coils
 
     def _enter(self, state: State, now: int) -> None:
         """Change the state; no current flows until the next set-point."""
         self.state = state
-        self.current = 0
+        self._switch_off()
         self._scheduled.clear()
         self._report(now)
 
@@ -298,7 +303,7 @@ class Board:
             *(decoder.received, decoder.damaged, decoder.lost),
             *(self._refused, self._timeouts, self._unsent, self._late, self._overflowed),
         )
-        self._send(protocol.Status(self.state, self.current, *(n % CLOCKS for n in counts)), now)
+        self._send(protocol.Status(self.state, self.currents, *(n % CLOCKS for n in counts)), now)
 
     def _send(self, message: protocol.Message, now: int) -> None:
         if self._contacted and not self._send_bytes(self._encoder.encode(message, now)):

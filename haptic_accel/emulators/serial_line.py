@@ -32,7 +32,7 @@ from haptic_accel.core.coupling.position_position import PositionPositionCouplin
 from haptic_accel.core.loop.coupling import CouplingPart
 from haptic_accel.core.loop.device_side import ARM, DeviceSide
 from haptic_accel.core.loop.wiring import HostLoop
-from haptic_accel.core.model import ZERO
+from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices.serial.protocol import CLOCKS, FULL_SCALE, Identity
 from haptic_accel.devices.simulated import SimulatedDevice
@@ -62,9 +62,9 @@ class EmulatedBoard:
     path : Path
         Symbolic link to make to the terminal.
     measure : callable
-        Function from a time to the acceleration along z, m/s^2.
+        Function from a time to the acceleration along the sensor's axes, m/s^2.
     drive : callable, optional
-        Function called with a time and the actuator's current from then on, A.
+        Function called with a time and the coils' currents from then on, A.
     faults : Faults, optional
     drift : float
         Relative error of the clock rate.
@@ -84,8 +84,8 @@ class EmulatedBoard:
         self,
         identity: Identity,
         path: Path,
-        measure: Callable[[float], float],
-        drive: Callable[[float, float], None] | None = None,
+        measure: Callable[[float], Vector],
+        drive: Callable[[float, Vector], None] | None = None,
         faults: Faults | None = None,
         drift: float = 0.0,
     ) -> None:
@@ -93,7 +93,7 @@ class EmulatedBoard:
         self._port = PseudoTerminal(path)
         self._measure = measure
         self._drive = drive
-        self._driven = 0.0
+        self._driven = ZERO
         self._held_out = self._held_in = b""
         self._clock_rate = 1e6 * (1 + drift)
         self.board = Board(identity, self._send)
@@ -107,9 +107,12 @@ class EmulatedBoard:
         return self._port if self.open and self._port.plugged else None
 
     @property
-    def current(self) -> float:
-        """Current of the actuator, A."""
-        return self.board.current / FULL_SCALE * self._identity.full_scale_current
+    def currents(self) -> Vector:
+        """Currents of the coils along x, y and z, A."""
+        scales = self._identity.full_scale_currents
+        counts = iter(self.board.currents)
+        x, y, z = (next(counts) / FULL_SCALE * scale if scale else 0.0 for scale in scales)
+        return x, y, z
 
     @property
     def rate(self) -> int:
@@ -137,11 +140,12 @@ class EmulatedBoard:
         self._apply_current(min(now, self.due))
 
     def step(self) -> None:
-        """Take the sample that is due, and apply the current from then on."""
+        """Take the sample that is due, and apply the currents from then on."""
         tick = self.due
-        share = self._measure(tick) / self._identity.full_scale_acceleration
-        counts = round(min(1.0, max(-1.0, share)) * FULL_SCALE)
-        self.board.send_sample((0, 0, counts), self._clock(tick))
+        full_scale = self._identity.full_scale_acceleration
+        shares = (acceleration / full_scale for acceleration in self._measure(tick))
+        counts = [round(min(1.0, max(-1.0, share)) * FULL_SCALE) for share in shares]
+        self.board.send_sample(counts, self._clock(tick))
         self._apply_current(tick)
         self.due += self._period
 
@@ -164,8 +168,8 @@ class EmulatedBoard:
         return (CLOCK_START + round(time * self._clock_rate)) % CLOCKS
 
     def _apply_current(self, time: float) -> None:
-        if self._drive and self.current != self._driven:
-            self._driven = self.current
+        if self._drive and self.currents != self._driven:
+            self._driven = self.currents
             self._drive(time, self._driven)
 
     def _receive(self, now: float) -> None:

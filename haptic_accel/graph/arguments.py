@@ -21,6 +21,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
+from haptic_accel.core.axes import ALL_AXES, Axes
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.parameters import (
     Checked,
@@ -32,12 +33,12 @@ from haptic_accel.core.parameters import (
     specified,
 )
 from haptic_accel.devices import SLAVES
-from haptic_accel.graph.files import read_parameter_files
+from haptic_accel.graph.files import parameter_paths, read_parameter_file, read_parameter_files
 from haptic_accel.graph.namespaces import NamespaceArguments
 from haptic_accel.graph.node_parameters import NODES, PASSIVE, node_schema
 from haptic_accel.graph.words import parse_words
 from haptic_accel.links.parameters import LinkNodeParameters, check_peer
-from haptic_accel.materials.folders import is_recording
+from haptic_accel.materials.folders import is_recording, preset_file
 
 L = TypeVar("L", bound="LaunchArguments")
 
@@ -74,11 +75,24 @@ CRTK = "crtk"
 SCENE = f"{VIRTUAL}.scene"
 """Parameter of `slave_device`: file of the scene."""
 
+TOOL_AXES = "tool.axes"
+"""Parameter of the simulated slave devices: axes that the tool measures."""
+
 RECORDING = f"{SIMULATED}.recording.file"
 """Parameter of `slave_device`: file of the recorded acceleration."""
 
 PLAYED_TOPICS = "topics"
 """Name for the topics that `ros2 bag play` publishes in place of a slave device."""
+
+
+THREE_AXIS_SWEEP = {
+    "start_frequency": 8.0,
+    "end_frequency": 450.0,
+    "duration": 1.0,
+    "trials": 2,
+}
+"""Excitation of three coils, if not given: the band of the coupling, in the time that one coil
+takes (Hz, s)."""
 
 
 def sets(*places: str, **changes: Any) -> Any:
@@ -116,7 +130,14 @@ class ConditionArguments(Checked):
         text="controller of the actuator's force; with master:=pointer, adaptive if neither given"
         " nor in a parameter file",
     )
-    rig: str = parameter("paper", "virtual rig: ideal, paper, or a .yaml file")
+    reduction: str = sets(
+        "compensator.reduction",
+        text="signal of a single coil from the tool's three axes: component along the coil, sum,"
+        " or component along the strongest vibration; a simulated tool then measures three axes",
+    )
+    rig: str = parameter(
+        "paper", "virtual rig: ideal, paper, three_axis_ideal, three_axis, or a .yaml file"
+    )
     grip: str = sets(
         "master_device.simulated.grip.posture", text="grip of the simulated hand on the handle"
     )
@@ -320,6 +341,17 @@ class IdentifyArguments(SweepParameters, LaunchArguments):
     bag: str = like(GraphArguments, "bag")
     topics: str = like(GraphArguments, "topics")
     seed: int = like(GraphArguments, "seed")
+
+    @classmethod
+    def from_given(cls, **given: Any) -> IdentifyArguments:
+        """Build from the given arguments, as `LaunchArguments` does, and for three coils."""
+        known = cls.filled(given)
+        files = [preset_file("rig", str(known.get("rig", cls.rig)))]
+        files += parameter_paths(known.get("params_file", ""))
+        axes = [read_parameter_file(path)["compensator"].get("axes") for path in files]
+        if any(each and Axes.parsed(each) == ALL_AXES for each in axes):
+            known = THREE_AXIS_SWEEP | known
+        return cls(**known)
 
     @property
     def sweep(self) -> SweepParameters:

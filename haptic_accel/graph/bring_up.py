@@ -351,7 +351,7 @@ class BringUp:
                 except DeviceError as error:
                     results.append(Check(False, str(error), "flash the board: firmware/README.md"))
                     continue
-                side = MASTER if identity.full_scale_current else SLAVE
+                side = MASTER if identity.coils else SLAVE
                 key = "port" if port.port else "usb_serial"
                 found.setdefault(side, {key: getattr(port, key)})
                 text = f"{name}: board {identity.serial_number} of the {HELD[side]}"

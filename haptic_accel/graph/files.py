@@ -26,6 +26,7 @@ from typing import Any, NamedTuple, TypeAlias
 import yaml
 
 from haptic_accel.core.bounded_files import located
+from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.document import Document, read_yaml_document
 from haptic_accel.core.parameters import checked, printable, shown
 from haptic_accel.core.warning import warn_once
@@ -38,6 +39,9 @@ SURFACE = "simulated.surface."
 
 POSTURE = "simulated.grip.posture"
 """Parameter of the master device: grip of the simulated hand on the handle."""
+
+MODEL = f"{PLANT}.model"
+"""Parameter of the compensator: file of the plant's model."""
 
 SEPARATOR = ","
 """Separator of the files in the argument `params_file`."""
@@ -135,12 +139,20 @@ def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, d
             known = _known(flat, executable, name)
             if namespace is None or _holds(key, f"{namespace}/{executable}"):
                 values[executable] |= known
+    _locate_model(path, values)
     if warning := warning_of(given):
         warn_once(f"{shown(str(path))}: {warning}")
     if namespace is not None:
         for executable in NODES:
             _check_reached(content, f"{namespace}/{executable}")
     return values
+
+
+def _locate_model(path: Path, values: Values) -> None:
+    """Make the path of a plant's model absolute if the model lies beside the file."""
+    own = values["compensator"]
+    if (model := own.get(MODEL)) and (beside := path.parent / str(model)).is_file():
+        own[MODEL] = str(beside.absolute())
 
 
 def parameter_paths(params_file: str) -> list[Path]:

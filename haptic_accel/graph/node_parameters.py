@@ -151,6 +151,7 @@ class CouplerNodeParameters(CouplingParameters, PassiveParameters, EngagementPar
         choices=(SPRING, PASSIVE),
     )
     side: str = parameter("", "arm that this host has; empty for both", choices=ARMS)
+    axes: str = parameter("z", "axes of this host's tool, which cross the network: z, or x, y, z")
 
 
 @dataclass(frozen=True)
@@ -173,6 +174,7 @@ class IdentifierNodeParameters(SweepParameters):
     rate: float = like(SampledParameters, "rate")
     latency: int = like(DeviceNodeParameters, "latency", IDENTIFICATION_LATENCY)
     timeout: float = like(EngagementParameters, "timeout")
+    axes: str = like(CompensationParameters, "axes")
     trials: int = parameter(
         4, "number of trials, each of all repeats (paper: four a user)", low=1, high=1000
     )

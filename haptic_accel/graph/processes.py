@@ -27,7 +27,10 @@ from typing import Any, TypeAlias
 
 from haptic_accel.bags import NO_ROSBAGS
 from haptic_accel.bags.facts import facts_text
+from haptic_accel.core.axes import ALL_AXES
 from haptic_accel.core.bounded_files import located
+from haptic_accel.core.control.building import check_axes
+from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.identification.sweep import repeat_samples
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.process import CUT_SHORT, DONE, WRONG_ARGUMENTS
@@ -72,7 +75,7 @@ it, those of one of two hosts."""
 
 
 LEFT_TO_FILES = (
-    *("grip", "topics", "recording_rate", "recording_column"),
+    *("grip", "reduction", "topics", "recording_rate", "recording_column"),
     *("replay", "replay_speed", "replay_loop", "replay_start"),
 )
 """Arguments that set no parameter at their default, so that a file may."""
@@ -144,6 +147,8 @@ def graph(arguments: GraphArguments) -> list[Process]:
         played(options["slave_device"][names.SIMULATED].recording, arguments.rate)
     _check_replay(arguments, options)
     _check_devices(arguments, options)
+    around, plant = node_parameters("compensator", values["compensator"])
+    check_axes(around, plant, around.rate)
     if arguments.record:
         _check_bag(arguments)
     return _processes(arguments, values, composed=arguments.composed, respawn=arguments.respawn)
@@ -251,12 +256,15 @@ def graph_parameters(arguments: Arguments) -> Values:
             values[executable] |= content[executable]
     for executable, set_values in set_here.items():
         values[executable] |= set_values
+    known = {"axes": values["compensator"].get("axes", CompensationParameters.axes)}
     if arguments.master in (names.SIMULATED, names.POINTER):
         # Simulated handles need no measurement of the sensor.
         _, devices = node_parameters("master_device", values["master_device"])
-        sensor = asdict(devices[names.SIMULATED].accelerometer)
+        simulated = devices[names.SIMULATED]
+        sensor = asdict(simulated.accelerometer)
         known = {f"accelerometer.{name}": value for name, value in sensor.items()}
-        values["identifier"] = known | values["identifier"]
+        known["axes"] = simulated.axes
+    values["identifier"] = known | values["identifier"]
     if side := getattr(arguments, "side", ""):
         _, device = node_parameters(f"{side}_device", values[f"{side}_device"])
         values["coupler"]["recovery"] = device[SAFETY].recovery
@@ -342,6 +350,10 @@ def _own_parameters(arguments: Arguments) -> Values:
     own["coupler"] |= {**listeners, "compensated": "compensator" in own}
     if "restamper" in own:
         own["restamper"] |= listeners
+    if "slave_device" in own and arguments.reduction != CompensationParameters.reduction:
+        axes = ", ".join(ALL_AXES.names)
+        for device in (names.SIMULATED, names.VIRTUAL):
+            own["slave_device"][f"{device}.{names.TOOL_AXES}"] = axes
     is_virtual = arguments.slave == names.VIRTUAL
     if "slave_device" in own and is_virtual:
         own["slave_device"][names.SCENE] = str(preset_file("scene", arguments.surface))

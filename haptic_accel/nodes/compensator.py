@@ -26,11 +26,12 @@ import scipy.signal  # noqa: F401
 from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
-from haptic_accel.core.control.along_axis import AlongAxis
-from haptic_accel.core.control.compensation import PLANT, Compensation
+from haptic_accel.core.control.building import build_compensation
+from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.loop.compensation import Caused, CompensationPart
 from haptic_accel.core.model import ZERO
+from haptic_accel.core.orientation import Orientation
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import FELT_PRIORITY, run
 from haptic_accel.nodes.timing import CATCH_UP, ArrivalKeeper
@@ -53,18 +54,22 @@ class Compensator(GraphNode):
         super().__init__("compensator", ("controller", FROZEN))
         p = self.parameters
         # All at once: designing a controller must not delay a force.
-        self._compensation = Compensation(
+        self._compensation = build_compensation(
             p, p.rate, self.options, tuple(CONTROLLERS), latency=p.latency
         )
         if doubt := self.options[PLANT].doubt:
             self.get_logger().warning(f"plant: {doubt}; then run identify again")
         self.part = CompensationPart(
-            AlongAxis(self._compensation), p.rate, p.latency, round(CATCH_UP * p.rate)
+            self._compensation, p.rate, p.latency, round(CATCH_UP * p.rate)
         )
         self._handles = self.samples(topics.HANDLE_ACCELERATION, p.rate)
         self._send_force = self.sender(topics.ACTUATOR_FORCE).send
         self._send_desired = self.sender(topics.DESIRED_ACCELERATION).send
         self._tools = self.samples(topics.TOOL_ACCELERATION, p.rate)
+        # A vibration along a single axis is not turned.
+        turns = len(self._compensation.axes.names) > 1
+        self._poses = self.inbox(topics.MASTER_POSITION, depth=1) if turns else None
+        self._orientation = Orientation()
         self._stops = self.inbox(topics.MASTER_STOPPED)
         self._compensation.mute(True)  # until the device is known to apply forces
         self._arrivals = ArrivalKeeper(p.rate)
@@ -80,6 +85,8 @@ class Compensator(GraphNode):
             for stamp, acceleration in self._handles.drain():
                 self.part.put_handle(stamp, acceleration)
             self.publish(self.part.forces(time.time_ns()), offset=0)
+        if came:
+            self._follow_orientation()
         return self._arrivals.polled(found=came and not self.part.waiting)
 
     def publish(self, felt: Iterable[Caused], offset: int) -> None:
@@ -87,6 +94,13 @@ class Compensator(GraphNode):
         for stamp, desired, force in felt:
             self._send_force(stamp + offset, force)
             self._send_desired(stamp + offset, desired)
+
+    def _follow_orientation(self) -> None:
+        """Take the handle's orientation, for the next samples: no force waits for it."""
+        if self._poses and self._poses.senders < 2:
+            for orientation in self._poses.drain_orientations():
+                self._orientation.put(orientation)
+                self.part.orientation = self._orientation.newest
 
     def follow_stop(self) -> None:
         """Compute no force while the device refuses it."""
@@ -111,6 +125,7 @@ class Compensator(GraphNode):
     def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return counts of lost, limited and refused samples, and the controller's values."""
         warning, values = self._compensation.diagnostics()
+        warning = ", ".join(filter(None, (warning, self._orientation.problem)))
         return warning, {
             "samples": str(self.part.samples),
             "lost": str(self.part.lost),

@@ -98,7 +98,7 @@ class DeviceNode(ManagedNode):
         self._owner = self._kind.description.owners(p.device)[0]
         self._parameters_kind = devices[self._owner].Parameters
         self.device = self._build_device()
-        self.safety = SafetyLayer(self.options[SAFETY], p.rate)
+        self.safety = SafetyLayer(self.options[SAFETY], p.rate, self.device.axes)
         self.arm = arm.position.source
         self.offset = 0
         self._used = self._starting = self._warned = self._settled = False
@@ -334,7 +334,7 @@ class DeviceNode(ManagedNode):
         tick, sample, work = taken
         stamp = self.rate_keeper.time(tick) + self.offset
         self._acceleration.send(stamp, sample.acceleration)
-        self._position.send(stamp, sample.position)
+        self._position.send(stamp, sample.position, sample.orientation)
         self._velocity.send(stamp, sample.velocity)
         if self._work_asked:
             self._work_sender.send(stamp, work)

@@ -26,6 +26,7 @@ from collections.abc import Iterable
 
 from haptic_accel.core import topics
 from haptic_accel.core.arm_endpoint import ArmEndpoint
+from haptic_accel.core.axes import Axes
 from haptic_accel.core.coupling.half_engagement import HalfEngagement
 from haptic_accel.core.loop.half_coupling import HalfCouplingPart
 from haptic_accel.core.loop.wiring import Pull, Tool
@@ -53,7 +54,8 @@ class HalfCoupler(CouplingNode):
         super().__init__()
         p = self.parameters
         topics_here = ARM_TOPICS[p.side]
-        end = ArmEndpoint(p.side, p, p.rate, p.latency, random_session())
+        axes = Axes.parsed(p.axes)
+        end = ArmEndpoint(p.side, p, p.rate, p.latency, random_session(), axes)
         self.part: HalfCouplingPart = HalfCouplingPart(end, self._here, p.timeout)
         self._end, self._endpoint = end, end.endpoint
         self._local = LocalEnd(

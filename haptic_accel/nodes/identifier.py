@@ -24,8 +24,8 @@ from collections import deque
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import STOPPED
 from haptic_accel.core.actuator.travel import TravelEstimator
-from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
-from haptic_accel.core.identification.sweep import excitation
+from haptic_accel.core.axes import Axes
+from haptic_accel.core.identification.multisine import repeats_of_trial, trial_forces
 from haptic_accel.core.model import ACTUATOR, ZERO, Vector
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.devices import DeviceError
@@ -61,15 +61,18 @@ class Identifier(GraphNode):
     def __init__(self) -> None:
         super().__init__("identifier")
         p = self.parameters
-        self._force = excitation(p, p.rate).tolist()
-        self._repeat = len(self._force) // p.repeats
+        self._axes = Axes.parsed(p.axes)
+        forces = trial_forces(self._axes, p, p.rate).tolist()
+        self._force = [self._axes.vector(each) for each in forces]
+        self._repeats = repeats_of_trial(self._axes, p)
+        self._repeat = len(self._force) // self._repeats
         self._rest = round(p.rest * p.rate)
         self._period = NANOSECONDS / p.rate
         actuator = self.options[ACTUATOR]
-        self._travel = TravelEstimator(actuator, p.rate)
+        self._travels = [TravelEstimator(actuator, p.rate) for _ in self._axes.names]
         self._most_travel = TRAVEL_SHARE * actuator.travel
         self._widest = 0.0
-        self._pending = deque([0.0], maxlen=p.latency + 1)
+        self._pending = deque([ZERO], maxlen=p.latency + 1)
         self._origin: int | None = None
         self._done = -1  # repeats, as logged
         self._started = self._received = time.monotonic()
@@ -114,12 +117,14 @@ class Identifier(GraphNode):
         if self.finished.done():
             return
         self._received = time.monotonic()
-        measured = acceleration[ACTUATOR_AXIS]
-        if not math.isfinite(measured):
+        measured = self._axes.components(acceleration)
+        if not all(map(math.isfinite, measured)):
             self._fail("handle_acceleration: not a finite number, force taken off")
             return
         # Until now the actuator had the force from latency plus one samples ago.
-        travel = abs(self._travel.observe(self._pending[0], measured))
+        acting = self._axes.components(self._pending[0])
+        parts = zip(self._travels, acting, measured, strict=True)
+        travel = max([abs(each.observe(*pair)) for each, *pair in parts])
         self._widest = max(self._widest, travel)
         if travel > self._most_travel:
             self._fail(
@@ -130,28 +135,29 @@ class Identifier(GraphNode):
         force = self._next_force(moment)
         self._pending.append(force)
         if not self.finished.done():
-            self._sender.send(moment, along_actuator(force))
+            self._sender.send(moment, force)
 
-    def _next_force(self, moment: int) -> float:
+    def _next_force(self, moment: int) -> Vector:
         """Return the force that follows a sample of a moment in ns."""
         if self._origin is None:
             if self._missing():
-                return 0.0
+                return ZERO
             self._origin = moment
         sample = round((moment - self._origin) / self._period)
         trial, within = divmod(sample, self._rest + len(self._force))
         p = self.parameters
         if trial >= p.trials:
-            self._log_progress(p.trials * p.repeats)
+            self._log_progress(p.trials * self._repeats)
             # The handle comes to rest on the recording too.
             if within >= self._rest:
                 self.finish()
-            return 0.0
+            return ZERO
         place = within - self._rest
         if place < 0:
-            return 0.0
-        self._log_progress(trial * p.repeats + place // self._repeat)
-        return float(self._force[place])
+            return ZERO
+        self._log_progress(trial * self._repeats + place // self._repeat)
+        force: Vector = self._force[place]
+        return force
 
     def _log_progress(self, done: int) -> None:
         """Log the number of repeats done, once each."""
@@ -159,8 +165,8 @@ class Identifier(GraphNode):
             return
         self._done = done
         p = self.parameters
-        trial, repeat = divmod(done, p.repeats)
-        line = f"trial {trial + 1} of {p.trials}, repeat {repeat + 1} of {p.repeats}"
+        trial, repeat = divmod(done, self._repeats)
+        line = f"trial {trial + 1} of {p.trials}, repeat {repeat + 1} of {self._repeats}"
         if trial == p.trials:
             line = f"done, largest travel {1e3 * self._widest:.2f} mm"
         self.get_logger().info(line)

@@ -29,7 +29,7 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.serialization import deserialize_message
 
 from haptic_accel.core import topics
-from haptic_accel.core.axes import ACTUATOR_AXIS
+from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
 from haptic_accel.core.cdr import unpack_stamped_vector
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import ParameterError
@@ -55,7 +55,7 @@ from haptic_accel.scope.node_reports import (
 )
 from haptic_accel.scope.server import SOUND_RATE, ScopeServer
 from haptic_accel.scope.state import drawing, state_of
-from haptic_accel.scope.windows import LARGEST, GraphSettings, Ring, Windows
+from haptic_accel.scope.windows import LARGEST, GraphSettings, Windows
 
 NICENESS = 10
 """Niceness of the scope's process: lower priority than the nodes that compute the force."""
@@ -75,13 +75,17 @@ WANTED = {
     "compensator": tuple(
         name
         for name in node_schema("compensator")
-        if name in ("controller", "high_pass_frequency", "latency")
+        if name in ("axes", "controller", "high_pass_frequency", "latency")
         or name.startswith(f"{ACTUATOR}.")
     ),
     "slave_device": ("device", f"{SURFACE}name", SCENE_FILE),
     "master_device": ("device", POSTURE),
 }
 """Parameters of other nodes that are shown, or needed to show something."""
+
+
+_Put = Callable[[Windows, int, float, int], None]
+"""Function that stores a sample with its stamp and reception time, ns."""
 
 
 class Scope(GraphNode):
@@ -112,12 +116,12 @@ class Scope(GraphNode):
             self.windows.places,
             lambda: self._remotes["master_device"].values,
         )
-        self._signals: dict[str, tuple[Topic, Callable[[int, float, int], None]]] = {
-            "desired": (topics.DESIRED_ACCELERATION, _only(self.windows.desired)),
-            "actual": (topics.HANDLE_ACCELERATION, _only(self.windows.handle)),
-            "force": (topics.ACTUATOR_FORCE, self._receive_force),
-            "arm_force": (topics.SLAVE_ARM_FORCE, _only(self.windows.arm_force)),
-            "position": (topics.SLAVE_POSITION, _only(self.windows.position)),
+        self._signals: dict[str, tuple[Topic, _Put]] = {
+            "desired": (topics.DESIRED_ACCELERATION, _only("desired")),
+            "actual": (topics.HANDLE_ACCELERATION, _only("handle")),
+            "force": (topics.ACTUATOR_FORCE, _put_force),
+            "arm_force": (topics.SLAVE_ARM_FORCE, _only("arm_force")),
+            "position": (topics.SLAVE_POSITION, _only("position")),
         }
         self._shown: dict[str, Inbox] = {}
         self._reported = (time.monotonic(), 0, 0, 0)
@@ -199,15 +203,17 @@ class Scope(GraphNode):
 
     def _receive_signals(self) -> None:
         """Read all waiting samples."""
+        by_axis = self.windows.by_axis
         for name, inbox in self._shown.items():
             topic, put = self._signals[name]
             for data, received in inbox.drain(unpack_stamped_vector):
                 stamp, vector = unpack_stamped_vector(data)
-                value = vector[ACTUATOR_AXIS]
-                if abs(value) <= LARGEST:  # false for NaN
-                    put(stamp, value, received)
-                else:
-                    self.refuse(topic, f"{value:g}: must be at most {LARGEST:g}")
+                for axis, windows in by_axis.items():
+                    value = vector[NAMES.index(axis)]
+                    if abs(value) <= LARGEST:  # false for NaN
+                        put(windows, stamp, value, received)
+                    else:
+                        self.refuse(topic, f"{value:g}: must be at most {LARGEST:g}")
 
     def _follow_messages(self, topic: Topic, take: Callable[[Any], None]) -> None:
         """Subscribe to messages from any sender; refuse malformed ones."""
@@ -222,10 +228,6 @@ class Scope(GraphNode):
                 take(message)
 
         self.subscribe_raw(topic, read)
-
-    def _receive_force(self, stamp: int, force: float, received: int) -> None:
-        self.windows.force.put(stamp, force)
-        self.windows.age.put(stamp, (received - stamp) / NANOSECONDS)
 
     def _receive_diagnostics(self, array: DiagnosticArray) -> None:
         now = time.monotonic()
@@ -254,21 +256,30 @@ class Scope(GraphNode):
         values = self._remotes["compensator"].values
         before, self._controller = self._controller, values.get("controller")
         if before not in (None, self._controller):
-            self.windows.compare_anew()
+            for windows in self.windows.by_axis.values():
+                windows.compare_anew()
         known = {name: value for name, value in values.items() if value is not None}
-        settings = GraphSettings()
+        settings, axes = GraphSettings(), ACTUATOR_AXES
         with suppress(ParameterError):  # a node of another version
             if known:
+                axes = Axes.parsed(str(known.get("axes", "z")))
                 own, options = node_parameters("compensator", known)
                 settings = GraphSettings(
                     own.high_pass_frequency, options[ACTUATOR], own.latency, assumed=False
                 )
-        self.windows.settings = settings
+        self.windows.show_axes(axes)
+        for windows in self.windows.by_axis.values():
+            windows.settings = settings
 
 
-def _only(ring: Ring) -> Callable[[int, float, int], None]:
+def _only(name: str) -> _Put:
     """Return a callback that stores a sample without its reception time."""
-    return lambda stamp, value, received: ring.put(stamp, value)
+    return lambda windows, stamp, value, received: getattr(windows, name).put(stamp, value)
+
+
+def _put_force(windows: Windows, stamp: int, force: float, received: int) -> None:
+    windows.force.put(stamp, force)
+    windows.age.put(stamp, (received - stamp) / NANOSECONDS)
 
 
 def main() -> None:

@@ -15,13 +15,13 @@
 
 """Binary frames sent to a page: samples and plots, little-endian.
 
-A frame of samples: kind, number of samples of each trace (uint32 each), age of the newest sample
-in s at creation of the frame (float32; negative if stamped in the future), steady time of creation
-in s (float64), origin in s since 1970 (float64), then for each trace the times after the origin in
-s and the values (float32 each). A frame of plots: kind, number of points of the spectra, number of
-points of the cloud (uint32 each), then frequency, desired and actual of the spectra, desired and
-actual of the cloud (float32 each). A frame of places: kind (uint32), then x and z of each of
-`PLACES` (float32, NaN for unknown).
+A frame of samples: kind, number of the axis, number of samples of each trace (uint32 each), age of
+the newest sample in s at creation of the frame (float32; negative if stamped in the future),
+steady time of creation in s (float64), origin in s since 1970 (float64), then for each trace the
+times after the origin in s and the values (float32 each). A frame of plots: kind, number of points
+of the spectra, number of points of the cloud (uint32 each), then frequency, desired and actual of
+the spectra, desired and actual of the cloud (float32 each). A frame of places: kind (uint32), then
+x and z of each of `PLACES` (float32, NaN for unknown).
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from haptic_accel.core.axes import NAMES
 from haptic_accel.core.model import Vector
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope.windows import LONGEST_WINDOW, Metrics, Ring, Windows
@@ -55,13 +56,16 @@ SCENE = "scene"
 SOUND = "sound"
 """Name by which a page that plays sound asks for frames more often."""
 
-ON_DEMAND = (*CHOSEN, SCENE, SOUND)
+AXES = {f"axis_{name}": name for name in NAMES}
+"""Names by which a page asks for the signals along an axis; by default the actuator's."""
+
+ON_DEMAND = (*CHOSEN, SCENE, SOUND, *AXES)
 """Requests that a page may make."""
 
 PLACES = ("tool", "tool_velocity", "handle", "contact_force")
 """Vectors of a frame of places: m, m/s, m, N; the tool's in the slave's base frame."""
 
-_SAMPLES_HEADER = struct.Struct("<7Ifdd")
+_SAMPLES_HEADER = struct.Struct("<8Ifdd")
 _PLOTS_HEADER = struct.Struct("<3I")
 
 _LARGEST = float(np.finfo(np.float32).max)
@@ -79,17 +83,27 @@ class Cursor:
     ----------
     shown : frozenset of str
         Signals that the page receives.
+    axis : str
+        Axis of the signals, if the rig has it.
     """
 
     def __init__(self, windows: Windows) -> None:
         self._windows = windows
         self._sent = dict.fromkeys(TRACES, 0)
         self.shown = frozenset(ALWAYS)
+        self.axis = windows.axis
+        self._sending = windows
         self._placed = b""
+
+    @property
+    def windows(self) -> Windows:
+        """Signals along the axis that the page shows."""
+        return self._windows.by_axis.get(self.axis, self._windows)
 
     def choose(self, names: Iterable[str]) -> None:
         """Select the signals of `ON_DEMAND` to send, from their next sample on."""
         self.shown = frozenset((*ALWAYS, *names))
+        self.axis = next((AXES[name] for name in AXES if name in self.shown), self._windows.axis)
         self._placed = b""
 
     def places(self) -> bytes | None:
@@ -98,11 +112,17 @@ class Cursor:
         return self._placed if SCENE in self.shown and self._placed != before else None
 
     def frame(self) -> bytes | None:
-        """Return samples since the last frame, at most the longest window; None if empty."""
-        self._windows.advance()
+        """Return samples since the last frame, at most the longest window; None if empty.
+
+        After a change of the axis, all of the longest window are new.
+        """
+        before, self._sending = self._sending, self.windows
+        if self._sending is not before:
+            self._sent = dict.fromkeys(TRACES, 0)
+        self._sending.advance()
         parts = []
         for name in TRACES:
-            ring: Ring = getattr(self._windows, name)
+            ring: Ring = getattr(self._sending, name)
             sent = self._sent[name] if name in self.shown else ring.count
             self._sent[name], stamps, values = ring.since(sent)
             recent = stamps >= ring.newest - int(LONGEST_WINDOW * NANOSECONDS)
@@ -113,6 +133,7 @@ class Cursor:
         newest = max(int(stamps[-1]) for stamps, _ in parts if len(stamps))
         header = _SAMPLES_HEADER.pack(
             SAMPLES,
+            NAMES.index(self._sending.axis),
             *(len(stamps) for stamps, _ in parts),
             (time.time_ns() - newest) / NANOSECONDS,
             time.monotonic(),

@@ -26,9 +26,8 @@ from dataclasses import replace
 from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
 
-from haptic_accel.core.axes import ACTUATOR_AXIS
-from haptic_accel.core.control.along_axis import AlongAxis
-from haptic_accel.core.control.compensation import Compensation
+from haptic_accel.core.axes import ACTUATOR_AXIS, NAMES
+from haptic_accel.core.control.building import build_compensation
 from haptic_accel.core.loop.compensation import CompensationPart
 from haptic_accel.core.loop.device_side import ARM, rig_side
 from haptic_accel.core.loop.wiring import MASTER, SLAVE
@@ -126,15 +125,20 @@ class PacedRig:
         self._slave = SimulatedSlave(_slave(values), self._rate, arguments.seed)
         limits = rig.safety
         sides = {
-            MASTER: rig_side(self._master, limits[0], self._rate, latency),
+            MASTER: rig_side(self._master, limits[0], self._rate, latency, axes=self._master.axes),
             SLAVE: rig_side(self._slave, limits[1], self._rate, latency, (ARM,)),
         }
-        self._compensation = Compensation(around, self._rate, controllers, latency=latency)
-        part = CompensationPart(AlongAxis(self._compensation), self._rate, latency)
+        self._compensation = build_compensation(around, self._rate, controllers, latency=latency)
+        part = CompensationPart(self._compensation, self._rate, latency)
         self._loop = one_host(sides, part, rig, self._rate, latency)
-        self.windows.settings = GraphSettings(
-            around.high_pass_frequency, controllers[ACTUATOR], latency, assumed=False
-        )
+        self.windows.show_axes(self._master.axes)
+        self._axes = [
+            (NAMES.index(axis), windows) for axis, windows in self.windows.by_axis.items()
+        ]
+        for _, windows in self._axes:
+            windows.settings = GraphSettings(
+                around.high_pass_frequency, controllers[ACTUATOR], latency, assumed=False
+            )
         self._tick = 0
 
     # What a page shows
@@ -214,7 +218,8 @@ class PacedRig:
         for arm, (tick, sample, _) in loop.samples:
             stamp = origin + loop.stamp(tick)
             if arm == MASTER:
-                windows.handle.put(stamp, sample.acceleration[ACTUATOR_AXIS])
+                for index, each in self._axes:
+                    each.handle.put(stamp, sample.acceleration[index])
                 windows.places["handle"] = sample.position
             else:
                 windows.position.put(stamp, sample.position[ACTUATOR_AXIS])
@@ -225,8 +230,9 @@ class PacedRig:
             if pull.arm == SLAVE:
                 windows.arm_force.put(origin + pull.stamp, pull.force[ACTUATOR_AXIS])
         for stamp, desired, force in loop.felt:
-            windows.desired.put(origin + stamp, desired[ACTUATOR_AXIS])
-            windows.force.put(origin + stamp, force[ACTUATOR_AXIS])
+            for index, each in self._axes:
+                each.desired.put(origin + stamp, desired[index])
+                each.force.put(origin + stamp, force[index])
 
     def _carry_out(self) -> None:
         """Carry out what pages have asked for."""
@@ -245,7 +251,8 @@ class PacedRig:
     def _set_controller(self, name: str) -> None:
         self._compensation.select(name)
         self._values["compensator"]["controller"] = name
-        self.windows.compare_anew()
+        for _, windows in self._axes:
+            windows.compare_anew()
 
     def _set_surface(self, name: str) -> None:
         self._slave.change(_slave(graph_parameters(replace(self._arguments, surface=name))))

@@ -217,7 +217,7 @@ class ScopeServer:
         self._clients: dict[web.WebSocketResponse, Cursor] = {}
         self._silent: dict[asyncio.BaseProtocol, asyncio.TimerHandle] = {}
         self._leader: tuple[web.WebSocketResponse | None, float] = None, 0.0
-        self._update: tuple[str, bytes] = ("", b"")
+        self._updates: dict[Windows, tuple[str, bytes]] = {}
         self._updated = float("-inf")
         self._logged: set[str] = set()
         self._thread: threading.Thread | None = None
@@ -464,7 +464,7 @@ class ScopeServer:
             self._refresh(loop.time())
             if self._updated > sent:
                 sent = self._updated
-                for part in self._update:
+                for part in self._updates.get(cursor.windows, ()):
                     await self._give(page, part)
             await asyncio.sleep(max(0.0, due - loop.time()))
 
@@ -490,11 +490,15 @@ class ScopeServer:
         """Update metrics and states for all pages when it is time."""
         if now - self._updated < METRICS_PERIOD:
             return
-        metrics = self._source.windows.metrics()
-        state = {"version": self._version, "metrics": metrics.values} | self._source.state()
+        axes = list(self._source.windows.by_axis)
+        state = {"version": self._version, "axes": axes} | self._source.state()
         if self._act is None:
             state["led"] = False
-        self._update = (as_json(state), plots_frame(metrics))
+        self._updates = {}
+        for windows in {cursor.windows for cursor in self._clients.values()}:
+            metrics = windows.metrics()
+            told = as_json(state | {"metrics": metrics.values})
+            self._updates[windows] = told, plots_frame(metrics)
         self._updated = now  # not before: failed updates must not count as new
 
 

@@ -25,6 +25,7 @@ import numpy as np
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
+from haptic_accel.core.axes import ACTUATOR_AXIS, NAMES, Axes
 from haptic_accel.core.control import filters
 from haptic_accel.core.control.compensation import FADING, LISTENING
 from haptic_accel.core.evaluation.discrimination import indistinguishable
@@ -192,10 +193,14 @@ class Metrics:
 
 
 class Windows:
-    """Signals that a page shows.
+    """Signals that a page shows, along one axis.
 
     Attributes
     ----------
+    axis : str
+        Axis of the signals.
+    others : dict of Windows
+        Signals along the further axes of the rig, by axis.
     desired, handle, force, age : Ring
         Received signals: desired acceleration, measured handle acceleration (m/s^2), actuator
         force (N) and its age on arrival (s).
@@ -211,7 +216,9 @@ class Windows:
         Settings of the graph; may be replaced by another thread at any time.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, axis: str = NAMES[ACTUATOR_AXIS]) -> None:
+        self.axis = axis
+        self.others: dict[str, Windows] = {}
         self.desired, self.handle, self.force, self.age = Ring(), Ring(), Ring(), Ring()
         self.actual, self.travel = Ring(), Ring()
         self.arm_force, self.position = Ring(), Ring()
@@ -220,6 +227,21 @@ class Windows:
         self._derivation: Derivation | None = None
         self._derived = 0
         self._compared_from = 0
+
+    @property
+    def by_axis(self) -> dict[str, Windows]:
+        """Signals of all axes of the rig, in order."""
+        found = {self.axis: self, **self.others}
+        return {axis: found[axis] for axis in sorted(found)}
+
+    def show_axes(self, axes: Axes) -> None:
+        """Store the signals along some axes; without the actuator's, the last stands for it."""
+        self.axis = self.axis if self.axis in axes.names else axes.names[-1]
+        self.others = {
+            name: self.others.get(name) or Windows(name)
+            for name in axes.names
+            if name != self.axis
+        }
 
     def compare_anew(self) -> None:
         """Restrict the comparison to samples after a change of controller that begins now."""

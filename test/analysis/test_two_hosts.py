@@ -115,6 +115,27 @@ def test_a_clock_that_drifts_and_a_playout_that_wanders_change_the_delay_not_the
     assert (found.delay_low_ms, found.delay_high_ms) == pytest.approx((37.0, 39.8), abs=0.3)
 
 
+def test_a_delay_that_changes_by_periods_of_the_vibration_is_found(tmp_path: Path) -> None:
+    (found,) = compared(tmp_path, operator(wander=1e-3), robot())  # the limit of playout
+    assert (found.delay_low_ms, found.delay_high_ms) == pytest.approx((37.0, 51.0), abs=1.0)
+    assert found.nrmse_percent < 25.0
+
+
+def test_vibration_in_three_axes_is_compared_as_a_vector(tmp_path: Path) -> None:
+    scale = np.array([1.0, -0.5, 0.2])
+    here, there = (
+        replace(
+            content,
+            signals={name: np.outer(values, scale) for name, values in content.signals.items()},
+        )
+        for content in (operator(), robot())
+    )
+    here.facts["parameters"]["compensator"]["axes"] = "x, y, z"
+    (found,) = compared(tmp_path, here, there)
+    assert found.delay_ms == pytest.approx(37.0, abs=0.05)
+    assert found.nrmse_percent == pytest.approx(10.0, abs=1.5)
+
+
 def test_the_summary_and_the_file_state_both_errors_and_how_well_the_clocks_are_known(
     tmp_path: Path,
 ) -> None:

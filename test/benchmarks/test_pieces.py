@@ -35,10 +35,13 @@ from haptic_accel.bags.writing import BagWriter
 from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.control.vector_compensation import VectorCompensation
 from haptic_accel.core.coupling.position_position import (
     CouplingParameters,
     PositionPositionCoupling,
 )
+from haptic_accel.core.handle.matrix_plant import MatrixPlant
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import Vector
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
@@ -91,6 +94,39 @@ def test_sample_of_the_compensation(benchmark: Benchmark, controller: str, rate:
     _, force = benchmark(lambda: compensation.process(next(acceleration), next(handle)))
     assert math.isfinite(force)
     assert (compensation.guard.saturated, compensation.rejected) == (0, 0)
+
+
+def coupled(rate: float) -> MatrixPlant:
+    """Return three coils, each of which drives the axes of the others, at -20 dB for 30 ms."""
+    pulse = np.exp(-np.arange(round(0.03 * rate)) / (0.01 * rate))
+    coupling = 0.1 * pulse / pulse.sum() * np.ones((3, 3, 1))
+    coupling[:, :, 0] += np.eye(3)
+    return MatrixPlant((Plant(), Plant(), Plant()), coupling, rate)
+
+
+@pytest.mark.parametrize("rate", [RATE, 4 * RATE])
+@pytest.mark.parametrize("controller", list(CONTROLLERS))
+def test_a_sample_of_three_coils_takes_at_most_six_samples_of_one(
+    controller: str, rate: float
+) -> None:
+    """Three compensations with their decoupling, beside one of them; medians of both in turn."""
+    around = CompensationParameters(controller)
+    three, one = VectorCompensation(around, rate, coupled(rate)), Compensation(around, rate)
+    moments = np.random.default_rng(0).normal(size=(2000, 2, 3)).tolist()
+    times = np.empty((len(moments), 2))
+    for tool, handle in moments[:200]:
+        three.process(tuple(tool), tuple(handle))
+        one.process(tool[2], handle[2])
+    for each, (tool, handle) in zip(times, moments, strict=True):
+        tool, handle = tuple(tool), tuple(handle)
+        begun = time.perf_counter()
+        three.process(tool, handle)
+        middle = time.perf_counter()
+        one.process(tool[2], handle[2])
+        each[:] = middle - begun, time.perf_counter() - middle
+    together, alone = 1e6 * np.median(times, axis=0)
+    print(f"{controller}: {together:.1f} us, {together / alone:.1f} times {alone:.1f} us")
+    assert together < 6.0 * alone
 
 
 @pytest.mark.parametrize("rate", [RATE, 4 * RATE])

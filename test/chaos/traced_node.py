@@ -69,7 +69,7 @@ class TracedDevice(SimulatedDevice):
         if (arm := forces.get("arm_force")) is not None:
             self._note(ARM, time, arm)
         if (actuator := forces.get("actuator_force")) is not None:
-            self._note(ACTUATOR, time, (0.0, 0.0, actuator))
+            self._note(ACTUATOR, time, actuator)
         super().write(time, **forces)
 
     def close(self) -> None:

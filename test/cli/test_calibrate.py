@@ -21,13 +21,18 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
-from haptic_accel.core.model import GRAVITY
+from haptic_accel.core.axes import ALL_AXES, along_actuator
+from haptic_accel.core.model import GRAVITY, ZERO, Vector, vector
+from haptic_accel.core.parameters import from_flat
+from haptic_accel.devices.serial.calibration import POSES
+from haptic_accel.devices.serial.device import CalibrationParameters, Sensor
 from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
 from haptic_accel.emulators.pseudo_terminal import run
 from haptic_accel.emulators.serial_line import EmulatedBoard, SerialLines
@@ -46,8 +51,8 @@ class Turned:
     """
 
     def __init__(self, path: Path) -> None:
-        identity = Identity((1, 0, 0), 0b111, 10_000, 49.0, 2.75, "board-7")
-        self.felt = lambda time: 0.0
+        identity = Identity((1, 0, 0), 0b111, 10_000, 49.0, (0.0, 0.0, 2.75), "board-7")
+        self.felt: Callable[[float], Vector] = lambda time: ZERO
         self.emulated = EmulatedBoard(identity, path, lambda time: self.felt(time))
         self._ending = threading.Event()
         lines = SerialLines([self.emulated])
@@ -56,7 +61,13 @@ class Turned:
 
     def hold(self, gravity: float) -> None:
         """Hold it still: 5 % too sensitive, and 0.5 m/s^2 off."""
-        self.felt = lambda time: 1.05 * gravity + 0.5
+        self.felt = lambda time: along_actuator(1.05 * gravity + 0.5)
+
+    def hold_tool(self, name: str) -> None:
+        """Hold a tool still, on which the sensor is turned by a quarter about z."""
+        x, y, z = POSES[name]
+        felt = [1.05 * GRAVITY * each + 0.5 for each in (-y, x, z)]
+        self.felt = lambda time: vector(np.array(felt))
 
     def end(self) -> None:
         self._ending.set()
@@ -122,7 +133,7 @@ def test_a_board_is_calibrated_by_turning_it_over(board: Turned, tmp_path: Path)
     assert values["serial.calibration.gain"] == pytest.approx(49.0 / FULL_SCALE / 1.05, rel=1e-3)
     assert values["serial.calibration.offset"] == pytest.approx(0.5 / 49.0 * FULL_SCALE, abs=1)
     assert values["actuator.force_constant"] == 2.5
-    assert "Standard errors" in (tmp_path / "found.yaml").read_text()
+    assert "Gain 0.00142" in (tmp_path / "found.yaml").read_text()
     assert yaml.safe_load((tmp_path / "found.yaml").read_text())
 
 
@@ -143,8 +154,43 @@ def test_a_calibration_goes_into_the_file_of_the_rig(board: Turned, tmp_path: Pa
     assert values["compensator"]["actuator.force_constant"] == 2.4
 
 
+def test_six_poses_give_the_mounting_of_a_tools_sensor(board: Turned, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.yaml"
+    command = calibrate(
+        tmp_path, "port:=port", "side:=slave", "axis:=xyz", "seconds:=0.2", "--update", "rig.yaml"
+    )
+    assert command.stdin
+    assert command.stdout
+    for name in POSES:
+        line = command.stdout.readline()
+        assert line.startswith(f"hold the tool with its {name}, firm and still"), line
+        board.hold_tool(name)
+        time.sleep(0.05)
+        command.stdin.write("\n")
+        command.stdin.flush()
+    text, _ = command.communicate(timeout=60)
+    assert command.returncode == 0, text
+    assert "axis xyz: sensor turned by 90.0 +- 0.0 degrees" in text
+    values = read_parameter_file(rig)["slave_device"]
+    assert values["serial.axes"] == "x, y, z"
+    sensor = Sensor(from_flat(CalibrationParameters, values, "serial.calibration."), ALL_AXES)
+    for upward in POSES.values():
+        x, y, z = upward
+        counts = [round((1.05 * GRAVITY * each + 0.5) / 49.0 * FULL_SCALE) for each in (-y, x, z)]
+        (found,) = sensor.accelerations(counts, 1.0)
+        assert found == pytest.approx([GRAVITY * each for each in upward], abs=0.02)
+
+
+def test_a_pose_may_be_skipped_but_not_too_many(board: Turned, tmp_path: Path) -> None:
+    board.hold_tool("z axis up")
+    command = calibrate(tmp_path, "port:=port", "side:=slave", "axis:=xyz", *WORDS)
+    text, _ = command.communicate("s\n" * 5 + "\n", timeout=60)
+    assert command.returncode == 1
+    assert text.splitlines()[-1] == "haptic-accel: poses: 1, must be at least 3"
+
+
 def test_a_board_that_moves_is_refused(board: Turned, tmp_path: Path) -> None:
-    board.felt = lambda time: 3.0 * (time * 20 % 1)
+    board.felt = lambda time: along_actuator(3.0 * (time * 20 % 1))
     command = calibrate(tmp_path, "port:=port", "side:=slave", *WORDS)
     text, _ = command.communicate("\n\n", timeout=60)
     assert command.returncode == 1
@@ -157,7 +203,12 @@ def test_a_board_that_moves_is_refused(board: Turned, tmp_path: Path) -> None:
         ([], 2, "port = '': must be given, or usb_serial, and not both"),
         (["port:=none", "file:=nowhere/found.yaml"], 2, "file = 'nowhere/found.yaml'"),
         (["port:=none"], 1, "none: there is no such port"),
-        (["port:=port"], 1, "the input ended before both positions"),
+        (
+            ["port:=port", "axis:=xyz"],
+            1,
+            "axis = xyz: the board drives coils along z, must be all",
+        ),
+        (["port:=port"], 1, "the input ended before all positions"),
     ],
 )
 def test_what_cannot_be_is_said_in_one_line(

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import signal
 import subprocess
@@ -33,8 +34,12 @@ import yaml
 from haptic_accel.analysis.metrics import actual_acceleration
 from haptic_accel.analysis.segments import read_segment
 from haptic_accel.bags.reading import read_bag
+from haptic_accel.core.axes import ALL_AXES, Axes, read_numbers
+from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.topics import ACTUATOR_FORCE
 from haptic_accel.core.trial import RigParameters
+from haptic_accel.devices.interface import LATER, Sample
+from haptic_accel.devices.serial.device import SerialMaster, SerialMasterParameters
 from haptic_accel.devices.serial.protocol import FULL_SCALE
 from haptic_accel.graph.files import read_parameter_file
 from observing import Observer
@@ -42,6 +47,10 @@ from running import PATIENCE, Command
 from verbs import refusal
 
 Start = Callable[..., Command]
+
+RATE = 1000.0
+FREQUENCY = 100.0
+"""Frequency of a force, Hz."""
 
 
 def test_the_graph_runs_through_serial_ports(
@@ -81,10 +90,23 @@ def test_the_graph_runs_through_serial_ports(
 
 
 @pytest.mark.quiet
-def test_keys_turn_the_boards_over_for_a_calibration(terminals: Any, tmp_path: Path) -> None:
-    boards = terminals("-m", "haptic_accel.cli.main", "emulate", "serial", "folder:=boards")
+@pytest.mark.parametrize(
+    ("rig", "axis", "keys"), [("paper", "z", "ud"), ("three_axis", "xyz", "123456")]
+)
+def test_keys_turn_the_boards_over_for_a_calibration(
+    terminals: Any, tmp_path: Path, rig: str, axis: str, keys: str
+) -> None:
+    emulate = ("-m", "haptic_accel.cli.main", "emulate", "serial", "folder:=boards")
+    boards = terminals(*emulate, f"rig:={rig}")
     boards.wait_for("keys: u, d")
-    words = ["calibrate", "port:=boards/master", "seconds:=0.2", "--update", "rig.yaml"]
+    words = [
+        "calibrate",
+        "port:=boards/master",
+        f"axis:={axis}",
+        "seconds:=0.2",
+        "--update",
+        "rig.yaml",
+    ]
     with subprocess.Popen(
         [sys.executable, "-m", "haptic_accel.cli.main", *words],
         cwd=tmp_path,
@@ -94,9 +116,9 @@ def test_keys_turn_the_boards_over_for_a_calibration(terminals: Any, tmp_path: P
     ) as command:
         assert command.stdin
         assert command.stdout
-        for key, position in ((b"u", "up"), (b"d", "down")):
-            assert f"axis {position}" in command.stdout.readline()
-            boards.press(key)
+        for place, key in enumerate(keys):
+            assert f"axis {('up', 'down')[place % 2]}" in command.stdout.readline()
+            boards.press(key.encode())
             time.sleep(0.3)  # samples of before have arrived
             command.stdin.write("\n")
             command.stdin.flush()
@@ -104,12 +126,54 @@ def test_keys_turn_the_boards_over_for_a_calibration(terminals: Any, tmp_path: P
     assert command.returncode == 0, text
     found = read_parameter_file(tmp_path / "rig.yaml")["master_device"]
     # The emulated sensor is exact.
-    assert found["serial.calibration.gain"] == pytest.approx(
-        RigParameters().master.accelerometer.range / FULL_SCALE, rel=5e-3
-    )
-    assert abs(found["serial.calibration.offset"]) < 0.01 * FULL_SCALE
+    nominal = RigParameters().master.accelerometer.range / FULL_SCALE
+    several = "s" if len(axis) > 1 else ""
+    gains = read_numbers("gains", str(found[f"serial.calibration.gain{several}"]), len(axis))
+    offsets = read_numbers("offsets", str(found[f"serial.calibration.offset{several}"]), len(axis))
+    assert gains == pytest.approx([nominal] * len(axis), rel=5e-3)
+    assert offsets == pytest.approx([0.0] * len(axis), abs=0.01 * FULL_SCALE)
+    if several:
+        mounting = read_numbers("mounting", found["serial.calibration.mounting"], 9)
+        assert np.reshape(mounting, (3, 3)) == pytest.approx(np.eye(3), abs=0.01)
     boards.press(b"\x03")
     assert boards.process.wait(PATIENCE) == 0
+
+
+@pytest.mark.quiet
+def test_boards_of_a_handle_with_three_coils_are_driven_along_each(
+    haptic_accel: Start, tmp_path: Path
+) -> None:
+    boards = haptic_accel("emulate", "serial", "rig:=three_axis", "folder:=boards")
+    assert "slave:=serial rig:=three_axis params_file:=" in boards.wait_for("teleop")
+    nodes = read_parameter_file(tmp_path / "boards" / "serial.yaml")
+    values = {
+        name.removeprefix("serial."): value
+        for name, value in nodes["master_device"].items()
+        if name.startswith("serial.")
+    }
+    handle = SerialMaster(from_flat(SerialMasterParameters, values), RATE, 0)
+    handle.open()
+    try:
+        assert handle.axes == ALL_AXES
+        loudest = [np.argmax(vibration(handle, axis)) for axis in ALL_AXES.names]
+        assert loudest == list(ALL_AXES.indices)
+    finally:
+        handle.close()
+    assert boards.end(signal.SIGINT) == 0, boards.text
+
+
+def vibration(handle: SerialMaster, axis: str) -> np.ndarray:
+    """Drive one coil; return the amplitude of the acceleration at its frequency, by axis."""
+    start, samples = math.ceil(time.monotonic() * RATE), []
+    for tick in range(start, start + 400):
+        while (sample := handle.read(tick / RATE)) is LATER:
+            time.sleep(1e-4)
+        if isinstance(sample, Sample):
+            wave = np.exp(2j * np.pi * FREQUENCY * tick / RATE)
+            samples.append(wave * np.array(sample.acceleration))
+        force = math.sin(2 * math.pi * FREQUENCY * tick / RATE)
+        handle.write((tick + 5) / RATE, actuator_force=Axes((axis,)).vector([force]))
+    return np.abs(np.mean(samples, axis=0))
 
 
 @pytest.mark.quiet

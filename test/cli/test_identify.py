@@ -22,10 +22,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import three_coils
 
 from bag_maker import BagContent, write_bag
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.axes import ACTUATOR_AXIS
+from haptic_accel.core.handle.matrix_plant import read_matrix_plant
 from haptic_accel.core.identification.evaluation import stages
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import POSTURES
@@ -309,3 +311,73 @@ def test_a_doubtful_handle_is_marked_and_the_graph_warns_of_it(
     graph = haptic_accel("teleop", "rig:=ideal", "params_file:=found/handle.yaml", "duration:=1")
     assert graph.end() == 0, graph.text
     assert "plant: travel = 3.7" in graph.text
+
+
+def test_a_recording_in_three_axes_gives_one_file_for_the_compensator(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (trial,) = three_coils.trials(three_coils.plant(), 1)
+    rest = np.zeros((300, 3))
+    signals = {
+        ACTUATOR_FORCE.name: np.concatenate([rest, trial.actuator_force, rest]),
+        HANDLE_ACCELERATION.name: np.concatenate([rest, trial.handle_acceleration, rest]),
+    }
+    write_bag(here / "bag", BagContent(signals, arms=False))
+    words = ("--start-frequency", "8", "--end-frequency", "450", "--duration", "1")
+    fitted = ("--free", "b_s,m_h,k_u,b_u,delay")
+    assert status_of("identify", "--from", "bag", *words, *fitted, "--out", "found") == 0
+    shown = capsys.readouterr().out
+    assert "cross-coupling: -1" in shown
+    model = here / "found" / "identification.json"
+    held = graph_parameters(GraphArguments(params_file=str(here / "found" / "handle.yaml")))
+    assert held["compensator"]["axes"] == "x, y, z"
+    assert held["compensator"]["plant.model"] == str(model)
+    frequency = np.arange(20.0, 401.0)
+    ratio = read_matrix_plant(model).response(frequency, 1000.0)
+    ratio /= three_coils.plant().response(frequency, 1000.0)
+    assert np.abs(20 * np.log10(np.abs(ratio))).max() < 1.0
+    assert np.abs(np.angle(ratio, deg=True)).max() < 5.0
+    # Several grips are not pooled.
+    grips = ("--from", "pinch=bag", "--from", "hook=bag")
+    assert status_of("identify", *grips, *words, *fitted, "--out", "again") == 2
+    assert "grips = pinch, hook: must be one for three axes" in capsys.readouterr().err
+
+
+def test_three_axes_are_identified_in_lockstep(here: Path) -> None:
+    fitted = ("--free", "b_s,m_h,k_u,b_u,delay", "--json", "metrics.json", "--out", "found")
+    words = ("rig:=three_axis_ideal", "--trials", "1")
+    assert status_of("identify", "--lockstep", *words, *fitted) == 0
+    metrics = json.loads((here / "metrics.json").read_text())
+    assert metrics["max_magnitude_error_db"] < 1.0
+    assert metrics["max_phase_error_deg"] < 5.0
+    assert min(metrics["mean_coherence"]) > 0.99
+    assert read_matrix_plant(here / "metrics.json").rate == 1000.0
+    assert (here / "found" / "index.html").is_file()
+
+
+def test_three_axes_have_a_band_of_their_own_and_one_grip(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    arguments = IdentifyArguments.from_given(rig="three_axis", duration=2.0)
+    assert arguments.band == (8.0, 450.0)
+    assert (arguments.duration, arguments.trials) == (2.0, 2)
+    assert IdentifyArguments.from_given().band == (10.0, 200.0)
+    words = ("--lockstep", "rig:=three_axis", "--grips", "pinch,hook")
+    assert status_of("identify", *words) == 2
+    assert "grips = pinch, hook: must be one for three axes" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_live_graph_finds_three_axes(haptic_accel: Start, tmp_path: Path) -> None:
+    command = haptic_accel(
+        *("identify", "rig:=three_axis", "--trials", "1", "--json", "metrics.json"),
+        *("--free", "b_s,m_h,k_u,b_u,delay", "--out", "found"),
+    )
+    assert command.end() == 0, command.text
+    assert any("repeat 12 of 12" in line for line in command.lines)
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert metrics["max_magnitude_error_db"] < 1.5
+    assert metrics["max_phase_error_deg"] < 8.0
+    sent = read_bag(tmp_path / "found" / "bags" / "average").signals[ACTUATOR_FORCE.name].values
+    assert np.abs(sent).max(axis=0) == pytest.approx(2.0, abs=0.1)
+    assert not sent[-1].any()

@@ -30,14 +30,15 @@ from haptic_accel.core.cdr import (
     STAMP_BYTES,
     StampedVector,
     pack_diagnostics,
+    unpack_orientation,
     unpack_stamped_vector,
     unpack_stamped_vectors,
     unpack_stamps,
     unpack_state,
     unpack_text,
 )
-from haptic_accel.core.model import Vector
-from haptic_accel.core.topics import MASTER_WORK, SIGNALS, VECTORS, Topic
+from haptic_accel.core.model import IDENTITY, Vector
+from haptic_accel.core.topics import MASTER_POSITION, MASTER_WORK, SIGNALS, VECTORS, Topic
 
 TYPES: Any = get_typestore(Stores.ROS2_JAZZY)
 """Another program's CDR to compare with."""
@@ -118,6 +119,19 @@ def test_big_endian_senders_are_read_too() -> None:
     assert formed == [True, True]
     assert found == [1_000_000_002, 7]
     assert values == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_a_pose_has_an_orientation() -> None:
+    assert unpack_orientation(BIG_ENDIAN) == (0.0, 0.0, 0.0, 1.0)
+    pose = StampedVector(MASTER_POSITION)
+    half_turn = (1.0, 0.0, 0.0, 0.0)
+    assert unpack_orientation(pose.pack(5, (1.0, 2.0, 3.0))) == IDENTITY
+    turned = pose.pack(6, (1.0, 2.0, 3.0), half_turn)
+    assert unpack_orientation(turned) == half_turn
+    assert unpack_stamped_vector(turned) == (6, (1.0, 2.0, 3.0))
+    assert unpack_orientation(pose.pack(7, (1.0, 2.0, 3.0))) == IDENTITY
+    with pytest.raises(ValueError, match="too short"):
+        unpack_orientation(turned[:-1])
 
 
 def test_no_messages_give_empty_arrays() -> None:

@@ -27,10 +27,11 @@ import pytest
 from scipy import signal
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.axes import ACTUATOR_AXIS
+from haptic_accel.core.axes import ACTUATOR_AXIS, ALL_AXES
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers.constant import ConstantParameters
 from haptic_accel.core.control.controllers.inverse import InverseParameters
+from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.evaluation.metrics import TABLE_II, evaluate
 from haptic_accel.core.identification.sweep import SweepParameters
@@ -437,3 +438,17 @@ def test_an_impossible_latency_of_an_identification_is_refused() -> None:
 def test_no_trial_is_refused() -> None:
     with pytest.raises(ParameterError, match="^trials = 0: must be at least 1$"):
         run_identification(trials=0)
+
+
+def test_a_trial_in_three_axes_is_scored_as_a_vector() -> None:
+    tool = np.random.default_rng(0).normal(0.0, 4.0, (2000, 3))
+    desired = np.column_stack([high_passed(axis, 60.0, 1000.0) for axis in tool.T])
+    handle = np.vstack([np.zeros((1, 3)), 0.8 * desired[:-1]]) + np.array([0.0, 0.0, 9.81])
+    time = np.arange(2000) / 1000.0
+    signals = (tool, desired, handle, 0.1 * desired)
+    trial = Trial("plywood", "inverse", 1000.0, time, *signals, latency=0, axes=ALL_AXES)
+    assert trial.actual_acceleration.shape == (2000, 3)
+    assert trial.evaluate().nrmse_percent == pytest.approx(20.0, abs=0.2)
+    assert trial.indistinguishable() == 1.0
+    first, second = trial.compared(100, 1900)
+    assert first.shape == second.shape == (1799, 3)

@@ -31,11 +31,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.axes import along_actuator
+from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes, along_actuator
 from haptic_accel.core.identification.estimate import dft_ratio
 from haptic_accel.core.identification.fit import fit_handle
 from haptic_accel.core.identification.sweep import SweepParameters, kept_repeats
-from haptic_accel.core.model import ZERO, HandleParameters
+from haptic_accel.core.model import ZERO, HandleParameters, Vector, vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.trial import run_identification
@@ -75,10 +75,14 @@ class Bench:
         for tick, force in enumerate(forces, first):
             self.now = START + tick * PERIOD
             samples.append(device.read(self.now))
-            device.write(
-                START + (tick + LATENCY) * PERIOD, actuator_force=along_actuator(float(force))
-            )
+            due = START + (tick + LATENCY) * PERIOD
+            device.write(due, actuator_force=along(force))
         return samples
+
+
+def along(force: Any) -> Vector:
+    """Return a force along the axis of a single coil, or that of three coils."""
+    return vector(force) if np.ndim(force) else along_actuator(float(force))
 
 
 class Still(Device):
@@ -86,7 +90,8 @@ class Still(Device):
 
     Parameters = AudioParameters
 
-    def __init__(self) -> None: ...
+    def __init__(self, axes: Axes = ACTUATOR_AXES) -> None:
+        self.axes = axes
 
     def open(self) -> None: ...
 
@@ -129,13 +134,44 @@ def test_samples_that_arrive_are_the_forces_that_were_due(bench: Bench, channel:
     assert device.counters()["audio_underruns"] == device.counters()["audio_clipped"] == 0
 
 
+def test_three_coils_are_driven_on_three_channels_with_one_due_time(bench: Bench) -> None:
+    forces = np.random.default_rng(2).uniform(-2.0, 2.0, (200, 3))
+    device = bench.device(
+        inner=Still(ALL_AXES), channel=2, full_scale=4.0, coil_mounting="0 1 0, -1 0 0, 0 0 1"
+    )
+    assert device.axes == ALL_AXES
+    device.open()
+    bench.run(device, forces)
+    assert "sound card coil, channel 2 to 4, " in device.remark
+    device.close()
+    silent, *signals = bench.received(4).T
+    assert not silent.any()
+    # The first coil is along y, the second along -x.
+    for signal, due in zip(signals, (forces[:, 1], -forces[:, 0], forces[:, 2]), strict=True):
+        assert 4.0 * signal == pytest.approx(held(due, CARD_RATE, len(signal)), abs=1e-4)
+    assert device.counters()["audio_clipped"] == 0
+
+
+def test_force_beyond_one_coil_keeps_its_direction_and_no_number_is_no_force(
+    bench: Bench,
+) -> None:
+    device = bench.device(inner=Still(ALL_AXES), full_scale=2.0)
+    device.open()
+    bench.run(device, np.tile([1.0, -4.0, 2.0], (50, 1)))
+    bench.run(device, np.tile([1.0, math.nan, 1.0], (50, 1)), first=50)
+    device.close()
+    received = bench.received(3)
+    assert received[round(0.03 * CARD_RATE)] == pytest.approx([0.25, -1.0, 0.5])
+    assert not received[-BLOCK:].any()
+    assert device.counters()["audio_clipped"] > 1000
+
+
 def test_force_that_comes_late_is_counted_and_acts_at_once(bench: Bench) -> None:
     device = bench.device()
     device.open()
     bench.run(device, np.zeros(20))
-    device.write(
-        bench.now + PERIOD, actuator_force=along_actuator(1.0)
-    )  # the card has the samples of that time
+    # The card has the samples of that time.
+    device.write(bench.now + PERIOD, actuator_force=along(1.0))
     assert device.late == 1
     bench.run(device, np.full(10, 1.0), first=20)
     device.close()
@@ -167,7 +203,7 @@ def test_stop_discards_what_is_not_due_yet(bench: Bench) -> None:
     device = bench.device(full_scale=1.0)
     device.open()
     bench.run(device, np.ones(50))
-    device.write(bench.now, actuator_force=along_actuator(0.0))
+    device.write(bench.now, actuator_force=ZERO)
     supplied = round((49 * PERIOD + 2 * BLOCK / CARD_RATE + PERIOD) * CARD_RATE)
     for tick in range(50, 80):
         bench.now = START + tick * PERIOD
@@ -182,7 +218,7 @@ def test_forces_beyond_full_scale_are_clipped_and_counted(bench: Bench) -> None:
     device = bench.device(full_scale=-2.0)
     device.open()
     bench.run(device, np.full(50, 5.0))
-    device.write(bench.now + LATENCY * PERIOD, actuator_force=along_actuator(math.nan))
+    device.write(bench.now + LATENCY * PERIOD, actuator_force=along(math.nan))
     bench.run(device, np.zeros(10), first=50)
     device.close()
     assert bench.received()[:, 0].min() == -1.0
@@ -202,7 +238,7 @@ def test_the_simulated_handle_feels_the_force_when_it_is_due(bench: Bench) -> No
         time = START + tick * PERIOD
         assert alone.read(time) == played[tick]
         if tick >= LATENCY:
-            alone.write(time, actuator_force=along_actuator(float(due[tick])))
+            alone.write(time, actuator_force=along(due[tick]))
 
 
 @pytest.mark.parametrize(
@@ -319,6 +355,13 @@ def test_card_that_cannot_be_opened_is_refused_in_one_line(bench: Bench, fields:
     assert "\n" not in str(refused.value)
 
 
+def test_coils_that_do_not_fit_are_refused_in_one_line(bench: Bench) -> None:
+    with pytest.raises(ParameterError, match=r"^audio.coil_mounting: axes that are not orthogo"):
+        bench.device(inner=Still(ALL_AXES), coil_mounting="1 0 0, 0 1 0, 1 1 0")
+    with pytest.raises(ParameterError, match=r"^audio.channel = 1: channel 3 of the last coil"):
+        bench.device(inner=Still(ALL_AXES), device="stereo").open()
+
+
 def test_a_card_that_is_unplugged_fails_in_one_line_and_closes(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -361,7 +404,7 @@ def test_the_impulse_is_that_of_the_held_forces(
 ) -> None:
     held = HeldForce()
     for each in due:
-        held.put(*each)
+        held.put(each[0], [each[1]])
     means = [held.means(0.0, 2.0 * first, first) * 0.5 / first]
     means.append(held.means(0.5, 2.0 * second, second) * 0.5 / second)
     steps = [*sorted(due), (1.0, 0.0)]
@@ -371,16 +414,16 @@ def test_the_impulse_is_that_of_the_held_forces(
 
 def test_a_step_within_a_sample_keeps_its_time() -> None:
     held = HeldForce()
-    held.put(1.25, 4.0)
-    held.put(2.0, -4.0)
-    assert held.means(0.0, 1.0, 3) == pytest.approx([0.0, 3.0, -4.0])
-    assert held.means(3.0, 1.0, 1) == pytest.approx([-4.0])
+    held.put(1.25, [4.0])
+    held.put(2.0, [-4.0])
+    assert held.means(0.0, 1.0, 3)[:, 0] == pytest.approx([0.0, 3.0, -4.0])
+    assert held.means(3.0, 1.0, 1)[:, 0] == pytest.approx([-4.0])
 
 
 def test_a_late_force_acts_at_once_and_a_replacement_discards_those_to_come() -> None:
     held = HeldForce()
-    held.put(0.5, 1.0)
-    assert held.means(5.0, 1.0, 1) == pytest.approx([1.0])
-    held.put(7.0, 2.0)
-    held.replace(0.0)
-    assert held.means(6.0, 1.0, 3) == pytest.approx([0.0] * 3)
+    held.put(0.5, [1.0])
+    assert held.means(5.0, 1.0, 1)[:, 0] == pytest.approx([1.0])
+    held.put(7.0, [2.0])
+    held.replace([0.0])
+    assert held.means(6.0, 1.0, 3)[:, 0] == pytest.approx([0.0] * 3)

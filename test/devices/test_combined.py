@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Iterator
@@ -31,7 +32,7 @@ from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, from_flat, parameter
 from haptic_accel.devices import MASTERS, SLAVES, Device, DeviceError, Sample
-from haptic_accel.devices.combined import CombinedDevice, combined
+from haptic_accel.devices.combined import CombinedDevice, CombinedTool, combined
 from haptic_accel.devices.interface import LATER
 from haptic_accel.devices.serial.protocol import Identity
 from haptic_accel.devices.simulated import SimulatedSlave, SimulatedSlaveParameters
@@ -144,6 +145,38 @@ def test_motion_is_the_arm_s_and_acceleration_the_handle_s() -> None:
     assert not device.ended
 
 
+class Turned(Noted):
+    """Arm whose tool is turned by a quarter about z."""
+
+    def read(self, time: float) -> Sample | None:
+        return Sample(ZERO, ZERO, ZERO, (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)))
+
+
+class Slanted(Noted):
+    """Tool with three axes."""
+
+    def read(self, time: float) -> Sample | None:
+        return Sample(ZERO, ZERO, (1.0, 2.0, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("sensor", "kind", "felt"),
+    [
+        (Slanted, CombinedTool, (-2.0, 1.0, 3.0)),
+        (Slanted, CombinedDevice, (1.0, 2.0, 3.0)),  # a handle stays in its own axes
+        (Handle, CombinedTool, along_actuator(2.0)),  # one axis has no direction
+    ],
+)
+def test_the_acceleration_of_a_turned_tool_has_the_axes_of_the_base(
+    sensor: type[Noted], kind: type[CombinedDevice], felt: Vector
+) -> None:
+    device = combined({"arm": Turned, "tool": sensor}, "arm", "tool", kind)
+    options = {"arm": NotedParameters(), "tool": NotedParameters(level=2.0)}
+    sample = device.from_options("both", options, 1000.0, 0).read(0.0)
+    assert isinstance(sample, Sample)
+    assert sample.acceleration == pytest.approx(felt)
+
+
 def test_a_sample_comes_later_while_either_part_s_does(monkeypatch: pytest.MonkeyPatch) -> None:
     device = built()
     with monkeypatch.context() as patched:
@@ -227,8 +260,8 @@ def plugged(options: dict[str, Any], board: Path) -> Iterator[None]:
     """Plug in the drives of an arm, and a board that is shaken by 5 m/s^2."""
     rig = SimulatedSlave(SimulatedSlaveParameters(), RATE, 0)
     arm = EmulatedArm(options["can"], rig, rate=RATE, watchdog=0.4)
-    identity = Identity((1, 0, 0), 0b111, 10_000, 49.0, 0.0, "tool-1")
-    emulated = EmulatedBoard(identity, board, lambda time: 5.0)
+    identity = Identity((1, 0, 0), 0b111, 10_000, 49.0, (0.0, 0.0, 0.0), "tool-1")
+    emulated = EmulatedBoard(identity, board, lambda time: (0.0, 0.0, 5.0))
     ending = threading.Event()
     line = CanLine(
         SlcanPort(Path(options["can"].channel)), [arm], RATE, Faults("", CAN_FAULTS, 1.0)

@@ -23,13 +23,18 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.process import module_command
-from haptic_accel.core.topics import HANDLE_ACCELERATION
+from haptic_accel.core.topics import (
+    DESIRED_ACCELERATION,
+    HANDLE_ACCELERATION,
+    TOOL_ACCELERATION,
+)
 from haptic_accel.devices import RESERVED
 from haptic_accel.graph.arguments import PLAYED_TOPICS
 from haptic_accel.graph.node_parameters import NODES
@@ -39,7 +44,11 @@ from running import Command
 DRIVER = """
 from dataclasses import dataclass
 from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.model import ZERO
 from haptic_accel.devices import Device, DeviceDescription, Sample
+from haptic_accel.devices.combined import CombinedTool
+from haptic_accel.devices.interface import NoParameters
+from haptic_accel.devices.simulated import SimulatedMaster, SimulatedSlave
 
 @dataclass(frozen=True)
 class LabParameters(Checked):
@@ -54,7 +63,7 @@ class LabMaster(Device):
     def open(self): ...
 
     def read(self, time):
-        return Sample((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), self._bias)
+        return Sample((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, self._bias))
 
     def write(self, time, *, arm_force=None, actuator_force=None): ...
 
@@ -76,6 +85,35 @@ class Borrowing(Device):
     read = LabMaster.read
     write = LabMaster.write
     close = LabMaster.close
+
+UPRIGHT = (0.0, 0.0, 0.5 ** 0.5, 0.5 ** 0.5)  # a quarter turn about z
+
+class TurnedMaster(SimulatedMaster):
+    Parameters = NoParameters
+    description = DeviceDescription()
+
+    def __init__(self, parameters, rate, seed):
+        super().__init__(SimulatedMaster.Parameters(), rate, seed)
+
+    def read(self, time):
+        return super().read(time)._replace(orientation=UPRIGHT)
+
+class TurnedArm(SimulatedSlave):
+    def read(self, time):
+        return super().read(time)._replace(orientation=UPRIGHT)
+
+class Rattling(SimulatedSlave):
+    sign = 1.0
+
+    def read(self, time):
+        self.sign = -self.sign
+        return Sample(ZERO, ZERO, (self.sign, 0.0, 2 * self.sign))
+
+class TurnedTool(CombinedTool):
+    ArmDevice, HandleDevice = TurnedArm, Rattling
+
+    def __init__(self, parameters, rate, seed):
+        super().__init__(SimulatedSlave.Parameters(), SimulatedSlave.Parameters(), rate, seed)
 
 class Wrong: ...
 
@@ -165,6 +203,26 @@ def test_a_driver_is_built_with_the_parameters_that_it_is_described_to_have(
     assert graph.end() == 0, graph.text
     recorded = read_bag(tmp_path / "bag").signals[HANDLE_ACCELERATION.name].values
     assert recorded[-1].tolist() == [0.0, 0.0, 7.0]
+
+
+@pytest.mark.parametrize("composed", ["true", "false"])
+def test_a_handle_turned_like_the_tool_has_its_vibration_in_the_same_axes(
+    install: Install, haptic_accel: Callable[..., Command], tmp_path: Path, composed: str
+) -> None:
+    install("turned", "lab_arm:TurnedMaster")
+    install("tilted", "lab_arm:TurnedTool", "lab_tool", "haptic_accel.slaves")
+    (tmp_path / "lab.yaml").write_text("compensator: {ros__parameters: {axes: 'x, y, z'}}")
+    arms = "master:=turned", "slave:=tilted", "params_file:=lab.yaml"
+    graph = haptic_accel("teleop", *arms, f"composed:={composed}", "duration:=1", "bag:=bag")
+    assert graph.end() == 0, graph.text
+    tool, desired = (
+        read_bag(tmp_path / "bag").signals[topic.name].values
+        for topic in (TOOL_ACCELERATION, DESIRED_ACCELERATION)
+    )
+    assert tool[-1] == pytest.approx((0.0, tool[-1, 1], 2 * tool[-1, 1]))  # in the base's axes
+    x, y, z = desired[len(desired) // 2 :].T
+    assert np.abs(y).max() < 0.05 * np.abs(x).max()
+    assert z == pytest.approx(2 * x, abs=0.05 * np.abs(x).max())
 
 
 @pytest.mark.parametrize(

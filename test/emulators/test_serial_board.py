@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TypeVar
 
 import pytest
@@ -59,8 +60,9 @@ from haptic_accel.emulators.serial_board import (
     difference,
 )
 
-HANDLE = Identity((1, 0, 0), 0b111, 10_000, 49.0, 2.75, "handle")
-TOOL = Identity((1, 0, 0), 0b100, 4000, 49.0, 0.0, "tool")
+HANDLE = Identity((1, 0, 0), 0b111, 10_000, 49.0, (0.0, 0.0, 2.75), "handle")
+THREE = replace(HANDLE, full_scale_currents=(2.75, 1.0, 0.5))
+TOOL = Identity((1, 0, 0), 0b100, 4000, 49.0, (0.0, 0.0, 0.0), "tool")
 M = TypeVar("M")
 
 
@@ -100,7 +102,13 @@ class Host:
         """Take a sample at a time; return the current from then on."""
         self.now = time % CLOCKS
         self.board.send_sample((0, 0, 0), self.now)
-        return self.board.current
+        return self.current
+
+    @property
+    def current(self) -> int:
+        """Current of the only coil, counts."""
+        (current,) = self.board.currents
+        return current
 
     def status(self) -> Status:
         """Return a new status."""
@@ -113,8 +121,8 @@ class Host:
 
 def armed() -> Host:
     host = Host()
-    host.say(ArmRequest(), SetCurrent(1000))
-    assert host.board.current == 1000
+    host.say(ArmRequest(), SetCurrent((1000,)))
+    assert host.current == 1000
     return host
 
 
@@ -131,22 +139,22 @@ def test_it_says_nothing_before_it_is_spoken_to() -> None:
 
 def test_set_points_are_refused_until_it_is_armed() -> None:
     host = Host()
-    host.say(SetCurrent(1000))
-    assert host.board.current == 0
-    host.say(ArmRequest(), SetCurrent(1000), DisarmRequest(), SetCurrent(500))
-    assert host.board.current == 0
+    host.say(SetCurrent((1000,)))
+    assert host.current == 0
+    host.say(ArmRequest(), SetCurrent((1000,)), DisarmRequest(), SetCurrent((500,)))
+    assert host.current == 0
     assert host.all(Status)[-1].refused == 1
 
 
 def test_the_current_is_zero_after_5_ms_of_silence_and_comes_back() -> None:
     host = armed()
     host.wait(TIMEOUT)
-    assert host.board.current == 1000
+    assert host.current == 1000
     host.wait(1000)
-    assert (host.board.current, host.board.state) == (0, State.TIMED_OUT)
+    assert (host.current, host.board.state) == (0, State.TIMED_OUT)
     assert host.all(Status)[-1].timeouts == 1
-    host.say(SetCurrent(-7))
-    assert (host.board.current, host.board.state) == (-7, State.ARMED)
+    host.say(SetCurrent((-7,)))
+    assert (host.current, host.board.state) == (-7, State.ARMED)
 
 
 # Set-points with a due time
@@ -163,8 +171,8 @@ def scheduling(rate: int = 1000, start: int = CLOCKS - 10_000) -> Host:
 def test_a_scheduled_set_point_acts_from_its_tick_on() -> None:
     host = scheduling()
     start = host.now
-    host.say(ScheduleCurrent(7, (start + 2000) % CLOCKS))
-    assert host.board.current == 0
+    host.say(ScheduleCurrent((7,), (start + 2000) % CLOCKS))
+    assert host.current == 0
     assert host.tick_at(start + 1000) == 0
     # The host knows the time of a tick up to half a period.
     assert host.tick_at(start + 1501) == 7
@@ -173,16 +181,16 @@ def test_a_scheduled_set_point_acts_from_its_tick_on() -> None:
 
 def test_one_that_comes_after_its_tick_acts_at_once_and_is_counted() -> None:
     host = scheduling()
-    host.say(ScheduleCurrent(7, (host.now + 500) % CLOCKS))
-    assert host.board.current == 7
-    host.say(ScheduleCurrent(8, (host.now + 501) % CLOCKS))
-    assert host.board.current == 7
+    host.say(ScheduleCurrent((7,), (host.now + 500) % CLOCKS))
+    assert host.current == 7
+    host.say(ScheduleCurrent((8,), (host.now + 501) % CLOCKS))
+    assert host.current == 7
     assert host.status().late == 1
 
 
 def test_a_set_point_without_a_due_time_acts_at_once_and_discards_the_scheduled() -> None:
     host = scheduling()
-    host.say(ScheduleCurrent(7, (host.now + 1000) % CLOCKS), SetCurrent(0))
+    host.say(ScheduleCurrent((7,), (host.now + 1000) % CLOCKS), SetCurrent((0,)))
     assert host.tick_at(host.now + 1000) == 0
     assert host.status().late == 0
 
@@ -192,23 +200,23 @@ def test_a_set_point_without_a_due_time_acts_at_once_and_discards_the_scheduled(
 )
 def test_nothing_scheduled_outlives_what_ends_it(discarding: Message) -> None:
     host = scheduling()
-    host.say(ScheduleCurrent(7, (host.now + 1000) % CLOCKS), discarding, ArmRequest())
+    host.say(ScheduleCurrent((7,), (host.now + 1000) % CLOCKS), discarding, ArmRequest())
     assert host.tick_at(host.now + 1000) == 0
 
 
 def test_before_the_first_tick_a_scheduled_set_point_acts_at_once() -> None:
     host = Host()
-    host.say(ArmRequest(), ScheduleCurrent(7, (host.now + 50_000) % CLOCKS))
-    assert host.board.current == 7
+    host.say(ArmRequest(), ScheduleCurrent((7,), (host.now + 50_000) % CLOCKS))
+    assert host.current == 7
     assert host.status().late == 0
 
 
 def test_what_is_due_too_far_ahead_or_has_no_room_is_refused_and_counted() -> None:
     host = scheduling()
-    host.say(ScheduleCurrent(1, (host.now + LONGEST_LEAD + 1) % CLOCKS))
+    host.say(ScheduleCurrent((1,), (host.now + LONGEST_LEAD + 1) % CLOCKS))
     for place in range(ROOM + 3):
-        host.say(ScheduleCurrent(place, (host.now + 1000 * (place + 1)) % CLOCKS))
-    host.say(SetCurrent(0))
+        host.say(ScheduleCurrent((place,), (host.now + 1000 * (place + 1)) % CLOCKS))
+    host.say(SetCurrent((0,)))
     status = host.status()
     assert (status.refused, status.overflowed) == (1, 3)
 
@@ -220,12 +228,12 @@ def test_a_latency_of_20_samples_trips_no_time_out_and_silence_does() -> None:
     for tick in range(1, 100):
         host.wait(1000)
         flowing.append(host.tick_at(start + 1000 * tick))
-        host.say(ScheduleCurrent(tick, (start + 1000 * (tick + 20)) % CLOCKS))
+        host.say(ScheduleCurrent((tick,), (start + 1000 * (tick + 20)) % CLOCKS))
     assert flowing[:20] == [0] * 20
     assert flowing[20:] == list(range(1, 80))
     # Counted from the last that came: what was scheduled before the silence is not applied.
     host.wait(TIMEOUT + 1000)
-    assert (host.board.current, host.board.state) == (0, State.TIMED_OUT)
+    assert (host.current, host.board.state) == (0, State.TIMED_OUT)
     assert host.tick_at(start + 106_000) == 0
 
 
@@ -237,10 +245,10 @@ def test_a_latency_of_20_samples_trips_no_time_out_and_silence_does() -> None:
 def test_at_each_tick_the_newest_that_is_due_acts(start: int, leads: Sequence[int]) -> None:
     host = scheduling(start=start)
     for counts, ahead in enumerate(leads, start=1):
-        host.say(ScheduleCurrent(counts, (start + ahead) % CLOCKS))
+        host.say(ScheduleCurrent((counts,), (start + ahead) % CLOCKS))
     late = [counts for counts, ahead in enumerate(leads, start=1) if ahead <= 500]
     current = late[-1] if late else 0
-    assert host.board.current == current
+    assert host.current == current
     for tick in range(1, 22):
         due = [
             (ahead, counts)
@@ -250,6 +258,29 @@ def test_at_each_tick_the_newest_that_is_due_acts(start: int, leads: Sequence[in
         current = max(due)[1] if due else current
         assert host.tick_at(start + 1000 * tick) == current
     assert host.status().late == len(late)
+
+
+def test_a_set_point_drives_all_coils_at_once_and_a_stop_ends_all() -> None:
+    host = Host(THREE)
+    host.say(Configure(1000, 7, 1), ArmRequest(), SetCurrent((1, -FULL_SCALE - 1, 3)))
+    assert host.board.currents == (1, -FULL_SCALE, 3)
+    host.board.send_sample((0, 0, 0), host.now)
+    host.say(ScheduleCurrent((4, 5, 6), (host.now + 1000) % CLOCKS))
+    assert host.board.currents == (1, -FULL_SCALE, 3)
+    host.now = (host.now + 1000) % CLOCKS
+    host.board.send_sample((7, 8, 9), host.now)
+    assert host.board.currents == (4, 5, 6)
+    assert host.status().currents == (0, 0, 0), "the time-out"
+    assert host.all(Samples)[-1].counts == (7, 8, 9)
+    host.say(SetCurrent((1, 2, 3)), DisarmRequest())
+    assert host.board.currents == (0, 0, 0)
+
+
+def test_set_points_of_another_number_of_coils_are_refused() -> None:
+    host = Host(THREE)
+    host.say(ArmRequest(), SetCurrent((1,)), ScheduleCurrent((1, 2), host.now))
+    assert [error.code for error in host.all(Error)] == [ErrorCode.LENGTH] * 2
+    assert host.board.currents == (0, 0, 0)
 
 
 # Ticks on the grid of the host
@@ -304,33 +335,33 @@ def test_only_set_points_count_against_silence() -> None:
         host.say(Identify())
         host.board.receive(b"noise\0", host.now)
         host.wait(1000)
-    assert host.board.current == 0
+    assert host.current == 0
 
 
 def test_the_current_is_within_full_scale() -> None:
     host = armed()
-    host.say(SetCurrent(-FULL_SCALE - 1))
-    assert host.board.current == -FULL_SCALE
+    host.say(SetCurrent((-FULL_SCALE - 1,)))
+    assert host.current == -FULL_SCALE
 
 
 def test_a_fault_takes_the_current_off_until_it_is_disarmed_and_armed() -> None:
     host = armed()
     host.board.fault(True, host.now)
-    host.say(SetCurrent(5), ArmRequest(), DisarmRequest())
-    assert (host.board.current, host.board.state) == (0, State.FAULT)
+    host.say(SetCurrent((5,)), ArmRequest(), DisarmRequest())
+    assert (host.current, host.board.state) == (0, State.FAULT)
     assert [error.code for error in host.all(Error)] == [ErrorCode.FAULT, ErrorCode.FAULT]
     host.board.fault(False, host.now)
-    host.say(SetCurrent(5), ArmRequest())
+    host.say(SetCurrent((5,)), ArmRequest())
     assert host.board.state is State.FAULT
-    host.say(DisarmRequest(), ArmRequest(), SetCurrent(5))
-    assert host.board.current == 5
+    host.say(DisarmRequest(), ArmRequest(), SetCurrent((5,)))
+    assert host.current == 5
 
 
 def test_a_host_that_goes_leaves_no_current_and_no_samples() -> None:
     host = armed()
     host.say(Configure(1000, 4, 1))
     host.board.disconnect()
-    assert (host.board.current, host.board.state) == (0, State.DISARMED)
+    assert (host.current, host.board.state) == (0, State.DISARMED)
     heard = len(host.heard)
     host.sample(10)
     host.wait(STATUS_PERIOD)
@@ -408,6 +439,7 @@ def test_what_cannot_be_is_refused_with_its_reason(
     assert (host.board.state, host.board.configuration.rate) == (State.DISARMED, 0)
 
 
+counts_sent = st.lists(st.integers(-32768, 32767), min_size=1, max_size=3).map(tuple)
 bytes_sent = st.one_of(
     st.binary(max_size=300),
     st.builds(
@@ -415,10 +447,10 @@ bytes_sent = st.one_of(
         st.sampled_from(FrameType),
         st.binary(max_size=6),
     ),
-    st.builds(lambda counts: Encoder().encode(SetCurrent(counts), 0), st.integers(-32768, 32767)),
+    st.builds(lambda counts: Encoder().encode(SetCurrent(counts), 0), counts_sent),
     st.builds(
         lambda counts, due: Encoder().encode(ScheduleCurrent(counts, due % CLOCKS), 0),
-        st.integers(-32768, 32767),
+        counts_sent,
         st.integers(-20_000, 60_000),
     ),
     st.just(Encoder().encode(Configure(1000, 4, 1), 0)),
@@ -426,14 +458,22 @@ bytes_sent = st.one_of(
 )
 
 
-@settings(max_examples=40)
-@given(st.lists(st.tuples(bytes_sent, st.integers(0, 8)), max_size=30))
-def test_whatever_comes_the_current_is_lawful(steps: Sequence[tuple[bytes, int]]) -> None:
-    host = Host()
+@settings(max_examples=80)
+@given(
+    st.sampled_from([HANDLE, THREE, TOOL]),
+    st.lists(st.tuples(bytes_sent, st.integers(0, 8)), max_size=30),
+)
+def test_whatever_comes_the_currents_are_lawful(
+    identity: Identity, steps: Sequence[tuple[bytes, int]]
+) -> None:
+    host = Host(identity)
     for data, milliseconds in steps:
         host.board.receive(data, host.now)
         host.wait(milliseconds * 1000)
-        host.tick_at(host.now)
-        assert abs(host.board.current) <= FULL_SCALE
-        assert host.board.current == 0 or host.board.state is State.ARMED
-        assert host.board.current == 0 or milliseconds * 1000 <= TIMEOUT
+        host.board.send_sample((0, 0, 0), host.now)
+        currents = host.board.currents
+        assert len(currents) == len(identity.coils)
+        assert all(abs(current) <= FULL_SCALE for current in currents)
+        if any(currents):
+            assert host.board.state is State.ARMED
+            assert milliseconds * 1000 <= TIMEOUT

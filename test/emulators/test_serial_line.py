@@ -27,11 +27,11 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.coupling.position_position import (
     CouplingParameters,
     PositionPositionCoupling,
 )
+from haptic_accel.core.model import Vector
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.devices.serial.protocol import (
     CLOCKS,
@@ -56,7 +56,7 @@ from haptic_accel.emulators.pseudo_terminal import PseudoTerminal
 from haptic_accel.emulators.serial_line import CLOCK_START, CoupledArms, EmulatedBoard, SerialLines
 from running import wait_until
 
-HANDLE = Identity((1, 0, 0), 0b100, 5000, 49.0, 2.75, "handle")
+HANDLE = Identity((1, 0, 0), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle")
 STEP = 1e-3  # s
 
 
@@ -74,7 +74,7 @@ class Bench:
             EmulatedBoard(
                 HANDLE,
                 folder / f"port{place}",
-                lambda time, device=device: device.read(time).acceleration[ACTUATOR_AXIS],
+                lambda time, device=device: device.read(time).acceleration,
                 self.drive,
             )
             for place, device in enumerate(self.devices)
@@ -91,9 +91,9 @@ class Bench:
         self.now = 0.0
         self.lines.step(self.now)  # the boards see their hosts
 
-    def drive(self, time: float, current: float) -> None:
+    def drive(self, time: float, currents: Vector) -> None:
         self.changes.append(time)
-        self.currents.append(current)
+        self.currents.append(currents[2])
 
     def say(self, place: int, *messages: Message) -> None:
         terminal = self.boards[place].terminal
@@ -183,7 +183,7 @@ def test_samples_are_taken_at_the_rate_of_the_host(bench: Bench) -> None:
 
 
 def test_the_current_of_a_board_drives_its_actuator(bench: Bench) -> None:
-    bench.say(0, ArmRequest(), SetCurrent(FULL_SCALE))
+    bench.say(0, ArmRequest(), SetCurrent((FULL_SCALE,)))
     bench.go_on(0.002)
     assert bench.currents == [2.75]
     bench.go_on(0.01)
@@ -196,7 +196,7 @@ def test_a_late_wake_up_applies_each_set_point_at_its_tick(bench: Bench) -> None
     stamp = CLOCK_START + 4000
     for place in (1, 2):
         due = (stamp + 1000 * place) % CLOCKS
-        bench.say(0, ScheduleCurrent(FULL_SCALE // place, due))
+        bench.say(0, ScheduleCurrent((FULL_SCALE // place,), due))
     bench.now = 0.0085
     bench.go_on(STEP)
     assert bench.changes[:2] == pytest.approx([0.005, 0.006])

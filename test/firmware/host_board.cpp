@@ -64,10 +64,12 @@ void echo(haptic::Decoder &decoder, const uint8_t *bytes, size_t length) {
 }
 
 void show(const haptic::Board &board) {
-  uint8_t state[9] = {board.state()};
-  haptic::write_u16(state + 1, static_cast<uint16_t>(board.current()));
-  haptic::write_u16(state + 3, board.rate());
-  haptic::write_u32(state + 5, board.period());
+  uint8_t state[13] = {board.state()};
+  for (int axis = 0; axis < haptic::AXIS_COUNT; axis++) {
+    haptic::write_u16(state + 1 + 2 * axis, static_cast<uint16_t>(board.current(axis)));
+  }
+  haptic::write_u16(state + 7, board.rate());
+  haptic::write_u32(state + 9, board.period());
   give('S', state, sizeof state);
 }
 
@@ -106,13 +108,13 @@ void run(const haptic::Identity &identity) {
 
 // The identity's payload comes first, and tells the board what it is.
 int main() {
-  const uint8_t *payload = take(30);
+  const uint8_t *payload = take(38);
   haptic::Identity identity;
   memcpy(identity.firmware, payload, 3);
   identity.axes = payload[3];
   identity.highest_rate = haptic::read_u16(payload + 4);
   memcpy(&identity.full_scale_acceleration, payload + 6, 4);
-  memcpy(&identity.full_scale_current, payload + 10, 4);
-  memcpy(identity.serial_number, payload + 14, 16);
+  memcpy(identity.full_scale_currents, payload + 10, sizeof identity.full_scale_currents);
+  memcpy(identity.serial_number, payload + 22, 16);
   run(identity);
 }

@@ -26,6 +26,7 @@ from pathlib import Path
 
 import pytest
 
+from haptic_accel.core.axes import NAMES
 from haptic_accel.devices.serial.protocol import (
     CLOCKS,
     FIRMWARE,
@@ -55,8 +56,9 @@ SKETCH = HERE.parents[1] / "firmware" / "haptic_handle"
 STRICT = ["-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 CHECKED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 
-HANDLE = Identity((1, 2, 3), 0b101, 10_000, 84.6, 2.75, "7654321")
-TOOL = Identity((1, 0, 0), 0b111, 4000, 49.0, 0.0, "sixteen letters!")
+HANDLE = Identity((1, 2, 3), 0b101, 10_000, 84.6, (0.0, 0.0, 2.75), "7654321")
+THREE = Identity((1, 2, 3), 0b111, 10_000, 84.6, (2.75, 1.0, 0.5), "three coils")
+TOOL = Identity((1, 0, 0), 0b111, 4000, 49.0, (0.0, 0.0, 0.0), "sixteen letters!")
 STEPS = 5_000
 FRAMES = 3_000
 
@@ -133,12 +135,13 @@ class Pair:
         self.expected: list[bytes] = []
         self.room = True
         self.status: Status | None = None
+        self.coils = identity.coils
         self.board = Board(identity, self._send)
 
     def _send(self, wire: bytes) -> bool:
         (frame,) = Decoder().feed(wire)
         if frame.type == FrameType.STATUS:
-            self.status = Status(*Status.LAYOUT.unpack(frame.payload))
+            self.status = Status.unpack(frame.payload)
         if self.room:
             self.expected.append(record(b"F", wire))
         return self.room
@@ -170,17 +173,20 @@ class Pair:
     def look(self) -> None:
         board = self.board
         rate = board.configuration.rate
-        state = struct.pack("<BhHI", board.state, board.current, rate, board.period)
+        flowing = dict(zip(self.coils, board.currents, strict=True))
+        currents = [flowing.get(axis, 0) for axis in NAMES]
+        state = struct.pack("<B3hHI", board.state, *currents, rate, board.period)
         self.expected.append(record(b"S", state))
 
 
-def random_message(random: random.Random, now: int) -> Message:
-    counts = random.randrange(-32768, 32768)
+def random_message(random: random.Random, now: int, coils: int) -> Message:
+    counts = tuple(random.randrange(-32768, 32768) for _ in range(coils))
+    extremes = tuple(random.choice((-32768, -32767, 0, 1, 32767)) for _ in range(coils))
     near = (now + random.choice((-600_000, -500, 0, 500, 1500, 6000, 600_000))) % CLOCKS
     period = random.choice((1_000_000, 1_000_100, 100_000, 984_375, 1_015_626, 0, CLOCKS - 1))
     return random.choice(
         [
-            SetCurrent(random.choice((-32768, -32767, 0, 1, 32767))),
+            SetCurrent(extremes),
             *[ScheduleCurrent(counts, near)] * 6,
             Align(near, period),
             Align(random.randrange(CLOCKS), period),
@@ -196,22 +202,25 @@ def random_message(random: random.Random, now: int) -> Message:
     )
 
 
-@pytest.mark.parametrize("identity", [HANDLE, TOOL], ids=["handle", "tool"])
+@pytest.mark.parametrize("identity", [HANDLE, THREE, TOOL], ids=["handle", "three", "tool"])
 def test_both_boards_do_the_same_whatever_comes(program: Path, identity: Identity) -> None:
     rng = random.Random(2)
     encoder = Encoder()
     pair = Pair(identity)
     now = (1 << 32) - 10_000_000  # the clock begins anew on the way
+    coils = len(identity.coils)
     states, periods = set(), set()
     for _ in range(STEPS):
         now = (now + rng.choice((1, 100, 500, 1000, 1000, 4999, 6000))) % (1 << 32)
         chance = rng.random()
         if chance < 0.01:
             due = [now + rng.randrange(100_000) for _ in range(40)]
-            burst = (ScheduleCurrent(each % 100, each % CLOCKS) for each in due)
+            burst = (ScheduleCurrent((each % 100,) * coils, each % CLOCKS) for each in due)
             pair.receive(b"".join(encoder.encode(each, now) for each in burst), now)
         elif chance < 0.5:
-            wire = encoder.encode(random_message(rng, now), now)
+            # Now and then one coil too many, which is refused.
+            most = coils + (rng.random() < 0.1 and coils < 3)
+            wire = encoder.encode(random_message(rng, now, most), now)
             pair.receive(wire if rng.random() < 0.8 else garbled(rng, wire), now)
         elif chance < 0.55:
             pair.receive(encode(next(random_frames(rng, 1))), now)
@@ -229,18 +238,19 @@ def test_both_boards_do_the_same_whatever_comes(program: Path, identity: Identit
         pair.look()
         states.add(pair.board.state)
         periods.add(pair.board.period)
-    assert len(states) == (4 if identity.full_scale_current else 2)
+    assert len(states) == (4 if coils else 2)
     assert len(periods) > 20
     assert pair.status
     counted = min(pair.status.late, pair.status.overflowed, pair.status.refused)
-    assert counted > 0 or not identity.full_scale_current
+    assert counted > 0 or not coils
     assert run(program, identity, b"".join(pair.script)) == b"".join(pair.expected)
 
 
-def test_the_sketch_compiles() -> None:
+@pytest.mark.parametrize("coils", [0, 1, 3])
+def test_the_sketch_compiles(coils: int) -> None:
     sketch = SKETCH / "haptic_handle.ino"
     words = ["g++", "-fsyntax-only", *STRICT, f"-I{HERE / 'arduino'}", "-include", "Arduino.h"]
-    subprocess.run([*words, "-x", "c++", sketch], check=True)
+    subprocess.run([*words, f"-DCOILS={coils}", "-x", "c++", sketch], check=True)
 
 
 def test_the_sketch_states_the_version_that_the_driver_asks_for() -> None:

@@ -26,8 +26,9 @@ import yaml
 from haptic_accel.core.actuator.guard import ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import SafetyLayer
+from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.control.compensation import PLANT, Compensation
-from haptic_accel.core.model import ACTUATOR
+from haptic_accel.core.model import ACTUATOR, Vector
 from haptic_accel.devices.serial.device import SerialMaster
 from haptic_accel.devices.simulated import SimulatedMaster
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
@@ -51,11 +52,11 @@ class Wire:
     """A serial link that keeps the set-points of the current."""
 
     def __init__(self) -> None:
-        self.currents: list[float] = []
+        self.currents: list[Vector] = []
 
-    def set_current(self, current: float, due: float) -> None:
+    def set_currents(self, currents: Vector, due: float) -> None:
         """Keep a set-point."""
-        self.currents.append(current)
+        self.currents.append(currents)
 
 
 @pytest.fixture
@@ -98,7 +99,8 @@ def test_all_that_drives_or_limits_the_coil_uses_it(file: Path) -> None:
 
     layer = SafetyLayer(master[SAFETY], RATE)
     layer.enable(0.0, True)
-    assert layer.actuator_force(0.0, 0.0, 50.0) == COIL.peak_force
+    peak = along_actuator(COIL.peak_force)
+    assert layer.actuator_force(0.0, 0.0, along_actuator(50.0)) == peak
 
     compensation = Compensation(own, RATE, options)
     compensation.process(0.0, 0.0)  # at rest
@@ -110,15 +112,15 @@ def test_all_that_drives_or_limits_the_coil_uses_it(file: Path) -> None:
     simulated = SimulatedMaster(master["simulated"], RATE, 0)
     simulated.open()
     simulated.read(0.0)
-    simulated.write(0.0, actuator_force=50.0)
+    simulated.write(0.0, actuator_force=along_actuator(50.0))
     assert simulated.counters()["actuator_saturated"] == 1
-    simulated.write(0.0, actuator_force=COIL.peak_force)
+    simulated.write(0.0, actuator_force=peak)
     assert simulated.counters()["actuator_saturated"] == 1
 
     driver, wire = SerialMaster(master["serial"], RATE, 0), Wire()
     driver._link = wire  # type: ignore[assignment]
-    driver.write(0.0, actuator_force=1.0)
-    assert wire.currents == [1.0 / COIL.force_constant]
+    driver.write(0.0, actuator_force=along_actuator(1.0))
+    assert wire.currents == [along_actuator(1.0 / COIL.force_constant)]
 
 
 def test_one_node_may_believe_in_another_actuator(file: Path, tmp_path: Path) -> None:

@@ -17,15 +17,28 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
+from itertools import cycle
 
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
+from std_msgs.msg import Bool
 
-from haptic_accel.core.topics import ACTUATOR_FORCE, DIAGNOSTICS, TOOL_ACCELERATION, reporter
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.topics import (
+    ACTUATOR_FORCE,
+    DESIRED_ACCELERATION,
+    DIAGNOSTICS,
+    HANDLE_ACCELERATION,
+    MASTER_POSITION,
+    MASTER_STOPPED,
+    TOOL_ACCELERATION,
+    reporter,
+)
 from haptic_accel.nodes.compensator import Compensator
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.topic_node import quality
@@ -33,22 +46,46 @@ from running import PATIENCE
 
 HOUR = 3600 * 10**9
 
+PERIOD = 1_000_000
+"""Period of the default rate, ns."""
+
+WARNING = "warning"
+"""Key of the warning among reported values."""
+
 
 class Bench:
-    """A compensator, and another node that sends it the tool's acceleration."""
+    """A compensator, and another node that sends it the tool's acceleration.
+
+    Attributes
+    ----------
+    tool, felt : iterator of Vector
+        Accelerations of tool and handle to send, m/s^2.
+    """
 
     def __init__(self) -> None:
         self.node = Compensator()
         self._other = GraphNode("coupler")
+        self._other.task = "samples"
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._other)
         self._tool = self._other.sender(TOOL_ACCELERATION)
+        self._handle = self._other.sender(HANDLE_ACCELERATION)
+        self.position = self._other.sender(MASTER_POSITION)
+        self.tool: Iterator[Vector] = cycle([(0.0, 0.0, 1.0)])
+        self.felt: Iterator[Vector] = iter(())
+        self.state = self._other.publisher(MASTER_STOPPED)
         self.caused: list[int] = []
-        self._other.listen(ACTUATOR_FORCE, lambda stamp, _: self.caused.append(stamp))
+        self.forces: list[Vector] = []
+        self.desired: list[Vector] = []
+        self._other.listen(ACTUATOR_FORCE, self._keep)
+        self._other.listen(DESIRED_ACCELERATION, lambda _, vector: self.desired.append(vector))
 
     def send(self, ahead: int) -> None:
         """Send a sample with a stamp ahead of now, in ns."""
-        self._tool.send(time.time_ns() + ahead, (0.0, 0.0, 1.0))
+        stamp = time.time_ns() + ahead
+        if felt := next(self.felt, None):
+            self._handle.send(stamp - PERIOD, felt)
+        self._tool.send(stamp, next(self.tool))
 
     def run(self, ahead: int, reached: Callable[[], bool]) -> None:
         """Send samples with stamps ahead of now, in ns, until something is reached."""
@@ -57,15 +94,17 @@ class Bench:
             assert time.monotonic() < deadline
             self.send(ahead)
             self.node.work()
+            self.node.follow_stop()
             self._executor.spin_once(timeout_sec=0.001)
 
     def reported(self) -> dict[str, str]:
-        """Return the values of its next diagnostics."""
+        """Return warning and values of its next diagnostics."""
         found: dict[str, str] = {}
 
         def take(array: DiagnosticArray) -> None:
             for status in array.status:
                 if reporter(status.name)[1] == "compensator":
+                    found[WARNING] = status.message
                     found.update((pair.key, pair.value) for pair in status.values)
 
         self._other.create_subscription(
@@ -73,6 +112,10 @@ class Bench:
         )
         self.run(0, lambda: self.node.report() or bool(found))
         return found
+
+    def _keep(self, stamp: int, force: Vector) -> None:
+        self.caused.append(stamp)
+        self.forces.append(force)
 
     def close(self) -> None:
         """End both nodes."""
@@ -82,9 +125,9 @@ class Bench:
 
 
 @pytest.fixture
-def bench(domain: int) -> Iterator[Bench]:
-    """Give a compensator and its sender."""
-    rclpy.init()
+def bench(domain: int, request: pytest.FixtureRequest) -> Iterator[Bench]:
+    """Give a compensator with the axes of the request, by default one, and its sender."""
+    rclpy.init(args=["--ros-args", "-p", f"axes:={getattr(request, 'param', 'z')}"])
     bench = Bench()
     yield bench
     bench.close()
@@ -111,3 +154,44 @@ def test_a_clock_that_is_set_back_is_logged_once_and_the_compensator_goes_on(
     newest = time.time_ns() + 80_000_000
     bench.run(0, lambda: bench.caused[-1] > newest)
     assert capfd.readouterr().err.count("a clock was set by -0.0") == 1
+
+
+@pytest.mark.parametrize("bench", ["'x, y, z'"], indirect=True)
+def test_a_turned_handle_has_the_tools_vibration_in_its_own_axes(bench: Bench) -> None:
+    def turned() -> bool:
+        # A quarter turn about z: the base's x is the handle's -y, and its y the handle's x.
+        x, y, z = bench.desired[-1]
+        return (y, z) == pytest.approx((-2 * x, 3 * x), abs=0.1)
+
+    bench.tool = cycle([(2.0, 1.0, 3.0), (-2.0, -1.0, -3.0)])
+    bench.run(0, lambda: len(bench.desired) > 20)
+    x, y, z = bench.desired[-1]
+    assert (y, z) == pytest.approx((x / 2, 3 * x / 2))
+    upright = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))
+    bench.position.send(time.time_ns(), ZERO, upright)
+    # The filters remember the other direction for a while.
+    bench.run(0, turned)
+    bench.position.send(time.time_ns(), ZERO, (0.0, 0.0, 0.0, 0.0))
+    so_far = len(bench.desired)
+    bench.run(0, lambda: len(bench.desired) > so_far + 100)
+    bench.run(0, turned)  # the last valid orientation is kept
+    assert "no unit quaternion" in bench.reported()[WARNING]
+
+
+@pytest.mark.parametrize("spoilt", ["tool", "handle"])
+@pytest.mark.parametrize(
+    ("bench", "axis"), [("z", 2), *(("'x, y, z'", axis) for axis in range(3))], indirect=["bench"]
+)
+def test_nothing_is_felt_of_a_sample_with_an_axis_that_is_no_number(
+    bench: Bench, axis: int, spoilt: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    vibration = [(1.0, 1.0, 1.0), (-1.0, -1.0, -1.0)]
+    x, y, z = (math.nan if each == axis else 1000.0 for each in range(3))
+    bench.tool, bench.felt = cycle(vibration), cycle(vibration)
+    setattr(bench, "tool" if spoilt == "tool" else "felt", cycle([*vibration, (x, y, z)]))
+    bench.state.publish(Bool(data=False))
+    bench.run(0, lambda: len(bench.forces) > 100 and any(bench.forces[-1]))
+    assert max(abs(each) for vector in bench.desired for each in vector) < 10.0
+    assert max(abs(each) for vector in bench.forces for each in vector) < 10.0
+    assert int(bench.reported()["rejected"]) > 20
+    assert len(capfd.readouterr().err.splitlines()) <= 1

@@ -39,6 +39,7 @@ from std_srvs.srv import SetBool, Trigger
 from haptic_accel.core import emergency_stop, topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import ARM_PEAK_FORCE, ARM_TIMEOUT, MAX_AGE
+from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import MASTERS, DeviceError, Sample
@@ -56,7 +57,7 @@ from sound_cards import NAME, received, sound_card
 PERIOD = 1_000_000
 """Period of the default rate, ns."""
 
-STOP = {"arm_force": ZERO, "actuator_force": 0.0}
+STOP = {"arm_force": ZERO, "actuator_force": ZERO}
 
 
 class Witness(SimulatedMaster):
@@ -135,11 +136,11 @@ class Bench:
         """Send a force to the arm and one to the actuator, made of samples of an age in s."""
         moment = time.time_ns() - round(age * 1e9)
         self._arm.send(moment, arm)
-        self._actuator.send(moment, (0.0, 0.0, actuator))
+        self._actuator.send(moment, along_actuator(actuator))
 
     def send_actuator(self, stamp: int, force: float) -> None:
         """Send a force to the actuator, made of a sample with a stamp, ns."""
-        self._actuator.send(stamp, (0.0, 0.0, force))
+        self._actuator.send(stamp, along_actuator(force))
 
     def warned(self, *of: str, meanwhile: Callable[[], None] = lambda: None) -> None:
         """Wait until the node's status has warned of something; do something meanwhile."""
@@ -313,7 +314,7 @@ def test_a_command_that_a_second_node_publishes_too_is_refused_meanwhile(bench: 
         bench.command((0.1, 0.0, 0.2), 0.3)
         bench.turn()
     assert bench.wrote("arm_force", (0.1, 0.0, 0.2), before)
-    assert not any(forces.get("actuator_force") for forces in bench.written[before:])
+    assert not any(any(forces.get("actuator_force", ZERO)) for forces in bench.written[before:])
     second.destroy_publisher(publisher)
     bench.driven()
     second.destroy_node()
@@ -365,7 +366,7 @@ def test_nothing_unsafe_reaches_the_device(bench: Bench) -> None:
     )
     for forces in bench.written[before:]:
         assert math.hypot(*forces.get("arm_force", ZERO)) <= ARM_PEAK_FORCE * 1.000001
-        assert abs(forces.get("actuator_force", 0.0)) <= ActuatorParameters.peak_force
+        assert math.hypot(*forces.get("actuator_force", ZERO)) <= ActuatorParameters.peak_force
     assert not bench.wrote("arm_force", (0.5, 0.0, 0.0))
     bench.driven()
 
@@ -508,8 +509,9 @@ def test_a_force_is_applied_at_the_tick_after_that_of_its_sample(bench: Bench) -
     # Far enough ahead to arrive in time on a busy machine.
     cause = round(time.monotonic() / PERIOD * 1e9) + 50
     bench.send_actuator(system_time(bench.node.rate_keeper.time(cause)), 0.77)
-    bench.until(lambda: bench.wrote("actuator_force", 0.77))
-    place = next(i for i, f in enumerate(bench.written) if f.get("actuator_force") == 0.77)
+    force = along_actuator(0.77)
+    bench.until(lambda: bench.wrote("actuator_force", force))
+    place = next(i for i, f in enumerate(bench.written) if f.get("actuator_force") == force)
     assert device.times[place] == pytest.approx((cause + 1) * PERIOD / 1e9, abs=1e-9)
     assert bench.node.diagnostics()[1]["actuator force past their tick"] == "0"
 

@@ -30,6 +30,7 @@ from browsing import QuietGraph
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
+from haptic_accel.scope.windows import Windows
 from running import wait_until
 
 if TYPE_CHECKING:
@@ -107,6 +108,26 @@ def see(page: Page, place: str, pattern: str) -> str:
     found = page.locator(place)
     wait_until(lambda: bool(re.search(pattern, found.inner_text())), f"{place}: {pattern}")
     return found.inner_text()
+
+
+def test_a_rig_with_several_axes_has_a_choice_of_the_one_shown(
+    page: Page, graph: Stroking
+) -> None:
+    assert page.locator("#axes").is_hidden()
+    across = Windows("x")
+    graph.windows.others["x"] = across
+    across.force.put(time.time_ns(), -2.5)
+    choices = page.locator("#axes button:visible")
+    wait_until(lambda: choices.all_inner_texts() == ["x", "z"], "the axes are offered")
+    choices.first.click()
+    see(page, "#force-peak", r"2\.50")
+    wait_until(lambda: choices.first.get_attribute("aria-pressed") == "true", "x is shown")
+    samples = page.evaluate("() => hapticScope.samples()")
+    assert (samples["force"], samples["desired"]) == (1, 0)
+    choices.last.click()
+    wait_until(
+        lambda: bool(page.evaluate("() => hapticScope.samples().desired > 0")), "z is shown again"
+    )
 
 
 def test_the_age_of_what_is_seen_turns_amber_and_back(page: Page, graph: Stroking) -> None:

@@ -178,7 +178,7 @@ async def frames(live: aiohttp.ClientWebSocketResponse, wanted: int) -> list[Any
 
 def samples_of(frame: bytes) -> tuple[bytes, bytes]:
     """Return counts and samples of a frame, without age and time."""
-    return frame[:28], frame[40:]
+    return frame[:32], frame[44:]
 
 
 def test_everything_the_page_needs_comes_from_here(started: Started) -> None:
@@ -354,12 +354,12 @@ def test_states_are_json_and_samples_only_what_is_new(started: Started, source: 
 
     async def use(live: aiohttp.ClientWebSocketResponse) -> None:
         (frame,) = await frames(live, 1)
-        assert int.from_bytes(frame[4:8], "little") == 100
+        assert int.from_bytes(frame[8:12], "little") == 100
         state = json.loads((await live.receive(10)).data)
         assert state["metrics"]["rate"] == 1000.0
         source.feed(7)
         (frame,) = await frames(live, 1)
-        assert int.from_bytes(frame[4:8], "little") == 7
+        assert int.from_bytes(frame[8:12], "little") == 7
 
     visit_live(url, use)
 
@@ -371,7 +371,7 @@ def test_a_frame_tells_how_old_its_newest_sample_was(started: Started, source: S
         source.windows.desired.put(time.time_ns() - 2 * NANOSECONDS, 1.0)
         begun = time.monotonic()
         (frame,) = await frames(live, 1)
-        age, made = *struct.unpack_from("<f", frame, 28), *struct.unpack_from("<d", frame, 32)
+        age, made = *struct.unpack_from("<f", frame, 32), *struct.unpack_from("<d", frame, 36)
         assert age == pytest.approx(2.0 + made - begun, abs=0.05)
 
     visit_live(url, use)
@@ -621,6 +621,24 @@ def test_a_page_asks_for_further_signals(started: Started) -> None:
 
     visit_live(url, use)
     wait_until(lambda: server.shown == set(), "nothing is shown to nobody")
+
+
+def test_a_page_chooses_among_the_axes_of_the_rig(started: Started, source: Source) -> None:
+    _, url = started()
+    source.windows.others["y"] = Windows("y")
+    source.windows.others["y"].force.put(START, 0.5)
+
+    async def use(live: aiohttp.ClientWebSocketResponse) -> None:
+        await live.send_json(["axis_y"])
+        peaks: list[float | None] = []
+        while not peaks or peaks[-1] != 0.5:
+            message = await live.receive(20)
+            if message.type is aiohttp.WSMsgType.TEXT:
+                state = json.loads(message.data)
+                assert state["axes"] == ["y", "z"]
+                peaks.append(state["metrics"].get("peak_force"))
+
+    visit_live(url, use)
 
 
 async def refused(live: aiohttp.ClientWebSocketResponse) -> str:

@@ -313,10 +313,11 @@ def test_nothing_heard_gives_nothing_said() -> None:
 
 def read_frame(frame: bytes) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Read a frame of samples as the page does: times in s since 1970, and values."""
-    kind, *counts = struct.unpack_from("<7I", frame)
+    kind, axis, *counts = struct.unpack_from("<8I", frame)
     assert kind == SAMPLES
-    (origin,) = struct.unpack_from("<d", frame, 40)
-    blocks = np.frombuffer(frame, "<f4", offset=48)
+    assert axis < 3
+    (origin,) = struct.unpack_from("<d", frame, 44)
+    blocks = np.frombuffer(frame, "<f4", offset=52)
     found, at = {}, 0
     for name, count in zip(TRACES, counts, strict=True):
         times = origin + blocks[at : at + count].astype(float)
@@ -369,6 +370,22 @@ def test_a_signal_is_sent_from_when_it_is_chosen_until_it_is_not() -> None:
     cursor.choose([])
     made.position.put(START + 11 * MILLISECOND, 11.0)
     assert cursor.frame() is None
+
+
+def test_another_axis_comes_with_all_of_the_longest_window() -> None:
+    made = Windows()
+    made.others["x"] = Windows("x")
+    for index in range(100):
+        for place, one in enumerate(made.by_axis.values()):
+            one.desired.put(START + index * MILLISECOND, 1000.0 * place + index)
+    cursor = Cursor(made)
+    for asked, axis, first in ([], 2, 1000.0), (["axis_x"], 0, 0.0), (["axis_y"], 2, 1000.0):
+        cursor.choose(asked)
+        frame = cursor.frame() or b""
+        assert struct.unpack_from("<2I", frame) == (SAMPLES, axis)
+        values = read_frame(frame)["desired"][1]
+        assert values.tolist() == pytest.approx([first + index for index in range(100)])
+        assert cursor.frame() is None
 
 
 def test_a_place_is_sent_however_far_it_is() -> None:

@@ -181,8 +181,11 @@ class ActuatorGuard:
             Number of sampling periods of this force; above one if samples were missed.
         """
         heat = force * force if square is None else square
-        warming = self._warming if samples == 1 else -math.expm1(samples * self._staying)
-        self._heat += warming * (heat - self._heat)
+        if samples == 1:
+            self._heat += self._warming * (heat - self._heat)
+            self._estimator.observe(force, handle_acceleration)
+            return
+        self._heat += -math.expm1(samples * self._staying) * (heat - self._heat)
         for _ in range(min(samples, self._settling)):
             self._estimator.observe(force, handle_acceleration)
 
@@ -221,3 +224,33 @@ class ActuatorGuard:
             return force
         self.cushioned += 1
         return side * braking
+
+
+def scaled_within(force: tuple[float, ...], allowed: tuple[float, ...]) -> tuple[float, ...]:
+    """Return a force on several coils, scaled as a whole to what their guards allow.
+
+    Parameters
+    ----------
+    force, allowed : tuple of float
+        Force of each coil, and what its guard allows in place of it, N. A guard that asks for more
+        force, in order to brake, does not limit the others; one that asks for the opposite allows
+        none.
+
+    Examples
+    --------
+    >>> scaled_within((4.0, 3.0, 0.0), (2.0, 3.0, 0.0))
+    (2.0, 1.5, 0.0)
+    """
+    share, last = 1.0, -1
+    for coil, (wanted, most) in enumerate(zip(force, allowed, strict=True)):
+        if most != wanted != 0.0 and most / wanted < share:
+            share, last = most / wanted, coil
+    if last < 0:
+        return force
+    if share <= 0.0:
+        return (0.0,) * len(force)
+    # Exactly what the guard allows, without rounding.
+    return tuple(
+        most if coil == last else share * wanted
+        for coil, (wanted, most) in enumerate(zip(force, allowed, strict=True))
+    )

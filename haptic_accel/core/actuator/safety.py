@@ -29,13 +29,14 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, TypeVar
 
-from haptic_accel.core.actuator.guard import HARD, ActuatorGuard
+from haptic_accel.core.actuator.guard import HARD, ActuatorGuard, scaled_within
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION
-from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
+from haptic_accel.core.axes import ACTUATOR_AXES, ACTUATOR_AXIS, Axes, along_actuator
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, parameter
 
@@ -309,7 +310,28 @@ class _Channel(ABC, Generic[Force]):
     def _limited(self, now: float, force: Force, magnitude: float) -> Force: ...
 
 
-class _ArmChannel(_Channel[Vector]):
+class _VectorChannel(_Channel[Vector]):
+    """Commands in three components."""
+
+    def _magnitude(self, force: Vector) -> float:
+        x, y, z = force
+        return math.sqrt(x * x + y * y + z * z)
+
+    def _slewed(self, now: float, force: Vector) -> Vector:
+        """Return a force limited in growth from the present force in its direction."""
+        most = self._growth(now)
+        magnitude = math.hypot(*force)
+        if magnitude <= most:
+            return force
+        along = sum(a * b for a, b in zip(self._held, force, strict=True))
+        before = max(0.0, along / magnitude)
+        if magnitude - before <= most:
+            return force
+        self.slewed += 1
+        return _scaled(force, (before + most) / magnitude)
+
+
+class _ArmChannel(_VectorChannel):
     """The commands for an arm."""
 
     name = "arm force"
@@ -328,10 +350,6 @@ class _ArmChannel(_Channel[Vector]):
         """Return counts for diagnostics."""
         return {**super().values(), "limited": str(self.limited)}
 
-    def _magnitude(self, force: Vector) -> float:
-        x, y, z = force
-        return math.sqrt(x * x + y * y + z * z)
-
     def _limited(self, now: float, force: Vector, magnitude: float) -> Vector:
         if magnitude > self._peak:
             if magnitude > self._peak * (1.0 + ROUNDING):
@@ -342,19 +360,6 @@ class _ArmChannel(_Channel[Vector]):
         if force == ZERO:
             self.watchdog.forget()
         return force
-
-    def _slewed(self, now: float, force: Vector) -> Vector:
-        """Return a force limited in growth from the present force in its direction."""
-        most = self._growth(now)
-        magnitude = math.hypot(*force)
-        if magnitude <= most:
-            return force
-        along = sum(a * b for a, b in zip(self._held, force, strict=True))
-        before = max(0.0, along / magnitude)
-        if magnitude - before <= most:
-            return force
-        self.slewed += 1
-        return _scaled(force, (before + most) / magnitude)
 
 
 class _ActuatorChannel(_Channel[float]):
@@ -373,10 +378,7 @@ class _ActuatorChannel(_Channel[float]):
 
     def tick(self, now: float, handle_acceleration: float | None) -> float | None:
         """Update the guard; return a new force if the present force must be reduced."""
-        if handle_acceleration is not None and abs(handle_acceleration) <= LARGEST_ACCELERATION:
-            self._acceleration = handle_acceleration
-        held = self._hold(now, self._held)
-        self._advance(now)
+        held = self.advance(now, handle_acceleration)
         if self.contested:
             return self.contend(now)
         if self.watchdog.expired(now):
@@ -386,17 +388,25 @@ class _ActuatorChannel(_Channel[float]):
         force = self._within(held)
         return None if force == held else self._hold(now, force)
 
+    def advance(self, now: float, handle_acceleration: float | None) -> float:
+        """Update the guard; return the present force, N."""
+        if handle_acceleration is not None and abs(handle_acceleration) <= LARGEST_ACCELERATION:
+            self._acceleration = handle_acceleration
+        held = self._hold(now, self._held)
+        self._advance(now)
+        return held
+
+    def allowed(self, force: float) -> float:
+        """Return what the guard allows in place of a force, N."""
+        return self.guard.within(force, self._acceleration)
+
+    def hold(self, now: float, force: float) -> None:
+        """Apply a force that was limited together with those of other coils."""
+        self._hold(now, force)
+
     def values(self) -> dict[str, str]:
         """Return counts, remaining heat and travel for diagnostics."""
-        guard = self.guard
-        return {
-            **super().values(),
-            "limited": str(guard.saturated),
-            "limited by heat": str(guard.heated),
-            "limited by travel": str(guard.cushioned),
-            "heat left (%)": f"{100.0 * max(0.0, 1.0 - guard.heat):.1f}",
-            "travel (mm)": f"{1e3 * guard.travel:.2f}",
-        }
+        return super().values() | _limits_reached([self.guard])
 
     def _magnitude(self, force: float) -> float:
         return abs(force)
@@ -449,6 +459,63 @@ class _ActuatorChannel(_Channel[float]):
         self._ticked, self._push, self._heat = now, 0.0, 0.0
 
 
+class _CoilsChannel(_VectorChannel):
+    """The commands for an actuator with several coils.
+
+    Each coil has its own guard, as a channel of its own. If a coil reaches a limit, the force on
+    all is scaled and keeps its direction.
+    """
+
+    name = "actuator force"
+
+    def __init__(
+        self, parameters: MasterSafetyParameters, rate: float, axes: Axes, *, manual: bool
+    ) -> None:
+        super().__init__(parameters.actuator, rate, ZERO, manual=manual)
+        self._axes = axes
+        self._coils = [_ActuatorChannel(parameters, rate, manual=manual) for _ in axes.names]
+
+    def tick(self, now: float, handle_acceleration: Vector | None) -> Vector | None:
+        """Update the guards; return a new force if the present force must be reduced."""
+        for index, coil in zip(self._axes.indices, self._coils, strict=True):
+            coil.advance(now, handle_acceleration[index] if handle_acceleration else None)
+        if self.contested:
+            return self.contend(now)
+        if self.watchdog.expired(now):
+            return self.let_go(now)
+        held = self._held
+        if held == ZERO:
+            return None
+        force = self._within(held)
+        return None if force == held else self._hold(now, force)
+
+    def values(self) -> dict[str, str]:
+        """Return counts of all coils, least remaining heat and largest travel for diagnostics."""
+        return super().values() | _limits_reached([coil.guard for coil in self._coils])
+
+    def _limited(self, now: float, force: Vector, magnitude: float) -> Vector:
+        force = self._axes.vector(self._axes.components(force))
+        if self._slew:
+            force = self._slewed(now, force)
+        if force == ZERO:
+            self.watchdog.forget()
+            return force
+        return self._within(force)
+
+    def _within(self, force: Vector) -> Vector:
+        """Return a force limited by all guards, without an increase or change of direction."""
+        forces = tuple(self._axes.components(force))
+        allowed = tuple(coil.allowed(each) for coil, each in zip(self._coils, forces, strict=True))
+        return self._axes.vector(scaled_within(forces, allowed))
+
+    def _hold(self, now: float, force: Vector) -> Vector:
+        """Apply a new force, and integrate the effect of the previous force."""
+        for coil, each in zip(self._coils, self._axes.components(force), strict=True):
+            coil.hold(now, each)
+        self._held = force
+        return force
+
+
 class SafetyLayer:
     """Limit the commands of a device; replace missing commands by zero.
 
@@ -461,6 +528,8 @@ class SafetyLayer:
         `MasterSafetyParameters` for a device with an actuator.
     rate : float
         Ticks per second, Hz.
+    axes : Axes
+        Axes of the actuator's coils; other components of its commands are ignored.
 
     Attributes
     ----------
@@ -472,14 +541,21 @@ class SafetyLayer:
         Reason for which every command is rejected; empty if commands are accepted.
     """
 
-    def __init__(self, parameters: SafetyParameters, rate: float) -> None:
+    def __init__(
+        self, parameters: SafetyParameters, rate: float, axes: Axes = ACTUATOR_AXES
+    ) -> None:
         manual = parameters.recovery == MANUAL
         self._arm = _ArmChannel(parameters.arm, rate, manual=manual)
         self._actuator: _ActuatorChannel | None = None
+        self._coils: _CoilsChannel | None = None
         self._channels: list[_Channel[Any]] = [self._arm]
         if isinstance(parameters, MasterSafetyParameters):
-            self._actuator = _ActuatorChannel(parameters, rate, manual=manual)
-            self._channels.append(self._actuator)
+            if axes == ACTUATOR_AXES:
+                self._actuator = _ActuatorChannel(parameters, rate, manual=manual)
+                self._channels.append(self._actuator)
+            else:
+                self._coils = _CoilsChannel(parameters, rate, axes, manual=manual)
+                self._channels.append(self._coils)
         self._warned: defaultdict[str, int] = defaultdict(int)
         self.stopped = self.active = False
         self.refusal = INACTIVE
@@ -520,10 +596,12 @@ class SafetyLayer:
 
     def actuator_force(self, now: float, age: float, force: Vector) -> Vector | None:
         """Return the actuator's force for a command; see `arm_force`."""
-        if self.refusal or self._actuator is None:
+        if self.refusal:
             return None
-        allowed = self._actuator.command(now, age, force[ACTUATOR_AXIS])
-        return None if allowed is None else along_actuator(allowed)
+        if self._actuator:
+            allowed = self._actuator.command(now, age, force[ACTUATOR_AXIS])
+            return None if allowed is None else along_actuator(allowed)
+        return self._coils.command(now, age, force) if self._coils else None
 
     def tick(
         self, now: float, handle_acceleration: Vector | None = None
@@ -539,7 +617,7 @@ class SafetyLayer:
         """
         arm = self._arm.tick(now)
         if self._actuator is None:
-            return arm, None
+            return arm, self._coils.tick(now, handle_acceleration) if self._coils else None
         along = None if handle_acceleration is None else handle_acceleration[ACTUATOR_AXIS]
         reduced = self._actuator.tick(now, along)
         return arm, None if reduced is None else along_actuator(reduced)
@@ -612,3 +690,16 @@ class SafetyLayer:
 def _scaled(force: Vector, share: float) -> Vector:
     x, y, z = force
     return x * share, y * share, z * share
+
+
+def _limits_reached(guards: Sequence[ActuatorGuard]) -> dict[str, str]:
+    """Return counts of all coils, the least remaining heat and the largest travel."""
+    travel = max((guard.travel for guard in guards), key=abs)
+    heat = max(guard.heat for guard in guards)
+    return {
+        "limited": str(sum(guard.saturated for guard in guards)),
+        "limited by heat": str(sum(guard.heated for guard in guards)),
+        "limited by travel": str(sum(guard.cushioned for guard in guards)),
+        "heat left (%)": f"{100.0 * max(0.0, 1.0 - heat):.1f}",
+        "travel (mm)": f"{1e3 * travel:.2f}",
+    }

@@ -39,8 +39,8 @@ class AlongAxis:
 
     Attributes
     ----------
-    adapt : callable
-        Slow computations of the compensation.
+    select, adapt, mute, freeze, reset, diagnostics : callable
+        Those of the compensation.
     """
 
     axes = ACTUATOR_AXES
@@ -50,7 +50,15 @@ class AlongAxis:
         self, compensation: Compensation, reduction: Callable[[Vector], float] = component
     ) -> None:
         self._process, self._reduced = compensation.process, reduction
-        self.adapt = compensation.adapt
+        self._compensation = compensation
+        self.select, self.adapt = compensation.select, compensation.adapt
+        self.mute, self.freeze = compensation.mute, compensation.freeze
+        self.reset, self.diagnostics = compensation.reset, compensation.diagnostics
+
+    @property
+    def controller(self) -> str:
+        """Name of the active controller, or of the last selected one."""
+        return self._compensation.controller
 
     def process(self, tool: Vector, handle: Vector | None) -> tuple[Vector, Vector]:
         """Return desired acceleration, m/s^2, and force, N; see `Compensation.process`."""

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -88,10 +89,15 @@ class Authority:
 
     `observe` only stores two values; `update` does all computations.
 
+    In several axes, the powers of all components are added: one fraction scales the force of all
+    coils, as a coil moves the other axes too, and the error counts as that of the vector.
+
     Parameters
     ----------
     rate : float
         Samples per second.
+    axes : int
+        Number of components of desired acceleration and motion.
 
     Attributes
     ----------
@@ -103,18 +109,18 @@ class Authority:
         Least motion in silence, m/s^2 RMS; infinite while unknown.
     """
 
-    def __init__(self, rate: float) -> None:
+    def __init__(self, rate: float, axes: int = 1) -> None:
         # Imported here, as scipy.signal is slow to import, and most nodes have no controller.
         from scipy import signal
 
-        self._rate = rate
+        self._rate, self._axes = rate, axes
         self._length = max(1, round(BLOCK * rate))
         corner = min(CORNER, 0.4 * rate)
         self._sections = np.asarray(signal.butter(2, corner, "high", fs=rate, output="sos"))
         self._filtered = signal.sosfilt
         self._desired: list[float] = []
         self._measured: list[float] = []
-        self._state: FloatArray = np.zeros((len(self._sections), 2, 2))
+        self._state: FloatArray = np.zeros((len(self._sections), 2 * axes, 2))
         self.reset()
 
     def reset(self) -> None:
@@ -123,6 +129,8 @@ class Authority:
         self.reduced = False
         self._rest = math.nan  # gravity at the first sample, m/s^2
         self._latest = 0.0
+        self._rests: FloatArray | None = None
+        self._latests: Sequence[float] = (0.0,) * self._axes
         self._desired.clear()
         self._measured.clear()
         self._state = np.zeros_like(self._state)
@@ -154,6 +162,16 @@ class Authority:
         self._desired.append(desired)
         self._measured.append(self._latest)
 
+    def observe_vector(self, desired: Sequence[float], measured: Sequence[float]) -> None:
+        """Store one sample of several axes, all of `measured` known or nothing."""
+        if math.isfinite(measured[0]):
+            if self._rests is None:
+                self._rests = np.array(measured)
+                self._measured = list(measured) * (len(self._measured) // self._axes)
+            self._latests = measured
+        self._desired += desired
+        self._measured += self._latests
+
     def update(self, described: bool) -> None:
         """Update the fraction if enough samples are stored.
 
@@ -163,13 +181,20 @@ class Authority:
             True if the handle's response is as described, as far as known. Its motion in silence
             is then not caused by the force.
         """
-        length = len(self._desired)
+        length = len(self._desired) // self._axes
         if length < self._length:
             return
         block = np.array([self._desired, self._measured])
         self._desired.clear()
         self._measured.clear()
+        if self._axes > 1:
+            block = block.reshape(2, length, self._axes)
+            if self._rests is not None:
+                block[1] -= self._rests
+            block = block.swapaxes(1, 2).reshape(-1, length)
         block, self._state = self._filtered(self._sections, block, zi=self._state)
+        # The components of a vector, one after the other, have the sum of their powers.
+        block = block.reshape(2, -1)
         wanted, common, _, moved = (block @ block.T / length).ravel().tolist()
         pace = length / self._rate / MEMORY
         share = -math.expm1(-pace)

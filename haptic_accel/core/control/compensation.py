@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from haptic_accel.core.actuator.guard import ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION as LARGEST_ACCELERATION
+from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop, granted_delay
 from haptic_accel.core.control.fallback import DYNAMIC, Fallback
 from haptic_accel.core.control.filters import (
@@ -32,9 +33,11 @@ from haptic_accel.core.control.filters import (
     check_corner,
     high_pass,
 )
+from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, GRAVITY, ApproximateModel
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.reduction import LIVE_REDUCTIONS
 from haptic_accel.core.sampling import LATENCY
 
 AT_RANGE = 0.999
@@ -48,6 +51,12 @@ FADING = 5e-3
 
 RESTING = 0.05
 """Time constant of the mean tool acceleration with which a new controller starts, s."""
+
+FULL, STATIC = "full", "static"
+"""Decoupling of three coils: with the dynamics of their coupling, or without."""
+
+DIRECTION, PER_AXIS = "direction", "per_axis"
+"""Limits of three coils: with the direction of the force kept, or each coil on its own."""
 
 PLANT = "plant"
 """Name of the identified plant among the controllers' parameters."""
@@ -74,6 +83,24 @@ class CompensationParameters(Checked):
         0,
         LARGEST_ACCELERATION,
         above=True,
+    )
+    axes: str = parameter("z", "axes of the handle's coils: z, or x, y, z")
+    reduction: str = parameter(
+        "axis",
+        "signal of a single coil from a tool that measures three axes: the component along the"
+        " coil, the sum, or the component along the direction of the strongest vibration",
+        choices=LIVE_REDUCTIONS,
+    )
+    decoupling: str = parameter(
+        FULL,
+        "decoupling of three coils: by the inverse of their coupling with its dynamics, or of its"
+        " mean alone",
+        choices=(FULL, STATIC),
+    )
+    saturation: str = parameter(
+        DIRECTION,
+        "limits of three coils: keep the direction of the force, or limit each coil on its own",
+        choices=(DIRECTION, PER_AXIS),
     )
 
 
@@ -123,6 +150,8 @@ class Compensation:
         Controllers to build in advance, so that `select` takes no time.
     latency : int
         Delay from sample to force, in samples.
+    authority : Authority, optional
+        As for `Fallback`.
 
     Attributes
     ----------
@@ -131,6 +160,8 @@ class Compensation:
         samples count as missing.
     untrusted : int
         Number of handle samples that were missing or saturated.
+    asleep : bool
+        True in the idle state.
 
     Raises
     ------
@@ -146,6 +177,7 @@ class Compensation:
         prepared: Sequence[str] = (),
         *,
         latency: int = LATENCY,
+        authority: Authority | None = None,
     ) -> None:
         check_corner(rate, parameters.high_pass_frequency)
         self._options = dict(options or {})
@@ -163,7 +195,7 @@ class Compensation:
         self._active = self._built[parameters.controller]
         approximate = self._options.get(DYNAMIC, ApproximateModel())
         assert isinstance(approximate, ApproximateModel)
-        self._fallback = Fallback(self._loop, approximate)
+        self._fallback = Fallback(self._loop, approximate, authority)
         self._start_judging()
         self._follower: _Channel | None = None
         self._waiting: _Channel | None = None
@@ -174,6 +206,16 @@ class Compensation:
         self._listening, self._fading = round(LISTENING * rate), max(1, round(FADING * rate))
         self.rejected = self.untrusted = 0
         self._muted, self._share = False, 1.0
+
+    @property
+    def supervisor(self) -> ResponseSupervisor:
+        """Comparison of the handle with its plant."""
+        return self._fallback.supervisor
+
+    @property
+    def active(self) -> str:
+        """Name of the controller whose force is used, also while another one is prepared."""
+        return self._active.name
 
     @property
     def controller(self) -> str:
@@ -199,7 +241,7 @@ class Compensation:
             if name == self._active.name:
                 self._judge_anew()
             return
-        if self._asleep:
+        if self.asleep:
             self._active, self._follower, self._waiting = self._built[name], None, None
             self._judge_anew()
         elif self._follower and self._listened > self._listening:
@@ -230,27 +272,58 @@ class Compensation:
             Force within the actuator's limits, N; always finite.
         """
         tool = self._plausible(tool_acceleration)
-        if self._asleep and self._still(tool, handle_acceleration):
+        if self.asleep and self._still(tool, handle_acceleration):
             return 0.0, 0.0
         measured = self._trusted(handle_acceleration)
-        desired, force = self._wanted(tool, measured)
+        desired, force = self.wanted(tool, measured)
+        # If the handle's acceleration is unknown, it is assumed to be gravity.
+        self._handle = measured if math.isfinite(measured) else self._handle
+        force = self.guard.limited(force, self._handle)
+        self.settle(desired, measured, force)
+        return desired, force
+
+    def wake(self, tool_acceleration: float) -> None:
+        """Leave the idle state, for a tool that was at rest with this acceleration, m/s^2."""
+        self.asleep = False
+        self._rest = tool_acceleration
+        self._active.begin(tool_acceleration)
+
+    def wanted(self, tool: float, measured: float) -> tuple[float, float]:
+        """Return desired acceleration and force before the actuator's limits; then `settle`.
+
+        Parameters
+        ----------
+        tool : float
+            Plausible tool acceleration, m/s^2.
+        measured : float
+            Handle acceleration of the previous sample, m/s^2; NaN if missing, infinite if
+            saturated.
+        """
+        desired, force = self._mixed(tool, measured)
         if not (math.isfinite(desired) and math.isfinite(force)):
             # An unstable controller: filters with an infinite state never recover.
             self.reset()
             desired = force = 0.0
-        force = self._fallback.force(desired, force)
-        # If the handle's acceleration is unknown, it is assumed to be gravity.
-        self._handle = measured if math.isfinite(measured) else self._handle
-        force = self.guard.limited(self._audible(force), self._handle)
+        return desired, self._audible(self._fallback.force(desired, force))
+
+    def settle(self, desired: float, measured: float, force: float) -> None:
+        """Finish a sample with the force that is really sent.
+
+        Parameters
+        ----------
+        desired, measured : float
+            Desired and measured acceleration of `wanted`.
+        force : float
+            Force within the actuator's limits, N.
+        """
         self._active.controller.applied(force)
         if self._follower:
             self._follower.controller.applied(force)
         self._fallback.observe(desired, measured, force)
-        return desired, force
 
     def adapt(self) -> None:
         """Execute a part of the controller's slow computations; call it when no force is due."""
-        if self._asleep:
+        if self.asleep:
             return
         channels = [self._active, self._follower] if self._follower else [self._active]
         fallback = self._fallback
@@ -267,7 +340,7 @@ class Compensation:
         not answer, and would push with newtons as soon as the device applies forces again. They
         are faded in over `FADING`; in the idle state there is nothing to fade.
         """
-        if self._muted and not muted and self._asleep:
+        if self._muted and not muted and self.asleep:
             self._share = 1.0
         self._muted = muted
 
@@ -312,7 +385,7 @@ class Compensation:
 
     def _fall_asleep(self) -> None:
         """Enter the idle state, until two samples differ."""
-        self._asleep = True
+        self.asleep = True
         self._tool_at_rest: float | None = None
         self._handle_at_rest: float | None = None
 
@@ -324,12 +397,10 @@ class Compensation:
             self._handle_at_rest = handle
         if tool == self._tool_at_rest and (handle is None or handle == self._handle_at_rest):
             return True
-        self._asleep = False
-        self._rest = self._tool_at_rest
-        self._active.begin(self._rest)
+        self.wake(self._tool_at_rest)
         return False
 
-    def _wanted(self, tool: float, measured: float) -> tuple[float, float]:
+    def _mixed(self, tool: float, measured: float) -> tuple[float, float]:
         """Return desired acceleration and force, crossfaded during a change of controller."""
         desired, force = self._active.process(tool, measured)
         self._rest += self._resting * (tool - self._rest)

@@ -107,6 +107,8 @@ class Fallback:
     loop : Loop
     dynamic : ApproximateModel
         Parameters of the controller `dynamic`.
+    authority : Authority, optional
+        Authority that several axes share; its owner observes, updates and reports it.
 
     Attributes
     ----------
@@ -115,7 +117,9 @@ class Fallback:
         Name of the substitute; empty if there is none.
     """
 
-    def __init__(self, loop: Loop, dynamic: ApproximateModel) -> None:
+    def __init__(
+        self, loop: Loop, dynamic: ApproximateModel, authority: Authority | None = None
+    ) -> None:
         self.supervisor = ResponseSupervisor(loop.plant, loop.rate)
         self._latency = loop.latency
         self._dynamic = DynamicController(dynamic, loop)
@@ -125,7 +129,8 @@ class Fallback:
         lines = self._tracking.frequency
         self._counted = ((lines >= LOWEST) & (lines <= HIGHEST_SHARE * loop.rate)).astype(float)
         self._tracked = self._dynamic_response(loop)
-        self._authority = Authority(loop.rate)
+        self._authority = authority or Authority(loop.rate)
+        self._shared = authority is not None
         self._step = 1.0 / max(1, round(FADING * loop.rate))
         self._settling = round(SETTLING * loop.rate)
         self.start(NONE, 1)
@@ -139,10 +144,10 @@ class Fallback:
             replaced = f"{self._name} is worse than no compensation: {took_over}"
         elif self._on_trial:
             replaced = f"{self._name} was worse than no compensation: it is tried again"
-        elif self._authority.reduced:
+        elif self._authority.reduced and not self._shared:
             replaced = f"{self._name} is worse than no compensation: its force is reduced"
         noisy = ""
-        if LOUD <= self._authority.noise < math.inf:
+        if LOUD <= self._authority.noise < math.inf and not self._shared:
             noisy = (
                 f"the handle's accelerometer has {self._authority.noise:.2f} m/s^2 RMS of noise"
             )
@@ -171,7 +176,8 @@ class Fallback:
         """Evaluate another controller, or restart for the same; fade out any substitute."""
         self._name, self.substitute = name, ""
         self._reducible = CONTROLLERS[name].reducible
-        self._authority.reset()
+        if not self._shared:
+            self._authority.reset()
         self._pace = self._step
         self._trial = math.inf  # time since the last return, s
         self._granted = granted_delay
@@ -216,7 +222,8 @@ class Fallback:
             return
         self._desired.append(desired)
         if self._reducible:
-            self._authority.observe(self._desired[0], measured)
+            if not self._shared:
+                self._authority.observe(self._desired[0], measured)
             return
         # `dynamic` lags by one sample, independent of the controller's granted delay.
         later = max(0, self._granted - 1) if self.substitute == DYNAMIC else 0
@@ -231,7 +238,8 @@ class Fallback:
         if self._turn == 0:
             return self.supervisor.update()
         if self._reducible:
-            self._authority.update(self.supervisor.described)
+            if not self._shared:
+                self._authority.update(self.supervisor.described)
             return False
         if self._turn == 1 and self._tracking.update():
             self._judge()

@@ -268,8 +268,7 @@ class PairedWindow:
     def __init__(self, length: int, hop: int) -> None:
         self._length, self._hop = length, hop
         # Filled from its end to its beginning, as in `SampleWindow`.
-        self._pairs = np.zeros((2, 2 * length))
-        self._cause, self._effect = self._pairs
+        self._cause, self._effect = np.zeros(2 * length), np.zeros(2 * length)
         self._newest = length
         # Missing samples in the present part of the window, and in the parts before.
         self._missing: deque[int] = deque(maxlen=math.ceil(length / hop))
@@ -312,12 +311,13 @@ class PairedWindow:
         self._samples = 0
         self._missing.clear()
         self._missing.append(0)
-        self._pairs[:] = 0.0
+        self._cause[:] = self._effect[:] = 0.0
         self._newest = self._length
 
     def _moved(self) -> int:
         """Move the samples still needed to the end; return the index before them."""
         kept = self._length - 1
-        place = self._pairs.shape[1] - kept
-        self._pairs[:, place:] = self._pairs[:, :kept]
+        place = len(self._cause) - kept
+        for samples in (self._cause, self._effect):
+            samples[place:] = samples[:kept]
         return place - 1

@@ -97,6 +97,8 @@ class ResponseSupervisor:
     fitting : float
         Time for which all evaluated bands have fitted, s, since the last deviation or the last
         saturated sample.
+    expected : float
+        Model's acceleration at the tick of the next measurement, m/s^2.
     """
 
     def __init__(self, plant: Plant, rate: float) -> None:
@@ -113,8 +115,8 @@ class ResponseSupervisor:
         self._friction = plant.friction
         self._diagnosis = Diagnosis(plant, rate, lines)
         self._per_force = np.zeros(len(lines))
+        self.expected = 0.0
         counted = lines >= CONTINUOUS
-        self._expected = 0.0  # model's acceleration at the tick of the next measurement, m/s^2
         self._per_force[counted] = 1.0 / np.abs(plant.response(lines[counted], rate)) ** 2
         self.reset()
 
@@ -162,8 +164,8 @@ class ResponseSupervisor:
         """
         if math.isinf(measured_acceleration):
             self.fitting = 0.0
-        self._estimator.observe(self._expected, measured_acceleration)
-        self._expected = self._model.process(actuator_force)
+        self._estimator.observe(self.expected, measured_acceleration)
+        self.expected = self._model.process(actuator_force)
 
     def update(self) -> bool:
         """Execute a part of pending computations; return True after a new result."""
@@ -182,7 +184,7 @@ class ResponseSupervisor:
         self._model.reset()
         self._estimator.reset()
         self._diagnosis.reset()
-        self._expected = 0.0
+        self.expected = 0.0
         bands = len(self._edges)
         self._over, self._under = np.zeros(bands), np.zeros(bands)
         self._bad, self._judged_once = np.zeros(bands, dtype=bool), np.zeros(bands, dtype=bool)

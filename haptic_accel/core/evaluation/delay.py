@@ -13,7 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Estimation and compensation of the delay between two signals, to a fraction of a sample."""
+"""Estimation and compensation of the delay between two signals, to a fraction of a sample.
+
+The components of a vector, shape (n, k), have one delay in common.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haptic_accel.core.evaluation.metrics import align
+from haptic_accel.core.evaluation.metrics import align, components
 from haptic_accel.core.model import ComplexArray, FloatArray
 
 LONGEST_DELAY = 20e-3
@@ -69,7 +72,7 @@ def estimate_delay(
 
     Parameters
     ----------
-    desired, actual : ndarray, shape (n,)
+    desired, actual : ndarray, shape (n,) or (n, k)
         Signals with the same sampling times and unit; finite.
     rate : float
         Samples per second.
@@ -85,7 +88,7 @@ def estimate_delay(
     nothing = Delay(math.nan, 0.0)
     if not len(desired):
         return nothing
-    first, second = desired - np.mean(desired), actual - np.mean(actual)
+    first, second = desired - np.mean(desired, axis=0), actual - np.mean(actual, axis=0)
     scale = float(np.linalg.norm(first)) * float(np.linalg.norm(second))
     farthest = min(math.ceil(longest * rate), len(first) - 2)
     if not scale > 0.0 or farthest < 1:
@@ -94,7 +97,9 @@ def estimate_delay(
 
     # Zeros after the signals prevent circular overlap.
     length = fft.next_fast_len(len(first) + farthest + 1, real=True)
-    cross: ComplexArray = np.conj(fft.rfft(first, length)) * fft.rfft(second, length)
+    pairs = zip(components(first), components(second), strict=True)
+    products = [np.conj(fft.rfft(one, length)) * fft.rfft(other, length) for one, other in pairs]
+    cross: ComplexArray = np.sum(products, axis=0)
     correlation = fft.irfft(cross, length)
     lags = np.arange(-farthest, farthest + 1)
     peak = int(lags[np.argmax(correlation[lags])])
@@ -131,7 +136,7 @@ def shift_back(
 
     Parameters
     ----------
-    desired, actual : ndarray, shape (n,)
+    desired, actual : ndarray, shape (n,) or (n, k)
         Sampled at the same times.
     rate : float
         Samples per second.
@@ -171,6 +176,6 @@ def _advanced(values: FloatArray, samples: float) -> FloatArray:
 
     # A length without large prime factors: others take many times as long.
     length = fft.next_fast_len(len(values) + FRACTION_EDGE, real=True)
-    spectrum = fft.rfft(values, length)
-    turned = spectrum * np.exp(2j * np.pi * np.arange(spectrum.size) / length * samples)
-    return np.asarray(fft.irfft(turned, length)[: len(values)])
+    spectrum = fft.rfft(values.T, length)
+    turned = spectrum * np.exp(2j * np.pi * np.arange(spectrum.shape[-1]) / length * samples)
+    return np.asarray(fft.irfft(turned, length).T[: len(values)])

@@ -24,6 +24,13 @@ The share compares strength by frequency and time, and nothing else. It ignores 
 an inverted or slightly delayed copy has a share of 1, and an unrelated noise of the same spectrum
 up to two thirds. It also ignores masking, adaptation and practice. The NRMSE covers phase and
 waveform.
+
+The power of all axes of a vector is added in each cell, as if the hand felt the strength of a
+vibration regardless of its direction. DFT321 assumes the same (Landin, Romano, McMahan,
+Kuchenbecker, EuroHaptics 2010). It is an approximation: direction is among the causes for which
+Brisben, Hsiao and Johnson (J. Neurophysiol. 81, 1999) found different thresholds, and people told
+vibration in three axes from its reductions to one (Lee, Tombak, Park, Kuchenbecker, IEEE
+Transactions on Haptics 15(3), 2022). `metrics.direction_error` covers the direction.
 """
 
 from __future__ import annotations
@@ -32,7 +39,7 @@ import math
 
 import numpy as np
 
-from haptic_accel.core.evaluation.metrics import check_pair
+from haptic_accel.core.evaluation.metrics import check_pair, components
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import check_positive_rate
 
@@ -99,7 +106,7 @@ def indistinguishable(desired: FloatArray, actual: FloatArray, rate: float) -> f
 
     Parameters
     ----------
-    desired, actual : ndarray, shape (n,)
+    desired, actual : ndarray, shape (n,) or (n, k)
         Aligned accelerations without gravity, m/s^2.
     rate : float
         Samples per second; bands beyond half of it are omitted.
@@ -123,7 +130,10 @@ def indistinguishable(desired: FloatArray, actual: FloatArray, rate: float) -> f
     check_pair(desired, actual)
     check_positive_rate(rate)
     centres = CENTRES[rate / 2 >= CENTRES * _HALF_BAND]
-    first, second = (_powers(signal, centres, rate) for signal in (desired, actual))
+    first, second = (
+        sum(_powers(component, centres, rate) for component in components(signal))
+        for signal in (desired, actual)
+    )
     felt = np.maximum(first, second) >= detection_threshold(centres) ** 2
     if not felt.any():
         return math.nan

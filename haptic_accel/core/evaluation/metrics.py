@@ -17,13 +17,17 @@
 
 The paper is McMahan and Kuchenbecker, "Haptic display of realistic tool contact via dynamically
 compensated control of a dedicated actuator", IROS 2009.
+
+A signal has shape (n,) for one axis, and (n, k) for the components of a vector. The power of a
+vector is the sum of its components' powers, so that every metric of a vector with one component is
+that of the component.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -71,6 +75,10 @@ SEGMENT_SECONDS = 0.25
 _LARGEST = 1.0e100  # a diverging rig reaches this value before infinity
 _SMALLEST = 1.0e-100  # root sum of squares; both limits together keep all ratios finite
 
+DIRECTION_SHARE = 0.5
+"""Minimum length of a desired acceleration whose direction counts, as a fraction of its root mean
+square (assumed). Shorter vectors occur at zero crossings, where noise turns the actual one."""
+
 _FEWEST_SEGMENTS = 4  # without overlap; the coherence of a single segment is always 1
 
 
@@ -78,7 +86,8 @@ _FEWEST_SEGMENTS = 4  # without overlap; the coherence of a single segment is al
 class Regression:
     """Least-squares lines between two signals, in both directions.
 
-    The product of the two slopes is `r2`.
+    The product of the two slopes is `r2`. The components of a vector share one slope, and each has
+    its own constant.
 
     Attributes
     ----------
@@ -98,6 +107,9 @@ class Regression:
 @dataclass(frozen=True)
 class Spectra:
     """Amplitude spectral densities of two accelerations, and their coherence.
+
+    For vectors these are the roots of the power of all components together. The coherence is then
+    the share of the power that one linear filter for all components explains.
 
     Attributes
     ----------
@@ -139,14 +151,14 @@ def align(desired: FloatArray, actual: FloatArray, samples: int) -> tuple[FloatA
 
     Parameters
     ----------
-    desired, actual : ndarray, shape (n,)
+    desired, actual : ndarray, shape (n,) or (n, k)
         Signals sampled at the same times.
     samples : int
         Number of samples by which `actual` lags; not negative, less than n.
 
     Returns
     -------
-    tuple of ndarray, each of shape (n - samples,)
+    tuple of ndarray, each of n - samples samples
         ``desired[:n - samples]`` and ``actual[samples:]``, as views.
 
     Raises
@@ -165,11 +177,11 @@ def nrmse(desired: FloatArray, actual: FloatArray) -> float:
     """Return the root-mean-square error relative to the desired signal's root mean square.
 
     This is the measure of the paper's Table II: RMS(actual - desired) / RMS(desired). No mean is
-    removed.
+    removed. For vectors, it is the ratio of the root mean squares of their lengths.
 
     Parameters
     ----------
-    desired, actual : ndarray, shape (n,)
+    desired, actual : ndarray, shape (n,) or (n, k)
         Aligned signals in the same unit.
 
     Returns
@@ -194,7 +206,7 @@ def regress(desired: FloatArray, actual: FloatArray) -> Regression:
 
     Parameters
     ----------
-    desired, actual : ndarray, shape (n,)
+    desired, actual : ndarray, shape (n,) or (n, k)
         Aligned signals.
 
     Returns
@@ -210,7 +222,7 @@ def regress(desired: FloatArray, actual: FloatArray) -> Regression:
         The signals differ in length, are empty, or hold NaN or infinity.
     """
     check_pair(desired, actual)
-    varying_desired, varying_actual = _without_mean(desired), _without_mean(actual)
+    varying_desired, varying_actual = _without_mean(desired).ravel(), _without_mean(actual).ravel()
     norm_desired = float(np.linalg.norm(varying_desired))
     norm_actual = float(np.linalg.norm(varying_actual))
     if norm_desired < _SMALLEST or norm_actual < _SMALLEST:
@@ -232,7 +244,7 @@ def spectra(desired: FloatArray, actual: FloatArray, rate: float) -> Spectra:
 
     Parameters
     ----------
-    desired, actual : ndarray, shape (n,)
+    desired, actual : ndarray, shape (n,) or (n, k)
         Accelerations, m/s^2; at least 16 samples.
     rate : float
         Samples per second.
@@ -256,9 +268,11 @@ def spectra(desired: FloatArray, actual: FloatArray, rate: float) -> Spectra:
     # Its import takes a second, which nodes without an evaluation avoid.
     from scipy import signal
 
-    frequency, power_desired = signal.welch(first, rate, nperseg=segment)
-    _, power_actual = signal.welch(second, rate, nperseg=segment)
-    _, cross = signal.csd(first, second, rate, nperseg=segment)
+    pairs = list(zip(components(first), components(second), strict=True))
+    frequency, _ = signal.welch(pairs[0][0], rate, nperseg=segment)
+    power_desired = sum(signal.welch(one, rate, nperseg=segment)[1] for one, _ in pairs)
+    power_actual = sum(signal.welch(other, rate, nperseg=segment)[1] for _, other in pairs)
+    cross = sum(signal.csd(*pair, rate, nperseg=segment)[1] for pair in pairs)
     # scipy.signal.coherence divides zero by zero where a signal is zero.
     amplitudes = np.sqrt(power_desired) * np.sqrt(power_actual)
     coherence = np.zeros_like(amplitudes)
@@ -278,7 +292,7 @@ def evaluate(
 
     Parameters
     ----------
-    desired, actual : ndarray, shape (n,)
+    desired, actual : ndarray, shape (n,) or (n, k)
         Desired and actual handle acceleration, sampled at the same times, m/s^2.
     rate : float
         Samples per second.
@@ -306,11 +320,97 @@ def evaluate(
     return Evaluation(100.0 * nrmse(desired, actual), **vars(regress(desired, actual)))
 
 
+NO_EVALUATION = Evaluation(math.nan, math.nan, math.nan, math.nan)
+"""Evaluation of an axis without desired vibration."""
+
+
+def evaluate_axes(desired: FloatArray, actual: FloatArray, rate: float) -> list[Evaluation]:
+    """Compare the components of an actual with those of a desired acceleration.
+
+    Parameters
+    ----------
+    desired, actual : ndarray, shape (n, k)
+        Aligned accelerations, m/s^2.
+    rate : float
+        Samples per second.
+
+    Returns
+    -------
+    list of Evaluation
+        Errors relative to the same component of `desired`; `NO_EVALUATION` for a component with
+        less than `QUIET_SHARE` of the vector's power.
+
+    Raises
+    ------
+    ValueError
+        As for `evaluate`.
+    """
+    least = QUIET_SHARE * float(np.sum(desired**2))
+    return [
+        evaluate(one, other, rate, 0.0) if np.sum(one**2) > least else NO_EVALUATION
+        for one, other in zip(components(desired), components(actual), strict=True)
+    ]
+
+
+def direction_error(desired: FloatArray, actual: FloatArray) -> float:
+    """Return the median angle between actual and desired acceleration.
+
+    Only samples count whose desired acceleration is at least `DIRECTION_SHARE` of its root mean
+    square. The angle is that of vectors, 0 to 180 degrees: an inverted vibration has 180. As a
+    line it would have 0, although handle and tool then move in opposite ways.
+
+    Parameters
+    ----------
+    desired, actual : ndarray, shape (n, k)
+        Aligned accelerations, m/s^2.
+
+    Returns
+    -------
+    float
+        Angle, degrees; NaN if no sample counts, or the actual acceleration is zero in all of them.
+
+    Raises
+    ------
+    ValueError
+        The signals differ in shape, are empty or not finite.
+
+    Examples
+    --------
+    >>> wave = np.sin(np.arange(100.0))[:, np.newaxis]
+    >>> round(direction_error(wave * [0.0, 0.0, 1.0], wave * [0.0, 1.0, 1.0]), 9)
+    45.0
+    """
+    check_pair(desired, actual)
+    long, found = lengths(desired), lengths(actual)
+    counted = (long >= DIRECTION_SHARE * np.sqrt(np.mean(long**2))) & (long > 0.0) & (found > 0.0)
+    if not counted.any():
+        return math.nan
+    one = desired[counted] / long[counted, np.newaxis]
+    other = actual[counted] / found[counted, np.newaxis]
+    # Unlike the arc cosine of the product, this is exact for small angles (Kahan).
+    angles = 2.0 * np.arctan2(lengths(one - other), lengths(one + other))
+    return math.degrees(float(np.median(angles)))
+
+
+def components(values: FloatArray) -> list[FloatArray]:
+    """Return the components of a signal, shape (n,) each: the signal itself if it has one axis."""
+    return [values] if values.ndim == 1 else [np.ascontiguousarray(one) for one in values.T]
+
+
+def by_component(function: Callable[[FloatArray], FloatArray], values: FloatArray) -> FloatArray:
+    """Return a signal whose components are those of another one after a function of one axis."""
+    found = [function(one) for one in components(values)]
+    return found[0] if values.ndim == 1 else np.column_stack(found)
+
+
+def lengths(values: FloatArray) -> FloatArray:
+    """Return the length of each vector, shape (n,); the magnitude for one axis."""
+    return np.abs(values) if values.ndim == 1 else np.asarray(np.linalg.norm(values, axis=1))
+
+
 def _without_mean(values: FloatArray) -> FloatArray:
-    """Subtract the mean; a constant gives exact zeros without rounding errors."""
-    if np.ptp(values) == 0.0:
-        return np.zeros_like(values)
-    return values - np.mean(values)
+    """Subtract the mean of each axis; a constant gives exact zeros without rounding errors."""
+    return np.where(np.ptp(values, axis=0) == 0.0, 0.0, values - np.mean(values, axis=0))
 
 
 def check_pair(desired: FloatArray, actual: FloatArray, fewest: int = 1) -> None:
@@ -319,15 +419,19 @@ def check_pair(desired: FloatArray, actual: FloatArray, fewest: int = 1) -> None
     Raises
     ------
     ValueError
-        They differ in length, have fewer than `fewest` samples or several dimensions, or hold
-        NaN, infinity or a huge value.
+        They differ in length or axes, have fewer than `fewest` samples or more than two
+        dimensions, or hold NaN, infinity or a huge value.
     """
     for name, values in (("desired", desired), ("actual", actual)):
-        if values.ndim != 1:
-            raise ValueError(f"{name}: has {values.ndim} dimensions, must have one")
+        if values.ndim not in (1, 2):
+            raise ValueError(f"{name}: has {values.ndim} dimensions, must have one or two")
     if len(desired) != len(actual):
         raise ValueError(
             f"desired and actual: have {len(desired)} and {len(actual)} samples, must be equal"
+        )
+    if desired.shape != actual.shape:
+        raise ValueError(
+            f"desired and actual: have {desired.size} and {actual.size} numbers, must be equal"
         )
     if len(desired) < fewest:
         raise ValueError(f"desired and actual: {len(desired)} samples, must be at least {fewest}")
@@ -379,7 +483,7 @@ def band_nrmse(
 
     Parameters
     ----------
-    desired, actual : ndarray, shape (n,)
+    desired, actual : ndarray, shape (n,) or (n, k)
         Aligned signals, m/s^2; at least 16 samples.
     rate : float
         Samples per second.

@@ -134,7 +134,7 @@ def nrmse_interval(desired: FloatArray, actual: FloatArray, rate: float) -> Inte
 
     Parameters
     ----------
-    desired, actual : ndarray, shape (n,)
+    desired, actual : ndarray, shape (n,) or (n, k)
         Aligned signals, m/s^2.
     rate : float
         Samples per second.
@@ -144,16 +144,15 @@ def nrmse_interval(desired: FloatArray, actual: FloatArray, rate: float) -> Inte
     Interval
         Ratio; without ends for fewer than `FEWEST_SEGMENTS` pieces.
     """
-    reference = float(np.sum(desired**2))
-    value = (
-        math.sqrt(float(np.sum((actual - desired) ** 2)) / reference) if reference else math.nan
-    )
+    power, error_power = _squares(desired), _squares(actual - desired)
+    reference = float(np.sum(power))
+    value = math.sqrt(float(np.sum(error_power)) / reference) if reference else math.nan
     n = round(len(desired) / rate / SEGMENT)
     if n < FEWEST_SEGMENTS:
         return Interval(value, math.nan, math.nan, n, f"{n} pieces of {SEGMENT:g} s: too few")
     edges = np.linspace(0, len(desired), n + 1).astype(int)[:-1]
-    errors = np.add.reduceat((actual - desired) ** 2, edges)
-    references = np.add.reduceat(desired**2, edges)
+    errors = np.add.reduceat(error_power, edges)
+    references = np.add.reduceat(power, edges)
     drawn = np.random.default_rng(_SEED).integers(0, n, (RESAMPLES, n))
     below = np.sum(references[drawn], axis=1)
     ratios = np.sqrt(np.sum(errors[drawn], axis=1)[below > 0] / below[below > 0])
@@ -161,6 +160,11 @@ def nrmse_interval(desired: FloatArray, actual: FloatArray, rate: float) -> Inte
     return Interval(
         value, float(low), float(high), n, f"bootstrap over {n} pieces of {SEGMENT:g} s"
     )
+
+
+def _squares(values: FloatArray) -> FloatArray:
+    """Return the square of each sample, or of the length of each vector."""
+    return np.asarray(np.sum(values.reshape(len(values), -1) ** 2, axis=1))
 
 
 def paired_difference(first: Sequence[float], second: Sequence[float]) -> PairedDifference:

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.axes import NAMES
+from haptic_accel.core.axes import HIGHEST_CONDITION, NAMES
 from haptic_accel.core.document import Document, read_json_document
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import (
@@ -37,12 +37,8 @@ from haptic_accel.core.parameters import ParameterError, own_schema
 THREE_AXES = "three_axes"
 """Key of a plant with three axes in the results of an identification."""
 
-HIGHEST_CONDITION = 10.0
-"""Largest condition number of the coils' directions: beyond, a force along one axis needs ten
-times the force of another, and sensor noise is amplified as much (assumed limit)."""
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MatrixPlant:
     """Response of a handle with three coils, G(f) = K(f) diag(p_x(f), p_y(f), p_z(f)).
 
@@ -111,7 +107,8 @@ class MatrixPlant:
         """
         if rate != self.rate:
             raise ParameterError(
-                f"rate = {rate:g}: must be that of the identified plant, {self.rate:g} Hz"
+                f"rate = {rate:g}: must be that of the identified plant, {self.rate:g} Hz;"
+                " run identify"
             )
 
     def coupled(self) -> MatrixPlant:

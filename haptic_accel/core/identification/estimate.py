@@ -271,18 +271,38 @@ def check_recording(
             f"actuator_force: {excited:.3g} N root mean square excites nothing,"
             f" must be at least {SMALLEST_FORCE:g} N"
         )
-    share = float(np.mean(np.abs(acceleration) >= _AT_RANGE * acceleration_range))
-    if share > LARGEST_SATURATED_SHARE:
-        raise RecordingError(
-            f"handle_acceleration: {100 * share:.2g} % of its samples are at the sensor's range"
-            f" of {acceleration_range:g} m/s^2,"
-            f" must be at most {100 * LARGEST_SATURATED_SHARE:g} %; use a smaller amplitude",
-            SMALLER,
-        )
+    check_range(acceleration, acceleration_range)
     if coherence < SMALLEST_COHERENCE:
         raise RecordingError(
             f"coherence = {coherence:.2f} on average from {band[0]:g} to {band[1]:g} Hz:"
             f" must be at least {SMALLEST_COHERENCE:g}"
+        )
+
+
+def check_range(acceleration: FloatArray, acceleration_range: float, axis: str = "") -> None:
+    """Reject an acceleration that left the sensor's range.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (n,)
+        m/s^2.
+    acceleration_range : float
+        Maximum acceleration of the sensor's range, both ways, m/s^2.
+    axis : str
+        Begin of the message.
+
+    Raises
+    ------
+    RecordingError
+        The message contains the fraction of the samples at the range.
+    """
+    share = float(np.mean(np.abs(acceleration) >= _AT_RANGE * acceleration_range))
+    if share > LARGEST_SATURATED_SHARE:
+        raise RecordingError(
+            f"{axis}handle_acceleration: {100 * share:.2g} % of its samples are at the sensor's"
+            f" range of {acceleration_range:g} m/s^2,"
+            f" must be at most {100 * LARGEST_SATURATED_SHARE:g} %; use a smaller amplitude",
+            SMALLER,
         )
 
 

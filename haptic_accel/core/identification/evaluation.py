@@ -120,7 +120,7 @@ class GripIdentification:
     @property
     def doubts(self) -> list[str]:
         """Reasons to doubt the fit, one line each; empty if there is none."""
-        return [*self.undecided, *_wide(self.fit), *_misfit(self.fit)]
+        return [*self.undecided, *fit_doubts(self.fit)]
 
 
 @dataclass(frozen=True)
@@ -216,7 +216,7 @@ def identify_handle(
         tell(LAST_STAGES[0])
     pooled = _pooled(list(grips.values()), fit, free)
     for name, found in [*((name, grip.fit) for name, grip in grips.items()), ("", pooled)]:
-        _check_determined(name, found)
+        check_determined(name, found)
     trials = [trial for grip in grips.values() for trial in grip.trials]
     tell(LAST_STAGES[1])
     discrete = identify_discrete(
@@ -260,8 +260,7 @@ def _identify_grip(
     free: Sequence[str],
     tell: Tell,
 ) -> GripIdentification:
-    response, mount, friction = GRIP_STAGES
-    tell(response)
+    tell(GRIP_STAGES[0])
     forces, accelerations, responses = [], [], []
     for trial in trials:
         force = kept_repeats(trial.actuator_force, sweep, trial.rate)
@@ -273,24 +272,57 @@ def _identify_grip(
     averaged = h1(
         np.concatenate(forces), np.concatenate(accelerations), trials[0].rate, sweep.band
     )
+    found, doubts = choose_fit(trials, responses, sweep, fit, free, tell)
+    return GripIdentification(trials, responses, averaged, h2(averaged), found, doubts)
+
+
+def choose_fit(
+    trials: Sequence[IdentificationTrial],
+    responses: Sequence[FrequencyResponse],
+    sweep: SweepParameters,
+    fit: Fit,
+    free: Sequence[str],
+    tell: Tell = lambda _: None,
+) -> tuple[HandleFit, tuple[str, ...]]:
+    """Fit a handle with a rigid mount and with one that has a mode; return the better fit.
+
+    Parameters
+    ----------
+    trials : sequence of IdentificationTrial
+        Trials along one axis, for the fit of dry friction.
+    responses : sequence of FrequencyResponse
+        Responses estimated from them.
+    sweep : SweepParameters
+        Band, period and repeats of the trials.
+    fit : callable
+        As `fit_handle`.
+    free : sequence of str
+        Names of the fitted parameters.
+    tell : callable
+        Called with the second and third of `GRIP_STAGES` as they begin.
+
+    Returns
+    -------
+    HandleFit
+    tuple of str
+        Reasons to doubt the choice.
+    """
+    _, mount, friction = GRIP_STAGES
     of_responses = [name for name in free if name != "friction"]
     rigid = fit(responses, free=of_responses)
     tell(mount)
     moving = fit(responses, free=_with_mount(of_responses), mount=MOUNT_START)
     tell(friction)
     refine = partial(fit_motion, trials, sweep) if "friction" in free else lambda fitted: fitted
-    doubts: tuple[str, ...] = ()
     if _obvious(rigid, moving):
-        found = refine(moving)
-    elif _gain(rigid, moving) > UNDECIDED:
+        return refine(moving), ()
+    if _gain(rigid, moving) > UNDECIDED:
         # In a response, dry friction may appear as a mount.
-        found, doubts = _chosen(refine(rigid), refine(moving))
-    else:
-        found = refine(rigid)
-    return GripIdentification(trials, responses, averaged, h2(averaged), found, doubts)
+        return _chosen(refine(rigid), refine(moving))
+    return refine(rigid), ()
 
 
-def _check_determined(grip: str, fit: HandleFit) -> None:
+def check_determined(grip: str, fit: HandleFit) -> None:
     """Reject a fit with parameters at a limit of the search.
 
     Raises
@@ -305,6 +337,11 @@ def _check_determined(grip: str, fit: HandleFit) -> None:
             " not determine it; use a larger amplitude or more trials",
             {"trials": 2},
         )
+
+
+def fit_doubts(fit: HandleFit) -> list[str]:
+    """Return reasons to doubt a fit, one line each; empty if there is none."""
+    return [*_wide(fit), *_misfit(fit)]
 
 
 def _wide(fit: HandleFit) -> Iterator[str]:

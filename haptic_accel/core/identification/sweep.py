@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from haptic_accel.core.axes import NAMES
 from haptic_accel.core.identification.estimate import RecordingError, check_pair
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.outliers import without_outliers
@@ -204,7 +205,7 @@ def kept_repeats(values: FloatArray, parameters: SweepParameters, rate: float) -
 
 @dataclass(frozen=True)
 class IdentificationTrial:
-    """Signals of one trial, both of shape (n,) and with the same sampling times.
+    """Signals of one trial with the same sampling times, of shape (n,), or (n, 3) for three axes.
 
     Attributes
     ----------
@@ -249,14 +250,50 @@ class IdentificationTrial:
         RecordingError
             Too many samples are false, see `without_outliers`.
         """
-        try:
-            acceleration, rejected = without_outliers(
-                "handle_acceleration", self.handle_acceleration
-            )
-        except ParameterError as reason:
-            raise RecordingError(str(reason)) from None
+        cleaned, rejected = [], 0
+        for axis, values in by_axis(self.handle_acceleration):
+            try:
+                acceleration, count = without_outliers(f"{axis}handle_acceleration", values)
+            except ParameterError as reason:
+                raise RecordingError(str(reason)) from None
+            cleaned.append(acceleration)
+            rejected += count
+        whole = np.stack(cleaned, axis=-1).reshape(self.handle_acceleration.shape)
         counters = self.counters | {OUTLIERS: rejected}
-        return replace(self, handle_acceleration=acceleration, counters=counters)
+        return replace(self, handle_acceleration=whole, counters=counters)
+
+
+def by_axis(values: FloatArray) -> list[tuple[str, FloatArray]]:
+    """Return the signal of each axis, with the begin of a message on it; one axis has no name.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,) or (n, 3)
+
+    Examples
+    --------
+    >>> [name for name, _ in by_axis(np.zeros((2, 3)))]
+    ['axis x: ', 'axis y: ', 'axis z: ']
+    """
+    if values.ndim == 1:
+        return [("", values)]
+    return [(f"axis {name}: ", each) for name, each in zip(NAMES, values.T, strict=True)]
+
+
+def check_axes(actuator_force: FloatArray, handle_acceleration: FloatArray) -> None:
+    """Reject signals that do not match each other, by axis.
+
+    Raises
+    ------
+    RecordingError
+        As of `check_pair`; the message begins with the axis, if there are three.
+    """
+    pairs = zip(by_axis(actuator_force), by_axis(handle_acceleration), strict=True)
+    for (axis, force), (_, acceleration) in pairs:
+        try:
+            check_pair(force, acceleration)
+        except RecordingError as reason:
+            raise RecordingError(f"{axis}{reason}") from None
 
 
 def find_trials(
@@ -266,12 +303,13 @@ def find_trials(
     rate: float,
     missing: npt.NDArray[np.bool_] | None = None,
     latency: int = 0,
+    wanted: FloatArray | None = None,
 ) -> list[IdentificationTrial]:
     """Find the excitation in a recording by its correlation with the force.
 
     Parameters
     ----------
-    actuator_force, handle_acceleration : ndarray, shape (n,)
+    actuator_force, handle_acceleration : ndarray, shape (n,) or (n, 3)
         N and m/s^2, on the same sampling times.
     parameters : SweepParameters
         Excitation of the handle.
@@ -281,6 +319,8 @@ def find_trials(
         Mask of the samples that were not recorded, but interpolated.
     latency : int
         Delay from sample to force, in samples.
+    wanted : ndarray, shape (m,) or (m, 3), optional
+        Forces of a trial, N; default: those of `excitation`.
 
     Returns
     -------
@@ -296,8 +336,8 @@ def find_trials(
     """
     from scipy import signal
 
-    check_pair(actuator_force, handle_acceleration)
-    wanted = excitation(parameters, rate)
+    check_axes(actuator_force, handle_acceleration)
+    wanted = excitation(parameters, rate) if wanted is None else wanted
     length = len(wanted)
     if len(actuator_force) < length + latency:
         raise RecordingError(
@@ -305,11 +345,15 @@ def find_trials(
             f" {length + latency}, {parameters.repeats} repeats of {parameters.duration:g} s"
         )
     whole, actuator_force = actuator_force, actuator_force[: len(actuator_force) - latency]
-    product = signal.correlate(actuator_force, wanted, mode="valid", method="fft")
-    energy = np.cumsum(np.concatenate([[0.0], actuator_force**2]))
+    columns = actuator_force.reshape(len(actuator_force), -1)
+    product = sum(
+        signal.correlate(force, each, mode="valid", method="fft")
+        for force, each in zip(columns.T, wanted.reshape(length, -1).T, strict=True)
+    )
+    energy = np.cumsum(np.concatenate([[0.0], np.sum(columns**2, axis=1)]))
     norm = np.sqrt((energy[length:] - energy[:-length]) * float(np.sum(wanted**2)))
     # If there is hardly any force, rounding errors must not resemble the sweep.
-    correlation = product / np.maximum(norm, _LEAST_FORCE * float(np.sum(wanted**2)))
+    correlation = np.asarray(product / np.maximum(norm, _LEAST_FORCE * float(np.sum(wanted**2))))
     starts = []
     best = float(correlation.max())
     while len(correlation) and correlation.max() >= ALIKE:
@@ -318,8 +362,8 @@ def find_trials(
         correlation[max(0, start - length + 1) : start + length] = 0.0
     if not starts:
         raise RecordingError(
-            f"actuator_force: correlates with the sweep by {best:.2f}, must by {ALIKE:g}: is it"
-            f" {parameters.repeats} repeats of {parameters.duration:g} s from"
+            f"actuator_force: correlates with the excitation by {best:.2f}, must by {ALIKE:g}: is"
+            f" it {parameters.repeats} repeats of {parameters.duration:g} s from"
             f" {parameters.start_frequency:g} to {parameters.end_frequency:g} Hz?"
         )
     gaps = np.zeros(len(whole), dtype=bool) if missing is None else missing

@@ -21,13 +21,15 @@ previous tick. The handle's sample of the same tick may not have arrived yet.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple, Protocol
 
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.control.loss_concealment import LossConcealment
-from haptic_accel.core.model import Vector
+from haptic_accel.core.model import IDENTITY, ZERO, Vector
+from haptic_accel.core.orientation import from_base, is_turned
 from haptic_accel.core.sampling import NANOSECONDS
 
 SENDING_TIME = 0.5
@@ -60,6 +62,9 @@ class Compensating(Protocol):
     def adapt(self) -> None:
         """Execute a part of the slow computations."""
 
+    def diagnostics(self) -> tuple[str, dict[str, str]]:
+        """Return a warning, or an empty string, and values for diagnostics."""
+
 
 class CompensationPart:
     """Compute one force for each sample of the tool, in order.
@@ -79,6 +84,9 @@ class CompensationPart:
     samples, lost, bridged, without : int
         Numbers of tool samples: received; lost; lost and predicted; used without the handle's
         sample.
+    orientation : tuple of float
+        Newest orientation of the handle in its base frame, from whose axes those of the tool's
+        samples are turned into the handle's.
     """
 
     def __init__(
@@ -95,9 +103,12 @@ class CompensationPart:
         self._concealments = [LossConcealment() for _ in self._axes.names]
         self._stored = tuple(zip(self._axes.indices, self._concealments, strict=True))
         self.samples = self.lost = self.bridged = self.without = 0
+        self.orientation = IDENTITY
 
     def put_tool(self, stamp: int, acceleration: Vector) -> None:
         """Add a sample of the tool, m/s^2, with its stamp in ns; stamps must increase."""
+        if is_turned(self.orientation, acceleration):
+            acceleration = from_base(self.orientation, acceleration)
         self._tool.append((stamp, acceleration))
 
     def put_handle(self, stamp: int, acceleration: Vector | None) -> None:
@@ -162,6 +173,8 @@ class CompensationPart:
                 self._compensation.process(self._axes.vector(predicted), None)
 
     def _store(self, tool: Vector) -> None:
-        """Store a sample for predictions."""
+        """Store a sample for predictions; one with an axis that is not finite counts as zero."""
+        if len(self._stored) > 1 and not math.isfinite(sum(tool)):
+            tool = ZERO
         for index, concealment in self._stored:
             concealment.put(tool[index])

@@ -23,6 +23,7 @@ from collections.abc import Callable, Collection, Iterator
 from typing import Any, NamedTuple, Protocol
 
 from haptic_accel.core.actuator.safety import MAX_AGE, SafetyLayer, SafetyParameters
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.coupling.position_servo import PositionServo
 from haptic_accel.core.due_forces import DueForces
 from haptic_accel.core.evaluation.histogram import DurationHistogram
@@ -366,9 +367,10 @@ def rig_side(
     rate: float,
     latency: int,
     kinds: Collection[str] = (ARM, ACTUATOR),
+    axes: Axes = ACTUATOR_AXES,
 ) -> DeviceSide:
     """Return one side of a virtual rig for lockstep, with a safety layer that allows forces."""
-    safety = SafetyLayer(limits, rate)
+    safety = SafetyLayer(limits, rate, axes)
     safety.enable(0.0, True)
     device = rig if isinstance(rig, SampledRig) else SampledRig(rig)
     return DeviceSide(device, safety, rate, latency, kinds=kinds)

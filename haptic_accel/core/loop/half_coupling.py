@@ -26,11 +26,11 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 
 from haptic_accel.core.arm_endpoint import ArmEndpoint
-from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.coupling.engagement import Decision
 from haptic_accel.core.coupling.half_engagement import HalfEngagement
 from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.loop.wiring import MASTER, Pull, Tool
+from haptic_accel.core.model import ZERO
 from haptic_accel.core.network import endpoint
 from haptic_accel.core.network.endpoint import State
 from haptic_accel.core.network.playout import WAITING, Played
@@ -62,7 +62,7 @@ class HalfCouplingPart:
     def __init__(self, end: ArmEndpoint, engagement: HalfEngagement, timeout: float) -> None:
         self.end, self.engagement = end, engagement
         self.offset = 0
-        self.played = Played(0.0, WAITING)
+        self.played = Played(ZERO, WAITING)
         self._timeout = timeout
         self._motion: Motion | None = None
         self._pulls: deque[Pull] = deque()
@@ -85,11 +85,11 @@ class HalfCouplingPart:
             playout.clear()
         self.played = playout.play(now)
         if self.played.kind != WAITING:
-            self._tools.append(Tool(stamp, along_actuator(self.played.value)))
+            self._tools.append(Tool(stamp, self.played.value))
 
     def put_tool(self, tool: Tool) -> None:
         """Add a sample of the tool for the peer."""
-        self.end.endpoint.sampled(tool.stamp + self.offset, tool.acceleration[ACTUATOR_AXIS])
+        self.end.endpoint.sampled(tool.stamp + self.offset, tool.acceleration)
 
     def tools(self) -> Iterator[Tool]:
         """Yield each played sample once."""

@@ -209,6 +209,7 @@ class HostLoop:
                 if self._passes(_TOOL):
                     coupling.put_tool(Tool(stamp, sample.acceleration))
             elif compensation:
+                compensation.orientation = sample.orientation
                 handle = sample.acceleration if self._passes(_HANDLE) else None
                 compensation.put_handle(stamp, handle)
         if compensation:

@@ -25,6 +25,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.clock import ClockOffset
 from haptic_accel.core.network.packet import LARGEST_SAMPLE, MOST_SAMPLES, Packet, unpack
@@ -79,6 +80,8 @@ class Endpoint:
         Samples per second.
     session : int
         Random 64-bit number of this run, not 0, from `random_session`.
+    axes : Axes
+        Axes of the local tool, whose components are sent.
 
     Attributes
     ----------
@@ -104,14 +107,14 @@ class Endpoint:
     (True, True)
     """
 
-    def __init__(self, side: str, rate: float, session: int) -> None:
-        self._side, self._rate = side, rate
+    def __init__(self, side: str, rate: float, session: int, axes: Axes = ACTUATOR_AXES) -> None:
+        self._side, self._rate, self._axes = side, rate, axes
         self._period = max(PACKET_PERIOD, 1.0 / rate)
         self._sequence = 0
         self._due = -math.inf
         self._said: State | None = None
         self._sent = [(-1, 0, 0.0)] * REMEMBERED  # sequence, system time, time of the motion
-        self._samples: deque[float] = deque(maxlen=MOST_SAMPLES)
+        self._samples: deque[float] = deque(maxlen=MOST_SAMPLES * len(axes.names))
         self._next_sample = 0
         self._answered = 0, 0, 0, 0  # session, sequence and time of sending; own time
         self._pair = 0, 0
@@ -121,17 +124,18 @@ class Endpoint:
         self.playout = Playout(rate)
         self.delay = 0.0
 
-    def sampled(self, stamp: int, acceleration: float) -> None:
+    def sampled(self, stamp: int, acceleration: Vector) -> None:
         """Queue a sample of the tool's acceleration, m/s^2, for the next packets.
 
-        A sample that is not finite counts as missing.
+        A sample with a component that is not finite counts as missing.
         """
-        if not abs(acceleration) <= LARGEST_SAMPLE:
+        components = self._axes.components(acceleration)
+        if not all([abs(component) <= LARGEST_SAMPLE for component in components]):
             return
         number = round(stamp * self._rate / NANOSECONDS)
         if number != self._next_sample:
             self._samples.clear()  # a packet holds successive samples only
-        self._samples.append(acceleration)
+        self._samples.extend(components)
         self._next_sample = number + 1
 
     def outgoing(
@@ -171,8 +175,9 @@ class Endpoint:
             # Energy counts for a pair of sessions, so none is given before the peer is known.
             shipped if session == peer else 0.0,
             self._rate,
-            self._next_sample - len(self._samples),
+            self._next_sample - len(self._samples) // len(self._axes.names),
             tuple(self._samples),
+            self._axes,
         ).pack()
 
     def incoming(self, data: bytes, now: float, system: int) -> Packet | None:
@@ -202,7 +207,7 @@ class Endpoint:
             self.clock = ClockOffset()
             self.playout.clear()
         if packet.samples:
-            self.playout.put(packet.first, packet.samples, now)
+            self.playout.put(packet.first, packet.samples, now, packet.axes)
         if admission is Admission.OVERTAKEN:
             return None
         if self.peer and packet.shipped < self.peer.shipped:

@@ -23,10 +23,11 @@ import zlib
 from functools import cache
 from typing import NamedTuple
 
+from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
 from haptic_accel.core.model import Vector
 from haptic_accel.core.topics import ARMS
 
-VERSION = 2
+VERSION = 3
 """Version of the layout; hosts with different versions reject each other's packets."""
 
 MOST_SAMPLES = 16
@@ -37,15 +38,30 @@ LARGEST_SAMPLE = 1e6
 """Maximum magnitude of a sample, m/s^2: far above any accelerometer's range."""
 
 _MAGIC = b"hapt"
-_COUNT = 7  # index of the number of samples; all versions share magic and version
+_FLAGS, _COUNT = 6, 7  # indices of flags and number of samples; all versions share magic, version
 _CHECK = struct.Struct("<I")  # CRC-32 of the preceding bytes
 _READY, _ENGAGED, _STOPPED, _RESUMES = 1, 2, 4, 8
+_STATES = _READY | _ENGAGED | _STOPPED | _RESUMES
+_FIRST_AXIS = 16  # flag of the samples' x component; y and z follow
 
 
 @cache
 def _layout(count: int) -> struct.Struct:
-    """Return the layout of a packet with a given number of samples, without the checksum."""
+    """Return the layout of a packet with a given number of values, without the checksum."""
     return struct.Struct(f"<4sB3BQ2qQ3q2Iq3d3d2dq{count}f")
+
+
+@cache
+def _axes_flags(names: tuple[str, ...]) -> int:
+    """Return the flags of the components that a packet's samples have."""
+    return sum(_FIRST_AXIS << NAMES.index(name) for name in names)
+
+
+@cache
+def _axes(flags: int) -> Axes | None:
+    """Return the axes of a packet's samples by its flags."""
+    names = tuple(name for index, name in enumerate(NAMES) if flags & _FIRST_AXIS << index)
+    return Axes(names) if names else None
 
 
 class Packet(NamedTuple):
@@ -89,7 +105,10 @@ class Packet(NamedTuple):
     first : int
         Number of the first sample: its stamp in s, multiplied by the rate and rounded.
     samples : tuple of float
-        Acceleration of the tool along the actuator's axis, m/s^2, at most `MOST_SAMPLES`.
+        Acceleration of the tool, m/s^2: the components along `axes`, sample by sample; at most
+        `MOST_SAMPLES` samples.
+    axes : Axes
+        Axes of the tool that the sender has.
     """
 
     side: str
@@ -113,6 +132,7 @@ class Packet(NamedTuple):
     rate: float
     first: int
     samples: tuple[float, ...] = ()
+    axes: Axes = ACTUATOR_AXES
 
     def pack(self) -> bytes:
         """Return the datagram."""
@@ -121,9 +141,10 @@ class Packet(NamedTuple):
             | _ENGAGED * self.engaged
             | _STOPPED * self.stopped
             | _RESUMES * self.resumes
+            | _axes_flags(self.axes.names)
         )
-        count = len(self.samples)
-        data = _layout(count).pack(
+        count = len(self.samples) // len(self.axes.names)
+        data = _layout(len(self.samples)).pack(
             *(_MAGIC, VERSION, ARMS.index(self.side), flags, count),
             *self[1:8],
             *self[12:15],
@@ -160,14 +181,17 @@ def unpack(data: bytes) -> Packet:
         )
     if len(data) <= _COUNT or data[_COUNT] > MOST_SAMPLES:
         raise ValueError("damaged packet")
-    layout = _layout(data[_COUNT])
+    count, axes = data[_COUNT], _axes(data[_FLAGS] & ~_STATES)
+    if axes is None:
+        raise ValueError("damaged packet")
+    layout = _layout(count * len(axes.names))
     content, check = data[: layout.size], data[layout.size :]
     if check != _CHECK.pack(zlib.crc32(content)):
         raise ValueError("damaged packet")
     _, _, side, flags, _, *values = layout.unpack(content)
     session, real, samples = values[0], values[10:18], values[19:]
     # A non-finite value makes the sum non-finite.
-    possible = math.isfinite(sum(real)) and sum(map(abs, samples)) <= MOST_SAMPLES * LARGEST_SAMPLE
+    possible = math.isfinite(sum(real)) and sum(map(abs, samples)) <= len(samples) * LARGEST_SAMPLE
     if side >= len(ARMS) or not (possible and session and real[-1] > 0):
         raise ValueError("damaged packet")
     px, py, pz, vx, vy, vz, shipped, rate = real
@@ -175,5 +199,5 @@ def unpack(data: bytes) -> Packet:
     motion = (px, py, pz), (vx, vy, vz)
     numbers = shipped, rate, values[18]
     return Packet._make(
-        (ARMS[side], *values[:7], *state, *values[7:10], *motion, *numbers, tuple(samples))
+        (ARMS[side], *values[:7], *state, *values[7:10], *motion, *numbers, tuple(samples), axes)
     )

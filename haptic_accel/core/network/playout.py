@@ -23,7 +23,9 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from typing import Final, Literal, NamedTuple
 
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.control.loss_concealment import LossConcealment
+from haptic_accel.core.model import Vector
 
 Kind = Literal["waiting", "true", "repaired", "concealed"]
 WAITING: Final = "waiting"
@@ -76,14 +78,21 @@ class Played(NamedTuple):
 
     Attributes
     ----------
-    value : float
-        In the unit of the samples; while waiting the mean of earlier samples, 0 at first.
+    value : tuple of float
+        Acceleration of the tool, m/s^2; while waiting the mean of earlier samples, 0 at first.
     kind : str
         ``waiting`` before the first sample, ``true`` as received, ``repaired`` from a repetition
         after the loss of a packet, ``concealed`` where nothing was received in time.
     """
 
-    value: float
+    value: Vector
+    kind: Kind
+
+
+class _Held(NamedTuple):
+    """Components of a received sample, and their kind."""
+
+    value: tuple[float, ...]
     kind: Kind
 
 
@@ -113,18 +122,18 @@ class Playout:
     >>> playout = Playout(rate=1000.0)
     >>> playout.put(7, [0.5, 0.25], now=3.0)
     >>> playout.play(now=3.0)
-    Played(value=0.25, kind='true')
+    Played(value=(0.0, 0.0, 0.25), kind='true')
     """
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
-        self._rest, self._resting = 0.0, -math.expm1(-1.0 / (RESTING * rate))
+        self._resting = -math.expm1(-1.0 / (RESTING * rate))
         self.counts: Counter[str] = Counter()
-        self.clear()
+        self._begin(ACTUATOR_AXES)
 
     def clear(self) -> None:
         """Discard all samples and arrivals, for a new sender; the counts continue."""
-        self._samples: dict[int, Played] = {}
+        self._samples: dict[int, _Held] = {}
         self._base = 0  # numbers count from 1970: ages would lose all precision
         self._newest = 0
         self._stride = math.inf  # samples between successive packets
@@ -134,7 +143,7 @@ class Playout:
         self._place: int | None = None  # in samples / STEPS
         self._step = 0
         self._taken = 0.0
-        self._concealment = LossConcealment()
+        self._concealments = [LossConcealment() for _ in self._rest]
         self._gap = 0
 
     @property
@@ -154,7 +163,9 @@ class Playout:
         """Number of the sample played last, with its fraction; NaN while waiting."""
         return math.nan if self._place is None else self._place / STEPS
 
-    def put(self, first: int, samples: Sequence[float], now: float) -> None:
+    def put(
+        self, first: int, samples: Sequence[float], now: float, axes: Axes = ACTUATOR_AXES
+    ) -> None:
         """Add the samples of a packet; some or all may be known already.
 
         Parameters
@@ -162,11 +173,16 @@ class Playout:
         first : int
             Number of the first sample on the sender's clock.
         samples : sequence of float
-            Consecutive samples; infinity and NaN count as missing.
+            Components of consecutive samples; a sample with infinity or NaN counts as missing.
         now : float
             Arrival time on the receiver's clock, s; must not decrease.
+        axes : Axes
+            Axes of the components; others than before are those of a new sender.
         """
-        newest = first + len(samples) - 1
+        if axes is not self._axes and axes != self._axes:
+            self._begin(axes)
+        size = len(axes.names)
+        newest = first + len(samples) // size - 1
         if not self._sorted or abs(self._age(newest, now) - self._target) > JUMP:
             self.clear()
             self._base = self._newest = newest
@@ -174,11 +190,15 @@ class Playout:
             self._stride = min(self._stride, newest - self._newest)
             self._newest = newest
         due = self._base - 1 if self._place is None else self._place // STEPS
-        for number, value in enumerate(samples, first):
-            if number in self._samples or number <= due - self._kept or not math.isfinite(value):
+        for number in range(first, newest + 1):
+            if number in self._samples or number <= due - self._kept:
+                continue
+            place = (number - first) * size
+            value = tuple(samples[place : place + size])
+            if not math.isfinite(sum(value)):
                 continue
             repaired = newest - number >= self._stride
-            self._samples[number] = Played(float(value), REPAIRED if repaired else TRUE)
+            self._samples[number] = _Held(value, REPAIRED if repaired else TRUE)
             if number >= self._base:  # older samples were sent before the start
                 self._arrived(self._age(number, now))
                 self.counts["late"] += number <= due
@@ -193,11 +213,16 @@ class Playout:
             Time of the tick on the receiver's clock, s.
         """
         self._taken = now
-        played = self._next(now) if self._sorted else Played(self._rest, WAITING)
-        self.counts[played.kind] += 1
-        return played
+        value, kind = self._next(now) if self._sorted else _Held(self._rest, WAITING)
+        self.counts[kind] += 1
+        return Played(self._axes.vector(value), kind)
 
-    def _next(self, now: float) -> Played:
+    def _begin(self, axes: Axes) -> None:
+        """Begin at rest with samples along some axes."""
+        self._axes, self._rest = axes, (0.0,) * len(axes.names)
+        self.clear()
+
+    def _next(self, now: float) -> _Held:
         if self._place is None:
             self._place = (self._newest - 1) * STEPS
             self._rest = self._samples[max(self._samples)].value
@@ -225,23 +250,28 @@ class Playout:
         """Return the time since a place was due, in samples."""
         return (self._age(place / STEPS, now) - self._target) * self._rate
 
-    def _received(self, number: int, part: int) -> Played | None:
+    def _received(self, number: int, part: int) -> _Held | None:
         """Return the received value at a place, interpolated between two samples where needed."""
         one = self._samples.get(number)
         if one is not None and part:
             two = self._samples.get(number + 1)
-            value = one.value + part / STEPS * (two.value - one.value) if two else 0.0
-            one = two and Played(value, max(one.kind, two.kind, key=KINDS.index))
+            one = two and _Held(
+                _between(one.value, two.value, part / STEPS),
+                max(one.kind, two.kind, key=KINDS.index),
+            )
         if one is not None:
-            self._concealment.put(one.value)
-            self._gap, self._rest = 0, self._rest + self._resting * (one.value - self._rest)
+            for concealment, value in zip(self._concealments, one.value, strict=True):
+                concealment.put(value)
+            self._gap, self._rest = 0, _between(self._rest, one.value, self._resting)
         return one
 
-    def _concealed(self) -> Played:
+    def _concealed(self) -> _Held:
         self._gap += 1
         weight = max(0.0, 1.0 - self._gap / (DECAY * self._rate))
-        predicted = self._concealment.predict(1)[0] if weight else 0.0
-        return Played(self._rest + weight * (predicted - self._rest), CONCEALED)
+        if not weight:
+            return _Held(self._rest, CONCEALED)
+        predicted = tuple(concealment.predict(1)[0] for concealment in self._concealments)
+        return _Held(_between(self._rest, predicted, weight), CONCEALED)
 
     def _arrived(self, age: float) -> None:
         if len(self._ages) == self._ages.maxlen:
@@ -267,3 +297,8 @@ class Playout:
     def _kept(self) -> int:
         """Number of received samples that are kept after playout."""
         return math.ceil(JUMP * self._rate)
+
+
+def _between(one: tuple[float, ...], two: tuple[float, ...], share: float) -> tuple[float, ...]:
+    """Return the components at a share of the way from one value to another."""
+    return tuple([a + share * (b - a) for a, b in zip(one, two, strict=True)])

@@ -31,9 +31,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool
 
-from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
+from haptic_accel.core.cdr import StampedVector, unpack_orientation, unpack_stamped_vector
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.operating_state import MESSAGES
+from haptic_accel.core.orientation import Orientation
 from haptic_accel.core.topics import SLAVE
 from haptic_accel.devices.crtk.parameters import CrtkParameters
 
@@ -59,13 +60,20 @@ class Signal:
     """Newest vector of a topic, unless it has several publishers.
 
     The subscription has no executor: a message wakes no thread.
+
+    Attributes
+    ----------
+    orientation : Orientation
+        Newest orientation, of a topic of poses.
     """
 
     def __init__(self, subscription: Any) -> None:
         self._take = subscription.handle.take_message
         self._count = subscription.handle.get_publisher_count
         self._type = subscription.msg_type
+        self._has_orientation = self._type is PoseStamped
         self._vector, self._seen = ZERO, -math.inf
+        self.orientation = Orientation()
 
     @property
     def senders(self) -> int:
@@ -82,6 +90,8 @@ class Signal:
                 _, vector = unpack_stamped_vector(taken[0])
                 if math.isfinite(sum(vector)):
                     self._vector, self._seen = vector, time.monotonic()
+                    if self._has_orientation:
+                        self.orientation.put(unpack_orientation(taken[0]))
         if self.senders > 1:
             self._seen = -math.inf
         return self._vector if time.monotonic() - self._seen <= timeout else None

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.operating_state import ENABLE, ENABLED
+from haptic_accel.core.warning import warn_once
 from haptic_accel.devices.crtk.parameters import (
     CrtkMasterParameters,
     CrtkParameters,
@@ -76,12 +77,17 @@ class CrtkArm(Device):
             )
 
     def read(self, time: float) -> Sample | None:
-        """Return the newest position and velocity, None if the position is too old."""
+        """Return the newest pose and velocity, None if the pose is too old."""
         if not self._client:
             return None
         position = self._client.position.newest(self._p.timeout)
         velocity = self._client.velocity.newest(self._p.timeout)
-        return None if position is None else Sample(position, velocity or ZERO, ZERO)
+        if position is None:
+            return None
+        orientation = self._client.position.orientation
+        if orientation.problem:
+            warn_once(f"crtk: {self._p.arm}/measured_cp: {orientation.problem}")
+        return Sample(position, velocity or ZERO, ZERO, orientation.newest)
 
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None

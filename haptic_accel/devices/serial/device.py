@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Devices `serial`: an accelerometer and, at the master, a voice coil; they have no arm."""
+"""Devices `serial`: an accelerometer and, at the master, voice coils; they have no arm."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
+from haptic_accel.core.axes import ALL_AXES, NAMES, Axes, Mounting, read_mounting, read_numbers
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.devices.connection import AUTO, MANUAL
@@ -61,22 +61,42 @@ class CalibrationParameters(Checked):
     """Calibration of the accelerometer, as determined by `haptic-accel calibrate`."""
 
     axis: str = parameter(
-        "z", "axis of the accelerometer along the actuator", choices=("x", "y", "z")
+        "z",
+        "axis of the accelerometer along the actuator of a device with one axis; without effect"
+        " where there is a mounting",
+        choices=("x", "y", "z"),
     )
     offset: float = parameter(
         0.0,
-        "reading of the accelerometer without acceleration",
+        "reading of this axis without acceleration",
         "counts",
         low=-(2.0**15),
         high=2.0**15,
     )
     gain: float = parameter(
         0.0,
-        "acceleration per count, negative where it is mounted upside down; 0 for the board's"
-        " nominal one",
+        "acceleration per count of this axis, negative where it is mounted upside down; 0 for the"
+        " board's nominal one",
         unit="m/s^2",
         low=-10.0,
         high=10.0,
+    )
+    offsets: str = parameter(
+        "",
+        "readings of the accelerometer's axes x, y, z without acceleration, where several are"
+        " used: three numbers; empty for 0",
+        "counts",
+    )
+    gains: str = parameter(
+        "",
+        "accelerations per count of the accelerometer's axes x, y, z, where several are used:"
+        " three numbers; empty for the board's nominal one",
+        "m/s^2",
+    )
+    mounting: str = parameter(
+        "",
+        "directions of the accelerometer's axes x, y, z in the frame of handle or tool: three rows"
+        " of three numbers, separated by commas or spaces; empty for aligned axes",
     )
     board: str = parameter("", "serial number of the calibrated board; empty for any")
 
@@ -111,6 +131,7 @@ class SerialSlaveParameters(PortParameters):
     samples_per_frame: int = parameter(
         1, "number of samples that the board sends together", low=1, high=64
     )
+    axes: str = parameter("z", "axes of accelerometer and coils, such as x, y, z")
     calibration: CalibrationParameters = field(default_factory=CalibrationParameters)
 
 
@@ -122,6 +143,11 @@ class SerialMasterParameters(SerialSlaveParameters):
         MANUAL,
         "re-arming after the board was unplugged: auto (once it is back) or manual (on request)",
         choices=(AUTO, MANUAL),
+    )
+    coil_mounting: str = parameter(
+        "",
+        "directions of the coils x, y, z in the handle's frame: three rows of three numbers;"
+        " empty for the axes, or for coils whose directions are identified",
     )
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
 
@@ -151,8 +177,10 @@ class SerialDevice(Device):
             from haptic_accel.devices.serial.protocol import Configuration, axes_bits
         except ImportError:
             raise DeviceError(f"serial: {MISSING_LIBRARY}") from None
+        self.axes = Axes.parsed(p.axes)
+        self._sensor = Sensor(p.calibration, self.axes)
         self._configuration = Configuration(
-            p.rate or round(rate), axes_bits(p.calibration.axis), p.samples_per_frame
+            p.rate or round(rate), axes_bits(self._sensor.names), p.samples_per_frame
         )
         self._half_period = 0.5 / rate
         self._on_grid = self._configuration.rate == round(rate)
@@ -165,12 +193,13 @@ class SerialDevice(Device):
             grid_rate=rate if self._on_grid else 0.0,
         )
         self._actuator: ActuatorParameters | None = None
+        self._coils: Mounting | None = None
         if isinstance(p, SerialMasterParameters):
             self._actuator = p.actuator
-            required = replace(required, actuator=True, rearm=p.rearm == AUTO)
+            self._coils = read_mounting("serial.coil_mounting", p.coil_mounting, self.axes)
+            required = replace(required, coils=self.axes.names, rearm=p.rearm == AUTO)
         self._link = BoardLink(required, self._take)
-        self._waiting: deque[tuple[float, float]] = deque(maxlen=MOST_WAITING)
-        self._gain = p.calibration.gain
+        self._waiting: deque[tuple[float, Vector]] = deque(maxlen=MOST_WAITING)
         self._longest_held = LONGEST_HELD / rate
         self._held: Sample | None = None
         self._held_since = 0.0
@@ -202,7 +231,7 @@ class SerialDevice(Device):
         if waiting[0][0] > tick + self._half_period:
             self._counts["samples_missing"] += aligned
             return None
-        return Sample(ZERO, ZERO, along_actuator(waiting.popleft()[1]))
+        return Sample(ZERO, ZERO, waiting.popleft()[1])
 
     def _newest(self, time: float) -> Sample | None:
         """Return the newest sample taken by a time; None once the last is too old to be held."""
@@ -211,7 +240,7 @@ class SerialDevice(Device):
             newest = self._waiting.popleft()
         if newest is not None:
             self._held_since, acceleration = newest
-            self._held = Sample(ZERO, ZERO, along_actuator(acceleration))
+            self._held = Sample(ZERO, ZERO, acceleration)
         elif self._held is not None:
             if time - self._held_since > self._longest_held:
                 self._held = None
@@ -222,15 +251,16 @@ class SerialDevice(Device):
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
-        """Send a current set-point, zero for a force that is not finite.
+        """Send current set-points, zero for a force that is not finite.
 
         The board applies a set-point in the tick of its time. An overdue set-point acts at once,
         and discards set-points not due yet. After 5 ms without set-points the board switches the
         current off. There is no arm; without an actuator nothing is sent.
         """
         if actuator_force is not None and self._actuator:
-            along = actuator_force[ACTUATOR_AXIS]
-            self._link.set_current(along / self._actuator.force_constant, time)
+            force = self._coils.coil_forces(actuator_force) if self._coils else actuator_force
+            x, y, z = (each / self._actuator.force_constant for each in force)
+            self._link.set_currents((x, y, z), time)
 
     def close(self) -> None:
         """Leave the board without current and without samples."""
@@ -243,7 +273,7 @@ class SerialDevice(Device):
         if identity is None:
             return ""
         firmware = ".".join(map(str, identity.firmware))
-        calibrated = "calibrated" if self._parameters.calibration.gain else "not calibrated"
+        calibrated = "calibrated" if self._sensor.calibrated else "not calibrated"
         return (
             f"board {identity.serial_number}, firmware {firmware}, {self._configuration.rate}"
             f" samples per second, {calibrated}"
@@ -264,14 +294,66 @@ class SerialDevice(Device):
         return {**self._counts, **self._link.counters()}
 
     def _take(self, times: Sequence[float], samples: Samples) -> None:
-        if not self._gain:
-            assert self._link.identity
-            self._gain = self._link.identity.nominal_gain
-        offset = self._parameters.calibration.offset
-        values = (self._gain * (counts - offset) for counts in samples.counts)
+        assert self._link.identity
+        values = self._sensor.accelerations(samples.counts, self._link.identity.nominal_gain)
         overflow = len(self._waiting) + len(times) - MOST_WAITING
         self._counts["samples_overflowed"] += max(0, overflow)
         self._waiting.extend(zip(times, values, strict=True))
+
+
+class Sensor:
+    """Accelerometer with a calibration.
+
+    Parameters
+    ----------
+    calibration : CalibrationParameters
+    axes : Axes
+        Axes of the device.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Axes of the accelerometer to sample: all with a mounting, otherwise those of the device.
+    calibrated : bool
+        True if the calibration has gains.
+
+    Raises
+    ------
+    ParameterError
+        The calibration is not made of numbers, or its directions cannot be inverted.
+    """
+
+    def __init__(self, calibration: CalibrationParameters, axes: Axes) -> None:
+        name = "serial.calibration"
+        self._mounting = read_mounting(f"{name}.mounting", calibration.mounting, ALL_AXES)
+        self._axes = axes
+        self._own = ALL_AXES if self._mounting else axes
+        self.names = self._own.names
+        if len(self.names) == 1:
+            self.names = (calibration.axis,)
+            self._offsets, self._gains = [calibration.offset], [calibration.gain]
+        else:
+            self._offsets = _of_axes(f"{name}.offsets", calibration.offsets, self._own)
+            self._gains = _of_axes(f"{name}.gains", calibration.gains, self._own)
+        self.calibrated = all(self._gains)
+
+    def accelerations(self, counts: Sequence[int], nominal_gain: float) -> list[Vector]:
+        """Return the accelerations of samples, counts by sample, then by axis."""
+        columns = [
+            [(gain or nominal_gain) * (each - offset) for each in counts[place :: len(self.names)]]
+            for place, (gain, offset) in enumerate(zip(self._gains, self._offsets, strict=True))
+        ]
+        vectors = [self._own.vector(each) for each in zip(*columns, strict=True)]
+        if not self._mounting:
+            return vectors
+        turned = map(self._mounting.acceleration, vectors)
+        return [self._axes.vector(self._axes.components(each)) for each in turned]
+
+
+def _of_axes(name: str, text: str, axes: Axes) -> list[float]:
+    """Return the numbers for a device's axes; 0 for an empty text."""
+    x, y, z = read_numbers(name, text, len(NAMES)) if text else ZERO
+    return axes.components((x, y, z))
 
 
 class SerialSlave(SerialDevice):
@@ -281,7 +363,7 @@ class SerialSlave(SerialDevice):
 
 
 class SerialMaster(SerialDevice):
-    """Handle with an accelerometer and a voice coil."""
+    """Handle with an accelerometer and a voice coil, or three."""
 
     Parameters = SerialMasterParameters
     description = DeviceDescription(ahead=True)

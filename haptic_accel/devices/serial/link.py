@@ -31,6 +31,7 @@ from dataclasses import dataclass
 import serial
 from serial.tools import list_ports
 
+from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import one_line
 from haptic_accel.devices.connection import Connection, explained
 from haptic_accel.devices.interface import DeviceError
@@ -104,8 +105,8 @@ class Requirements:
         As in `find_port`.
     baud : int
     configuration : Configuration
-    actuator : bool
-        True if an actuator is required, which is armed.
+    coils : tuple of str
+        Axes of the required coils; an actuator is armed if there are any.
     rearm : bool
         True to arm again without a request after the board was gone.
     serial_number : str
@@ -119,7 +120,7 @@ class Requirements:
     usb_serial: str
     baud: int
     configuration: protocol.Configuration
-    actuator: bool = False
+    coils: tuple[str, ...] = ()
     rearm: bool = False
     serial_number: str = ""
     grid_rate: float = 0.0
@@ -166,27 +167,33 @@ class BoardLink(Connection):
 
     # Called by the owner's thread
 
-    def set_current(self, current: float, due: float) -> None:
-        """Send a set-point, limited to full scale; zero if not finite.
+    def set_currents(self, currents: Vector, due: float) -> None:
+        """Send the set-points of all coils, zero if one is not finite.
+
+        Currents beyond full scale are scaled together, so that they keep their direction.
 
         Parameters
         ----------
-        current : float
-            Current, A.
+        currents : tuple of float
+            Currents of the coils along x, y and z, A; ignored where the board has no coil.
         due : float
-            Tick from which the set-point acts, s of `time.monotonic`. If overdue, or if the board
-            does not follow the grid yet, the set-point acts at once, and discards set-points not
-            due yet.
+            Tick from which the set-points act, s of `time.monotonic`. If overdue, or if the board
+            does not follow the grid yet, they act at once, and discard set-points not due yet.
         """
         identity = self.identity
         if identity is None or not self.armed:
             self._counts["set_points_refused"] += 1
             return
-        share = current / identity.full_scale_current
-        if not abs(share) <= 1:
+        shares = [
+            current / scale
+            for current, scale in zip(currents, identity.full_scale_currents, strict=True)
+            if scale
+        ]
+        finite, largest = all(map(math.isfinite, shares)), max(map(abs, shares))
+        if not (finite and largest <= 1):
             self._counts["set_points_limited"] += 1
-            share = math.copysign(1.0, share) if math.isfinite(share) else 0.0
-        counts = round(share * protocol.FULL_SCALE)
+            shares = [share / largest if finite else 0.0 for share in shares]
+        counts = tuple([round(share * protocol.FULL_SCALE) for share in shares])
         if self.aligned and due > time.monotonic():
             clock = round(self._clock.device_time(due - self._lead))
             self._send(protocol.ScheduleCurrent(counts, clock % protocol.CLOCKS))
@@ -212,7 +219,7 @@ class BoardLink(Connection):
     def refusal(self) -> str:
         """One-line reason for missing samples or current; empty if none."""
         board = self._board
-        if not self.connected or board is None or not self._required.actuator or self.armed:
+        if not self.connected or board is None or not self._required.coils or self.armed:
             return self.problem
         return f"{self._path}: {REFUSALS[board.state]}"
 
@@ -268,7 +275,7 @@ class BoardLink(Connection):
         self._ask(request, lambda: self._configuration == wanted, f"refuses {wanted}")
         self._last_frame = time.monotonic()
         self.connected = True
-        if required.actuator and self._thread is None:
+        if required.coils and self._thread is None:
             refusal = "does not arm; is the amplifier at fault?"
             self._ask(protocol.ArmRequest(), lambda: self.armed, refusal)
             # No set-point has been sent: a board without timeout would stay armed at zero.
@@ -307,8 +314,14 @@ class BoardLink(Connection):
             lacking = f"must be {required.serial_number}, to which the calibration belongs"
         elif number != first:
             lacking = f"must be {first}, which was there at the start"
-        elif required.actuator and not identity.full_scale_current:
+        elif required.coils and not identity.coils:
             lacking = "has no actuator"
+        elif not set(required.coils).issubset(identity.coils):
+            lacking = (
+                f"has a coil along {', '.join(identity.coils)}, must along"
+                f" {', '.join(required.coils)}: set serial.axes, or flash firmware for three coils"
+                " (firmware/README.md)"
+            )
         elif wanted.axes & ~identity.axes:
             lacking = "does not have the requested axis of the accelerometer"
         elif wanted.rate > highest:
@@ -350,11 +363,13 @@ class BoardLink(Connection):
             self._process(frame, arrival)
 
     def _process(self, frame: protocol.Frame, arrival: float) -> None:
+        if frame.version != self._encoder.version and not self.connected:
+            self._speak(frame.version)
         try:
             message = protocol.read_message(frame)
         except protocol.PayloadError:
             self._counts["frames_wrong"] += 1
-            if frame.version != protocol.VERSION and not self.connected:
+            if frame.version not in protocol.VERSIONS and not self.connected:
                 raise DeviceError(
                     f"{self._path}: speaks version {frame.version} of the protocol, must be"
                     f" {protocol.VERSION}: flash firmware {FIRMWARE} (firmware/README.md)"
@@ -376,6 +391,12 @@ class BoardLink(Connection):
                 self._configuration = message
             case protocol.Error():
                 self._counts["refusals"] += 1
+
+    def _speak(self, version: int) -> None:
+        """Speak the board's version of the protocol; in any other, it has not disarmed."""
+        if version in protocol.VERSIONS:
+            self._encoder.version = version
+            self._send(protocol.DisarmRequest())
 
     def _take_samples(self, clock: int, samples: protocol.Samples, arrival: float) -> None:
         wanted = self._required.configuration

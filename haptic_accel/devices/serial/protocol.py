@@ -26,14 +26,24 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import compress
 from typing import ClassVar, NamedTuple
 
 from cobs import cobs  # type: ignore[import-untyped]
 
-VERSION = 2
+from haptic_accel.core.axes import NAMES
+
+VERSION = 3
 """Version of the protocol."""
 
-FIRMWARE = 2, 0, 0
+ONE_COIL = 2
+"""Version of the protocol for boards of one coil, which the driver speaks with such a board: only
+the identity differs."""
+
+VERSIONS = ONE_COIL, VERSION
+"""Versions that the driver speaks."""
+
+FIRMWARE = 3, 0, 0
 """Version of the firmware that belongs to this package, `firmware/haptic_handle`."""
 
 CRC_START = 0xFFFF
@@ -54,8 +64,8 @@ SEQUENCES = 1 << 16
 CLOCKS = 1 << 32
 """Modulus of clocks, in us, and of counts of samples."""
 
-AXES = "xyz"
-"""Axes of an accelerometer, in the order of their bits."""
+COUNT = 2
+"""Bytes of a count."""
 
 _HEADER = struct.Struct("<BBHI")
 _CRC = struct.Struct("<H")
@@ -155,6 +165,11 @@ class Message:
         return self.LAYOUT.pack(*vars(self).values())
 
     @classmethod
+    def size(cls, coils: int) -> int:
+        """Return the length of the payload for a board with a number of coils, bytes."""
+        return cls.LAYOUT.size
+
+    @classmethod
     def unpack(cls, payload: bytes) -> Message:
         """Return the message of a payload.
 
@@ -181,33 +196,82 @@ class DisarmRequest(Message, kind=FrameType.DISARM):
     """Command to switch the current off until the device is armed again."""
 
 
+def coil_layout(payload: bytes, layout: str) -> str:
+    """Return a layout with the number of coils that fills a payload.
+
+    Raises
+    ------
+    ValueError
+        No number of coils does.
+
+    Examples
+    --------
+    >>> coil_layout(bytes(8), "<{}hI")
+    '<2hI'
+    """
+    coils = (len(payload) - struct.calcsize(layout.format(0))) // COUNT
+    if not 0 <= coils <= len(NAMES):
+        raise ValueError(f"must have counts of at most {len(NAMES)} coils")
+    return layout.format(coils)
+
+
 @dataclass(frozen=True)
-class SetCurrent(Message, kind=FrameType.SET_CURRENT, layout="<h"):
-    """Set-point of the current that acts at once and discards scheduled set-points.
+class SetCurrent(Message, kind=FrameType.SET_CURRENT):
+    """Set-points of all coils that act at once and discard scheduled set-points.
 
     Attributes
     ----------
-    counts : int
-        Current in counts, `FULL_SCALE` for full scale: every bit pattern is a number in range.
+    counts : tuple of int
+        Currents of the board's coils in the order x, y, z, in counts, `FULL_SCALE` for full scale:
+        every bit pattern is a number in range.
     """
 
-    counts: int
+    counts: tuple[int, ...]
+
+    def pack(self) -> bytes:
+        """Return the payload."""
+        return struct.pack(f"<{len(self.counts)}h", *self.counts)
+
+    @classmethod
+    def size(cls, coils: int) -> int:
+        """Return the length of the payload, bytes."""
+        return cls.LAYOUT.size + COUNT * coils
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> SetCurrent:
+        """Return the message of a payload."""
+        return cls(struct.unpack(coil_layout(payload, "<{}h"), payload))
 
 
 @dataclass(frozen=True)
-class ScheduleCurrent(Message, kind=FrameType.SCHEDULE_CURRENT, layout="<hI"):
-    """Set-point of the current that acts from a sampling tick on.
+class ScheduleCurrent(Message, kind=FrameType.SCHEDULE_CURRENT, layout="<I"):
+    """Set-points of all coils that act from a sampling tick on.
 
     Attributes
     ----------
-    counts : int
+    counts : tuple of int
         As in `SetCurrent`.
     due : int
         Time of the tick by the device's clock, us, within half a period.
     """
 
-    counts: int
+    counts: tuple[int, ...]
     due: int
+
+    def pack(self) -> bytes:
+        """Return the payload."""
+        return struct.pack(f"<{len(self.counts)}hI", *self.counts, self.due)
+
+    @classmethod
+    def size(cls, coils: int) -> int:
+        """Return the length of the payload, bytes."""
+        return cls.LAYOUT.size + COUNT * coils
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ScheduleCurrent:
+        """Return the message of a payload."""
+        *counts, due = struct.unpack(coil_layout(payload, "<{}hI"), payload)
+        return cls(tuple(counts), due)
 
 
 @dataclass(frozen=True)
@@ -250,7 +314,7 @@ class Configure(Configuration, kind=FrameType.CONFIGURE):
 
 
 @dataclass(frozen=True)
-class Identity(Message, kind=FrameType.IDENTITY, layout="<BBBBHff16s"):
+class Identity(Message, kind=FrameType.IDENTITY, layout="<BBBBHffff16s"):
     """Description of the device.
 
     Attributes
@@ -263,8 +327,9 @@ class Identity(Message, kind=FrameType.IDENTITY, layout="<BBBBHff16s"):
         Samples per second.
     full_scale_acceleration : float
         Nominal acceleration of 32767 counts, m/s^2.
-    full_scale_current : float
-        Current of `FULL_SCALE` counts, A; 0 where there is no actuator.
+    full_scale_currents : tuple of float
+        Currents of `FULL_SCALE` counts of the coils along x, y and z, A; 0 where there is none. A
+        board of one coil with an older firmware has it along z.
     serial_number : str
         At most 16 printable ASCII characters.
     """
@@ -273,30 +338,46 @@ class Identity(Message, kind=FrameType.IDENTITY, layout="<BBBBHff16s"):
     axes: int
     highest_rate: int
     full_scale_acceleration: float
-    full_scale_current: float
+    full_scale_currents: tuple[float, float, float]
     serial_number: str
+
+    ONE_COIL_LAYOUT: ClassVar = struct.Struct("<BBBBHff16s")
+    """Payload in version `ONE_COIL`."""
 
     @property
     def nominal_gain(self) -> float:
         """Acceleration of a count, m/s^2."""
         return self.full_scale_acceleration / FULL_SCALE
 
+    @property
+    def coils(self) -> tuple[str, ...]:
+        """Axes of the coils, in the order of their counts."""
+        return tuple(compress(NAMES, self.full_scale_currents))
+
     def pack(self) -> bytes:
         """Return the payload."""
-        firmware, *numbers, serial_number = vars(self).values()
-        return self.LAYOUT.pack(*firmware, *numbers, serial_number.encode("ascii"))
+        firmware, *numbers, currents, serial_number = vars(self).values()
+        return self.LAYOUT.pack(*firmware, *numbers, *currents, serial_number.encode("ascii"))
 
     @classmethod
     def unpack(cls, payload: bytes) -> Identity:
-        """Return the message of a payload."""
-        *firmware, axes, rate, acceleration, current, number = cls.LAYOUT.unpack(payload)
+        """Return the message of a payload, of version `ONE_COIL` by its length."""
+        if len(payload) == cls.ONE_COIL_LAYOUT.size:
+            *head, current, number = cls.ONE_COIL_LAYOUT.unpack(payload)
+            currents = 0.0, 0.0, current
+        else:
+            *head, x, y, z, number = cls.LAYOUT.unpack(payload)
+            currents = x, y, z
+        *firmware, axes, rate, acceleration = head
         # NaN compares as false and is refused as well.
-        if not 0 < acceleration < float("inf") or not 0 <= current < float("inf"):
+        if not 0 < acceleration < float("inf") or not all(
+            0 <= current < float("inf") for current in currents
+        ):
             raise ValueError("full scales must be finite and positive")
         text = number.rstrip(b"\0").decode("ascii")
         if not text.isprintable():
             raise ValueError("the serial number must be printable")
-        return cls(tuple(firmware), axes, rate, acceleration, current, text)
+        return cls(tuple(firmware), axes, rate, acceleration, currents, text)
 
 
 @dataclass(frozen=True)
@@ -331,21 +412,21 @@ class Samples(Message, kind=FrameType.SAMPLES, layout="<IBB"):
     def unpack(cls, payload: bytes) -> Samples:
         """Return the message of a payload."""
         index, axes, number = cls.LAYOUT.unpack_from(payload)
-        if not 0 < axes < 1 << len(AXES) or not number:
+        if not 0 < axes < 1 << len(NAMES) or not number:
             raise ValueError("must have samples of axes x, y or z")
         counts = struct.unpack(f"<{number * axes.bit_count()}h", payload[cls.LAYOUT.size :])
         return cls(index, axes, counts)
 
 
 @dataclass(frozen=True)
-class Status(Message, kind=FrameType.STATUS, layout="<Bh8I"):
+class Status(Message, kind=FrameType.STATUS, layout="<B8I"):
     """State of the device, and its counts since it started.
 
     Attributes
     ----------
     state : State
-    current : int
-        Current that flows, counts of `FULL_SCALE`.
+    currents : tuple of int
+        Currents that flow in the coils, counts of `FULL_SCALE`.
     received, damaged, lost : int
         Frames from the host: intact, not intact, missing by their sequence numbers.
     refused : int
@@ -361,7 +442,7 @@ class Status(Message, kind=FrameType.STATUS, layout="<Bh8I"):
     """
 
     state: State
-    current: int
+    currents: tuple[int, ...]
     received: int
     damaged: int
     lost: int
@@ -374,6 +455,17 @@ class Status(Message, kind=FrameType.STATUS, layout="<Bh8I"):
     def __post_init__(self) -> None:
         """Convert the number of a state; raise `ValueError` if there is no such state."""
         object.__setattr__(self, "state", State(self.state))
+
+    def pack(self) -> bytes:
+        """Return the payload."""
+        state, currents, *counts = vars(self).values()
+        return struct.pack(f"<B{len(currents)}h8I", state, *currents, *counts)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Status:
+        """Return the message of a payload."""
+        state, *numbers = struct.unpack(coil_layout(payload, "<B{}h8I"), payload)
+        return cls(state, tuple(numbers[:-8]), *numbers[-8:])
 
 
 @dataclass(frozen=True)
@@ -413,7 +505,7 @@ def read_message(frame: Frame) -> Message:
     PayloadError
         Another version of the protocol, an unknown type, or a payload that the type cannot have.
     """
-    if frame.version != VERSION:
+    if frame.version not in VERSIONS:
         raise PayloadError(f"version {frame.version} of the protocol, must be {VERSION}")
     if frame.type not in MESSAGES:
         raise PayloadError(f"type 0x{frame.type:02X} of a frame, not known")
@@ -447,15 +539,22 @@ def decode(stuffed: bytes) -> Frame | None:
 
 
 class Encoder:
-    """Sequence counter of one sender's frames."""
+    """Sequence counter of one sender's frames.
+
+    Attributes
+    ----------
+    version : int
+        Version of the protocol that the receiver speaks.
+    """
 
     def __init__(self) -> None:
+        self.version = VERSION
         self._sequence = 0
 
     def encode(self, message: Message, clock: int) -> bytes:
         """Return a message as a frame, stamped with the sender's clock in us."""
         sequence, self._sequence = self._sequence, (self._sequence + 1) % SEQUENCES
-        return encode(Frame(VERSION, message.TYPE, sequence, clock % CLOCKS, message.pack()))
+        return encode(Frame(self.version, message.TYPE, sequence, clock % CLOCKS, message.pack()))
 
 
 class Decoder:
@@ -501,5 +600,5 @@ class Decoder:
 
 
 def axes_bits(names: Sequence[str]) -> int:
-    """Return the bit mask of axes."""
-    return sum(1 << AXES.index(name) for name in names)
+    """Return the bit mask of axes, x the lowest bit."""
+    return sum(1 << NAMES.index(name) for name in names)

@@ -3,9 +3,9 @@
 
 // The page of an analysis: draws the trial that is chosen, in the view that is chosen.
 import { charts, paper } from "./analysis_chart.js";
-import { data } from "./analysis_data.js";
+import { data, shown, viewed } from "./analysis_data.js";
 import { drawSpectra } from "./analysis_spectra.js";
-import { drawCloud, drawTime, drawWhole } from "./analysis_signals.js";
+import { drawCloud, drawPlanes, drawTime, drawWhole } from "./analysis_signals.js";
 import { forgetColours } from "./axes.js";
 import { byId, isPressed, press } from "./elements.js";
 import { makeSortable } from "./sortable_tables.js";
@@ -21,12 +21,13 @@ let chosen = 0;
 
 function drawAll() {
   forgetColours();
-  const trial = data.trials[chosen];
+  const trial = viewed(data.trials[chosen]);
   drawTime(trial, look.view);
   drawCloud(trial);
   drawSpectra(trial, look);
   drawWhole(trial, "force", "N");
   drawWhole(trial, "travel", "mm", trial.free);
+  if (byId("polarisation")) drawPlanes(trial);
   document.documentElement.dataset.drawn = String(charts.size);
 }
 
@@ -74,9 +75,20 @@ function fillViews() {
     button.addEventListener("click", () => {
       look.view = name;
       for (const one of byId("views").children) press(one, one === button);
-      drawTime(data.trials[chosen], name);
+      drawTime(viewed(data.trials[chosen]), name);
     });
     byId("views").append(button);
+  }
+}
+
+function fillAxes() {
+  for (const button of document.querySelectorAll("button[data-axis]")) {
+    press(button, button.dataset.axis === shown.axis);
+    button.addEventListener("click", () => {
+      shown.axis = button.dataset.axis;
+      for (const one of document.querySelectorAll("button[data-axis]")) press(one, one === button);
+      drawAll();
+    });
   }
 }
 
@@ -90,12 +102,13 @@ function print(begins) {
 document.querySelectorAll("table.sorting").forEach(makeSortable);
 fillChooser();
 fillViews();
+fillAxes();
 for (const name of ["logarithmic", "others"]) {
   const button = byId(name);
   button.addEventListener("click", () => {
     look[name] = !isPressed(button);
     press(button, look[name]);
-    drawSpectra(data.trials[chosen], look);
+    drawSpectra(viewed(data.trials[chosen]), look);
   });
 }
 choose(data.first);

@@ -63,7 +63,9 @@ export function draw(id, options, series) {
 
 // The legend's names show and hide curves: from the keyboard as well.
 function nameToggles(chart) {
-  chart.root.querySelectorAll(".u-legend .u-series").forEach((row, index) => {
+  const rows = [...chart.root.querySelectorAll(".u-legend .u-series")];
+  rows.forEach((row, i) => {
+    const index = i + chart.series.length - rows.length; // without values there is no row of x
     if (index === 0) return;
     const name = row.querySelector("th");
     name.tabIndex = 0;

@@ -3,7 +3,7 @@
 
 // Plots of a trial's signals: over time, and desired against actual acceleration.
 import { HEIGHT, draw, legend, line, upright } from "./analysis_chart.js";
-import { data, trace, unpacked } from "./analysis_data.js";
+import { data, everything, trace, unpacked } from "./analysis_data.js";
 import { axis, colour } from "./axes.js";
 import { byId } from "./elements.js";
 
@@ -86,4 +86,51 @@ export function drawCloud(trial) {
     },
     [x, [null, ...desired, null], ...fitted, x],
   );
+}
+
+const SIDE = 260; // of a plane, CSS pixels
+const EDGES = { left: 68, bottom: 46, top: 10, right: 12 }; // axes and padding, CSS pixels
+
+/** Draw the paths of desired and actual acceleration in the planes of each two axes. */
+export function drawPlanes(trial) {
+  const found = everything(trial, "detail");
+  const within = (_, i) => found.time[i] >= trial.begin && found.time[i] < trial.begin + data.path;
+  const part = (name, axis) => found[`${name}_${axis}`]?.filter(within);
+  const names = Object.keys(trial.axes ?? {});
+  const planes = names.flatMap((across, i) => names.slice(i + 1).map((up) => [across, up]));
+  const values = names.flatMap((axis) => ["desired", "actual"].map((name) => part(name, axis)));
+  const known = values.length && values.every(Boolean);
+  const reach = known && 1.05 * Math.max(...values.map((v) => Math.max(...v.map(Math.abs))), 1e-9);
+  byId("polarisation").hidden = !names.length;
+  planes.forEach(([across, up], i) => {
+    const id = `plane-${i}`;
+    if (!known) return draw(id, {}, null);
+    const curves = ["desired", "actual"].map((name, k) => {
+      const xs = part(name, across);
+      const ys = part(name, up);
+      const style = { paths: (u) => path(u, xs, ys), width: k ? 1.2 : 2 };
+      return line(name, name, 2, " m/s²", style);
+    });
+    const range = [-reach, reach];
+    const options = {
+      name: `Desired and actual acceleration of ${trial.name} in the plane of ${across} and ${up}`,
+      series: [legend(across, 2, " m/s²"), ...curves],
+      scales: { x: { time: false, range }, y: { range } },
+      axes: [axis(`${across} (m/s²)`), upright(`${up} (m/s²)`)],
+      width: SIDE + EDGES.left + EDGES.right,
+      height: SIDE + EDGES.bottom + EDGES.top,
+      padding: [EDGES.top, EDGES.right, 0, 0],
+      legend: { live: false },
+      cursor: { show: false },
+    };
+    // The curves are paths, which a plot of values over x cannot have: these only fill its range.
+    draw(id, options, [range, [null, null], [null, null]]);
+  });
+}
+
+/** Return the path through points given in the units of a plot. */
+function path(u, xs, ys) {
+  const stroke = new Path2D();
+  xs.forEach((x, i) => stroke.lineTo(u.valToPos(x, "x", true), u.valToPos(ys[i], "y", true)));
+  return { stroke };
 }

@@ -3,7 +3,7 @@
 
 // Plots of a trial's amplitude spectra and coherence, on its own or beside other controllers.
 import { draw, legend, line, upright } from "./analysis_chart.js";
-import { data } from "./analysis_data.js";
+import { data, viewed } from "./analysis_data.js";
 import { axis } from "./axes.js";
 
 const LOWEST = 10; // Hz
@@ -26,7 +26,7 @@ const TICKS = {
 
 /** The trial, and the first of each other controller on the same surface if these are wanted. */
 function compared(trial, others) {
-  const same = data.trials.filter((t) => others && t.surface === trial.surface && t.spectra);
+  const same = data.trials.map(viewed).filter((t) => others && t.surface === trial.surface && t.spectra);
   const first = new Map();
   for (const one of [trial, ...same]) {
     if (!first.has(one.controller)) first.set(one.controller, one);

@@ -7,6 +7,8 @@ import { TRACES } from "./traces.js";
 /** Places of a frame of places: m, m/s, m, N, each along x and z. */
 export const PLACES = ["tool", "velocity", "handle", "force"];
 
+const AXES = ["x", "y", "z"];
+
 class Reader {
   constructor(buffer) {
     this.view = new DataView(buffer);
@@ -30,14 +32,14 @@ class Reader {
 }
 
 function samples(reader) {
-  const counts = reader.counts(TRACES.length);
+  const [axis, ...counts] = reader.counts(1 + TRACES.length);
   const age = reader.number("Float32", 4);
   const [sent, origin] = [0, 1].map(() => reader.number("Float64", 8));
   const signals = TRACES.map((name, index) => {
     const [offsets, values] = [0, 1].map(() => reader.floats(counts[index]));
     return { name, offsets, values };
   });
-  return { kind: "samples", age, sent, origin, signals };
+  return { kind: "samples", axis: AXES[axis], age, sent, origin, signals };
 }
 
 function plots(reader) {
@@ -56,7 +58,7 @@ function places(reader) {
  * Decode a frame.
  *
  * @param {ArrayBuffer} buffer
- * @returns {object} its kind and content: "samples" with their age in s, when they were sent in s of
+ * @returns {object} its kind and content: "samples" with their axis, age in s, when they were sent in s of
  *   a steady clock, and times in s after an origin in s since 1970; "plots" with frequencies in Hz,
  *   desired and actual spectrum in m/s²/√Hz, and the cloud's accelerations in m/s²; or "places" in
  *   m, m/s and N

@@ -5,6 +5,7 @@
 // Units are SI until they are shown.
 import { fail, found, lost, startWatching } from "./age_chip.js";
 import { forgetColours } from "./axes.js";
+import { isOtherAxis, showAxes } from "./axis_choice.js";
 import { age, serverClock } from "./clocks.js";
 import { cloudPlot, showCloud } from "./cloud_plot.js";
 import { control, graph, listenToChoices, showChoice, tell } from "./commands.js";
@@ -50,7 +51,8 @@ function takeFrame(buffer) {
   }
 }
 
-function takeSamples({ age: sentAge, sent, origin, signals }) {
+function takeSamples({ axis, age: sentAge, sent, origin, signals }) {
+  if (isOtherAxis(axis)) forget();
   for (const { name, offsets, values } of signals) {
     traces[name].push(origin, offsets, values);
     sound.take(name, origin, offsets, values, state?.metrics.rate);
@@ -72,6 +74,7 @@ function takeState(received) {
   state = received;
   counters.states++;
   if (held === null) showNumbers(state.metrics);
+  showAxes(state.axes);
   showActuator(state.actuator, state.limits);
   showNodes(state.nodes);
   if (graph) showRecorder(state.nodes, state.recorder);

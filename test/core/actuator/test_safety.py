@@ -40,7 +40,7 @@ from haptic_accel.core.actuator.safety import (
     SafetyLayer,
     SafetyParameters,
 )
-from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
+from haptic_accel.core.axes import ACTUATOR_AXIS, ALL_AXES, Axes, along_actuator
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError, from_flat
 from haptic_accel.core.trial import run_trial
@@ -492,3 +492,91 @@ def test_what_the_compensator_lets_through_passes_unchanged() -> None:
 def test_a_limit_that_cannot_be_is_refused_by_name(name: str, value: object) -> None:
     with pytest.raises(ParameterError, match=f"^{name} = "):
         from_flat(MasterSafetyParameters, {name: value})
+
+
+# Three coils
+
+
+def three(**values: object) -> SafetyLayer:
+    dotted = {name.replace("__", "."): value for name, value in values.items()}
+    layer = SafetyLayer(from_flat(MasterSafetyParameters, dotted), RATE, ALL_AXES)
+    layer.enable(0.0, True)
+    return layer
+
+
+def turn(vector: Vector) -> Vector:
+    x, y, z = vector
+    return z, x, y
+
+
+@given(steps, st.sampled_from([0.0, 20.0]))
+def test_of_three_coils_only_less_in_the_same_direction_is_applied(
+    steps: list[tuple[str, float, Vector, float]], slew: float
+) -> None:
+    layer, now = three(actuator__slew_rate=slew), 0.0
+    for what, seconds, force, number in steps:
+        now += seconds
+        if what == "tick":
+            layer.tick(now, turn(force))
+        elif what in ("stop", "release"):
+            layer.stop(now, what == "stop")
+        else:
+            applied = layer.actuator_force(now, number, force)
+            if applied and applied != ZERO:
+                share = math.hypot(*applied) / math.hypot(*force)
+                assert share <= 1.0 + 1e-12
+                assert applied == pytest.approx([share * each for each in force])
+                assert max(map(abs, applied)) <= COIL.peak_force
+                assert not layer.refusal
+
+
+@given(st.lists(st.floats(-20.0, 20.0), max_size=50), st.sampled_from([0.0, 500.0]))
+def test_of_three_coils_each_is_limited_as_a_single_one(forces: list[float], slew: float) -> None:
+    single, layer, held = Bench(actuator__slew_rate=slew), three(actuator__slew_rate=slew), ZERO
+    for tick, force in enumerate(forces):
+        now = tick * PERIOD
+        single.now = now
+        single.tick(force)
+        single.push(force)
+        _, reduced = layer.tick(now, (0.0, force, 0.0))
+        held = reduced or held
+        held = layer.actuator_force(now, FRESH, (0.0, force, 0.0)) or held
+        assert held == pytest.approx((0.0, single.actuator, 0.0), abs=1e-12)
+    assert layer.diagnostics() == single.layer.diagnostics()
+
+
+def test_a_warm_coil_scales_what_is_held_on_all() -> None:
+    layer = three(actuator__thermal_time=0.1, actuator__k_s=1e4)
+    held, now = ZERO, 0.0
+    for tick in range(1000):
+        now = tick * PERIOD
+        reduced = layer.tick(now, ZERO)[1]
+        held = reduced or held
+        held = layer.actuator_force(now, FRESH, (5.0, 1.0, -2.0)) or held
+    assert held[0] < 2.3
+    assert held == pytest.approx((held[0], held[0] / 5.0, -2.0 * held[0] / 5.0))
+    assert float(layer.diagnostics()["actuator force heat left (%)"]) < 10.0
+
+
+def test_when_commands_of_three_coils_stop_so_do_all() -> None:
+    layer = three()
+    layer.tick(0.0, ZERO)
+    assert layer.actuator_force(0.0, FRESH, (1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0)
+    assert layer.tick(ACTUATOR_TIMEOUT, ZERO) == (None, ZERO)
+    assert "actuator force timed out" in layer.warnings()
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+@pytest.mark.parametrize("axis", range(3))
+def test_a_force_with_a_bad_component_is_rejected_as_a_whole(wrong: float, axis: int) -> None:
+    layer = three()
+    force = [1.0, 1.0, 1.0]
+    force[axis] = wrong
+    assert layer.actuator_force(0.0, FRESH, (force[0], force[1], force[2])) is None
+    assert layer.warnings() == ["actuator force not finite"]
+
+
+def test_a_device_applies_no_force_along_axes_that_it_does_not_have() -> None:
+    layer = SafetyLayer(MasterSafetyParameters(), RATE, Axes(("x", "y")))
+    layer.enable(0.0, True)
+    assert layer.actuator_force(0.0, FRESH, (1.0, 2.0, 3.0)) == (1.0, 2.0, 0.0)

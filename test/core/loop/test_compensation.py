@@ -15,12 +15,15 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
-from haptic_accel.core.axes import along_actuator
+from haptic_accel.core.axes import ALL_AXES, along_actuator
 from haptic_accel.core.control.along_axis import AlongAxis
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.loop.compensation import CompensationPart
+from haptic_accel.core.model import Vector
 
 RATE = 1000.0
 PERIOD = 1_000_000
@@ -78,6 +81,46 @@ def test_of_the_samples_of_two_ticks_each_finds_its_own(part: CompensationPart) 
     part.put_tool(6 * PERIOD, along_actuator(1.0))
     assert stamps(part, 6 * PERIOD) == [5 * PERIOD, 6 * PERIOD]
     assert part.without == 0
+
+
+class Passing:
+    """A compensation for three coils that passes on what it gets."""
+
+    axes = ALL_AXES
+
+    def __init__(self) -> None:
+        self.given: list[Vector] = []
+
+    def process(self, tool: Vector, handle: Vector | None) -> tuple[Vector, Vector]:
+        self.given.append(tool)
+        return tool, tool
+
+    def adapt(self) -> None:
+        pass
+
+
+def test_a_turned_handle_gets_the_tools_vibration_in_its_own_axes() -> None:
+    part = CompensationPart(Passing(), RATE, latency=1)
+    part.put_tool(PERIOD, (1.0, 2.0, 3.0))
+    part.orientation = 0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)  # a quarter turn about z
+    part.put_tool(2 * PERIOD, (1.0, 2.0, 3.0))
+    part.put_tool(3 * PERIOD, along_actuator(3.0))  # of a sensor with one axis
+    found = [caused.desired_acceleration for caused in part.forces(3 * PERIOD + LATE)]
+    assert found[0] == (1.0, 2.0, 3.0)
+    assert found[1] == pytest.approx((2.0, -1.0, 3.0))
+    assert found[2] == along_actuator(3.0)
+
+
+def test_nothing_is_predicted_from_a_sample_with_an_axis_that_is_no_number() -> None:
+    passing = Passing()
+    part = CompensationPart(passing, RATE, latency=1)
+    for tick in range(30):
+        part.put_tool(tick * PERIOD, (math.nan, 1000.0, 1000.0) if tick % 3 else (1.0, 1.0, 1.0))
+        list(part.forces(tick * PERIOD + LATE))
+    part.put_tool(40 * PERIOD, (1.0, 1.0, 1.0))
+    list(part.forces(40 * PERIOD + LATE))
+    assert part.bridged == 10
+    assert all(max(map(abs, tool)) <= 1.0 for tool in passing.given[30:])
 
 
 def test_what_waits_can_be_forgotten(part: CompensationPart) -> None:

@@ -20,8 +20,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import pytest
+
 from haptic_accel.core.actuator.safety import SafetyParameters
-from haptic_accel.core.axes import along_actuator
+from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes, along_actuator
 from haptic_accel.core.coupling.engagement import FREE_TIME, STEP_PERIOD
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.loop.device_side import ARM, rig_side
@@ -42,13 +44,14 @@ class Puppet:
     """A rig whose arm is where a test says, whatever pushes it."""
 
     at: Vector = ZERO
+    acceleration: Vector = along_actuator(1.0)
 
     def advance(self, time: float) -> None:
         """Stay."""
 
     def measure(self) -> Sample:
-        """Return where it is, at rest, with an acceleration of 1 m/s^2."""
-        return Sample(self.at, ZERO, along_actuator(1.0))
+        """Return where it is, at rest."""
+        return Sample(self.at, ZERO, self.acceleration)
 
     def apply_arm_force(self, force: Vector) -> None:
         """Stay."""
@@ -75,14 +78,14 @@ class Crossed(NamedTuple):
 class Run:
     """Two hosts, whose arms are where a test says."""
 
-    def __init__(self) -> None:
+    def __init__(self, axes: Axes = ACTUATOR_AXES) -> None:
         self.rigs = {arm: Puppet() for arm in (MASTER, SLAVE)}
         sides = {
             arm: rig_side(rig, SafetyParameters(), RATE, LATENCY, [ARM])
             for arm, rig in self.rigs.items()
         }
         network = ChannelParameters(delay=DELAY)
-        self.hosts = TwoHosts(PassiveParameters(), network, sides)
+        self.hosts = TwoHosts(PassiveParameters(), network, sides, axes=axes)
         self.master, self.slave = self.hosts.halves.values()
         self.tick = 0
 
@@ -174,3 +177,13 @@ def test_a_half_that_starts_again_is_engaged_with_anew() -> None:
     run.run(2 * FREE_TIME + 4 * WAY)
     assert run.engaged == (True, True)
     assert (run.master.engagement.count, run.slave.engagement.count) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    ("axes", "felt"), [(ALL_AXES, (1.0, -2.0, 3.0)), (ACTUATOR_AXES, (0.0, 0.0, 3.0))]
+)
+def test_a_tool_is_felt_along_the_axes_that_it_has(axes: Axes, felt: Vector) -> None:
+    run = Run(axes)
+    run.rigs[SLAVE].acceleration = (1.0, -2.0, 3.0)
+    run.run(3 * WAY)
+    assert run.master.played == (felt, TRUE)

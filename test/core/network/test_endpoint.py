@@ -23,6 +23,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from haptic_accel.core.axes import ALL_AXES, along_actuator
 from haptic_accel.core.network.channel import Channel, ChannelParameters
 from haptic_accel.core.network.endpoint import PACKET_PERIOD, Endpoint, Motion, State
 from haptic_accel.core.network.packet import MOST_SAMPLES, Packet, unpack
@@ -59,7 +60,7 @@ class Hosts:
             for side, end in self.ends.items():
                 system = self.system(side)
                 if side == "slave":
-                    end.sampled(system, float(self.tick))
+                    end.sampled(system, along_actuator(float(self.tick)))
                 x = self.tick / 1e6
                 motion = Motion(system, (x, 0.0, -x), (1.0, 0.0, 0.0))
                 if data := end.outgoing(self.state, motion, x, self.now, system):
@@ -148,7 +149,7 @@ def test_samples_of_packets_that_were_overtaken_are_played() -> None:
 def test_a_sample_that_is_missing_or_no_number_begins_a_new_run() -> None:
     end = Endpoint("slave", RATE, 1)
     for tick, value in enumerate([1.0, 2.0, 3.0, math.nan, 5.0, 6.0]):
-        end.sampled(tick * TICK, value)
+        end.sampled(tick * TICK, along_actuator(value))
     data = end.outgoing(State(), Motion(), 0.0, 0.0, 0)
     assert data
     packet = unpack(data)
@@ -281,3 +282,15 @@ def test_a_clock_ahead_by_an_hour_that_drifts_costs_nothing() -> None:
     master = hosts.ends["master"]
     assert master.clock.offset(hosts.system("master")) == pytest.approx(3600.01, abs=0.01)
     assert master.clock.drift == pytest.approx(5e-4, rel=0.1)
+
+
+def test_a_tool_with_three_axes_is_played_with_three() -> None:
+    slave = Endpoint("slave", RATE, 2, ALL_AXES)
+    master = Endpoint("master", RATE, 1)
+    for tick in range(1000, 1010):
+        now, system = tick / RATE, tick * TICK
+        slave.sampled(system, (float(tick), -2.0, 3.0))
+        for sender, receiver in ((slave, master), (master, slave)):
+            if data := sender.outgoing(State(), Motion(), 0.0, now, system):
+                receiver.incoming(data, now, system)
+    assert master.playout.play(now) == ((float(tick), -2.0, 3.0), "true")

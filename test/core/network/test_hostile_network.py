@@ -26,6 +26,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
+from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.network.endpoint import Endpoint, Motion, State
 from haptic_accel.core.network.packet import MOST_SAMPLES, unpack
 from haptic_accel.core.network.session import ANEW, LIFETIME
@@ -103,7 +104,7 @@ class Network(RuleBasedStateMachine):
             self.ahead["slave"] += round(self.drift * TICK * 1e9)
             for side, end in self.ends.items():
                 system = self.system(side)
-                end.sampled(system, 1.0)
+                end.sampled(system, along_actuator(1.0))
                 data = end.outgoing(State(True), Motion(system), self.now, self.now, system)
                 assert data
                 tagged = self.seals[side].tagged(data)

@@ -23,6 +23,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fuzzing import fuzz
+from haptic_accel.core.axes import ALL_AXES, NAMES, Axes
 from haptic_accel.core.network.packet import LARGEST_SAMPLE, MOST_SAMPLES, VERSION, Packet, unpack
 from haptic_accel.core.topics import ARMS
 
@@ -31,17 +32,29 @@ SESSION = st.integers(1, 2**64 - 1)
 COUNT = st.integers(0, 2**32 - 1)
 REAL = st.floats(-1e300, 1e300)
 VECTOR = st.tuples(REAL, REAL, REAL)
-SAMPLES = st.lists(
-    st.floats(-LARGEST_SAMPLE, LARGEST_SAMPLE, width=32), max_size=MOST_SAMPLES
-).map(tuple)
+COMPONENT = st.floats(-LARGEST_SAMPLE, LARGEST_SAMPLE, width=32)
+AXES = st.sets(st.sampled_from(NAMES), min_size=1).map(lambda names: Axes(tuple(sorted(names))))
 
-PACKETS = st.builds(
+
+@st.composite
+def packets(draw: st.DrawFn) -> Packet:
+    """Return a packet whose samples have the components of its axes."""
+    axes = draw(AXES)
+    count = len(axes.names) * draw(st.integers(0, MOST_SAMPLES))
+    samples = draw(st.lists(COMPONENT, min_size=count, max_size=count).map(tuple))
+    return draw(WITHOUT_SAMPLES)._replace(samples=samples, axes=axes)
+
+
+WITHOUT_SAMPLES = st.builds(
     Packet,
     *(st.sampled_from(ARMS), SESSION, WORD, WORD),
     *(st.integers(0, 2**64 - 1), WORD, WORD, WORD),
     *(st.booleans(), st.booleans(), st.booleans(), st.booleans(), COUNT, COUNT),
-    *(WORD, VECTOR, VECTOR, REAL, st.floats(1.0, 1e5), WORD, SAMPLES),
+    *(WORD, VECTOR, VECTOR, REAL, st.floats(1.0, 1e5), WORD),
+    *(st.just(()), st.just(ALL_AXES)),
 )
+
+PACKETS = packets()
 
 
 def example(**values: object) -> Packet:
@@ -59,7 +72,14 @@ def test_a_packet_survives_its_way(packet: Packet) -> None:
 
 
 def test_the_largest_packet_fits_into_what_networks_carry_unfragmented() -> None:
-    assert len(example(samples=(0.0,) * MOST_SAMPLES).pack()) < 1100
+    samples = (0.0,) * 3 * MOST_SAMPLES
+    assert len(example(samples=samples, axes=ALL_AXES).pack()) < 1100
+
+
+def test_an_axis_that_the_tool_lacks_costs_no_byte() -> None:
+    one = len(example(samples=(0.0,) * MOST_SAMPLES).pack())
+    three = len(example(samples=(0.0,) * 3 * MOST_SAMPLES, axes=ALL_AXES).pack())
+    assert (one, three) == (220, 348)
 
 
 @fuzz
@@ -88,7 +108,9 @@ def test_whatever_else_arrives_is_no_packet(data: bytes) -> None:
 def test_another_version_is_named_whatever_follows_it() -> None:
     data = bytearray(example().pack()[:9])
     data[4] = VERSION + 1
-    with pytest.raises(ValueError, match=rf"version 3: must be {VERSION}; install the same"):
+    with pytest.raises(
+        ValueError, match=rf"version {VERSION + 1}: must be {VERSION}; install the same"
+    ):
         unpack(bytes(data))
 
 
@@ -100,6 +122,7 @@ def test_another_version_is_named_whatever_follows_it() -> None:
         {"shipped": math.nan},
         {"samples": (math.nan,)},
         {"samples": (1e8,)},
+        {"samples": (0.0, math.nan, 0.0), "axes": ALL_AXES},
         {"rate": 0.0},
         {"session": 0},
         {"samples": (0.0,) * (MOST_SAMPLES + 1)},
@@ -112,3 +135,19 @@ def test_values_that_no_host_sends_are_refused(values: dict[str, object]) -> Non
 
 def test_the_version_follows_the_name() -> None:
     assert struct.unpack_from("<4sB", example().pack()) == (b"hapt", VERSION)
+
+
+def test_a_packet_without_axes_is_refused() -> None:
+    data = bytearray(example().pack())
+    data[6] &= 0x0F
+    with pytest.raises(ValueError, match="damaged"):
+        unpack(bytes(data))
+
+
+def test_a_peer_of_before_three_axes_is_named_with_both_versions() -> None:
+    data = bytearray(example().pack())
+    data[4] = 2
+    with pytest.raises(
+        ValueError, match=r"^the peer's packets have version 2: must be 3; install"
+    ):
+        unpack(bytes(data))

@@ -22,6 +22,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from haptic_accel.core.axes import ACTUATOR_AXIS, ALL_AXES, along_actuator
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.network.channel import Channel, ChannelParameters
 from haptic_accel.core.network.playout import DECAY, LOWERING, MISSED, STEPS, Played, Playout
@@ -81,7 +82,7 @@ def test_with_a_constant_delay_every_sample_is_played_bit_for_bit(period: int) -
     found = list(ticks(Playout(RATE), signal, period=period))[100:]
     assert all(played.kind == "true" for played, _, _ in found)
     assert all(after.position - before.position == 1 for before, after in pairwise(found))
-    assert [played.value for played, _, _ in found] == [
+    assert [played.value[ACTUATOR_AXIS] for played, _, _ in found] == [
         signal[round(position)] for _, position, _ in found
     ]
     assert found[-1].delay <= period / RATE + 1e-9
@@ -89,11 +90,11 @@ def test_with_a_constant_delay_every_sample_is_played_bit_for_bit(period: int) -
 
 def test_it_waits_until_something_came_and_starts_with_it() -> None:
     playout = Playout(RATE)
-    assert playout.play(1.0) == (0.0, "waiting")
+    assert playout.play(1.0) == (along_actuator(0.0), "waiting")
     playout.put(START, [3.0, 4.0], 1.001)
-    assert playout.play(1.001) == (4.0, "true")
+    assert playout.play(1.001) == (along_actuator(4.0), "true")
     playout.clear()
-    assert playout.play(1.002) == (4.0, "waiting")  # no step in what is felt
+    assert playout.play(1.002) == (along_actuator(4.0), "waiting")  # no step in what is felt
     assert playout.counts == {"waiting": 2, "true": 1, "late": 0}
 
 
@@ -153,7 +154,7 @@ def test_lost_packets_are_repaired_from_later_ones() -> None:
     for (value, _), position, _ in repaired:
         whole = int(position)
         between = signal[whole] + position % 1 * (signal[whole + 1] - signal[whole])
-        assert value == pytest.approx(between, abs=1e-4)
+        assert value[ACTUATOR_AXIS] == pytest.approx(between, abs=1e-4)
     assert playout.counts["concealed"] < 0.02 * len(signal)
 
 
@@ -163,7 +164,7 @@ def test_in_a_blackout_the_signal_fades_out_and_afterwards_it_goes_on_as_before(
     found = list(ticks(Playout(RATE), signal, blackouts=((2.0, 4.0),)))
     gap = found[2021 : 2021 + round(DECAY * RATE) + 1]
     assert all(played.kind == "concealed" for played, _, _ in gap)
-    felt = [played.value - gravity for played, _, _ in gap]
+    felt = [played.value[ACTUATOR_AXIS] - gravity for played, _, _ in gap]
     assert max(map(abs, felt[:5])) > 0.5  # it goes on at first
     assert max(map(abs, felt)) < 1.5
     assert abs(felt[-1]) < 0.05
@@ -179,13 +180,13 @@ def test_samples_that_come_after_they_were_due_are_dropped_and_counted() -> None
         playout.play(BOOTED + tick / RATE)
     assert playout.play(BOOTED + 0.5).kind == "concealed"
     playout.put(START + 501, [501.0], BOOTED + 0.501)
-    assert playout.play(BOOTED + 0.501) == (501.0, "true")
+    assert playout.play(BOOTED + 0.501) == (along_actuator(501.0), "true")
     assert playout.counts["late"] == 0
     for _ in range(2):  # the second time it is no news
         playout.put(START + 500, [500.0, 501.0], BOOTED + 0.5015)
         assert playout.counts["late"] == 1
     playout.put(START + 502, [502.0], BOOTED + 0.502)
-    assert playout.play(BOOTED + 0.502) == (502.0, "true")
+    assert playout.play(BOOTED + 0.502) == (along_actuator(502.0), "true")
 
 
 @pytest.mark.parametrize("step", [-(10**7), 10**7])
@@ -194,7 +195,7 @@ def test_a_step_of_the_senders_clock_is_a_new_start(step: int) -> None:
     for tick in range(2000):
         moved = START + tick + step * (tick >= 1000)
         playout.put(moved, [float(tick)], BOOTED + tick / RATE)
-        assert playout.play(BOOTED + tick / RATE) == (float(tick), "true")
+        assert playout.play(BOOTED + tick / RATE) == (along_actuator(float(tick)), "true")
 
 
 def test_ticks_that_are_served_late_keep_the_pace() -> None:
@@ -203,7 +204,7 @@ def test_ticks_that_are_served_late_keep_the_pace() -> None:
         playout.put(START + tick, [float(tick)], BOOTED + tick / RATE)
         if tick % 8 == 7:  # eight in a row, each with its own time
             played += [playout.play(BOOTED + each / RATE) for each in range(tick - 7, tick + 1)]
-    later = [found.value for found in played[100:]]
+    later = [found.value[ACTUATOR_AXIS] for found in played[100:]]
     assert later == list(range(int(later[0]), int(later[0]) + len(later)))
 
 
@@ -213,7 +214,7 @@ def test_missed_ticks_are_left_out() -> None:
     for tick in range(2000):
         playout.put(START + tick, [float(tick)], BOOTED + tick / RATE)
         if tick not in missed:
-            assert playout.play(BOOTED + tick / RATE).value == tick
+            assert playout.play(BOOTED + tick / RATE).value == along_actuator(tick)
 
 
 @settings(deadline=None)
@@ -237,7 +238,47 @@ def test_whatever_arrives_what_is_played_is_finite(
         playout.put(START + round((now - BOOTED) * RATE) + shift, samples, now)
         largest = max([largest, *(abs(s) for s in samples if np.isfinite(s))])
         played = playout.play(now)
-        assert np.isfinite(played.value)
+        assert np.isfinite(played.value).all()
         if played.kind in ("true", "repaired"):
-            assert abs(played.value) <= largest * (1 + 1e-9)
+            assert abs(played.value[ACTUATOR_AXIS]) <= largest * (1 + 1e-9)
         assert playout.delay >= -1.0
+
+
+# Three axes
+
+
+def test_three_axes_are_played_and_concealed_as_each_alone() -> None:
+    signal = np.random.default_rng(3).standard_normal((8000, 3))
+    bad = ChannelParameters(delay=0.02, jitter=0.01, loss=0.3)
+    channel = Channel[tuple[int, list[float]]](bad, seed=4)
+    together, each = Playout(RATE), [Playout(RATE) for _ in range(3)]
+    for tick in range(len(signal)):
+        now = tick / RATE
+        first = max(0, tick - 3)
+        channel.send((START + first, signal[first : tick + 1].ravel().tolist()), now)
+        for start, samples in channel.arrived(now):
+            together.put(start, samples, BOOTED + now, ALL_AXES)
+            for axis, playout in enumerate(each):
+                playout.put(start, samples[axis::3], BOOTED + now)
+        value, kind = together.play(BOOTED + now)
+        found = [playout.play(BOOTED + now) for playout in each]
+        assert value == tuple(one.value[ACTUATOR_AXIS] for one in found)
+        assert [one.kind for one in found] == [kind] * 3
+    assert together.counts == each[0].counts
+    assert together.counts["concealed"] > 100
+
+
+def test_a_sample_with_one_component_that_is_no_number_is_missing() -> None:
+    playout = Playout(RATE)
+    playout.put(START, [1.0, 2.0, 3.0], 1.0, ALL_AXES)
+    assert playout.play(1.0).kind == "true"
+    playout.put(START + 1, [1.0, np.nan, 3.0], 1.001, ALL_AXES)
+    assert playout.play(1.001).kind == "concealed"
+
+
+def test_a_sender_with_other_axes_is_a_new_start() -> None:
+    playout = Playout(RATE)
+    playout.put(START, [1.0, 2.0, 3.0], 1.0, ALL_AXES)
+    assert playout.play(1.0) == ((1.0, 2.0, 3.0), "true")
+    playout.put(START + 1, [4.0], 1.001)
+    assert playout.play(1.001) == (along_actuator(4.0), "true")

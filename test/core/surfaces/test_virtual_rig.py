@@ -75,7 +75,7 @@ def touching(texture: TextureModel | None = None, tap: TapModel | None = None) -
 def test_a_tool_stands_still_until_its_first_force() -> None:
     rig = touching(WHITE, TAP)
     rig.advance(1.0)
-    assert rig.measure() == ((0.0, 0.0, pytest.approx(0.0005, abs=30e-6)), ZERO, ZERO)
+    assert rig.measure()[:3] == ((0.0, 0.0, pytest.approx(0.0005, abs=30e-6)), ZERO, ZERO)
 
 
 def test_a_tool_that_rests_is_pressed_back_as_it_presses() -> None:

@@ -26,6 +26,7 @@ from typing import Any
 import pytest
 from geometry_msgs.msg import WrenchStamped
 
+from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.crtk.device import CrtkArm
@@ -79,7 +80,7 @@ def test_an_arm_is_read_and_pushed_left_without_force_and_missed(
     sample = arm.read(0.0)
     assert sample is not None
     assert sample.position == REST
-    assert sample.acceleration == 0.0
+    assert sample.acceleration == ZERO
 
     def moves() -> bool:
         arm.write(0.0, arm_force=(0.5, 0.0, 0.0))

@@ -23,11 +23,20 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.devices.serial.protocol import Identity
+from haptic_accel.core.model import Vector
+from haptic_accel.devices.serial.protocol import (
+    ONE_COIL,
+    VERSION,
+    Decoder,
+    FrameType,
+    Identity,
+    encode,
+)
 from haptic_accel.emulators.pseudo_terminal import run
+from haptic_accel.emulators.serial_board import Board
 from haptic_accel.emulators.serial_line import EmulatedBoard, SerialLines
 
-HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, 2.75, "handle-1")
+HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle-1")
 
 
 class Bench:
@@ -37,16 +46,17 @@ class Bench:
     ----------
     emulated : EmulatedBoard
     measure : callable
-        Returns the acceleration at its accelerometer at a time in s, m/s^2.
+        Returns the acceleration along z at its accelerometer at a time in s, m/s^2.
     driven : list of tuple of float
-        Times in s at which its current changed, and the current from then on, A.
+        Times in s at which a current changed, and the current along z from then on, A.
     """
 
     def __init__(self, link: Path, identity: Identity, drift: float) -> None:
         self.measure: Callable[[float], float] = lambda time: 0.0
+        across = 1.0, 2.0
         self.driven: list[tuple[float, float]] = []
         self.emulated = EmulatedBoard(
-            identity, link, lambda time: self.measure(time), self._note, drift=drift
+            identity, link, lambda time: (*across, self.measure(time)), self._note, drift=drift
         )
         self.path = str(link)
         self._ending = threading.Event()
@@ -54,8 +64,13 @@ class Bench:
         self._thread = threading.Thread(target=run, args=([lines], self._ending.is_set))
         self._thread.start()
 
-    def _note(self, time: float, current: float) -> None:
-        self.driven.append((time, current))
+    def _note(self, time: float, currents: Vector) -> None:
+        self.driven.append((time, currents[2]))
+
+    @property
+    def current(self) -> float:
+        """Current along z, A."""
+        return self.emulated.currents[2]
 
     def hold(self, acceleration: float) -> None:
         """Let the accelerometer measure the same from now on, m/s^2."""
@@ -84,3 +99,30 @@ def bench(tmp_path: Path) -> Iterator[Callable[..., Bench]]:
     yield make
     for one in made:
         one.end()
+
+
+class OlderBoard(Board):
+    """A board that speaks protocol 2, and refuses a frame of protocol 3 as its firmware does."""
+
+    def __init__(self, identity: Identity, send: Callable[[bytes], bool]) -> None:
+        super().__init__(identity, lambda wire: send(self._older(wire)))
+        self._heard = Decoder()
+
+    def receive(self, data: bytes, now: int) -> None:
+        for frame in self._heard.feed(data):
+            # The refusal of a version is the same in both.
+            version = VERSION if frame.version == ONE_COIL else ONE_COIL
+            super().receive(encode(frame._replace(version=version)), now)
+
+    def _older(self, wire: bytes) -> bytes:
+        (frame,) = Decoder().feed(wire)
+        payload = frame.payload
+        if frame.type == FrameType.IDENTITY:
+            payload = payload[:10] + payload[18:]  # the current of the coil along z only
+        return encode(frame._replace(version=ONE_COIL, payload=payload))
+
+
+@pytest.fixture
+def older(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let boards speak protocol 2."""
+    monkeypatch.setattr("haptic_accel.emulators.serial_line.Board", OlderBoard)

@@ -47,6 +47,7 @@ from haptic_accel.devices.serial.link import ARMED
 from haptic_accel.devices.serial.protocol import (
     DELIMITER,
     FULL_SCALE,
+    ONE_COIL,
     VERSION,
     ArmRequest,
     Configuration,
@@ -70,8 +71,8 @@ from haptic_accel.emulators.faults import DROP, GARBAGE, STALL, UNPLUG
 from haptic_accel.emulators.pseudo_terminal import PseudoTerminal
 from running import PATIENCE, wait_until
 
-HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, 2.75, "handle-1")
-TOOL = replace(HANDLE, full_scale_current=0.0, serial_number="tool-1")
+HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle-1")
+TOOL = replace(HANDLE, full_scale_currents=ZERO, serial_number="tool-1")
 RATE = 1000.0
 
 Make = Callable[..., Any]
@@ -120,7 +121,7 @@ def push(device: SerialDevice, board: Any, force: float, current: float) -> None
     def flows() -> bool:
         for _ in range(25):
             device.write(time.monotonic(), actuator_force=along_actuator(force))
-            if board.emulated.current == pytest.approx(current, abs=2e-4):
+            if board.current == pytest.approx(current, abs=2e-4):
                 return True
             time.sleep(0.002)
         return False
@@ -132,7 +133,7 @@ def test_both_sides_have_a_serial_device() -> None:
     assert MASTERS["serial"] is SerialMaster
     assert SLAVES["serial"] is SerialSlave
     names = set(schema(SerialMaster.Parameters)) - set(schema(SerialSlave.Parameters))
-    assert names == {"rearm", *schema(ActuatorParameters)}
+    assert names == {"rearm", "coil_mounting", *schema(ActuatorParameters)}
 
 
 def test_the_package_does_without_the_libraries_until_a_port_is_opened() -> None:
@@ -225,7 +226,7 @@ def test_a_force_acts_in_the_tick_at_which_it_is_due(bench: Make, connect: Make)
             first + (place + latency) / RATE,
             actuator_force=along_actuator(step * (place + latency)),
         )
-    wait_until(lambda: board.emulated.current == 0.0, "no current")
+    wait_until(lambda: board.current == 0.0, "no current")
     # The current says at which tick it was due, its time at which one it acted.
     acted = [(round(2.4 * current / step), time) for time, current in board.driven if current]
     right = sum(apart(phase(time), phases.get(due, math.nan)) < 0.01 for due, time in acted)
@@ -284,7 +285,7 @@ def test_silence_takes_the_current_off(bench: Make, connect: Make) -> None:
     board = bench()
     device = connect(board)
     push(device, board, 1.2, 0.5)
-    wait_until(lambda: board.emulated.current == 0.0, "no current")
+    wait_until(lambda: board.current == 0.0, "no current")
     wait_until(lambda: device.counters()["board_state"] == State.TIMED_OUT, "the board saying so")
     assert device.counters()["board_timeouts"] >= 1
     push(device, board, 1.2, 0.5)
@@ -296,7 +297,7 @@ def test_closing_leaves_no_current_and_no_samples(bench: Make, connect: Make) ->
     push(device, board, 1.2, 0.5)
     device.close()
     assert board.emulated.board.state is State.DISARMED
-    assert board.emulated.current == 0.0
+    assert board.current == 0.0
     assert board.emulated.rate == 0
     device.close()
     device.write(time.monotonic(), actuator_force=along_actuator(1.0))
@@ -330,9 +331,9 @@ def test_a_killed_or_frozen_driver_leaves_no_current(
         "    device.write(time.monotonic(), actuator_force=(0.0, 0.0, 2.4)); time.sleep(0.001)\n"
     )
     driver = subprocess.Popen([sys.executable, "-c", code, board.path])
-    wait_until(lambda: board.emulated.current == pytest.approx(1.0, abs=1e-4), "a current")
+    wait_until(lambda: board.current == pytest.approx(1.0, abs=1e-4), "a current")
     os.kill(driver.pid, number)
-    wait_until(lambda: board.emulated.current == 0.0, "no current")
+    wait_until(lambda: board.current == 0.0, "no current")
     wait_until(lambda: board.emulated.board.state is left, left.name)
     driver.kill()
     driver.wait()
@@ -429,7 +430,7 @@ def test_a_board_that_would_hold_a_current_for_ever_is_refused(
 
 def status_of(state: State, mark: int) -> Status:
     """Return a status that its count of damaged frames tells from others."""
-    return Status(state, 0, 0, mark, 0, 0, 0, 0, 0, 0)
+    return Status(state, (0,), 0, mark, 0, 0, 0, 0, 0, 0)
 
 
 byte = st.integers(0, 255)
@@ -438,18 +439,18 @@ counts16 = st.integers(-FULL_SCALE - 1, FULL_SCALE)
 said = st.one_of(
     st.builds(Samples, count, st.just(0b100), st.tuples(counts16, counts16)),
     st.builds(Samples, st.integers(0, 99), st.sampled_from([0b100, 0b10]), st.tuples(counts16)),
-    st.builds(Status, st.sampled_from(State), counts16, *[count] * 8),
+    st.builds(Status, st.sampled_from(State), st.tuples(counts16), *[count] * 8),
     st.builds(Error, st.sampled_from(ErrorCode), byte, byte),
     st.builds(Configuration, st.integers(0, 2**16 - 1), byte, byte),
-    st.just(replace(HANDLE, full_scale_current=1e-40, serial_number="other")),
-    st.sampled_from([ArmRequest(), SetCurrent(7)]),
+    st.just(replace(HANDLE, full_scale_currents=(0.0, 0.0, 1e-40), serial_number="other")),
+    st.sampled_from([ArmRequest(), SetCurrent((7,))]),
 )
 said_frames = st.builds(
     lambda message, version, sequence, clock: encode(
         Frame(version, message.TYPE, sequence, clock, message.pack())
     ),
     said,
-    st.sampled_from([VERSION, VERSION, VERSION, 1]),
+    st.sampled_from([VERSION, VERSION, ONE_COIL, 1]),
     st.integers(0, 2**16 - 1),
     count,
 )
@@ -508,7 +509,7 @@ def test_a_board_that_was_gone_has_no_current_until_it_is_armed(
     for _ in range(50):
         device.write(time.monotonic(), actuator_force=along_actuator(1.2))
         time.sleep(0.002)
-        assert board.emulated.current == 0.0
+        assert board.current == 0.0
     board.hold(10.0)
     wait_until(lambda: feel(device) == pytest.approx(10.0, abs=2e-3), "samples again")
     assert device.arm() is None
@@ -531,7 +532,7 @@ def test_a_board_that_says_nothing_is_gone(bench: Make, connect: Make) -> None:
     push(device, board, 1.2, 0.5)
     board.inject(STALL, 1.6)
     wait_until(lambda: "silent" in device.problem, "the silence")
-    assert board.emulated.current == 0.0
+    assert board.current == 0.0
     wait_until(lambda: device.counters()["connected"] == 1, "being back")
     assert device.counters()["armed"] == 0
 
@@ -581,6 +582,18 @@ def test_a_board_that_does_not_fit_is_refused(
     assert str(raised.value).startswith(board.path)
     # The port is free again for one that fits.
     connect(board, SerialSlave)
+
+
+@pytest.mark.usefixtures("older")
+def test_a_board_with_protocol_2_goes_on_as_before(bench: Make, connect: Make) -> None:
+    board = bench()
+    board.hold(10.0)
+    device = connect(board)
+    wait_until(lambda: feel(device) == pytest.approx(10.0, abs=2e-3), "samples")
+    push(device, board, 1.2, 0.5)
+    board.inject(UNPLUG, 0.2)
+    wait_until(lambda: device.counters()["reconnects"] == 1, "being back")
+    assert device.counters()["frames_wrong"] == 0
 
 
 def test_a_port_that_is_open_is_busy(bench: Make, connect: Make) -> None:
@@ -634,7 +647,7 @@ def test_whoever_does_not_answer_is_no_board() -> None:
 
 def test_another_version_of_the_protocol_is_told_with_what_to_flash() -> None:
     def older(frame: Frame) -> bytes:
-        return encode(frame._replace(version=VERSION - 1))
+        return encode(frame._replace(version=1))
 
     master, terminal = os.openpty()
     device = built(SerialSlave, port=os.ttyname(terminal))
@@ -654,7 +667,7 @@ def test_another_version_of_the_protocol_is_told_with_what_to_flash() -> None:
     with pytest.raises(DeviceError) as raised:
         device.open()
     assert str(raised.value).partition(": ")[2] == (
-        "speaks version 1 of the protocol, must be 2: flash firmware 2.0.0 (firmware/README.md)"
+        "speaks version 1 of the protocol, must be 3: flash firmware 3.0.0 (firmware/README.md)"
     )
     os.close(terminal)
     thread.join()

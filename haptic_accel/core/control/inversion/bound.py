@@ -40,11 +40,11 @@ STEP = 0.05
 FADING_IN = 0.5
 """Time in which the input of a limited bound is faded in, s."""
 
-_TRAVEL_COSTS = [10.0**power for power in range(13)]
+TRAVEL_COSTS = [10.0**power for power in range(13)]
 """Costs of travel, s^-4, from less than all felt motion to no travel. Without this cost, the
 filter for a non-invertible plant integrates twice, for which no memory is long enough."""
 
-_FORCE_COSTS = [10.0**power for power in range(-6, 9)]
+FORCE_COSTS = [10.0**power for power in range(-6, 9)]
 """Costs of force, (m/s^2 per N)^2: from less than the smallest response of a plant to no force."""
 
 _HALVINGS = 5  # bisections of the log distance of two costs: to 7 %
@@ -159,8 +159,8 @@ def limited_bound(
     def keeps_force(of_force: float) -> bool:
         return problem.peak(best(of_travel, of_force).force, moved) <= actuator.peak_force
 
-    of_travel = _least(_TRAVEL_COSTS, keeps_travel)
-    of_force = _least(_FORCE_COSTS, keeps_force)
+    of_travel = least_cost(TRAVEL_COSTS, keeps_travel)
+    of_force = least_cost(FORCE_COSTS, keeps_force)
     return best(of_travel, of_force).error
 
 
@@ -202,7 +202,7 @@ def bounds(
     return Bounds(causal, limited)
 
 
-def _least(costs: Sequence[float], keeps: Callable[[float], bool]) -> float:
+def least_cost(costs: Sequence[float], keeps: Callable[[float], bool]) -> float:
     """Return the least cost that satisfies a limit: the first of a list, refined by bisection.
 
     A higher cost does not always lower a peak, as the phase changes too.
@@ -248,7 +248,7 @@ class _Problem:
     def best(self, cost: FloatArray | float = 0.0) -> _Optimum:
         """Return the filter of least error for a frequency-dependent cost of the force's power."""
         desired = self.desired
-        factor = _minimum_phase(self.grid, np.sqrt(np.abs(self.response) ** 2 + cost))
+        factor = minimum_phase(self.grid, np.sqrt(np.abs(self.response) ** 2 + cost))
         wanted = self.grid.sequence(self.delay * desired * (self.response / factor).conj())
         wanted[self.grid.points :] = 0.0  # times before zero
         driven = self.grid.spectrum(wanted) / factor
@@ -280,14 +280,14 @@ def _problem(
     return _Problem(
         grid,
         plant.response(frequency, rate),
-        _minimum_phase(grid, tool),
-        _minimum_phase(grid, tool * passed),
+        minimum_phase(grid, tool),
+        minimum_phase(grid, tool * passed),
         grid.delay(granted_delay),
         2.0 * noise**2 / rate * len(frequency),
     )
 
 
-def _minimum_phase(grid: Grid, magnitude: FloatArray) -> ComplexArray:
+def minimum_phase(grid: Grid, magnitude: FloatArray) -> ComplexArray:
     """Return the minimum-phase response with a given magnitude, by its cepstrum."""
     cepstrum = grid.sequence(np.log(magnitude))[: grid.points]
     cepstrum[1:] *= 2.0

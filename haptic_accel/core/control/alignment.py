@@ -1,0 +1,208 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Alignment of the axes: what a handle's axes show of the forces of the others."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from haptic_accel.core.axes import NAMES
+from haptic_accel.core.model import FloatArray
+
+BLOCK = 0.016
+"""Time between updates, s: a period of 60 Hz."""
+
+MEMORY = 0.3
+"""Time constant of the running powers, s: with `RAISING`, a result within a second."""
+
+CORNER = 20.0
+"""Corner of the high-pass of order 2 that removes gravity and the hand's motion, Hz: the lowest
+frequency at which the handle shows its response to the force."""
+
+LEAST_EXPECTED = 0.2
+"""Minimum expected acceleration of all axes together, m/s^2 RMS: ten times the arm's own motion
+and noise."""
+
+LEAST_CROSS = 0.1
+"""Least cross response that is reported, relative to all motion: a sensor turned by 7 degrees.
+Noise and friction of the paper's rig, a seventh of the motion, leave a third of it after a tenth
+of a second (assumed bandwidth: 100 Hz)."""
+
+ROTATION_SHARE = 0.7
+"""Part of the cross response, by power, that a rotation explains if it is named."""
+
+RESOLVED = 1e-3
+"""Least power of an expected direction relative to all three. A texture that moves along one
+direction shows no cross response: equal axes could have caused the same."""
+
+RAISING = 0.25
+"""Time for which a cross response must be found before it is named, s."""
+
+FITTING = 2.0
+"""Time without cross response after which the name ends, s."""
+
+CLOSE = 2.0
+"""Change of an angle below which its name is kept, degrees."""
+
+_FITS = 3  # alternations between gains and rotation
+
+
+class Alignment:
+    """Monitor of the response of each axis to the forces of the others.
+
+    After decoupling, the axis of each coil moves by its own force only, by an amount that
+    depends on the hand. Any response to the others, as far as no gain of the own axis explains
+    it, shows other axes than those identified: the accelerometer was turned since, or a coil is
+    bent. The gains are free, so that a hand is no fault.
+
+    `observe` only stores values; `update` does all computations.
+
+    Parameters
+    ----------
+    rate : float
+        Samples per second.
+
+    Attributes
+    ----------
+    warning : str
+        Name of the fault; empty if there is none.
+    """
+
+    def __init__(self, rate: float) -> None:
+        # Imported here, as scipy.signal is slow to import, and most nodes have no controller.
+        from scipy import signal
+
+        self._period = 1.0 / rate
+        self._length = max(1, round(BLOCK * rate))
+        corner = min(CORNER, 0.4 * rate)
+        self._sections = np.asarray(signal.butter(2, corner, "high", fs=rate, output="sos"))
+        self._filtered = signal.sosfilt
+        self._samples: list[float] = []
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all samples and names."""
+        self._samples.clear()
+        self._rest: FloatArray | None = None
+        self._state = np.zeros((len(self._sections), 6, 2))
+        self._powers = np.zeros((6, 6))
+        self._latest: Sequence[float] = (0.0, 0.0, 0.0)
+        self._over = self._under = 0.0
+        self._angle = math.nan
+        self.warning = ""
+
+    def observe(self, expected: Sequence[float], measured: Sequence[float]) -> None:
+        """Store a sample of all axes.
+
+        Parameters
+        ----------
+        expected : sequence of float
+            Acceleration of each axis by its model, for its own force, m/s^2.
+        measured : sequence of float
+            Decoupled acceleration of the same tick, m/s^2; not finite if unknown.
+        """
+        if math.isfinite(measured[0]):
+            self._latest = measured
+        self._samples += expected
+        self._samples += self._latest
+
+    def update(self) -> None:
+        """Judge the axes if enough samples are stored."""
+        if len(self._samples) < 6 * self._length:
+            return
+        block = np.reshape(self._samples, (-1, 6)).T
+        self._samples.clear()
+        if self._rest is None:
+            self._rest = block[:, :1]
+        block, self._state = self._filtered(self._sections, block - self._rest, zi=self._state)
+        time = block.shape[1] * self._period
+        share = -math.expm1(-time / MEMORY)
+        self._powers += share * (block @ block.T / block.shape[1] - self._powers)
+        expected, moved = (np.trace(self._powers[part, part]) for part in (_EXPECTED, _MOVED))
+        if expected >= LEAST_EXPECTED**2 and moved >= LEAST_EXPECTED**2:
+            self._judge(time)
+
+    def _judge(self, time: float) -> None:
+        powers = self._powers
+        total = float(np.trace(powers[_MOVED, _MOVED]))
+        own = powers[_MOVED, _EXPECTED]
+        gained = float(np.sum(_gains(own, powers) * own.diagonal()))
+        cross = (_explained(own, powers[_EXPECTED, _EXPECTED]) - gained) / total
+        found = cross >= LEAST_CROSS**2
+        self._over = self._over + time if found else 0.0
+        self._under = 0.0 if found else self._under + time
+        if self._over >= RAISING:
+            rotation, turned = _rotation(powers)
+            self._name(rotation if turned - gained >= ROTATION_SHARE * cross * total else None)
+        elif self._under >= FITTING:
+            self.warning, self._angle = "", math.nan
+
+    def _name(self, rotation: FloatArray | None) -> None:
+        if rotation is None:
+            self._angle = math.nan
+            self.warning = "axes do not match the identification: run identify"
+            return
+        angle = math.degrees(math.acos(min(1.0, max(-1.0, (np.trace(rotation) - 1.0) / 2.0))))
+        if abs(angle - self._angle) < CLOSE:
+            return
+        self._angle = angle
+        turned = (rotation - rotation.T)[(2, 0, 1), (1, 2, 0)]
+        main = int(np.argmax(np.abs(turned)))
+        self.warning = (
+            f"the handle's accelerometer is turned by {angle:.0f} degrees, mostly about"
+            f" {NAMES[main]}: run calibrate"
+        )
+
+
+_EXPECTED, _MOVED = slice(0, 3), slice(3, 6)
+
+
+def _gains(cross: FloatArray, powers: FloatArray) -> FloatArray:
+    """Return the gain of each axis for which its own motion is explained best."""
+    own = powers.diagonal()[_EXPECTED]
+    return np.asarray(cross.diagonal() / np.maximum(own, np.finfo(float).tiny))
+
+
+def _explained(cross: FloatArray, expected: FloatArray) -> float:
+    """Return the power of motion that is explained by all expected accelerations together."""
+    values, vectors = np.linalg.eigh(expected)
+    seen = values >= RESOLVED * values.sum()
+    return float(np.sum((cross @ vectors[:, seen]) ** 2 / values[seen]))
+
+
+def _rotation(powers: FloatArray) -> tuple[FloatArray, float]:
+    """Return the rotation of the sensor that, with a gain for each axis, explains most motion.
+
+    The rotation for given gains is Wahba's problem (SIAM Rev. 7, 1965), solved by Kabsch (Acta
+    Cryst. A32, 1976).
+
+    Returns
+    -------
+    rotation : ndarray, shape (3, 3)
+    explained : float
+        Power of the motion that it explains, (m/s^2)^2.
+    """
+    cross = powers[_MOVED, _EXPECTED]
+    rotation = np.eye(3)
+    for _ in range(_FITS):
+        gains = _gains(rotation.T @ cross, powers)
+        left, _, right = np.linalg.svd(cross * gains)
+        sign = np.linalg.det(left @ right)
+        rotation = left @ np.diag([1.0, 1.0, sign]) @ right
+    turned_back = rotation.T @ cross
+    return rotation, float(np.sum(_gains(turned_back, powers) * turned_back.diagonal()))

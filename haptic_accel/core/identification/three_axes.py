@@ -1,0 +1,249 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Identification of a handle with three coils: plants of the axes, and their coupling."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from haptic_accel.core.axes import HIGHEST_CONDITION, NAMES
+from haptic_accel.core.handle.matrix_plant import MatrixPlant
+from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.identification.coupling import fit_coupling
+from haptic_accel.core.identification.estimate import RecordingError
+from haptic_accel.core.identification.evaluation import (
+    DEFAULT_FREE,
+    GRIP_STAGES,
+    Tell,
+    check_determined,
+    choose_fit,
+    fit_doubts,
+)
+from haptic_accel.core.identification.fit import INTERVAL, HandleFit, fit_handle
+from haptic_accel.core.identification.matrix_response import (
+    MatrixResponse,
+    check_matrix_response,
+    matrix_response,
+)
+from haptic_accel.core.identification.motion import simulated
+from haptic_accel.core.identification.multisine import (
+    SIGNS,
+    kept_periods,
+    multisine,
+)
+from haptic_accel.core.identification.sweep import (
+    DROPPED_REPEATS,
+    OUTLIERS,
+    IdentificationTrial,
+    SweepParameters,
+    by_axis,
+)
+from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters
+from haptic_accel.core.parameters import ParameterError
+
+
+@dataclass(frozen=True)
+class ThreeAxisIdentification:
+    """Estimate, fits and plant of a handle with three coils.
+
+    Attributes
+    ----------
+    trials : list of IdentificationTrial
+        Recorded trials, without latency and without outliers of the acceleration.
+    response : MatrixResponse
+    fits : dict of str to HandleFit
+        Physical parameters by axis.
+    plant : MatrixPlant
+        Plants of the axes with dry friction where it is certain, and the coupling.
+    undecided : tuple of str
+        Reasons to doubt the choice of a model.
+    """
+
+    trials: list[IdentificationTrial]
+    response: MatrixResponse
+    fits: dict[str, HandleFit]
+    plant: MatrixPlant
+    undecided: tuple[str, ...] = ()
+
+    @property
+    def doubts(self) -> list[str]:
+        """Reasons to doubt the fits, one line each; empty if there is none."""
+        doubts = [
+            f"axis {name}: {doubt}" for name, fit in self.fits.items() for doubt in fit_doubts(fit)
+        ]
+        return [*self.undecided, *doubts]
+
+    @property
+    def outliers(self) -> list[str]:
+        """Line on the outliers in the acceleration; empty if there are none."""
+        samples = sum(trial.handle_acceleration.size for trial in self.trials)
+        count = sum(trial.counters[OUTLIERS] for trial in self.trials)
+        return [
+            f"{count} of {samples} samples of handle_acceleration are outliers: replaced by"
+            " interpolation"
+        ] * bool(count)
+
+
+def identify_three_axes(
+    recorded: Sequence[IdentificationTrial],
+    sweep: SweepParameters,
+    acceleration_range: float,
+    bandwidth: float,
+    *,
+    known: HandleParameters | None = None,
+    free: Sequence[str] = DEFAULT_FREE,
+    tell: Tell = lambda _: None,
+) -> ThreeAxisIdentification:
+    """Estimate the response, fit the plant of each axis, and then the coupling.
+
+    Parameters as for `identify_handle`, with trials of `orthogonal_excitation`.
+
+    Raises
+    ------
+    RecordingError
+        An axis cannot be identified, or the coils' directions are too close to a plane; the
+        message names the axis.
+    ParameterError
+        No trial is given, or a parameter is out of range.
+    """
+    if not recorded:
+        raise ParameterError("recorded: must hold at least one trial")
+    for trial in recorded:
+        for axis, values in by_axis(trial.handle_acceleration):
+            if not np.isfinite(values).all():
+                raise RecordingError(
+                    f"{axis}handle_acceleration: holds NaN or infinity, must be finite"
+                )
+    trials = [trial.aligned.cleaned for trial in recorded]
+    response = matrix_response(trials, sweep)
+    check_matrix_response(response, trials, acceleration_range)
+    fit = partial(fit_handle, known=known, low_pass_frequency=bandwidth)
+    fits, undecided = {}, []
+    for coil, name in enumerate(NAMES):
+        stage = _telling(tell, name)
+        stage(GRIP_STAGES[0])
+        alone = _alone(trials, response, sweep, coil)
+        fits[name], doubts = choose_fit(alone, [response.own(coil)], sweep, fit, free, stage)
+        check_determined(f"axis {name}", fits[name])
+        undecided += [f"axis {name}: {doubt}" for doubt in doubts]
+    tell(LAST_STAGE)
+    own = [
+        _as_recorded(found, force, sweep, response)
+        for found, force in zip(fits.values(), multisine(sweep, response.rate).T, strict=True)
+    ]
+    coupling = fit_coupling(response, np.stack(own, axis=1))
+    x, y, z = map(_plant, fits.values())
+    plant = MatrixPlant((x, y, z), coupling, response.rate)
+    _check_condition(plant)
+    return ThreeAxisIdentification(trials, response, fits, plant, tuple(undecided))
+
+
+LAST_STAGE = "coupling of the axes"
+"""Stage after the fits of the axes."""
+
+
+def stages() -> list[str]:
+    """Return the names of the stages of `identify_three_axes`, in their order."""
+    axes = [f"fit of axis {axis}: {stage}" for axis in NAMES for stage in GRIP_STAGES]
+    return [*axes, LAST_STAGE]
+
+
+def _telling(tell: Tell, axis: str) -> Tell:
+    return lambda stage: tell(f"fit of axis {axis}: {stage}")
+
+
+def _alone(
+    trials: Sequence[IdentificationTrial],
+    found: MatrixResponse,
+    sweep: SweepParameters,
+    axis: int,
+) -> list[IdentificationTrial]:
+    """Return each realisation as a trial of one axis, without what the other coils caused.
+
+    Signs are removed, so that all have the same force.
+    """
+    others = found.response[:, axis].copy()
+    others[:, axis] = 0.0
+    cut = []
+    for trial in trials:
+        forces, accelerations = (
+            kept_periods(values, sweep, trial.rate)
+            for values in (trial.actuator_force, trial.handle_acceleration)
+        )
+        spectra = np.fft.rfft(forces, axis=2)
+        caused = np.zeros(spectra.shape[:3], dtype=np.complex128)
+        caused[:, :, found.lines] = np.einsum("fc,rpfc->rpf", others, spectra[:, :, found.lines])
+        alone = accelerations[..., axis] - np.fft.irfft(caused, forces.shape[2], axis=2)
+        for sign, force, acceleration in zip(
+            SIGNS[:, axis], forces[..., axis], alone, strict=True
+        ):
+            actuator_force, handle_acceleration = (
+                sign * np.concatenate([each[0], *each]) for each in (force, acceleration)
+            )
+            cut.append(
+                IdentificationTrial(
+                    trial.rate, actuator_force, handle_acceleration, trial.counters
+                )
+            )
+    return cut
+
+
+def _as_recorded(
+    fit: HandleFit, force: FloatArray, sweep: SweepParameters, found: MatrixResponse
+) -> ComplexArray:
+    """Return a fitted axis' response to a periodic force, which dry friction may change."""
+    if not _certain_friction(fit):
+        return _causal(fit).response(found.frequency, found.rate)
+    repeats = DROPPED_REPEATS + 1
+    (moved,) = simulated([_causal(fit)], np.tile(force, repeats), found.rate)
+    settled = moved[DROPPED_REPEATS * len(force) :]
+    return np.asarray(np.fft.rfft(settled)[found.lines] / np.fft.rfft(force)[found.lines])
+
+
+def _causal(fit: HandleFit) -> HandleFit:
+    """Return a fit without the negative delay that noise may give."""
+    return replace(fit, delay=max(0.0, fit.delay))
+
+
+def _certain_friction(fit: HandleFit) -> float:
+    """Return the dry friction, N, or 0 for one that may be zero and must not be compensated."""
+    certain = fit.bearing.friction > INTERVAL * fit.standard_errors.get("friction", 0.0)
+    return fit.bearing.friction if certain else 0.0
+
+
+def _plant(fit: HandleFit) -> Plant:
+    return Plant(
+        handle=fit.handle,
+        mount=fit.mount,
+        delay=_causal(fit).delay,
+        bandwidth=fit.low_pass_frequency,
+        friction=_certain_friction(fit),
+    )
+
+
+def _check_condition(plant: MatrixPlant) -> None:
+    """Reject coils whose directions are too close to a plane, as the plant's reader does."""
+    directions = plant.directions
+    condition = float(np.linalg.cond(directions))
+    if not condition <= HIGHEST_CONDITION:
+        raise RecordingError(
+            f"condition number = {condition:.3g} of the coils' directions: must be at most"
+            f" {HIGHEST_CONDITION:g}, or the axes cannot be driven independently; mount the coils"
+            " closer to right angles"
+        )

@@ -1,0 +1,112 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Tests of the check of the axes: turned sensors are named, other hands are not."""
+
+import numpy as np
+import pytest
+from scipy import signal
+from scipy.spatial.transform import Rotation
+
+from haptic_accel.core.control.alignment import Alignment
+from haptic_accel.core.model import FloatArray
+
+RATE = 1000.0
+NOISE = 0.2
+"""What no force causes, m/s^2 RMS: three times the noise of the paper's accelerometer."""
+
+
+def textures(seconds: float = 2.0) -> FloatArray:
+    """Return three independent textures, 1.5 m/s^2 RMS each."""
+    noise = np.random.default_rng(1).normal(size=(round(seconds * RATE), 3))
+    band = signal.butter(2, [30, 250], "bandpass", fs=RATE, output="sos")
+    passed = signal.sosfilt(band, noise, axis=0)
+    return np.asarray(1.5 * passed / passed.std(axis=0))
+
+
+def judged(expected: FloatArray, measured: FloatArray) -> list[str]:
+    """Return the warning after each sample."""
+    alignment = Alignment(RATE)
+    noise = np.random.default_rng(2).normal(0.0, NOISE, measured.shape)
+    warnings = []
+    for sample in zip(expected.tolist(), (measured + noise + 9.8).tolist(), strict=True):
+        alignment.observe(*sample)
+        alignment.update()
+        warnings.append(alignment.warning)
+    return warnings
+
+
+def turned(degrees: float, axis: tuple[float, float, float]) -> FloatArray:
+    about = np.radians(degrees) * np.array(axis) / np.linalg.norm(axis)
+    return np.asarray(Rotation.from_rotvec(about).as_matrix())
+
+
+@pytest.mark.parametrize(
+    ("axis", "name"),
+    [((1, 0, 0), "x"), ((0, 1, 0), "y"), ((0, 0, -1), "z"), ((0.5, 0.0, 1.0), "z")],
+)
+@pytest.mark.parametrize("degrees", [10.0, 45.0])
+def test_a_turned_sensor_is_named_within_a_second(
+    axis: tuple[float, float, float], name: str, degrees: float
+) -> None:
+    expected = textures()
+    warnings = judged(expected, expected @ turned(degrees, axis).T)
+    assert warnings[1000].endswith(f"degrees, mostly about {name}: run calibrate")
+    angle = float(warnings[1000].split("turned by ")[1].split()[0])
+    assert angle == pytest.approx(degrees, abs=3.0)
+
+
+@pytest.mark.parametrize("gains", [(1.0, 1.0, 1.0), (0.6, 1.5, 1.0), (-1.0, 1.0, 1.0)])
+def test_another_hand_or_a_wrong_polarity_is_no_turned_sensor(
+    gains: tuple[float, float, float],
+) -> None:
+    expected = textures()
+    along = expected[:, :1] * (1.0, 0.8, -0.5)
+    for each in (expected, along):
+        assert set(judged(each, each * gains)) == {""}
+
+
+def test_a_small_angle_is_none() -> None:
+    expected = textures()
+    assert set(judged(expected, expected @ turned(4.0, (1, 1, 1)).T)) == {""}
+
+
+def test_a_bent_coil_is_told() -> None:
+    expected = textures()
+    bent = np.eye(3)
+    bent[2, 1] = bent[1, 2] = 0.4
+    assert judged(expected, expected @ bent.T)[1000] == (
+        "axes do not match the identification: run identify"
+    )
+
+
+def test_a_fault_that_is_mended_is_no_longer_told() -> None:
+    expected = textures(6.0)
+    measured = expected.copy()
+    measured[:1500] = measured[:1500] @ turned(10.0, (1, 0, 0)).T
+    warnings = judged(expected, measured)
+    assert warnings[1500]
+    assert not warnings[-1]
+
+
+def test_little_motion_tells_nothing() -> None:
+    expected = textures() / 20.0
+    assert set(judged(expected, expected @ turned(45.0, (1, 0, 0)).T)) == {""}
+
+
+def test_missing_samples_count_as_none() -> None:
+    expected = textures()
+    measured = expected.copy()
+    measured[::50] = np.nan
+    assert set(judged(expected, measured)) == {""}

@@ -1,0 +1,461 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Tests of the compensation for three coils."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+from scipy.spatial.transform import Rotation
+
+from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.axes import NAMES as AXES
+from haptic_accel.core.control.compensation import Compensation, CompensationParameters
+from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.control.filters import high_passed, without_hand_motion
+from haptic_accel.core.control.vector_compensation import VectorCompensation
+from haptic_accel.core.handle.grid import grid_for
+from haptic_accel.core.handle.matrix_plant import MatrixPlant
+from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.model import (
+    ZERO,
+    FloatArray,
+    HandleParameters,
+    MountParameters,
+    Vector,
+    vector,
+)
+from haptic_accel.core.parameters import Checked, ParameterError
+
+RATE = 1000.0
+LATENCY = 1
+GRANTED = 1
+CORNER = CompensationParameters().high_pass_frequency
+NAMES = tuple(CONTROLLERS)
+WITH_FORCE = tuple(name for name in NAMES if name != "none")
+REST = (0.0, 1.5, 9.7)
+"""Gravity in a turned frame, m/s^2."""
+
+COIL = ActuatorParameters()
+WIDE = ActuatorParameters(travel=0.1, continuous_force=100.0, peak_force=100.0)
+"""Limits that no texture reaches."""
+
+
+def an_axis(m_h: float, k_u: float, mount: float = 0.0) -> Plant:
+    handle = HandleParameters(m_h=m_h, k_u=k_u)
+    return Plant(handle=handle, mount=MountParameters(frequency=mount))
+
+
+UNEQUAL = (an_axis(0.128, 1500.0), an_axis(0.15, 2500.0, 260.0), an_axis(0.11, 1000.0))
+
+
+def ringing() -> FloatArray:
+    """Return a coupling of about -10 dB: tilted coils, and modes from 90 to 240 Hz."""
+    time = np.arange(128) / RATE
+    coupling = np.zeros((3, 3, len(time)))
+    for index in range(9):
+        to, of = divmod(index, 3)
+        if to != of:
+            turns = 2 * np.pi * (80.0 + 20.0 * index)
+            pulse = np.exp(-0.15 * turns * time) * np.sin(turns * time) * turns / RATE
+            pulse[0] += 1.1
+            coupling[to, of] = (-1) ** index * 0.12 * pulse
+    coupling[:, :, 0] += np.eye(3)
+    return coupling
+
+
+COUPLED = MatrixPlant(UNEQUAL, ringing(), RATE)
+UNCOUPLED = MatrixPlant(UNEQUAL, np.eye(3)[:, :, np.newaxis], RATE)
+
+
+def textures(seconds: float, seed: int = 1) -> FloatArray:
+    """Return three independent textures, 1.5 m/s^2 RMS each, without gravity."""
+    noise = np.random.default_rng(seed).normal(size=(round(seconds * RATE), 3))
+    band = signal.butter(2, [30, 250], "bandpass", fs=RATE, output="sos")
+    passed = signal.sosfilt(band, noise, axis=0)
+    return np.asarray(1.5 * passed / passed.std(axis=0))
+
+
+class Handle:
+    """Handle that moves as a plant says, with the accelerometer's noise and turned axes."""
+
+    def __init__(self, plant: MatrixPlant, turned: FloatArray | None = None) -> None:
+        length = 500
+        grid = grid_for(RATE, length)
+        response = plant.coupled().delayed(LATENCY).response(grid.frequency, RATE)
+        pulses = [
+            [grid.sequence(response[:, to, of])[:length] for of in range(3)] for to in range(3)
+        ]
+        seen = np.einsum("ab,bcn->anc", np.eye(3) if turned is None else turned, pulses)
+        self._taps = seen.reshape(3, -1)
+        self._past = np.zeros((length, 3))
+        self._random = np.random.default_rng(3)
+
+    def moved(self, force: Vector) -> FloatArray:
+        self._past = np.roll(self._past, 1, axis=0)
+        self._past[0] = force
+        noise: FloatArray = self._random.normal(0.0, 0.07, 3)
+        return np.asarray(self._taps @ self._past.ravel() + noise)
+
+
+@lru_cache
+def built(
+    controller: str, plant: MatrixPlant, actuator: ActuatorParameters, changed: str = ""
+) -> VectorCompensation:
+    """Design once; `changed` is a parameter with another value, as in ``name=value``."""
+    own = dict([changed.split("=")]) if changed else {}
+    parameters = CompensationParameters(controller, **own)  # type: ignore[arg-type]
+    options: dict[str, Checked] = {"actuator": actuator}
+    return VectorCompensation(parameters, RATE, plant, options, latency=LATENCY)
+
+
+def compensation(
+    controller: str,
+    plant: MatrixPlant = COUPLED,
+    actuator: ActuatorParameters = COIL,
+    changed: str = "",
+) -> VectorCompensation:
+    return copy.deepcopy(built(controller, plant, actuator, changed))
+
+
+def driven(
+    stream: VectorCompensation, handle: Handle, tool: FloatArray
+) -> tuple[FloatArray, list[str]]:
+    """Return the handle's acceleration, and the warning after each sample."""
+    before: Vector | None = None
+    felt, warnings = [], []
+    for each in tool + REST:
+        _, force = stream.process(vector(each), before)
+        stream.adapt()
+        felt.append(handle.moved(force))
+        before = vector(felt[-1] + REST)
+        warnings.append(stream.diagnostics()[0])
+    return np.array(felt), warnings
+
+
+def error(tool: FloatArray, felt: FloatArray) -> float:
+    """Return the error of the vector after latency and granted delay, %, of the last seconds."""
+    late = LATENCY + GRANTED
+    desired = np.stack([high_passed(each, CORNER, RATE) for each in tool.T])[:, :-late]
+    moved = np.stack([without_hand_motion(each, CORNER, RATE) for each in felt.T])[:, late:]
+    inner = slice(1000, -300)
+    missed = np.sum((moved - desired)[:, inner] ** 2)
+    return float(100.0 * np.sqrt(missed / np.sum(desired[:, inner] ** 2)))
+
+
+# What it computes
+
+
+@pytest.mark.parametrize("controller", NAMES)
+def test_without_coupling_each_axis_is_that_of_a_single_coil(controller: str) -> None:
+    stream = compensation(controller, UNCOUPLED, WIDE)
+    around = CompensationParameters(controller)
+    singles = [
+        Compensation(around, RATE, {"actuator": WIDE, "plant": own}, latency=LATENCY)
+        for own in UNEQUAL
+    ]
+    tool = textures(1.0)
+    handle = 0.9 * np.roll(tool, 2, axis=0) + REST
+    tool += REST
+    for index in range(len(tool)):
+        # Forces are reduced together, by what the handle measures in all axes.
+        unseen = index % 50 == 7 or CONTROLLERS[controller].reducible
+        felt = None if unseen else vector(handle[index])
+        desired, force = stream.process(vector(tool[index]), felt)
+        alone = [
+            single.process(float(tool[index, axis]), None if felt is None else felt[axis])
+            for axis, single in enumerate(singles)
+        ]
+        assert list(zip(desired, force, strict=True)) == alone
+        stream.adapt()
+        for single in singles:
+            single.adapt()
+
+
+@pytest.mark.parametrize("controller", ["dynamic", "inverse", "adaptive"])
+def test_other_names_of_the_axes_change_nothing(controller: str) -> None:
+    order = [2, 0, 1]
+    x, y, z = (UNEQUAL[axis] for axis in order)
+    renamed = MatrixPlant((x, y, z), COUPLED.coupling[np.ix_(order, order)], RATE)
+    one, other = compensation(controller), compensation(controller, renamed)
+    tool, handle = textures(0.5), textures(0.5, seed=2)
+    for acceleration, felt in zip(tool, handle, strict=True):
+        desired, force = one.process(vector(acceleration), vector(felt))
+        as_other = other.process(vector(acceleration[order]), vector(felt[order]))
+        assert as_other[0] == pytest.approx([desired[axis] for axis in order])
+        assert as_other[1] == pytest.approx([force[axis] for axis in order], abs=1e-6)
+        one.adapt()
+        other.adapt()
+
+
+def test_the_full_inverse_of_the_coupling_moves_the_handle_as_the_tool() -> None:
+    tool = textures(4.0)
+    full, static = (
+        error(tool, driven(compensation("inverse", changed=changed), Handle(COUPLED), tool)[0])
+        for changed in ("", "decoupling=static")
+    )
+    ignored, _ = driven(compensation("inverse", UNCOUPLED), Handle(COUPLED), tool)
+    print(f"full {full:.1f} %, static {static:.1f} %, none {error(tool, ignored):.1f} %")
+    assert full < 6.0  # 0.07 m/s^2 of noise is 5 %
+    assert full < static < error(tool, ignored)
+
+
+@pytest.mark.parametrize("controller", ["feedback", "adaptive"])
+def test_others_that_invert_the_plant_do_so_too(controller: str) -> None:
+    tool = textures(4.0)
+    felt, warnings = driven(compensation(controller), Handle(COUPLED), tool)
+    assert error(tool, felt) < 6.0
+    assert set(warnings) == {""}
+
+
+@pytest.mark.parametrize("controller", WITH_FORCE)
+def test_a_change_of_the_controller_is_no_jump(controller: str) -> None:
+    tool, handle = textures(2.0), Handle(COUPLED)
+    stream = compensation("constant")
+    stream.select("none")
+    forces: list[Vector] = []
+    before: Vector | None = None
+    for index, each in enumerate(tool + REST):
+        if index == 500:
+            stream.select(controller)
+        forces.append(stream.process(vector(each), before)[1])
+        stream.adapt()
+        before = vector(handle.moved(forces[-1]) + REST)
+    assert stream.controller == controller
+    steps = np.linalg.norm(np.diff(forces, axis=0), axis=1)
+    assert steps[900:1100].max() < 1.5 * steps[1200:].max()
+    assert not np.any(forces[:900])
+
+
+# Faults
+
+
+@pytest.mark.parametrize(
+    ("controller", "axis"),
+    [*((name, (1.0, 0.0, 0.0)) for name in WITH_FORCE), ("inverse", (0.0, 0.6, 0.8))],
+)
+def test_a_sensor_turned_by_ten_degrees_is_told_and_does_no_harm(
+    controller: str, axis: Sequence[float]
+) -> None:
+    turned = Rotation.from_rotvec(np.radians(10.0) * np.array(axis)).as_matrix()
+    tool = textures(3.0)
+    felt, warnings = driven(compensation(controller), Handle(COUPLED, turned), tool)
+    assert "the handle's accelerometer is turned by" in warnings[1000]
+    assert error(tool, felt) < 100.0  # without force
+
+
+@pytest.mark.parametrize("controller", WITH_FORCE)
+def test_other_hands_are_not_taken_for_a_turned_sensor(controller: str) -> None:
+    hands = tuple(
+        replace(own, handle=replace(own.handle, m_h=own.handle.m_h * m, k_u=own.handle.k_u * k))
+        for own, m, k in zip(UNEQUAL, (0.8, 1.2, 1.0), (2.0, 0.6, 1.5), strict=True)
+    )
+    held = replace(COUPLED, axes=(hands[0], hands[1], hands[2]))
+    _, warnings = driven(compensation(controller), Handle(held), textures(2.0))
+    assert not any("turned" in each or "axes" in each for each in warnings)
+
+
+@pytest.mark.parametrize("controller", ["inverse", "feedback", "adaptive"])
+def test_a_sensor_that_shows_nothing_right_costs_next_to_nothing(controller: str) -> None:
+    turned = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+    tool = textures(4.0)
+    felt, _ = driven(compensation(controller), Handle(COUPLED, turned), tool)
+    assert error(tool, felt) < 102.0
+
+
+def test_a_warning_names_its_axis() -> None:
+    heavy = replace(UNEQUAL[1], handle=replace(UNEQUAL[1].handle, m_h=0.5))
+    held = replace(COUPLED, axes=(UNEQUAL[0], heavy, UNEQUAL[2]))
+    _, warnings = driven(compensation("inverse"), Handle(held), textures(2.0))
+    assert warnings[-1].startswith("y: ")
+    assert "x: " not in warnings[-1]
+
+
+# The coils' limits
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.lists(st.tuples(*[st.floats(-300.0, 300.0)] * 3), min_size=2, max_size=40))
+def test_a_force_beyond_the_peak_of_a_coil_keeps_its_direction(tools: list[Vector]) -> None:
+    peak = replace(WIDE, peak_force=6.6)
+    limited, free = (compensation("dynamic", actuator=each) for each in (peak, WIDE))
+    for tool in tools:
+        force = np.array(limited.process(tool, ZERO)[1])
+        wanted = np.array(free.process(tool, ZERO)[1])
+        if np.abs(wanted).max() >= WIDE.peak_force:
+            return
+        share = min(1.0, 6.6 / max(np.abs(wanted).max(), 1e-9))
+        assert np.abs(force).max() <= 6.6
+        assert force == pytest.approx(share * wanted)
+
+
+def test_each_coil_can_be_limited_on_its_own() -> None:
+    peak = replace(WIDE, peak_force=2.0)
+    limited = compensation("constant", actuator=peak, changed="saturation=per_axis")
+    free = compensation("constant", actuator=WIDE)
+    for tool in 20.0 * textures(0.2):
+        wanted = free.process(vector(tool), ZERO)[1]
+        assert limited.process(vector(tool), ZERO)[1] == pytest.approx(np.clip(wanted, -2.0, 2.0))
+
+
+def test_a_warm_coil_scales_the_force_of_all() -> None:
+    warm = replace(WIDE, continuous_force=0.5, thermal_time=0.5)
+    limited, free = (compensation("constant", actuator=each) for each in (warm, WIDE))
+    shares = []
+    for tool in 10.0 * textures(3.0) * (1.0, 0.1, 0.3):
+        wanted = np.array(free.process(vector(tool), ZERO)[1])
+        force = np.array(limited.process(vector(tool), ZERO)[1])
+        assert np.cross(force, wanted) == pytest.approx(np.zeros(3), abs=1e-9)
+        shares.append(np.linalg.norm(force) / max(np.linalg.norm(wanted), 1e-9))
+    assert min(shares[2000:]) < 0.5
+    assert int(limited.diagnostics()[1]["x limited by heat"]) > 0
+    assert int(limited.diagnostics()[1]["y limited by heat"]) == 0
+
+
+@pytest.mark.parametrize("saturation", ["direction", "per_axis"])
+def test_a_coil_is_braked_before_its_stop(saturation: str) -> None:
+    short = replace(COIL, travel=0.5e-3)
+    stream = compensation("inverse", actuator=short, changed=f"saturation={saturation}")
+    for tool in 8.0 * textures(1.0):
+        assert np.abs(stream.process(vector(tool), ZERO)[1]).max() <= COIL.peak_force
+        values = stream.diagnostics()[1]
+        assert max(abs(float(values[f"{name} travel (mm)"])) for name in AXES) <= 0.5
+    assert int(values["z limited by travel"]) > 0
+
+
+# Samples that are none
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -1e9])
+@pytest.mark.parametrize("axis", range(3))
+def test_of_a_tool_sample_with_a_bad_component_nothing_is_felt(bad: float, axis: int) -> None:
+    stream, clean = compensation("inverse"), compensation("inverse")
+    for index, tool in enumerate(textures(0.2)):
+        given = [*vector(tool)]
+        given[axis] = bad
+        spoilt = index % 20 == 5
+        assert stream.process(
+            (given[0], given[1], given[2]) if spoilt else vector(tool), ZERO
+        ) == clean.process(ZERO if spoilt else vector(tool), ZERO)
+    assert (stream.rejected, stream.untrusted) == (10, 0)
+
+
+@pytest.mark.parametrize("controller", NAMES)
+@pytest.mark.parametrize("axis", range(3))
+def test_of_a_handle_sample_with_a_bad_component_nothing_is_believed(
+    controller: str, axis: int
+) -> None:
+    outputs = []
+    for bad in (None, 60.0, math.nan):
+        stream = compensation(controller)
+        felt: Vector | None = None
+        if bad is not None:
+            components = [1.0, 2.0, 3.0]
+            components[axis] = bad
+            felt = (components[0], components[1], components[2])
+        outputs.append([stream.process(vector(each), felt) for each in textures(0.2)])
+        assert stream.untrusted + stream.rejected == 199  # the first one is no motion
+    assert outputs[0] == outputs[1] == outputs[2]
+
+
+@pytest.mark.parametrize("controller", NAMES)
+def test_whatever_comes_in_the_force_is_finite_and_limited(controller: str) -> None:
+    random = np.random.default_rng(7)
+    stream = compensation(controller)
+    tools, handles = 10.0 * random.standard_cauchy((2, 5000, 3))
+    tools[random.random(5000) < 0.01, 1] = math.nan
+    handles[random.random(5000) < 0.01, 2] = math.inf
+    for index, (tool, handle) in enumerate(zip(tools, handles, strict=True)):
+        if random.random() < 1 / 300:
+            stream.select(NAMES[random.integers(len(NAMES))])
+        desired, force = stream.process(vector(tool), None if index % 99 < 5 else vector(handle))
+        stream.adapt()
+        assert all(map(math.isfinite, desired))
+        assert max(map(abs, force)) <= COIL.peak_force
+    assert not any("nan" in each or "inf" in each for each in stream.diagnostics()[1].values())
+
+
+@pytest.mark.parametrize("controller", NAMES)
+def test_how_long_it_waited_at_rest_changes_no_bit(controller: str) -> None:
+    waited, started = compensation(controller), compensation(controller)
+    for stream, samples in ((waited, 700), (started, 1)):
+        for _ in range(samples):
+            assert stream.process(REST, REST) == (ZERO, ZERO)
+            stream.adapt()
+    for tool in textures(0.5) + REST:
+        outputs = [stream.process(vector(tool), REST) for stream in (waited, started)]
+        assert outputs[0] == outputs[1]
+        assert np.abs(outputs[0][1]).max() < 3.0  # gravity is no blow
+        for stream in (waited, started):
+            stream.adapt()
+    assert waited.diagnostics() == started.diagnostics()
+
+
+def test_a_reset_is_a_new_beginning() -> None:
+    used, fresh = compensation("adaptive", actuator=WIDE), compensation("adaptive", actuator=WIDE)
+    driven(used, Handle(COUPLED), textures(0.5))
+    used.reset()
+    for stream in (used, fresh):
+        stream.process(REST, REST)
+    # Heat and travel remain.
+    assert used.process((1.0, 2.0, 3.0), REST) == fresh.process((1.0, 2.0, 3.0), REST)
+
+
+def test_while_muted_there_is_no_force() -> None:
+    stream = compensation("inverse")
+    stream.mute(True)
+    assert {stream.process(vector(each), ZERO)[1] for each in textures(0.1)} == {ZERO}
+    stream.mute(False)
+    assert stream.process((5.0, 5.0, 5.0), ZERO)[1] != ZERO
+
+
+def test_another_rate_is_refused() -> None:
+    with pytest.raises(ParameterError, match="rate = 2000: must be .* 1000 Hz"):
+        VectorCompensation(CompensationParameters("none"), 2000.0, COUPLED)
+
+
+def test_the_error_of_a_weak_axis_costs_no_force_of_the_strong_ones() -> None:
+    stream = compensation("inverse", UNCOUPLED, WIDE)
+    tool = textures(3.0) * np.array([1.0, 0.05, 1.0])
+    handle = np.roll(tool, LATENCY + GRANTED + 1, axis=0)
+    handle[:, 1] = -2.0 * handle[:, 1]  # three times the error of no force along y
+    for each, felt in zip(tool + REST, handle + REST, strict=True):
+        stream.process(vector(each), vector(felt))
+        stream.adapt()
+    warning, _ = stream.diagnostics()
+    assert "force is reduced" not in warning
+
+
+def test_a_vector_that_is_worse_than_no_force_costs_all_coils_theirs() -> None:
+    stream = compensation("inverse", UNCOUPLED, WIDE)
+    tool = textures(3.0)
+    handle = -np.roll(tool, LATENCY + GRANTED + 1, axis=0)
+    forces = []
+    for each, felt in zip(tool + REST, handle + REST, strict=True):
+        forces.append(stream.process(vector(each), vector(felt))[1])
+        stream.adapt()
+    warning, _ = stream.diagnostics()
+    assert "inverse is worse than no compensation: its force is reduced" in warning
+    early, late = (np.std(forces[part], axis=0) for part in (slice(0, 100), slice(-500, None)))
+    assert (late < 0.1 * early).all()

@@ -1,0 +1,74 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The loss by each reduction, where it is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from haptic_accel.core.evaluation.reduction import LIVE_PRINCIPAL, ReductionLoss, reduction_table
+from haptic_accel.core.model import FloatArray
+
+RATE = 1000.0
+TIME = np.arange(8000) / RATE
+
+
+def noise(seed: int) -> FloatArray:
+    return 3.0 * np.random.default_rng(seed).standard_normal(len(TIME))
+
+
+def table(acceleration: FloatArray, handle: FloatArray | None = None) -> dict[str, ReductionLoss]:
+    return {row.name: row for row in reduction_table(acceleration, RATE, handle)}
+
+
+def test_of_two_independent_axes_one_direction_keeps_half_and_the_sum_all() -> None:
+    found = table(np.column_stack([noise(1), 0 * TIME, noise(2)]))
+    assert found["dft321"].power == pytest.approx(1.0)
+    assert found["dft321"].spectral_error == pytest.approx(0.0, abs=1e-6)
+    assert found["axis"].power == pytest.approx(0.5, abs=0.03)
+    assert found["sum"].power == pytest.approx(1.0, abs=0.05)
+    assert found["principal"].power == pytest.approx(0.5, abs=0.05)
+
+
+def test_opposite_components_cancel_in_the_sum_alone() -> None:
+    wave = noise(1)
+    found = table(np.column_stack([wave, 0 * TIME, -wave]))
+    assert found["sum"].power < 1e-12
+    assert found["sum"].spectral_error == pytest.approx(60.0)
+    assert found["principal"].power == pytest.approx(1.0)
+    assert found[LIVE_PRINCIPAL].power > 0.9
+
+
+def test_a_handle_that_follows_the_sum_later_correlates_with_it() -> None:
+    x, z = noise(1), noise(2)
+    handle = np.roll(-(x + z), 3)
+    found = table(np.column_stack([x, 0 * TIME, z]), handle)
+    assert found["sum"].correlation > 0.99
+    assert found["axis"].correlation == pytest.approx(math.sqrt(0.5), abs=0.03)
+    assert found["magnitude"].correlation < 0.3
+
+
+def test_gravity_is_no_vibration() -> None:
+    found = table(np.column_stack([9.8 + 0 * TIME, 0 * TIME, noise(1)]))
+    assert found["axis"].power == pytest.approx(1.0)
+    assert found[LIVE_PRINCIPAL].power == pytest.approx(1.0)
+
+
+def test_nothing_that_vibrates_has_no_loss() -> None:
+    assert all(math.isnan(row.power) for row in table(np.zeros((8000, 3))).values())

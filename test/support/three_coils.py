@@ -1,0 +1,88 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Handle with three coils for tests: a known plant, and its recorded motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import signal
+
+from haptic_accel.core.handle.matrix_plant import MatrixPlant
+from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.identification.fit import Friction, Point
+from haptic_accel.core.identification.motion import simulated
+from haptic_accel.core.identification.multisine import orthogonal_excitation
+from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
+from haptic_accel.core.model import FloatArray, HandleParameters, MountParameters
+
+RATE = 1000.0
+RANGE = 49.0
+BANDWIDTH = 500.0
+SWEEP = SweepParameters(start_frequency=8.0, end_frequency=450.0, duration=1.0)
+NOISE = 0.07
+STEP = 2 * RANGE / 2.0**16
+
+DIRECTIONS = np.array([[1.0, 0.2, -0.1], [0.25, 1.0, 0.15], [0.05, -0.3, 1.0]])
+
+
+def plant(directions: FloatArray = DIRECTIONS, *, modes: bool = True) -> MatrixPlant:
+    """Return a plant with unequal axes and a coupling of -12 to -20 dB that lasts some samples."""
+    grips = ((0.11, 1200.0, 9.0), (0.128, 1500.0, 11.0), (0.14, 1700.0, 12.0))
+    mounts = ((250.0, 0.15), (287.0, 0.15), (320.0, 0.2)) if modes else ((0.0, 0.2),) * 3
+    x, y, z = (
+        Plant(
+            handle=HandleParameters(m_h=m_h, k_u=k_u, b_u=b_u),
+            mount=MountParameters(*mount),
+            delay=3e-4,
+        )
+        for (m_h, k_u, b_u), mount in zip(grips, mounts, strict=True)
+    )
+    coupling = np.zeros((3, 3, 6))
+    coupling[:, :, 0] = directions
+    coupling[0, 1, 1:] = 0.1 * 0.5 ** np.arange(5)
+    coupling[2, 0, 1:] = -0.1 * 0.6 ** np.arange(5)
+    return MatrixPlant((x, y, z), coupling, RATE)
+
+
+def moved(handle: MatrixPlant, force: FloatArray, friction: float = 0.0) -> FloatArray:
+    """Return the acceleration for coil forces from rest on, shape (n, 3), m/s^2."""
+    bearing = Friction(friction)
+    own = np.stack(
+        [
+            simulated([Point(p.handle, p.mount, p.delay, p.bandwidth, bearing)], each, RATE)[0]
+            for p, each in zip(handle.axes, force.T, strict=True)
+        ]
+    )
+    caused = [
+        [signal.fftconvolve(own[coil], row[coil])[: len(force)] for coil in range(3)]
+        for row in handle.coupling
+    ]
+    return np.asarray(np.sum(caused, axis=1).T)
+
+
+def recorded(clean: FloatArray, force: FloatArray, seed: int = 0) -> IdentificationTrial:
+    """Return a trial with sensor noise, offset and a converter of 16 bit."""
+    noise = np.random.default_rng(seed).normal(0.0, NOISE, clean.shape)
+    measured = np.round((clean + noise + (0.0, 0.1, 0.3)) / STEP) * STEP
+    return IdentificationTrial(RATE, force, measured, {})
+
+
+def trials(
+    handle: MatrixPlant, count: int = 2, seed: int = 0, friction: float = 0.0
+) -> list[IdentificationTrial]:
+    """Return recorded trials of a handle."""
+    force = orthogonal_excitation(SWEEP, RATE)
+    clean = moved(handle, force, friction)
+    return [recorded(clean, force, 1000 * seed + trial) for trial in range(count)]
