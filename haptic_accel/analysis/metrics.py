@@ -32,7 +32,7 @@ from haptic_accel.analysis.traces import Traces
 from haptic_accel.bags.delivery import AGE_OF
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.travel import TravelEstimator
-from haptic_accel.core.axes import NAMES
+from haptic_accel.core.axes import ALL_AXES, NAMES
 from haptic_accel.core.control.filters import comparable, without_hand_motion
 from haptic_accel.core.control.inversion.bound import bounds
 from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
@@ -50,6 +50,7 @@ from haptic_accel.core.evaluation.metrics import (
     evaluate_axes,
     lengths,
 )
+from haptic_accel.core.evaluation.reduction import LIVE_PRINCIPAL, reduction_table
 from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.model import AccelerometerParameters, FloatArray
@@ -107,11 +108,24 @@ METRICS: Mapping[str, Column] = {
 """Metrics by name with unit, as used for columns of tables and files."""
 
 
+KEPT = {
+    "axis": "axis",
+    "sum": "sum",
+    LIVE_PRINCIPAL: "principal",
+    "dft321": "dft321",
+    "magnitude": "magnitude",
+}
+"""Keys of the reductions to one coil whose share of the power is stated."""
+
 VECTOR_METRICS: Mapping[str, Column] = {
     column.key: column
     for column in (
         Column("direction_error_deg", "direction error", "°", 1),
         *(Column(f"nrmse_{axis}_percent", f"NRMSE {axis}", "%", 1) for axis in NAMES),
+        *(
+            Column(f"kept_{key}_percent", f"one coil, {key}: power", "%", 0)
+            for key in KEPT.values()
+        ),
     )
 }
 """Further metrics of trials with several axes."""
@@ -391,6 +405,12 @@ def _compared(
     if by_axis:
         metrics["direction_error_deg"] = direction_error(desired, actual)
         metrics |= {f"nrmse_{axis}_percent": own.nrmse_percent for axis, own in by_axis.items()}
+    if segment.axes == ALL_AXES:
+        metrics |= {
+            f"kept_{KEPT[row.name]}_percent": PERCENT * row.power
+            for row in reduction_table(desired, rate)
+            if row.name in KEPT
+        }
     own = nrmse_interval(desired, actual, rate)
     low, high = PERCENT * own.low, PERCENT * own.high
     nrmse = replace(own, value=evaluation.nrmse_percent, low=low, high=high)

@@ -37,6 +37,7 @@ from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import (
     BEYOND_STOPS,
     CONTACT,
+    KEPT,
     METRICS,
     MILLI,
     VECTOR_METRICS,
@@ -60,6 +61,7 @@ def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[st
         *_without_contact(frame),
         _errors(analysis),
         *_directions(frame),
+        *_reduced(frame),
         *_shares(frame),
         _delays(frame, analysis),
         *_ages(frame),
@@ -152,6 +154,20 @@ def _directions(frame: pd.DataFrame) -> list[str]:
     return each and [
         "Angle between actual and desired acceleration, median of the samples in which the desired"
         f" one has at least {DIRECTION_SHARE:g} of its root mean square: {each[0]}."
+    ]
+
+
+def _reduced(frame: pd.DataFrame) -> list[str]:
+    """Return a sentence on the power that a single coil would keep, for three axes."""
+    touching = frame[frame.contact]
+    kept = [
+        f"{key} {number(touching[name].mean(), 0, ' %')}"
+        for key in KEPT.values()
+        if (name := f"kept_{key}_percent") in frame and touching[name].notna().any()
+    ]
+    return kept and [
+        "Power of the desired vibration that a single coil would have by each reduction to one"
+        f" signal: {', '.join(kept)}."
     ]
 
 

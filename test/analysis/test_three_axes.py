@@ -143,6 +143,17 @@ def test_a_rotation_of_the_handle_is_an_error_of_the_vector_and_of_direction(bag
     assert groups(load(bags)).direction_error_deg.notna().sum() == 2
 
 
+def test_the_power_that_one_coil_would_keep_is_that_of_its_signal(bags: Path) -> None:
+    row = trials(load(bags)).set_index("controller").loc["inverse"]
+    wished = content("inverse").signals[topics.DESIRED_ACCELERATION.name]
+    whole = np.sum(wished**2)
+    assert row.kept_axis_percent == pytest.approx(100 * np.sum(wished[:, 2] ** 2) / whole, abs=1)
+    assert row.kept_sum_percent == pytest.approx(
+        100 * np.sum(wished.sum(axis=1) ** 2) / whole, abs=1
+    )
+    assert row.kept_dft321_percent == pytest.approx(100.0, abs=0.01)
+
+
 def test_a_missing_desired_acceleration_is_made_from_all_axes_of_the_tool(tmp_path: Path) -> None:
     written = content("inverse", axes="x, y, z")
     del written.signals[topics.DESIRED_ACCELERATION.name]
