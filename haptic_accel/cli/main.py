@@ -30,6 +30,7 @@ from haptic_accel.core.process import (
     FAILED,
     INTERRUPTED,
     WRONG_ARGUMENTS,
+    report_unraisable,
     shortage,
 )
 from haptic_accel.graph.stop_signal import Signalled, hurry, stop_at_once
@@ -51,6 +52,7 @@ def main(words: Sequence[str] | None = None) -> None:
         Verb and its words; default: of this process.
     """
     given = sys.argv[1:] if words is None else list(words)
+    sys.unraisablehook = report_unraisable
 
     def act() -> int | None:
         signalled: Signalled | None = None

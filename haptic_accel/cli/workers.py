@@ -36,7 +36,7 @@ from typing import Any, Protocol, TypeVar
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import ENDING
+from haptic_accel.core.process import ENDING, report_unraisable
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -210,6 +210,7 @@ class _Processes:
 
 def _belong_to_verb() -> None:
     """Leave the signals of the terminal to the verb, and end with it."""
+    sys.unraisablehook = report_unraisable
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)

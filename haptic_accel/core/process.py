@@ -77,6 +77,15 @@ def module_command(module: str) -> list[str]:
     return [sys.executable, "-c", _RUN, module]
 
 
+def report_unraisable(unraisable: sys.UnraisableHookArgs) -> None:
+    """Report an exception that nothing can catch, as Python does, unless memory is short.
+
+    The verb itself says that, in one line. To be set as `sys.unraisablehook`.
+    """
+    if unraisable.exc_type is not MemoryError:
+        sys.__unraisablehook__(unraisable)
+
+
 def shortage(error: BaseException | None) -> str:
     """Return the resource of the machine that caused an error, directly or indirectly; or ''."""
     while error:

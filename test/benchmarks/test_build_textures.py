@@ -22,7 +22,6 @@ import pytest
 from build_textures import RATE, SURFACES, drag
 from scipy import signal
 
-from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.graph.files import surface_parameters
@@ -39,7 +38,7 @@ def test_a_drag_at_another_speed_and_force_has_the_shipped_spectrum(
     name: str, speed: float, force: float
 ) -> None:
     surface = from_flat(SurfaceParameters, surface_parameters(name), "simulated.surface.")
-    acceleration = drag(surface, speed, force, seed=1000).acceleration[ACTUATOR_AXIS]
+    acceleration = drag(surface, speed, force, seed=1000).acceleration
     model = read_texture(config_folder() / f"textures/{name}.yaml")
     frequency, measured = signal.welch(acceleration, RATE, nperseg=64)
     within = (frequency >= 20) & (frequency <= 450)

@@ -17,6 +17,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 
 from haptic_accel.core.process import shortage
@@ -46,3 +49,17 @@ def test_a_shortage_is_told_from_other_errors(error: Exception, said: str) -> No
     found = shortage(error)
     assert found.startswith(said)
     assert bool(found) == bool(said)
+
+
+def test_an_exception_that_nothing_can_catch_is_reported_unless_memory_is_short() -> None:
+    code = (
+        "import sys; from haptic_accel.core.process import report_unraisable\n"
+        "sys.unraisablehook = report_unraisable\n"
+        "class Ended:\n"
+        "    def __init__(self, error): self.error = error\n"
+        "    def __del__(self): raise self.error\n"
+        "Ended(MemoryError('short')); Ended(ValueError('wrong'))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "wrong" in done.stderr
+    assert "short" not in done.stderr
