@@ -71,6 +71,11 @@ class MatrixPlant:
         """Static coupling, shape (3, 3): K at 0 Hz."""
         return np.asarray(self.coupling.sum(axis=2))
 
+    @property
+    def condition(self) -> float:
+        """Condition number of the directions; see `HIGHEST_CONDITION`."""
+        return float(np.linalg.cond(self.directions))
+
     def coupling_response(self, frequency: npt.ArrayLike) -> ComplexArray:
         """Return K at frequencies in Hz, shape (f, 3, 3)."""
         turns = np.outer(
@@ -164,13 +169,13 @@ def read_matrix_plant(path: Path) -> MatrixPlant:
     taps = coupling.array()
     if taps.ndim != 3 or taps.shape[:2] != (3, 3) or not np.isfinite(taps).all():
         coupling.wrong("must be three rows of three impulse responses of finite numbers")
-    condition = float(np.linalg.cond(taps.sum(axis=2)))
-    if not condition <= HIGHEST_CONDITION:
+    found = MatrixPlant((x, y, z), taps, content.at("rate_hz").number())
+    if not found.condition <= HIGHEST_CONDITION:
         coupling.refuse(
-            f"condition number {condition:.3g} of the coils' directions: must be at most"
+            f"condition number {found.condition:.3g} of the coils' directions: must be at most"
             f" {HIGHEST_CONDITION:g}, or the axes cannot be driven independently"
         )
-    return MatrixPlant((x, y, z), taps, content.at("rate_hz").number())
+    return found
 
 
 def _axis(content: Document) -> Plant:

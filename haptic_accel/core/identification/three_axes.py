@@ -239,11 +239,9 @@ def _plant(fit: HandleFit) -> Plant:
 
 def _check_condition(plant: MatrixPlant) -> None:
     """Reject coils whose directions are too close to a plane, as the plant's reader does."""
-    directions = plant.directions
-    condition = float(np.linalg.cond(directions))
-    if not condition <= HIGHEST_CONDITION:
+    if not plant.condition <= HIGHEST_CONDITION:
         raise RecordingError(
-            f"condition number = {condition:.3g} of the coils' directions: must be at most"
+            f"condition number = {plant.condition:.3g} of the coils' directions: must be at most"
             f" {HIGHEST_CONDITION:g}, or the axes cannot be driven independently; mount the coils"
             " closer to right angles"
         )

@@ -18,9 +18,11 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -146,22 +148,8 @@ def limited_bound(
     )
     actuator = actuator or ActuatorParameters()
     longest = COMFORT.cushion_end * actuator.travel if travel_limit is None else travel_limit
-    fading_in = np.minimum(np.arange(len(acceleration)) / (FADING_IN * rate), 1.0)
-    moved = (acceleration - np.mean(acceleration)) * fading_in
     travel = travel_response(plant.handle, problem.grid.frequency)
-
-    def best(of_travel: float, of_force: float = 0.0) -> _Optimum:
-        return problem.best(of_travel * np.abs(travel) ** 2 + of_force)
-
-    def keeps_travel(of_travel: float) -> bool:
-        return problem.peak(best(of_travel).force * travel, moved) <= longest
-
-    def keeps_force(of_force: float) -> bool:
-        return problem.peak(best(of_travel, of_force).force, moved) <= actuator.peak_force
-
-    of_travel = least_cost(TRAVEL_COSTS, keeps_travel)
-    of_force = least_cost(FORCE_COSTS, keeps_force)
-    return best(of_travel, of_force).error
+    return problem.limited(travel, faded_in(acceleration, rate), longest, actuator.peak_force)
 
 
 class Bounds(NamedTuple):
@@ -214,23 +202,29 @@ def least_cost(costs: Sequence[float], keeps: Callable[[float], bool]) -> float:
     return math.exp(nearest(lambda cost: keeps(math.exp(cost)), low, high, _HALVINGS))
 
 
-class _Optimum(NamedTuple):
-    """Best filter: response from tool acceleration to force, and its error, %."""
+def faded_in(acceleration: FloatArray, rate: float) -> FloatArray:
+    """Return the moving part of an acceleration, shape (n,) or (n, 3), without an initial jump."""
+    fading = np.minimum(np.arange(len(acceleration)) / (FADING_IN * rate), 1.0)
+    return np.asarray(((acceleration - acceleration.mean(axis=0)).T * fading).T)
+
+
+class Optimum(NamedTuple):
+    """Best filter: response from tool acceleration to the forces, and its error, %."""
 
     force: ComplexArray
     error: float
 
 
 @dataclass(frozen=True)
-class _Problem:
-    """Tracking of a spectrum by a plant, on a grid of frequencies.
+class Tracking(ABC):
+    """Tracking of spectra by a plant, on a grid of frequencies.
 
     Attributes
     ----------
     grid : Grid
-    response : ndarray, shape (n,)
-        Response of the plant.
-    tool, desired : ndarray, shape (n,)
+    response : ndarray, shape (..., n)
+        Response of the plant: (n,) for one axis, (3, 3, n) for three.
+    tool, desired : ndarray, shape (..., n)
         Spectral factors of the tool's acceleration and of its high-passed version.
     delay : ndarray, shape (n,)
         Response of the granted delay.
@@ -245,7 +239,50 @@ class _Problem:
     delay: ComplexArray
     noise: float
 
-    def best(self, cost: FloatArray | float = 0.0) -> _Optimum:
+    @abstractmethod
+    def best(self, cost: Any) -> Optimum:
+        """Return the filter of least error for a cost of the forces' power, by frequency."""
+
+    @abstractmethod
+    def peak(self, response: ComplexArray, acceleration: FloatArray) -> float:
+        """Return the largest magnitude of causal responses to a tool's acceleration."""
+
+    def limited(
+        self, travel: ComplexArray, acceleration: FloatArray, longest: float, peak_force: float
+    ) -> float:
+        """Return the least error, %, with costs for which an input keeps travel and force.
+
+        Parameters
+        ----------
+        travel : ndarray
+            Travel over force, m per N, to be multiplied by a filter's response.
+        acceleration : ndarray, shape (n,) or (n, 3)
+            Tool's acceleration, m/s^2.
+        longest : float
+            Maximum travel, m.
+        peak_force : float
+            Maximum force, N.
+        """
+
+        @cache
+        def best(of_travel: float, of_force: float = 0.0) -> Optimum:
+            return self.best(of_travel * np.abs(travel) ** 2 + of_force)
+
+        def keeps_travel(of_travel: float) -> bool:
+            return self.peak(best(of_travel).force * travel, acceleration) <= longest
+
+        def keeps_force(of_force: float) -> bool:
+            return self.peak(best(of_travel, of_force).force, acceleration) <= peak_force
+
+        of_travel = least_cost(TRAVEL_COSTS, keeps_travel)
+        of_force = least_cost(FORCE_COSTS, keeps_force)
+        return best(of_travel, of_force).error
+
+
+class _Problem(Tracking):
+    """Tracking along one axis."""
+
+    def best(self, cost: FloatArray | float = 0.0) -> Optimum:
         """Return the filter of least error for a frequency-dependent cost of the force's power."""
         desired = self.desired
         factor = minimum_phase(self.grid, np.sqrt(np.abs(self.response) ** 2 + cost))
@@ -254,7 +291,7 @@ class _Problem:
         driven = self.grid.spectrum(wanted) / factor
         missed = float(np.sum(np.abs(self.response * driven - self.delay * desired) ** 2))
         share = (missed + self.noise) / float(np.sum(np.abs(desired) ** 2))
-        return _Optimum(driven / self.tool, 100.0 * math.sqrt(share))
+        return Optimum(driven / self.tool, 100.0 * math.sqrt(share))
 
     def peak(self, response: ComplexArray, acceleration: FloatArray) -> float:
         """Return the maximum magnitude of a causal response to a tool's acceleration."""

@@ -17,9 +17,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,12 +24,11 @@ from haptic_accel.core.actuator.guard import COMFORT
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
 from haptic_accel.core.control.inversion.bound import (
-    FADING_IN,
-    FORCE_COSTS,
     STEP,
-    TRAVEL_COSTS,
     Bounds,
-    least_cost,
+    Optimum,
+    Tracking,
+    faded_in,
     minimum_phase,
 )
 from haptic_accel.core.control.inversion.design import Goal
@@ -109,70 +105,29 @@ def matrix_bounds(
     )
     actuator = actuator or ActuatorParameters()
     longest = COMFORT.cushion_end * actuator.travel
-    fading_in = np.minimum(np.arange(len(acceleration)) / (FADING_IN * rate), 1.0)
-    moved = (acceleration - acceleration.mean(axis=0)) * fading_in[:, np.newaxis]
     travels = np.array([travel_response(each.handle, frequency) for each in plant.axes])
-
-    @cache
-    def best(of_travel: float, of_force: float = 0.0) -> _Optimum:
-        return problem.best(of_travel * np.abs(travels) ** 2 + of_force)
-
-    def keeps_travel(of_travel: float) -> bool:
-        force = best(of_travel).force * travels[:, np.newaxis]
-        return problem.peak(force, moved) <= longest
-
-    def keeps_force(of_force: float) -> bool:
-        return problem.peak(best(of_travel, of_force).force, moved) <= actuator.peak_force
-
-    of_travel = least_cost(TRAVEL_COSTS, keeps_travel)
-    of_force = least_cost(FORCE_COSTS, keeps_force)
-    return Bounds(best(0.0).error, best(of_travel, of_force).error)
+    travel = travels[:, np.newaxis]  # of each coil, for all inputs
+    causal = problem.best(np.zeros(travel.shape)).error
+    moved = faded_in(acceleration, rate)
+    return Bounds(causal, problem.limited(travel, moved, longest, actuator.peak_force))
 
 
-class _Optimum(NamedTuple):
-    """Best filter: response from tool acceleration to forces, (3, 3, n), and its error, %."""
+class _Problem(Tracking):
+    """Tracking of three spectra; all arrays of the plant have shape (3, 3, n)."""
 
-    force: ComplexArray
-    error: float
-
-
-@dataclass(frozen=True)
-class _Problem:
-    """Tracking of three spectra by a plant, on a grid of frequencies.
-
-    Attributes
-    ----------
-    grid : Grid
-    response : ndarray, shape (3, 3, n)
-        Response of the plant.
-    tool, desired : ndarray, shape (3, 3, n)
-        Spectral factors of the tool's acceleration and of its high-passed version.
-    delay : ndarray, shape (n,)
-        Response of the granted delay.
-    noise : float
-        Power of the sensor's noise in the unit of the grid's lines.
-    """
-
-    grid: Grid
-    response: ComplexArray
-    tool: ComplexArray
-    desired: ComplexArray
-    delay: ComplexArray
-    noise: float
-
-    def best(self, cost: FloatArray) -> _Optimum:
-        """Return the filter of least error for costs of each coil's power, shape (3, n)."""
+    def best(self, cost: FloatArray) -> Optimum:
+        """Return the filter of least error for costs of each coil's power, shape (3, 1, n)."""
         response, wanted = self.response, self.delay * self.desired
         gram = _product(_adjoint(response), response)
         for coil in range(3):
-            gram[coil, coil] += cost[coil]
+            gram[coil, coil] += cost[coil, 0]
         factor = _right_factor(self.grid, gram)
         inverse = _inverse(factor)
         aimed = _product(_adjoint(inverse), _product(_adjoint(response), wanted))
         driven = _product(inverse, _causal(self.grid, aimed))
         missed = float(np.sum(np.abs(_product(response, driven) - wanted) ** 2))
         share = (missed + self.noise) / float(np.sum(np.abs(self.desired) ** 2))
-        return _Optimum(_product(driven, _inverse(self.tool)), 100.0 * math.sqrt(share))
+        return Optimum(_product(driven, _inverse(self.tool)), 100.0 * math.sqrt(share))
 
     def peak(self, response: ComplexArray, acceleration: FloatArray) -> float:
         """Return the largest magnitude of three causal responses to a tool's acceleration."""
