@@ -58,6 +58,7 @@ _SHORTAGES = {
     "cannot allocate memory": "too little memory (ulimit -v)",
     "failed to map segment": "too little memory (ulimit -v)",
     "can't start new thread": "too little memory or too few processes (ulimit -v, -u)",
+    "error return without exception set": "too little memory (ulimit -v)",  # as imports lose it
     "terminated abruptly": "one of its processes was killed, possibly for lack of memory",
 }
 """Exhausted resources of the machine, by the messages of Python and the dynamic loader in errors
@@ -91,7 +92,7 @@ def shortage(error: BaseException | None) -> str:
     while error:
         if isinstance(error, MemoryError):
             return "too little memory"
-        if isinstance(error, (ImportError, OSError, RuntimeError)):
+        if isinstance(error, (ImportError, OSError, RuntimeError, SystemError)):
             for said, resource in _SHORTAGES.items():
                 if said.lower() in str(error).lower():
                     return resource

@@ -23,6 +23,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
 
 from haptic_accel.bags import NO_ROSBAGS
@@ -421,11 +422,14 @@ def _check_bag(arguments: Arguments) -> None:
     if arguments.bag and os.path.exists(arguments.bag):
         raise ParameterError(f"bag = '{arguments.bag}': must be a new folder")
     folder = Path(arguments.bag or "bags/new").absolute()
-    missing = (each for each in (*reversed(folder.parents), folder) if not os.path.exists(each))
-    with located(f"bag = '{arguments.bag}'", unreadable="must be a folder to make: "):
-        if first := next(missing, None):
-            first.mkdir()
-            first.rmdir()
+    there = next(each for each in folder.parents if os.path.exists(each))
+    # Under a name of its own: a graph that starts at the same time checks the same folder.
+    place = f"bag = '{arguments.bag}'"
+    with (
+        located(place, unreadable="must be a folder to make: "),
+        TemporaryDirectory(prefix=".", dir=there) as apart,
+    ):
+        Path(apart, folder.relative_to(there)).mkdir(parents=True)
 
 
 def _absolute(path: str) -> str:

@@ -40,6 +40,7 @@ def chained(error: Exception, cause: Exception) -> Exception:
         (OSError(24, "Too many open files"), "too few file descriptors (ulimit -n)"),
         (RuntimeError("can't start new thread"), "too little memory or too few processes"),
         (chained(ImportError("seems to be broken"), MemoryError()), "too little memory"),
+        (SystemError("error return without exception set"), "too little memory (ulimit -v)"),
         (ImportError("cannot import name"), ""),
         (ValueError("Too many open files"), ""),
         (OSError(2, "No such file or directory"), ""),

@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -521,3 +522,13 @@ def test_a_bag_that_cannot_be_made_is_refused_before_anything_starts(tmp_path: P
             graph(GraphArguments(bag=place))
     graph(GraphArguments(bag=str(tmp_path / "new" / "bag")))
     assert not (tmp_path / "new").exists()
+
+
+def test_graphs_that_start_together_in_a_new_folder_do_not_refuse_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments = GraphArguments()
+    with ThreadPoolExecutor(2) as pool:
+        assert len(list(pool.map(graph, [arguments] * 40))) == 40
+    assert not list(tmp_path.iterdir())
