@@ -46,9 +46,10 @@ BELOW: dict[str, set[str]] = {
     "graph": {"core", "bags", "devices", "links", "materials"},
     "nodes": {"core", "bags", "devices", "links", "materials", "graph", "scope"},
     "analysis": {"core", "bags", "materials", "graph", "pages"},
+    "study": {"core", "bags", "materials", "graph", "pages", "scope", "analysis", "nodes"},
     "cli": {
         *("core", "bags", "devices", "links", "materials", "emulators", "graph"),
-        *("nodes", "scope", "analysis"),
+        *("nodes", "scope", "analysis", "study"),
     },
 }
 """The folders that each folder of the package may import, besides itself."""
