@@ -17,7 +17,8 @@
 ``python benchmarks/three_axes.py`` prints, for both rigs with three coils on the paper's surfaces,
 the error of the vector, the median error of its direction, and the share that a hand could not
 tell, beside the bound of any causal linear controller. With one coil, the same handle moves by the
-coil along z only, whose signal is one of the live reductions of the tool's three axes.
+coil along z only, whose signal is one of the live reductions of the tool's three axes
+(``reduction:=axis``, ``sum`` or ``principal``).
 
 ``--turned`` prints the error, and the time from contact to the first warning, with the handle's
 accelerometer turned by ten degrees that nobody has told.
@@ -44,28 +45,23 @@ from haptic_accel.core.evaluation.metrics import align, direction_error, evaluat
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.trial import Trial
 from haptic_accel.graph.arguments import SURFACES, GraphArguments
-from haptic_accel.graph.files import read_parameter_file
 from haptic_accel.graph.lockstep import lockstep_trial
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
-from haptic_accel.materials.folders import preset_file
 
 SECONDS = 10.0
 BEGIN = 2.0
 """Time without contact, and of first learning, that is left out, s."""
 
 STATIC = {"decoupling": "static"}
-ONE_COIL = {"axes": "z", "plant.model": ""}
-"""A coil along z; its plant is that of the rig with one coil and the same imperfections."""
 
-LIKE = {"three_axis_ideal": "ideal", "three_axis": "paper"}
-"""Rigs with one coil and the same imperfections."""
+RIGS = ("three_axis_ideal", "three_axis")
 
 CONDITIONS: dict[str, tuple[str, Mapping[str, Any]]] = {
     "none": ("none", {}),
-    "one coil: axis": ("inverse", ONE_COIL),
-    "one coil: sum": ("inverse", ONE_COIL | {"reduction": "sum"}),
-    "one coil: principal": ("inverse", ONE_COIL | {"reduction": "principal"}),
+    "one coil: axis": ("inverse", {"reduction": "axis"}),
+    "one coil: sum": ("inverse", {"reduction": "sum"}),
+    "one coil: principal": ("inverse", {"reduction": "principal"}),
     "three coils: constant": ("constant", {}),
     "three coils: inverse, static": ("inverse", STATIC),
     "three coils: inverse": ("inverse", {}),
@@ -106,9 +102,7 @@ def run(rig: str, surface: str, condition: str, least: float = math.nan) -> tupl
     arguments = GraphArguments(
         rig=rig, surface=surface, controller=controller, duration=SECONDS, record=False
     )
-    alike = read_parameter_file(preset_file("rig", LIKE[rig]))["compensator"]
-    own = alike | dict(changes) if "axes" in changes else changes
-    trial = lockstep_trial(arguments, changes={"compensator": own})
+    trial = lockstep_trial(arguments, changes={"compensator": changes})
     desired, actual = compared(trial)
     row = Row(
         evaluate(desired, actual, trial.rate, 0.0).nrmse_percent,
@@ -186,7 +180,7 @@ def figure(rows: Mapping[str, Mapping[str, Row]], trials: Mapping[str, Trial]) -
 def main() -> None:
     """Print the table, and draw the figure if a file is given."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
-    parser.add_argument("--rigs", nargs="+", default=tuple(LIKE))
+    parser.add_argument("--rigs", nargs="+", default=RIGS)
     parser.add_argument("--surfaces", nargs="+", default=SURFACES)
     parser.add_argument("--turned", action="store_true", help="print the second table only")
     parser.add_argument("--figure", type=Path, help="PNG file to draw")

@@ -27,6 +27,7 @@ from haptic_accel.cli.options import arguments, verb
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, parameter, schema
+from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.topics import DEVICES
 from haptic_accel.graph.namespaces import NamespaceArguments
 
@@ -47,6 +48,11 @@ class ControlArguments(NamespaceArguments):
     """Settings that can be changed."""
 
     controller: str = parameter(KEEP, "controller that takes over", choices=(KEEP, *CONTROLLERS))
+    reduction: str = parameter(
+        KEEP,
+        "reduction of the tool's three axes to one along z, or none for all axes of the handle",
+        choices=(KEEP, NO_REDUCTION, *LIVE_REDUCTIONS),
+    )
     frozen: str = _switch("freeze the grip estimate of the adaptive controller")
     reset: bool = parameter(False, "restart all controllers, and forget the grip estimate")
     surface: str = parameter(
@@ -68,8 +74,8 @@ class ControlArguments(NamespaceArguments):
 def control(arguments: ControlArguments) -> None:
     """Change a graph while it runs; prints what changed, from what to what.
 
-    Switches to another controller, freezes or resets the adaptation, changes the simulated
-    surface or grip, disengages or engages the arms.
+    Switches to another controller or reduction, freezes or resets the adaptation, changes the
+    simulated surface or grip, disengages or engages the arms.
     """
     if replace(arguments, namespace="") == ControlArguments():
         settings = [name for name in schema(ControlArguments) if name != "namespace"]
@@ -114,6 +120,8 @@ def _requests(arguments: ControlArguments) -> Iterator[Request]:
     compensator: dict[str, Any] = {}
     if arguments.controller != KEEP:
         compensator["controller"] = arguments.controller
+    if arguments.reduction != KEEP:
+        compensator["reduction"] = arguments.reduction
     if arguments.frozen != KEEP:
         compensator["adaptive.frozen"] = arguments.frozen == "true"
     if compensator:

@@ -265,6 +265,9 @@ def live_reduction(name: str, rate: float, axes: Axes = ACTUATOR_AXES) -> Reduct
     return itemgetter(index)
 
 
+NO_REDUCTION = "none"
+"""Name for all axes that the handle has: nothing is reduced."""
+
 LIVE_REDUCTIONS = ("axis", "sum", "principal")
 """Names of causal reductions: component along the coil, sum of the components, component along a
 slowly turning principal direction."""

@@ -132,8 +132,9 @@ class ConditionArguments(Checked):
     )
     reduction: str = sets(
         "compensator.reduction",
-        text="signal of a single coil from the tool's three axes: component along the coil, sum,"
-        " or component along the strongest vibration; a simulated tool then measures three axes",
+        text="reduction of the tool's three axes to one, which moves the coil along z alone: none"
+        " (all axes that the handle has), component along z, sum, or component along the strongest"
+        " vibration; with one, a simulated tool measures three axes",
     )
     rig: str = parameter(
         "paper", "virtual rig: ideal, paper, three_axis_ideal, three_axis, or a .yaml file"

@@ -39,6 +39,12 @@ from haptic_accel.nodes.timing import CATCH_UP, ArrivalKeeper
 FROZEN = "adaptive.frozen"
 """Parameter that stops the adaptation."""
 
+REDUCTION = "reduction"
+"""Parameter that chooses all axes, or a reduction to one."""
+
+GAIN = "gain"
+"""Parameter that scales the desired acceleration."""
+
 
 class Compensator(GraphNode):
     """Computes one actuator force from each sample of the tool, and publishes it first.
@@ -51,7 +57,7 @@ class Compensator(GraphNode):
     polls = follows_stop = True
 
     def __init__(self) -> None:
-        super().__init__("compensator", ("controller", FROZEN))
+        super().__init__("compensator", ("controller", REDUCTION, GAIN, FROZEN))
         p = self.parameters
         # All at once: designing a controller must not delay a force.
         self._compensation = build_compensation(
@@ -116,9 +122,13 @@ class Compensator(GraphNode):
         self.part.clear()
 
     def change(self, values: dict[str, Any]) -> None:
-        """Switch the controller, or stop or resume adaptation."""
+        """Switch controller or reduction, change the gain, or stop or resume adaptation."""
         if FROZEN in values:
             self._compensation.freeze(values[FROZEN])
+        if GAIN in values:
+            self._compensation.set_gain(values[GAIN])
+        if REDUCTION in values:
+            self._compensation.select_reduction(values[REDUCTION])
         if "controller" in values:
             self._compensation.select(values["controller"])
 

@@ -18,6 +18,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from haptic_accel.core.control.filters import comparable, high_passed
+from haptic_accel.core.evaluation.metrics import align, evaluate
 from haptic_accel.core.topics import CONTACT_FORCE, MASTER_ARM_FORCE
 from haptic_accel.core.trial import Trial
 from haptic_accel.graph.arguments import GraphArguments
@@ -67,3 +69,26 @@ def test_a_tap_is_felt_one_sample_after_the_latency_and_as_strong() -> None:
 def virtual(controller: str, rig: str, duration: float = 2.0) -> Trial:
     given = GraphArguments(slave="virtual", controller=controller, rig=rig, duration=duration)
     return lockstep_trial(given)
+
+
+@pytest.mark.parametrize("reduction", ["axis", "sum", "principal"])
+def test_of_three_coils_one_alone_has_the_error_of_a_handle_with_one(reduction: str) -> None:
+    arguments = GraphArguments(
+        rig="three_axis_ideal", controller="inverse", reduction=reduction, duration=4.0
+    )
+    alone = lockstep_trial(arguments)
+    single = lockstep_trial(arguments, changes={"compensator": {"axes": "z", "plant.model": ""}})
+    assert not alone.actuator_force[:, :2].any()
+    errors = [vector_error(each) for each in (alone, single)]
+    # The single coil's plant is that of Table I, with a tenth too little force.
+    assert errors[0] == pytest.approx(errors[1], abs=2.5)
+    assert errors[0] == pytest.approx(alone.evaluate(first=2000).nrmse_percent)
+
+
+def vector_error(trial: Trial) -> float:
+    """Return the error of the handle's vector to the tool's, %; one coil's trial desires one."""
+    corner, rate = trial.high_pass_frequency, trial.rate
+    desired = high_passed(trial.tool_acceleration, corner, rate)
+    desired, actual = comparable(desired, trial.handle_acceleration, corner, rate)
+    compared = align(desired[2000:], actual[2000:], trial.after)
+    return evaluate(*compared, rate, 0.0).nrmse_percent

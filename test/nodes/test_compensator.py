@@ -26,6 +26,7 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 
 from haptic_accel.core.model import ZERO, Vector
@@ -195,3 +196,28 @@ def test_nothing_is_felt_of_a_sample_with_an_axis_that_is_no_number(
     assert max(abs(each) for vector in bench.forces for each in vector) < 10.0
     assert int(bench.reported()["rejected"]) > 20
     assert len(capfd.readouterr().err.splitlines()) <= 1
+
+
+@pytest.mark.parametrize("bench", ["'x, y, z'"], indirect=True)
+def test_the_reduction_changes_while_the_node_runs(bench: Bench) -> None:
+    bench.tool = cycle([(2.0, 1.0, 3.0), (-2.0, -1.0, -3.0)])
+    bench.state.publish(Bool(data=False))
+    bench.run(0, lambda: len(bench.forces) > 20 and all(bench.forces[-1]))
+    reduced = bench.node.set_parameters([Parameter("reduction", value="sum")])
+    assert [each.successful for each in reduced] == [True]
+    bench.run(0, lambda: bench.forces[-1][:2] == (0.0, 0.0) != bench.forces[-1][1:])
+    assert all(bench.desired[-1])
+    bench.node.set_parameters([Parameter("reduction", value="none")])
+    bench.run(0, lambda: all(bench.forces[-1]))
+
+
+@pytest.mark.parametrize("bench", ["z", "'x, y, z'"], indirect=True)
+def test_the_gain_changes_while_it_runs(bench: Bench) -> None:
+    bench.tool = cycle([(1.0, 1.0, 1.0), (-1.0, -1.0, -1.0)])
+    bench.run(0, lambda: bool(bench.desired) and any(bench.desired[-1]))
+    for gain in (0.0, 0.5):
+        (result,) = bench.node.set_parameters([Parameter("gain", value=gain)])
+        assert result.successful
+        bench.run(0, lambda felt=gain > 0: bool(bench.desired) and any(bench.desired[-1]) == felt)
+    (refused,) = bench.node.set_parameters([Parameter("gain", value=5.0)])
+    assert not refused.successful

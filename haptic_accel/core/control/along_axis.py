@@ -16,11 +16,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from haptic_accel.core.axes import ACTUATOR_AXES, ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control.compensation import Compensation
+from haptic_accel.core.control.reduction_switch import ReductionSwitch
 from haptic_accel.core.model import Vector
+from haptic_accel.core.reduction import NO_REDUCTION
 
 
 def component(acceleration: Vector) -> float:
@@ -34,26 +34,33 @@ class AlongAxis:
     Parameters
     ----------
     compensation : Compensation
-    reduction : callable
-        Function from the tool's acceleration in three axes to the signal of the coil.
+    rate : float
+        Samples per second.
+    reduction : str
+        Reduction of the tool's three axes; without one, the coil has the component along z.
 
     Attributes
     ----------
-    select, adapt, mute, freeze, reset, diagnostics : callable
+    select, set_gain, adapt, mute, freeze, diagnostics : callable
         Those of the compensation.
+    select_reduction : callable
+        Change to another reduction without a jump; see `ReductionSwitch`.
     """
 
     axes = ACTUATOR_AXES
     """Axes of the handle."""
 
     def __init__(
-        self, compensation: Compensation, reduction: Callable[[Vector], float] = component
+        self, compensation: Compensation, rate: float, reduction: str = NO_REDUCTION
     ) -> None:
-        self._process, self._reduced = compensation.process, reduction
+        self._switch = ReductionSwitch(reduction, rate, unreduced=lambda tool: tool)
+        self._process, self._reduced = compensation.process, self._switch.process
+        self.select_reduction = self._switch.select
         self._compensation = compensation
         self.select, self.adapt = compensation.select, compensation.adapt
+        self.set_gain = compensation.set_gain
         self.mute, self.freeze = compensation.mute, compensation.freeze
-        self.reset, self.diagnostics = compensation.reset, compensation.diagnostics
+        self.diagnostics = compensation.diagnostics
 
     @property
     def controller(self) -> str:
@@ -63,5 +70,10 @@ class AlongAxis:
     def process(self, tool: Vector, handle: Vector | None) -> tuple[Vector, Vector]:
         """Return desired acceleration, m/s^2, and force, N; see `Compensation.process`."""
         measured = None if handle is None else component(handle)
-        desired, force = self._process(self._reduced(tool), measured)
+        desired, force = self._process(component(self._reduced(tool)), measured)
         return along_actuator(desired), along_actuator(force)
+
+    def reset(self) -> None:
+        """Return to the initial state with the selected reduction; see `Compensation.reset`."""
+        self._compensation.reset()
+        self._switch.settle()

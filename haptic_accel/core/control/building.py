@@ -28,7 +28,6 @@ from haptic_accel.core.control.vector_compensation import VectorCompensation
 from haptic_accel.core.handle.matrix_plant import MatrixPlant, read_matrix_plant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.parameters import Checked, ParameterError
-from haptic_accel.core.reduction import live_reduction
 from haptic_accel.core.sampling import LATENCY
 
 VectorLoop: TypeAlias = AlongAxis | VectorCompensation
@@ -55,7 +54,7 @@ def build_compensation(
     """
     if check_axes(parameters, options or {}, rate) == ACTUATOR_AXES:
         along = Compensation(parameters, rate, options, prepared, latency=latency)
-        return AlongAxis(along, live_reduction(parameters.reduction, rate))
+        return AlongAxis(along, rate, parameters.reduction)
     return VectorCompensation(
         *(parameters, rate, matrix_plant(options or {}, rate), options, prepared), latency=latency
     )
@@ -69,18 +68,12 @@ def check_axes(
     Raises
     ------
     ParameterError
-        There are two axes, three coils have a reduction, or the plant's model has another number
-        of axes or another rate.
+        There are two axes, or the plant's model has another number of axes or another rate.
     """
     axes = Axes.parsed(parameters.axes)
     if axes not in (ACTUATOR_AXES, ALL_AXES):
         raise ParameterError(f"axes = {parameters.axes}: must be z, or x, y, z")
     if axes == ALL_AXES:
-        if parameters.reduction != CompensationParameters.reduction:
-            raise ParameterError(
-                f"reduction = {parameters.reduction}: must be {CompensationParameters.reduction}"
-                " for three coils, which render all axes"
-            )
         matrix_plant(options, rate).check_rate(rate)
     return axes
 

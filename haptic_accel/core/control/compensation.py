@@ -33,11 +33,12 @@ from haptic_accel.core.control.filters import (
     check_corner,
     high_pass,
 )
+from haptic_accel.core.control.gain import LARGEST_GAIN, Gain
 from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, GRAVITY, ApproximateModel
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
-from haptic_accel.core.reduction import LIVE_REDUCTIONS
+from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.sampling import LATENCY
 
 AT_RANGE = 0.999
@@ -84,12 +85,20 @@ class CompensationParameters(Checked):
         LARGEST_ACCELERATION,
         above=True,
     )
+    gain: float = parameter(
+        1.0,
+        "factor of the desired acceleration; a change takes 50 ms",
+        "",
+        0,
+        LARGEST_GAIN,
+    )
     axes: str = parameter("z", "axes of the handle's coils: z, or x, y, z")
     reduction: str = parameter(
-        "axis",
-        "signal of a single coil from a tool that measures three axes: the component along the"
-        " coil, the sum, or the component along the direction of the strongest vibration",
-        choices=LIVE_REDUCTIONS,
+        NO_REDUCTION,
+        "reduction of the tool's three axes to one, which moves the coil along z alone: none (all"
+        " axes that the handle has), the component along z, the sum, or the component along the"
+        " strongest vibration",
+        choices=(NO_REDUCTION, *LIVE_REDUCTIONS),
     )
     decoupling: str = parameter(
         FULL,
@@ -182,6 +191,7 @@ class Compensation:
         check_corner(rate, parameters.high_pass_frequency)
         self._options = dict(options or {})
         self._sections = high_pass(parameters.high_pass_frequency, rate)
+        self._gain = Gain(parameters.gain, rate)
         self._handle_range = AT_RANGE * parameters.handle_range
         actuator = self._options.get(ACTUATOR, ActuatorParameters())
         plant = self._options.get(PLANT, Plant())
@@ -227,7 +237,8 @@ class Compensation:
 
         For `LISTENING` the new controller only receives samples, until its filters have settled.
         It is then faded in over `FADING`. A running crossfade is completed before another
-        controller starts. In the idle state the change is immediate. A controller that was
+        controller starts. In the idle state, and while the gain is zero, the change is immediate:
+        nothing is felt of it. A controller that was
         replaced because it was worse than no compensation is tried again when it is selected
         again.
 
@@ -244,10 +255,26 @@ class Compensation:
         if self.asleep:
             self._active, self._follower, self._waiting = self._built[name], None, None
             self._judge_anew()
+        elif self._gain.is_silent:
+            self._listen(self._active)  # to nobody
+            self._waiting = None
+            self._take_over(self._built[name])
+            self._active.begin(self._rest)
         elif self._follower and self._listened > self._listening:
             self._waiting = self._built[name]
         else:
             self._listen(self._built[name])
+
+    @property
+    def gain(self) -> float:
+        """Factor of the desired acceleration of the last sample."""
+        return self._gain.value
+
+    def set_gain(self, gain: float) -> None:
+        """Change the factor of the desired acceleration; in the idle state at once."""
+        self._gain.change(gain)
+        if self.asleep:
+            self._gain.settle()
 
     def process(
         self, tool_acceleration: float, handle_acceleration: float | None
@@ -267,7 +294,7 @@ class Compensation:
         Returns
         -------
         desired_acceleration : float
-            High-passed tool acceleration, m/s^2.
+            High-passed tool acceleration times the gain, m/s^2.
         actuator_force : float
             Force within the actuator's limits, N; always finite.
         """
@@ -316,9 +343,9 @@ class Compensation:
         force : float
             Force within the actuator's limits, N.
         """
-        self._active.controller.applied(force)
+        self._active.applied(force, self._gain.value)
         if self._follower:
-            self._follower.controller.applied(force)
+            self._follower.applied(force, self._gain.value)
         self._fallback.observe(desired, measured, force)
 
     def adapt(self) -> None:
@@ -356,6 +383,7 @@ class Compensation:
         """
         for channel in self._built.values():
             channel.reset()
+        self._gain.settle()
         self._rest = 0.0
         self._start_judging()
         self._fall_asleep()
@@ -386,6 +414,7 @@ class Compensation:
     def _fall_asleep(self) -> None:
         """Enter the idle state, until two samples differ."""
         self.asleep = True
+        self._upright = math.nan  # mean handle acceleration, mostly gravity, m/s^2
         self._tool_at_rest: float | None = None
         self._handle_at_rest: float | None = None
 
@@ -402,19 +431,38 @@ class Compensation:
 
     def _mixed(self, tool: float, measured: float) -> tuple[float, float]:
         """Return desired acceleration and force, crossfaded during a change of controller."""
-        desired, force = self._active.process(tool, measured)
+        gain = self._gain.advance()
+        measured = self._unscaled(measured)
+        desired, force = self._active.process(tool, measured, gain)
         self._rest += self._resting * (tool - self._rest)
         if self._follower is None:
             return desired, force
         if not self._listened:
             self._follower.begin(self._rest)
-        following = self._follower.process(tool, measured)
+        following = self._follower.process(tool, measured, gain)
         self._listened += 1
         share = (self._listened - self._listening) / self._fading
         if share >= 1.0:
             self._take_over(self._follower)
             return following
         return desired, force + max(0.0, share) * (following[1] - force)
+
+    def _unscaled(self, measured: float) -> float:
+        """Return the handle's acceleration as it would be at a gain of 1; NaN if unknown.
+
+        Controllers compute the force for a gain of 1, so that a change of the gain is no
+        excitation for them: its product with the desired acceleration has slow components, which
+        an inverse follows up to the actuator's stops.
+        """
+        if math.isfinite(measured):
+            if math.isnan(self._upright):
+                self._upright = measured
+            self._upright += self._resting * (measured - self._upright)
+        if self._gain.value == 1.0 and not self._gain.is_changing:
+            return measured
+        if self._gain.value == 0.0 or self._gain.is_changing:
+            return math.nan
+        return self._upright + (measured - self._upright) / self._gain.value
 
     def _audible(self, force: float) -> float:
         """Return the force, none while muted, and a growing share afterwards."""
@@ -478,16 +526,32 @@ class _Channel:
         self.name = name
         self.controller = controller
         self._high_pass = high_pass
-        self._rest = 0.0
+        self._rest = self._force = 0.0
 
     def begin(self, tool_acceleration: float) -> None:
         """Initialize with the tool's acceleration at rest, mostly gravity."""
         self._rest = tool_acceleration
 
-    def process(self, tool_acceleration: float, measured: float) -> tuple[float, float]:
-        """Return the desired acceleration and the controller's force."""
+    def process(
+        self, tool_acceleration: float, measured: float, gain: float
+    ) -> tuple[float, float]:
+        """Return the desired acceleration and the controller's force, times the gain.
+
+        Parameters
+        ----------
+        tool_acceleration : float
+            Tool acceleration, m/s^2.
+        measured : float
+            Handle acceleration as it would be at a gain of 1, m/s^2.
+        gain : float
+        """
         desired = self._high_pass.process(tool_acceleration - self._rest)
-        return desired, self.controller.force(desired, measured)
+        self._force = self.controller.force(desired, measured)
+        return gain * desired, gain * self._force
+
+    def applied(self, force: float, gain: float) -> None:
+        """Pass the force that was sent to the controller, as it would be at a gain of 1."""
+        self.controller.applied(force / gain if gain else self._force)
 
     def reset(self) -> None:
         """Return to the state for zero past input."""

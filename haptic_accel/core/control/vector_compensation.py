@@ -40,9 +40,11 @@ from haptic_accel.core.control.decoupling import (
     static_decoupling,
 )
 from haptic_accel.core.control.filters import SampleFilter, high_pass
+from haptic_accel.core.control.reduction_switch import ReductionSwitch
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked
+from haptic_accel.core.reduction import NO_REDUCTION
 from haptic_accel.core.sampling import LATENCY
 
 MISSING: Vector = (math.nan, math.nan, math.nan)
@@ -58,6 +60,10 @@ class VectorCompensation:
     learning. The limits are common: where a coil reaches its peak force, its heat or its travel,
     the whole force is scaled and keeps its direction. Only a coil that must be braked before its
     stop leaves it. As for one axis, all is idle until a sample differs from the first one.
+
+    With a reduction, the compensation of the coil along z receives the reduced tool acceleration,
+    and the other coils have no force. Without their force, a decoupled axis moves by none, and the
+    one of z as with a single coil: supervision and learning go on.
 
     Parameters
     ----------
@@ -119,6 +125,7 @@ class VectorCompensation:
         design = full_decoupling if parameters.decoupling == FULL else static_decoupling
         decoupling = design(plant, high_pass_frequency=parameters.high_pass_frequency)
         self._tool, self._seen = VectorConvolution(decoupling), VectorConvolution(decoupling)
+        self._switch = ReductionSwitch(parameters.reduction, rate, self._tool.process)
         self._per_axis = parameters.saturation == PER_AXIS
         self._handle_range = AT_RANGE * parameters.handle_range
         self._handle = ZERO
@@ -137,6 +144,18 @@ class VectorCompensation:
         if name == self._judged:
             self._judge_anew()
 
+    def select_reduction(self, name: str) -> None:
+        """Change to another reduction, or to all axes, without a jump; see `ReductionSwitch`."""
+        self._switch.select(name)
+        if self._asleep:
+            self._switch.settle()
+            self._judge_anew()
+
+    def set_gain(self, gain: float) -> None:
+        """Change the factor of the desired acceleration; see `Compensation.set_gain`."""
+        for axis in self._axes:
+            axis.set_gain(gain)
+
     def process(self, tool: Vector, handle: Vector | None) -> tuple[Vector, Vector]:
         """Process one sample of tool and handle acceleration.
 
@@ -151,7 +170,7 @@ class VectorCompensation:
         Returns
         -------
         desired_acceleration : tuple of float
-            High-passed tool acceleration, m/s^2.
+            High-passed tool acceleration times the gain, m/s^2; in all axes also with a reduction.
         actuator_force : tuple of float
             Force of each coil within its limits, N; always finite.
         """
@@ -161,13 +180,13 @@ class VectorCompensation:
         measured = self._measured(handle)
         (x, y, z), (rest_x, rest_y, rest_z) = tool, self._rest
         high_x, high_y, high_z = self._high_pass
-        desired = (
+        high = (
             high_x.process(x - rest_x),
             high_y.process(y - rest_y),
             high_z.process(z - rest_z),
         )
         axis_x, axis_y, axis_z = self._axes
-        tool_x, tool_y, tool_z = self._tool.process(tool)
+        tool_x, tool_y, tool_z = self._switch.process(tool)
         m_x, m_y, m_z = measured
         d_x, f_x = axis_x.wanted(tool_x, m_x)
         d_y, f_y = axis_y.wanted(tool_y, m_y)
@@ -175,12 +194,14 @@ class VectorCompensation:
         if axis_x.asleep or axis_y.asleep or axis_z.asleep:  # a controller was unstable
             self.reset()
             return ZERO, ZERO
+        gain = axis_x.gain  # the same for all axes
+        desired = (gain * high[0], gain * high[1], gain * high[2])
+        if alone := self._switch.alone:
+            f_x, f_y = (1.0 - alone) * f_x, (1.0 - alone) * f_y
         force = self._limited((f_x, f_y, f_z))
         if self._reducible:
-            self._due.append(desired)
-            self._authority.observe_vector(
-                self._due[0], self._handle if math.isfinite(m_x) else MISSING
-            )
+            self._due.append((0.0, 0.0, d_z) if self._judged_alone else desired)
+            self._authority.observe_vector(self._due[0], self._judged_motion(m_x))
         self._alignment.observe([each.expected for each in self._supervisors], measured)
         axis_x.settle(d_x, m_x, force[0])
         axis_y.settle(d_y, m_y, force[1])
@@ -194,13 +215,25 @@ class VectorCompensation:
         for axis in self._axes:
             axis.adapt()
         self._alignment.update()
-        if self._axes[0].active != self._judged:
+        if self._axes[0].active != self._judged or self._is_alone != self._judged_alone:
             self._judge_anew()
         elif self._reducible:
             self._authority.update(all([each.described for each in self._supervisors]))
 
+    @property
+    def _is_alone(self) -> bool:
+        """True if the coil along z is driven alone."""
+        return self._switch.active != NO_REDUCTION
+
+    def _judged_motion(self, measured: float) -> Vector:
+        """Return the part of the handle's motion that the driven coils shall cause, m/s^2."""
+        if not math.isfinite(measured):
+            return MISSING
+        return (0.0, 0.0, self._handle[2]) if self._judged_alone else self._handle
+
     def _judge_anew(self) -> None:
         """Judge the active controller, with its full force at first."""
+        self._judged_alone = self._is_alone
         self._judged = name = self._axes[0].active
         self._reducible = CONTROLLERS[name].reducible
         # The first one is due with the handle's sample of the previous tick.
@@ -225,6 +258,7 @@ class VectorCompensation:
         for each in self._high_pass:
             each.reset()
         self._alignment.reset()
+        self._switch.settle()
         self._judge_anew()
         self._rest = ZERO
         self._seen_once = False
@@ -258,7 +292,7 @@ class VectorCompensation:
         self._asleep = False
         self._rest = self._tool_at_rest
         self._tool.fill(self._rest)
-        for axis, rest in zip(self._axes, self._tool.process(self._rest), strict=True):
+        for axis, rest in zip(self._axes, self._switch.process(self._rest), strict=True):
             axis.wake(rest)
         return False
 

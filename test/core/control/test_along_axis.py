@@ -27,15 +27,24 @@ SAMPLES: list[tuple[Vector, Vector | None]] = [
 
 
 def test_other_components_count_for_nothing() -> None:
-    stream, alone = AlongAxis(Compensation(AROUND, 1000.0)), Compensation(AROUND, 1000.0)
+    stream, alone = AlongAxis(Compensation(AROUND, 1000.0), 1000.0), Compensation(AROUND, 1000.0)
     for tool, handle in SAMPLES:
         desired, force = alone.process(tool[2], handle[2] if handle else None)
         assert stream.process(tool, handle) == ((0.0, 0.0, desired), (0.0, 0.0, force))
 
 
 def test_a_reduction_chooses_what_is_rendered() -> None:
-    stream = AlongAxis(Compensation(AROUND, 1000.0), reduction=sum)
+    stream = AlongAxis(Compensation(AROUND, 1000.0), 1000.0, "sum")
     alone = Compensation(AROUND, 1000.0)
     for tool, handle in SAMPLES:
         desired, force = alone.process(sum(tool), handle[2] if handle else None)
+        assert stream.process(tool, handle) == ((0.0, 0.0, desired), (0.0, 0.0, force))
+
+
+def test_the_gain_is_that_of_the_only_coil() -> None:
+    stream, alone = AlongAxis(Compensation(AROUND, 1000.0), 1000.0), Compensation(AROUND, 1000.0)
+    stream.set_gain(0.5)
+    alone.set_gain(0.5)
+    for tool, handle in SAMPLES:
+        desired, force = alone.process(tool[2], handle[2] if handle else None)
         assert stream.process(tool, handle) == ((0.0, 0.0, desired), (0.0, 0.0, force))

@@ -44,6 +44,7 @@ from haptic_accel.core.control.compensation import (
 from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop
 from haptic_accel.core.control.controllers.constant import ConstantParameters
 from haptic_accel.core.control.filters import check_corner, high_pass, inverse_of
+from haptic_accel.core.control.gain import RAMP
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import GRAVITY, ApproximateModel, FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError
@@ -641,3 +642,122 @@ def test_muting_changes_nothing_for_who_is_asleep() -> None:
     forces(waited, tool[:1] * 10)
     waited.mute(False)
     assert forces(waited, tool) == forces(new, tool)
+
+
+def answers(stream: Compensation, tool: FloatArray) -> FloatArray:
+    """Return desired accelerations and forces for a tool, without a handle's acceleration."""
+    return np.array([stream.process(float(each), None) for each in tool])
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_a_gain_that_returned_to_one_leaves_no_trace(controller: str) -> None:
+    tool = texture(0.5)
+    always, changed = (copy.deepcopy(built(controller, RATE, False)) for _ in range(2))
+    changed.set_gain(0.25)
+    for stream in (always, changed):
+        assert not answers(stream, tool[:1]).any()  # idle
+    changed.set_gain(1.0)
+    np.testing.assert_array_equal(answers(changed, tool[1:]), answers(always, tool[1:]))
+
+
+def test_a_gain_scales_desired_acceleration_and_force() -> None:
+    tool = texture(0.5)
+    half, whole = (copy.deepcopy(built("dynamic", RATE, False)) for _ in range(2))
+    half.set_gain(0.5)
+    np.testing.assert_allclose(answers(half, tool), 0.5 * answers(whole, tool), atol=1e-12)
+
+
+@pytest.mark.parametrize("controller", ["inverse", "adaptive", "feedback"])
+@pytest.mark.parametrize("gain", [0.5, 1.5])
+def test_a_handle_moves_in_proportion_to_the_gain(controller: str, gain: float) -> None:
+    def moved(gain: float) -> FloatArray:
+        stream = compensation(controller)
+        stream.set_gain(gain)
+        handle = SimulatedMaster(MasterRigParameters(), RATE, 0)
+        found = np.zeros((len(tool), 2))
+        for tick, acceleration in enumerate(tool):
+            felt = handle.read(tick / RATE).acceleration[ACTUATOR_AXIS]
+            found[tick] = stream.process(acceleration, felt)
+            stream.adapt()
+            handle.write((tick + 1) / RATE, actuator_force=along_actuator(found[tick, 1]))
+        return found[1000:]
+
+    tool = GRAVITY + 0.5 * (texture(2.5) - GRAVITY)
+    np.testing.assert_allclose(moved(gain)[:, 0], gain * moved(1.0)[:, 0], atol=1e-9)
+    force, whole = moved(gain)[:, 1], moved(1.0)[:, 1]
+    assert np.std(force - gain * whole) <= 0.2 * gain * np.std(whole)
+
+
+@pytest.mark.parametrize("controller", ["inverse", "adaptive", "feedback"])
+def test_a_texture_that_is_faded_in_does_not_drive_the_actuator_to_its_stops(
+    controller: str,
+) -> None:
+    stream = Compensation(CompensationParameters(controller, gain=0.0), RATE)
+    handle = SimulatedMaster(MasterRigParameters(), RATE, 0)
+    for tick, acceleration in enumerate(texture(4.0)):
+        if tick == 1000:
+            stream.set_gain(1.0)
+        felt = handle.read(tick / RATE).acceleration[ACTUATOR_AXIS]
+        _, force = stream.process(acceleration, felt)
+        assert force == 0.0 or tick >= 1000
+        stream.adapt()
+        handle.write((tick + 1) / RATE, actuator_force=along_actuator(force))
+    assert stream.guard.cushioned == 0
+
+
+def test_a_changed_gain_takes_effect_along_a_ramp() -> None:
+    tool = texture(0.5)
+    changed, whole = compensation("constant"), compensation("constant")
+    np.testing.assert_array_equal(answers(changed, tool[:200]), answers(whole, tool[:200]))
+    changed.set_gain(0.0)
+    ramp = round(RAMP * RATE)
+    expected = answers(whole, tool[200:])[:, 0]
+    expected[:ramp] *= np.linspace(1.0, 0.0, ramp + 1)[1:]
+    expected[ramp:] = 0.0
+    found = answers(changed, tool[200:])
+    np.testing.assert_allclose(found[:, 0], expected, atol=1e-12)
+    assert not found[ramp:, 1].any()
+    assert changed.gain == 0.0
+    changed.set_gain(1.0)
+    answers(changed, tool[:ramp])
+    assert changed.gain == 1.0
+
+
+def test_a_reset_ends_a_ramp() -> None:
+    stream = compensation("constant")
+    stream.set_gain(2.0)
+    stream.reset()
+    assert stream.gain == 2.0
+
+
+@pytest.mark.parametrize("earlier", ["", "dynamic"])
+def test_while_the_gain_is_zero_another_controller_takes_over_at_once(earlier: str) -> None:
+    tool = texture(2.0)
+    changed, always = (copy.deepcopy(built(it, RATE, False)) for it in ("constant", "inverse"))
+    for stream in (changed, always):
+        stream.set_gain(0.0)
+        answers(stream, tool[:200])
+    if earlier:
+        changed.select(earlier)
+        answers(changed, tool[200:400])
+    changed.select("inverse")
+    assert changed.active == changed.controller == "inverse"
+    for stream in (changed, always):
+        assert not answers(stream, tool[400:800]).any()
+        stream.set_gain(1.0)
+    # The high-pass began at another time, and the actuator's travel was estimated from then on.
+    np.testing.assert_allclose(
+        answers(changed, tool[800:]), answers(always, tool[800:]), atol=0.05
+    )
+
+
+def test_an_equal_controller_while_another_listens_stays_at_a_gain_of_zero() -> None:
+    stream = compensation("constant")
+    tool = texture(1.0)
+    stream.select("dynamic")
+    stream.set_gain(0.0)
+    answers(stream, tool[:100])
+    stream.select("constant")
+    assert stream.active == stream.controller == "constant"
+    stream.set_gain(1.0)
+    assert np.abs(answers(stream, tool[100:])).max() < GRAVITY  # no step

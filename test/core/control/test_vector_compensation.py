@@ -31,6 +31,7 @@ from scipy.spatial.transform import Rotation
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import NAMES as AXES
+from haptic_accel.core.control.along_axis import AlongAxis
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.filters import high_passed, without_hand_motion
@@ -248,6 +249,69 @@ def test_a_change_of_the_controller_is_no_jump(controller: str) -> None:
     assert not np.any(forces[:900])
 
 
+# One coil alone
+
+
+@pytest.mark.parametrize("controller", NAMES)
+def test_with_a_reduction_the_coil_along_z_is_that_of_a_single_coil(controller: str) -> None:
+    stream = compensation(controller, UNCOUPLED, WIDE, "reduction=sum")
+    options: dict[str, Checked] = {"actuator": WIDE, "plant": UNEQUAL[2]}
+    around = CompensationParameters(controller, reduction="sum")
+    single = AlongAxis(Compensation(around, RATE, options, latency=LATENCY), RATE, "sum")
+    tool, felt = textures(1.0), 0.9 * textures(1.0, seed=2)
+    for each, moved in zip(tool + REST, felt + REST, strict=True):
+        # Forces are reduced by what the handle measures, with other rounding.
+        handle = None if CONTROLLERS[controller].reducible else vector(moved)
+        _, force = stream.process(vector(each), handle)
+        _, alone = single.process(vector(each), handle)
+        assert force == alone
+        stream.adapt()
+        single.adapt()
+
+
+@pytest.mark.parametrize("controller", ["inverse", "feedback", "adaptive"])
+def test_with_a_reduction_the_handle_follows_it_along_z(controller: str) -> None:
+    tool = textures(4.0)
+    stream = compensation(controller, changed="reduction=sum")
+    felt, warnings = driven(stream, Handle(COUPLED), tool)
+    assert error(tool.sum(axis=1)[:, np.newaxis], felt[:, 2:]) < 6.0
+    assert set(warnings) == {""}
+
+
+@pytest.mark.parametrize("controller", WITH_FORCE)
+def test_a_change_of_the_reduction_is_no_jump(controller: str) -> None:
+    tool, handle = textures(4.0), Handle(COUPLED)
+    stream = compensation(controller, changed="reduction=axis")
+    forces: list[Vector] = []
+    before: Vector | None = None
+    for index, each in enumerate(tool + REST):
+        if index in (1000, 2500):
+            stream.select_reduction({1000: "none", 2500: "sum"}[index])
+        desired, force = stream.process(vector(each), before)
+        forces.append(force)
+        stream.adapt()
+        assert min(map(abs, desired)) > 0.0 or index == 0
+        before = vector(handle.moved(force) + REST)
+    found = np.array(forces)
+    assert not found[:1500, :2].any()
+    assert found[1600:3000, :2].std(axis=0).min() > 0.1
+    assert not found[3100:, :2].any()
+    steps = np.abs(np.diff(found, axis=0)).max(axis=1)
+    for changed in (slice(1490, 1600), slice(2990, 3100)):
+        assert steps[changed].max() < 1.5 * steps[1700:2900].max()
+    assert stream.diagnostics()[0] == ""
+
+
+def test_a_change_of_the_reduction_at_rest_is_immediate() -> None:
+    changed, begun = compensation("inverse"), compensation("inverse", changed="reduction=sum")
+    for _ in range(3):
+        changed.process(REST, REST)
+        begun.process(REST, REST)
+    changed.select_reduction("sum")
+    for tool in textures(0.2) + REST:
+        assert changed.process(vector(tool), REST) == begun.process(vector(tool), REST)
+
+
 # Faults
 
 
@@ -428,6 +492,29 @@ def test_while_muted_there_is_no_force() -> None:
     assert {stream.process(vector(each), ZERO)[1] for each in textures(0.1)} == {ZERO}
     stream.mute(False)
     assert stream.process((5.0, 5.0, 5.0), ZERO)[1] != ZERO
+
+
+@pytest.mark.parametrize("controller", ["constant", "inverse"])
+def test_a_gain_scales_all_axes_and_is_exact_at_one(controller: str) -> None:
+    whole, changed, half = (compensation(controller, actuator=WIDE) for _ in range(3))
+    half.set_gain(0.5)
+    tools = textures(0.4) + REST
+    for index, each in enumerate(tools):
+        if index == 100:
+            changed.set_gain(0.0)
+        elif index == 200:
+            changed.set_gain(1.0)
+        desired, force = whole.process(vector(each), None)
+        found = changed.process(vector(each), None)
+        if index < 100:
+            assert found == (desired, force)
+        elif 150 <= index < 200:
+            assert found[0] == ZERO
+        elif index >= 250:
+            assert found[0] == desired
+        if controller == "constant":  # linear, without the supervision's pace
+            halved = half.process(vector(each), None)
+            np.testing.assert_allclose(halved, 0.5 * np.array([desired, force]), atol=1e-9)
 
 
 def test_another_rate_is_refused() -> None:

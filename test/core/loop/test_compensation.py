@@ -36,7 +36,7 @@ SOON, LATE = PERIOD // 4, PERIOD
 @pytest.fixture
 def part() -> CompensationPart:
     compensation = Compensation(CompensationParameters(controller="constant"), RATE)
-    return CompensationPart(AlongAxis(compensation), RATE, latency=1, longest=100)
+    return CompensationPart(AlongAxis(compensation, RATE), RATE, latency=1, longest=100)
 
 
 def stamps(part: CompensationPart, now: int) -> list[int]:

@@ -96,7 +96,9 @@ class Rig:
         )
         compensation = Compensation(CompensationParameters(controller="constant"), RATE)
         self.part = CouplingPart(coupling, engagement, RATE, longest=10)
-        self.compensation = CompensationPart(AlongAxis(compensation), RATE, latency, longest=10)
+        self.compensation = CompensationPart(
+            AlongAxis(compensation, RATE), RATE, latency, longest=10
+        )
         self.loop = HostLoop(
             sides,
             self.part,

@@ -1,0 +1,162 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Change of the reduction from three axes to one while a compensation runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TypeAlias
+
+from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION
+from haptic_accel.core.axes import along_actuator
+from haptic_accel.core.control.compensation import FADING, LISTENING, RESTING
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.reduction import NO_REDUCTION, live_reduction
+
+Shaping: TypeAlias = Callable[[Vector], Vector]
+"""Function from the tool's acceleration to the input of each coil's compensation, m/s^2."""
+
+
+class ReductionSwitch:
+    """Input of the coils' compensations: the tool's vibration in all axes, or reduced to one.
+
+    A change is none of the controllers, but of their input. As the next controller does, the next
+    reduction only receives samples for `LISTENING`, and is then crossfaded over `FADING`. Gravity
+    has another component in each reduction. The difference of both means is carried on, so that
+    the high-pass behind sees no step. A running crossfade is completed before another starts.
+
+    Parameters
+    ----------
+    name : str
+        `NO_REDUCTION` or one of `LIVE_REDUCTIONS`.
+    rate : float
+        Samples per second.
+    unreduced : callable
+        Function that gives the input without reduction.
+
+    Attributes
+    ----------
+    name : str
+        Name of the reduction in use, or of the last selected one.
+    active : str
+        Name of the reduction in use, also while another one is prepared.
+    alone : float
+        Share of the coil along z alone: 1 with a reduction, 0 without, between in a crossfade.
+
+    Examples
+    --------
+    >>> switch = ReductionSwitch("none", 1000.0, unreduced=lambda tool: tool)
+    >>> switch.process((1.0, 2.0, 3.0)), switch.alone
+    ((1.0, 2.0, 3.0), 0.0)
+    >>> switch.select("sum")
+    >>> switch.settle()
+    >>> switch.process((1.0, 2.0, 3.0)), switch.alone
+    ((0.0, 0.0, 6.0), 1.0)
+    """
+
+    def __init__(self, name: str, rate: float, unreduced: Shaping) -> None:
+        self._rate = rate
+        self._shapings: dict[str, Shaping] = {NO_REDUCTION: unreduced}
+        self._listening, self._fading = round(LISTENING * rate), max(1, round(FADING * rate))
+        self._resting = -math.expm1(-1.0 / (RESTING * rate))
+        self._following: str | None = None
+        self._difference: Vector | None = None
+        self._listened = 0
+        self.name = name
+        self.settle()
+
+    def select(self, name: str) -> None:
+        """Change to another reduction without a jump."""
+        self.name = name
+        if self._following is None or self._listened <= self._listening:
+            self._listen()
+
+    def settle(self) -> None:
+        """Use the selected reduction at once, before the first sample."""
+        self._offset = ZERO
+        self._take_over(self.name)
+
+    def process(self, tool: Vector) -> Vector:
+        """Return the input for a sample of the tool, m/s^2."""
+        if self._unused:
+            self._unused(tool)
+        value = self._shaped(tool)
+        if self._offset is not ZERO:
+            value = _plus(value, self._offset)
+        return value if self._following is None else self._mixed(value, tool)
+
+    def _mixed(self, value: Vector, tool: Vector) -> Vector:
+        """Return the input, crossfaded after the next reduction has listened."""
+        assert self._following is not None
+        following = self._shapings[self._following](tool)
+        self._listened += 1
+        if self._listened <= self._listening:
+            if all(abs(each) <= LARGEST_ACCELERATION for each in tool):  # also false for NaN
+                self._follow(value, following)
+            return value
+        following = _plus(following, self._difference or ZERO)
+        share = (self._listened - self._listening) / self._fading
+        if share >= 1.0:
+            self._offset = self._difference or ZERO
+            self._take_over(self._following)
+            return following
+        before, after = self._active_alone, float(self._following != NO_REDUCTION)
+        self.alone = before + share * (after - before)
+        x, y, z = ((1.0 - share) * a + share * b for a, b in zip(value, following, strict=True))
+        return x, y, z
+
+    def _follow(self, value: Vector, following: Vector) -> None:
+        """Follow the mean difference of both inputs: mostly gravity."""
+        x, y, z = (a - b for a, b in zip(value, following, strict=True))
+        if self._difference is None:
+            self._difference = x, y, z
+        m_x, m_y, m_z = self._difference
+        a = self._resting
+        self._difference = m_x + a * (x - m_x), m_y + a * (y - m_y), m_z + a * (z - m_z)
+
+    def _listen(self) -> None:
+        """Prepare the selected reduction; nothing if it is in use."""
+        self._following = None if self.name == self.active else self.name
+        self._listened, self._difference = 0, None
+        self._prepare()
+
+    def _take_over(self, name: str) -> None:
+        self.active = name
+        self.alone = self._active_alone = float(name != NO_REDUCTION)
+        self._listen()
+
+    def _prepare(self) -> None:
+        """Build what is used; a principal direction that was found is followed from then on."""
+        for name in filter(None, (self.active, self._following)):
+            if name not in self._shapings:
+                self._shapings[name] = _along_z(name, self._rate)
+        self._shaped = self._shapings[self.active]
+        used = self.active, self._following
+        self._unused = None if PRINCIPAL in used else self._shapings.get(PRINCIPAL)
+
+
+PRINCIPAL = "principal"
+"""Name of the only reduction that learns."""
+
+
+def _along_z(name: str, rate: float) -> Shaping:
+    """Return the input of a single coil along z."""
+    reduced = live_reduction(name, rate)
+    return lambda tool: along_actuator(reduced(tool))
+
+
+def _plus(one: Vector, other: Vector) -> Vector:
+    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
