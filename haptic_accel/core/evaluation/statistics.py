@@ -24,10 +24,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from itertools import product
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from haptic_accel.core.model import FloatArray
+
+Alternative: TypeAlias = Literal["two-sided", "greater", "less"]
+"""Alternative hypothesis: a value differs from another, or is greater or less."""
 
 CONFIDENCE = 0.95
 """Confidence level of every interval."""
@@ -49,7 +55,13 @@ interval is 13 times as wide as for very many, and is useless."""
 FEWEST_RANKED = 6
 """Minimum number of pairs for which Wilcoxon's test can give less than 5 %: 2 / 2^6 is 3 %."""
 
-_SEED = 0  # fixed, so that a trial always has the same interval
+EXACT = 15
+"""Largest number of values for which all flips of signs are tried: 2^15."""
+
+FLIPS = 9999
+"""Number of random flips of signs beyond; a probability of 5 % is then exact to 0.2 %."""
+
+_SEED = 0  # fixed, so that an analysis always has the same result
 
 
 @dataclass(frozen=True)
@@ -88,9 +100,9 @@ class PairedDifference:
     effect : float
         Mean over standard deviation of the differences, Cohen's d_z; NaN where undefined.
     t, p_t : float
-        Statistic and two-sided probability of the paired t-test; NaN where not tested.
+        Statistic and probability of the paired t-test; NaN where not tested.
     p_wilcoxon : float
-        Two-sided probability of Wilcoxon's signed-rank test; NaN where not tested.
+        Probability of Wilcoxon's signed-rank test; NaN where not tested.
     verdict : str
         Description of the result, with the reason for each test that was not possible.
     """
@@ -104,7 +116,7 @@ class PairedDifference:
     verdict: str
 
 
-def mean_interval(values: Sequence[float]) -> Interval:
+def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> Interval:
     """Return the mean of independent values with Student's interval.
 
     Values that are not finite are ignored. Fewer than `FEWEST` values have no interval; the mean
@@ -120,7 +132,7 @@ def mean_interval(values: Sequence[float]) -> Interval:
         return Interval(mean, math.nan, math.nan, n, few)
     from scipy import stats
 
-    reach = float(stats.t.ppf((1 + CONFIDENCE) / 2, n - 1)) * float(np.std(finite, ddof=1))
+    reach = float(stats.t.ppf((1 + confidence) / 2, n - 1)) * float(np.std(finite, ddof=1))
     reach /= math.sqrt(n)
     return Interval(mean, mean - reach, mean + reach, n, f"t over {n} trials")
 
@@ -167,13 +179,17 @@ def _squares(values: FloatArray) -> FloatArray:
     return np.asarray(np.sum(values.reshape(len(values), -1) ** 2, axis=1))
 
 
-def paired_difference(first: Sequence[float], second: Sequence[float]) -> PairedDifference:
+def paired_difference(
+    first: Sequence[float], second: Sequence[float], alternative: Alternative = "two-sided"
+) -> PairedDifference:
     """Test whether two conditions differ, from paired values.
 
     Parameters
     ----------
     first, second : sequence of float, the same length
         Value of each pair under either condition; finite.
+    alternative : str
+        Alternative hypothesis for second minus first.
 
     Returns
     -------
@@ -199,13 +215,54 @@ def paired_difference(first: Sequence[float], second: Sequence[float]) -> Paired
     if n >= FEWEST and varies:
         from scipy import stats
 
-        tested = stats.ttest_rel(second, first)
+        tested = stats.ttest_rel(second, first, alternative=alternative)
         t, p_t = float(tested.statistic), float(tested.pvalue)
         if n >= FEWEST_RANKED:
-            p_wilcoxon = float(stats.wilcoxon(differences).pvalue)
+            p_wilcoxon = _signed_ranks(differences, alternative)
     return PairedDifference(
         n, mean, effect, t, p_t, p_wilcoxon, _verdict(n, varies, p_t, p_wilcoxon)
     )
+
+
+def flipped_signs(differences: FloatArray, alternative: Alternative = "two-sided") -> float:
+    """Return the share of flips of signs whose sum is at least as extreme as the found one.
+
+    All flips up to `EXACT` differences, else `FLIPS` random ones (Fisher, "The Design of
+    Experiments", 1935). NaN for fewer than `FEWEST` differences.
+    """
+    if len(differences) < FEWEST:
+        return math.nan
+    sums = _signs(len(differences)) @ differences
+    if alternative == "two-sided":
+        sums = np.abs(sums)
+    elif alternative == "less":
+        sums = -sums
+    # Equal sums differ by rounding errors.
+    return float(np.mean(sums >= sums[0] - 1e-9 * float(np.sum(np.abs(differences)))))
+
+
+@cache
+def _signs(n: int) -> FloatArray:
+    """Return flips of the signs of n values, in rows; the first flips none."""
+    if n <= EXACT:
+        return np.array(list(product((1.0, -1.0), repeat=n)))
+    drawn = np.random.default_rng(_SEED).choice((1.0, -1.0), (FLIPS, n))
+    return np.vstack([np.ones(n), drawn])
+
+
+def _signed_ranks(differences: FloatArray, alternative: Alternative) -> float:
+    """Return the probability of Wilcoxon's test; differences of zero are left out.
+
+    Few differences are flipped here, because scipy takes a second for each test with ties.
+    """
+    from scipy import stats
+
+    # Proportions that differ equally do so up to rounding errors.
+    rounded = np.round(differences / np.max(np.abs(differences)), 9)
+    varied = rounded[rounded != 0]
+    if not FEWEST <= len(varied) <= EXACT:
+        return float(stats.wilcoxon(rounded, alternative=alternative).pvalue)
+    return flipped_signs(np.sign(varied) * stats.rankdata(np.abs(varied)), alternative)
 
 
 def _verdict(n: int, varies: bool, p_t: float, p_wilcoxon: float) -> str:

@@ -28,6 +28,8 @@ from scipy import stats
 from haptic_accel.core.evaluation.statistics import (
     FEWEST,
     FEWEST_RANKED,
+    Alternative,
+    flipped_signs,
     mean_interval,
     nrmse_interval,
     paired_difference,
@@ -48,8 +50,8 @@ def test_students_sleep() -> None:
     assert found.t == pytest.approx(4.062128, rel=1e-6)
     assert found.p_t == pytest.approx(0.00283289, rel=1e-5)
     assert found.effect == pytest.approx(4.062128 / math.sqrt(10), rel=1e-6)
-    expected = stats.wilcoxon(np.subtract(SLEEP[1], SLEEP[0])).pvalue
-    assert found.p_wilcoxon == pytest.approx(expected)
+    # Nine differences are positive, one is zero.
+    assert found.p_wilcoxon == pytest.approx(2 / 2**9)
     assert "10 pairs" in found.verdict
 
 
@@ -67,6 +69,24 @@ def test_wilcoxon_waits_for_enough_pairs() -> None:
     assert math.isfinite(found.p_t)
     assert math.isnan(found.p_wilcoxon)
     assert f"needs {FEWEST_RANKED} pairs" in found.verdict
+
+
+def test_signed_ranks_are_those_of_scipy_without_ties() -> None:
+    for n in (6, 9, 15, 30):
+        second = np.random.default_rng(n).normal(0.4, 1.0, n)
+        found = paired_difference([0.0] * n, second.tolist())
+        assert found.p_wilcoxon == pytest.approx(stats.wilcoxon(second).pvalue)
+
+
+def test_equal_proportions_are_ties_in_spite_of_rounding() -> None:
+    # Ranks 3.5 of all six, all positive but one of the least possible: by hand, 14 of 2^6 flips.
+    first, second = [0.3, 0.6, 0.1, 0.7, 0.2, 0.5], [0.4, 0.7, 0.2, 0.8, 0.3, 0.4]
+    assert paired_difference(first, second).p_wilcoxon == pytest.approx(14 / 64)
+
+
+@pytest.mark.parametrize(("alternative", "flips"), [("greater", 1), ("less", 8), ("two-sided", 2)])
+def test_flips_of_signs_are_counted(alternative: Alternative, flips: int) -> None:
+    assert flipped_signs(np.array([1.0, 2.0, 4.0]), alternative) == flips / 8
 
 
 def test_equal_differences_are_not_tested() -> None:
