@@ -17,7 +17,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol as Interface
 
@@ -244,8 +244,18 @@ class Rig(Interface):
     def exposure(self) -> float:
         """Frequency-weighted vibration dose of this session so far, m^2/s^3 (integral of a^2)."""
 
-    def present(self, condition: Condition, seconds: float) -> Presented:
+    def present(
+        self, condition: Condition, seconds: float, begun: Callable[[], None] = lambda: None
+    ) -> Presented:
         """Present a condition with a faded beginning and end; afterwards the handle is still.
+
+        Parameters
+        ----------
+        condition : Condition
+        seconds : float
+            Duration, s.
+        begun : callable
+            Called when all is set, just before the stimulus is faded in.
 
         Raises
         ------
@@ -260,7 +270,16 @@ class Rig(Interface):
 
 
 class Participant(Interface):
-    """Sees screens and answers them: a page, or a simulated observer."""
+    """Sees screens and answers them: a page, or a simulated observer.
+
+    Attributes
+    ----------
+    noise : float or None
+        Level of the masking noise that played during the last stimulus, dB of full scale; None
+        without noise.
+    """
+
+    noise: float | None
 
     def show(self, screen: Screen) -> None:
         """Show a screen that is not answered.
