@@ -80,7 +80,7 @@ def preset_file(kind: str, name: str, beside: Path = Path()) -> Path:
     if (played or path.suffix in (".yaml", ".npz")) and os.path.isfile(path):
         return path.absolute()
     files = ".yaml, .csv or .wav" if kind == "surface" else ".yaml"
-    argument = "surface" if kind == "scene" else kind
+    argument = "surface" if kind == "scene" else Path(kind).name
     raise ParameterError(
         f"{argument} = {name!r}: must be one of {', '.join(known)}, or a {files} file"
     )
