@@ -1,0 +1,298 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Append-only log of a session: a line of JSON for each event, on the disk before the next one.
+
+Each line has the SHA-256 of the line before it, so that a line that was changed, removed or put
+in is found; that lines are missing at the end is not. What names conditions is sealed, in base64:
+an envelope against reading by accident, not a lock.
+"""
+
+from __future__ import annotations
+
+import base64
+import errno
+import hashlib
+import io
+import json
+import math
+import os
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from haptic_accel.core.bounded_files import located, opened
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.study.protocol import Condition
+from haptic_accel.study.trials import (
+    Answer,
+    PlannedTrial,
+    Presented,
+    SessionRecord,
+    TrialRecord,
+)
+
+Entry: TypeAlias = dict[str, Any]
+"""Line of a log: its kind and content."""
+
+LOG = "log.jsonl"
+"""Name of a session's log in the participant's folder."""
+
+FORMAT = 1
+"""Version of the lines, in the first of each log."""
+
+LARGEST = 1 << 28
+"""Largest log that is read, bytes: a trial takes some 2,000."""
+
+PRIVATE = 0o600
+"""Mode of a log: readable by its owner alone."""
+
+SESSION, CONSENT, SITTING, TRIAL, END = "session", "consent", "sitting", "trial", "end"
+"""Kinds of a session's lines: its begin, the answer to the consent's text, the begin of a sitting,
+a trial, and the end of a sitting."""
+
+OPEN = ("asked", "answered", "asked_steady", "answered_steady", "attempt")
+"""Fields of a trial that are not sealed."""
+
+
+class Entries:
+    """Log in memory, for simulations without a file."""
+
+    def __init__(self) -> None:
+        self.entries: list[Entry] = []
+
+    def add(self, kind: str, **content: Any) -> None:
+        """Append an entry with the present time; once the method returns, it is kept."""
+        self.entries.append(self._entry(kind, content))
+
+    @property
+    def record(self) -> SessionRecord:
+        """Session that the entries hold."""
+        return session_of(self.entries)
+
+    def dose_since(self, begin: int) -> float:
+        """Return the vibration dose since a system time in ns, m^2/s^3."""
+        return math.fsum(each.get("dose", 0) for each in self.entries if each["at"] >= begin)
+
+    def _entry(self, kind: str, content: Mapping[str, Any]) -> Entry:
+        begin = {} if self.entries else {"format": FORMAT}
+        return {"kind": kind, "at": time.time_ns(), **begin, **content}
+
+
+class Log(Entries):
+    """Log in a file, which one process at a time may append to.
+
+    A line that is not complete at the end, after a kill or a power cut, was never acknowledged,
+    and is cut off.
+
+    Parameters
+    ----------
+    file : Path
+        Made if it does not exist, with its folders.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read, was changed, is of another version, or another process has it.
+    OSError
+        The disk is full; raised by `add`, too.
+    """
+
+    def __init__(self, file: Path) -> None:
+        super().__init__()
+        self.file = file
+        file.parent.mkdir(parents=True, exist_ok=True)
+        self._end = io.FileIO(file, "ab", opener=partial(os.open, mode=PRIVATE))
+        try:
+            lock(self._end, file)
+            self.entries, self._digest, self._size = _read(file)
+            self._end.truncate(self._size)
+            _sync_folder(file.parent)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Log:
+        """Return the log."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Close the file."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._end.close()
+
+    def add(self, kind: str, **content: Any) -> None:
+        """Append a line and wait until it is on the disk.
+
+        Raises
+        ------
+        OSError
+            It cannot be written; the file ends with the line before it.
+        """
+        entry = self._entry(kind, content)
+        line = json.dumps({"before": self._digest, **entry}).encode() + b"\n"
+        try:
+            if (self._end.write(line) or 0) < len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            os.fsync(self._end)
+        except OSError as error:
+            with suppress(OSError):
+                self._end.truncate(self._size)
+            error.filename = str(self.file)
+            raise
+        self._size += len(line)
+        self._digest = hashlib.sha256(line).hexdigest()
+        self.entries.append(entry)
+
+
+def lock(end: io.FileIO, file: Path) -> None:
+    """Keep other processes from running the session of an open log, until it is closed.
+
+    Raises
+    ------
+    ParameterError
+        Another process runs it.
+    """
+    import fcntl  # here, as Windows, which runs no session, has none
+
+    try:
+        fcntl.flock(end.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise ParameterError(f"{file}: another process runs this session") from None
+
+
+def read_session(folder: Path) -> SessionRecord:
+    """Return what the log in a participant's folder holds, also while the session runs.
+
+    Raises
+    ------
+    ParameterError
+        The log cannot be read, was changed, or is of another version.
+    """
+    entries = read_entries(folder / LOG)
+    with located(folder / LOG, "must be a session's log"):
+        try:
+            return session_of(entries)
+        except (KeyError, TypeError, AttributeError) as error:
+            raise ValueError(f"{type(error).__name__} {error}") from None
+
+
+def read_entries(file: Path) -> list[Entry]:
+    """Return the entries of a log.
+
+    Raises
+    ------
+    ParameterError
+        As for `read_session`.
+    """
+    return _read(file)[0]
+
+
+def session_of(entries: list[Entry]) -> SessionRecord:
+    """Return the session that entries hold."""
+    first = next((entry for entry in entries if entry["kind"] == SESSION), None)
+    if first is None:
+        raise ValueError("it has no session")
+    agreed = (each["version"] for each in entries if each["kind"] == CONSENT and each["agreed"])
+    ends = [each.get("reason", "") for each in entries if each["kind"] in (SITTING, END)]
+    return SessionRecord(
+        **{name: first[name] for name in ("participant", "digest", "seed", "row")},
+        consent=next(agreed, ""),
+        begun=first["at"],
+        records=tuple(trial_of(each) for each in entries if each["kind"] == TRIAL),
+        ended=ends[-1] if ends else "",
+        exposure=math.fsum(each.get("dose", 0) for each in entries),
+    )
+
+
+def trial_entry(record: TrialRecord) -> Entry:
+    """Return the content of a trial's line, with its conditions, answer and measures sealed."""
+    content = asdict(record)
+    open_fields = {name: content.pop(name) for name in OPEN}
+    return {"number": record.trial.number, **open_fields, "sealed": seal(content)}
+
+
+def trial_of(entry: Entry) -> TrialRecord:
+    """Return the trial of a line."""
+    content = unseal(entry["sealed"])
+    trial, answer = content["trial"], content["answer"]
+    stimuli = tuple(_condition(each["settings"]) for each in trial["stimuli"])
+    return TrialRecord(
+        trial=PlannedTrial(**trial | {"stimuli": stimuli, "answers": tuple(trial["answers"])}),
+        presented=tuple(Presented(**each) for each in content["presented"]),
+        answer=Answer(**answer) if answer else None,
+        flaw=content["flaw"],
+        **{name: entry[name] for name in OPEN},
+    )
+
+
+def seal(content: Mapping[str, Any]) -> str:
+    """Return content that nobody reads by accident."""
+    return base64.b64encode(json.dumps(content).encode()).decode()
+
+
+def unseal(text: str) -> dict[str, Any]:
+    """Return sealed content."""
+    content: dict[str, Any] = json.loads(base64.b64decode(text, validate=True))
+    return content
+
+
+def _condition(settings: list[list[Any]]) -> Condition:
+    return Condition(tuple((factor, value) for factor, value in settings))
+
+
+def _read(file: Path) -> tuple[list[Entry], str, int]:
+    """Return entries, digest of the last complete line, and size up to its end, bytes."""
+    entries, before, size = [], "", 0
+    with located(file), opened(file, LARGEST) as lines:
+        for number, line in enumerate(lines, 1):
+            if not line.endswith(b"\n"):
+                break
+            entry = _entry(line, before, number)
+            before = hashlib.sha256(line).hexdigest()
+            size += len(line)
+            entries.append(entry)
+    return entries, before, size
+
+
+def _entry(line: bytes, before: str, number: int) -> Entry:
+    try:
+        entry = json.loads(line)
+        stated, _ = entry.pop("before"), entry["kind"]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise ParameterError(f"line {number} is damaged") from None
+    if stated != before:
+        raise ParameterError(f"line {number} does not follow the line before it: it was changed")
+    if number == 1 and entry.get("format") != FORMAT:
+        raise ParameterError(
+            f"format = {entry.get('format')}: must be {FORMAT}, of this version of haptic_accel"
+        )
+    return dict(entry)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Wait until a folder's new names are on the disk."""
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)

@@ -1,0 +1,109 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Small studies for tests: a protocol, its folder, and participants that follow a script."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from haptic_accel.study.folder import Study
+from haptic_accel.study.log import Log
+from haptic_accel.study.observers import SimulatedParticipant, SimulatedRig
+from haptic_accel.study.plan import Plan
+from haptic_accel.study.session import Session
+from haptic_accel.study.templates import PROTOCOL
+from haptic_accel.study.trials import Answer, PlannedTrial, Rig, Screen, SessionRecord
+
+TEXT = """\
+title: Compensated or not
+task: same_different
+question: Were they the same?
+instructions: Stroke the surface.
+consent: {version: "2026-1", text: I agree to take part.}
+factors: {controller: [none, adaptive]}
+procedure: {kind: constant, repeats: 12}
+extras: {practice: 2, break_every: 5, break_seconds: 1}
+timing: {seconds: 0.2, gap: 0.1}
+bounds: {error: 40}
+strengths: {controller=none: 0, controller=adaptive: 3}
+tests:
+  - {name: told apart, measure: d_prime, alternative: greater}
+"""
+"""A study of 2 practice trials and 12 that count, for the page of a laptop."""
+
+
+def write_study(folder: Path, text: str = TEXT) -> Study:
+    """Write and return a study."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / PROTOCOL).write_text(text, encoding="utf-8")
+    return Study(folder)
+
+
+class Scripted:
+    """Simulated observer that keeps its screens, and does something else at some of them.
+
+    Parameters
+    ----------
+    study : Study
+    acts : mapping
+        By the kind of a screen: called with it; returns an answer, or None for the usual one.
+    """
+
+    def __init__(
+        self, study: Study, acts: Mapping[str, Callable[[Screen], str | None]] | None = None
+    ) -> None:
+        self.noise: float | None = None
+        self.screens: list[Screen] = []
+        self._acts = acts or {}
+        self._observer = SimulatedParticipant(study.protocol, 1)
+
+    @property
+    def kinds(self) -> list[str]:
+        return [screen.kind for screen in self.screens]
+
+    def of(self, kind: str) -> list[Screen]:
+        return [screen for screen in self.screens if screen.kind == kind]
+
+    def show(self, screen: Screen) -> None:
+        self._see(screen)
+
+    def ask(self, screen: Screen, trial: PlannedTrial | None = None) -> Answer:
+        given = self._see(screen)
+        return self._observer.ask(screen, trial) if given is None else Answer(given, 1.0)
+
+    def _see(self, screen: Screen) -> str | None:
+        self.screens.append(screen)
+        act = self._acts.get(screen.kind)
+        return act(screen) if act else None
+
+
+def run_session(
+    study: Study, log: Log, participant: Scripted | None = None, rig: Rig | None = None
+) -> SessionRecord:
+    """Run a session without delays, from where its log ends; close the log."""
+    with log:
+        begun = log.record
+        protocol = study.version(begun.digest)
+        session = Session(
+            protocol,
+            Plan(protocol, begun.seed, begun.row),
+            log,
+            rig or SimulatedRig(protocol),
+            participant or Scripted(study),
+            sleep=lambda _: None,
+        )
+        return session.run()
