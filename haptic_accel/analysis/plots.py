@@ -30,6 +30,7 @@ from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -99,6 +100,7 @@ latter."""
 
 _REGRESSION: Style = {"color": VERMILION, "linewidth": 1.2}
 _EQUAL: Style = {"color": "black", "linewidth": 0.6, "linestyle": "--"}
+_VALUES: Style = {"color": SKY, "marker": "o", "linestyle": "", "markersize": 3.4}
 _SAMPLES: Style = {"color": BLUE, "marker": "o", "linestyle": "", "markeredgewidth": 0}
 _TRACES = (
     Line2D([], [], **DESIRED, label="desired"),
@@ -106,6 +108,7 @@ _TRACES = (
 )
 
 _LABEL, _TICK = 8, 7  # text sizes, points
+_LONGEST = 60  # characters of the name of a row
 _CHARACTER = 0.115 / 12  # width of a bold letter per point of its size, inches
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.7, 0.11, 0.47, 0.36  # margins of a figure of panels, inches
 _ACROSS, _DOWN = 0.2, 0.24  # gaps between panels, inches
@@ -372,6 +375,162 @@ def band_errors(errors: Mapping[str, Mapping[str, Interval]]) -> Figure:
     panel.set_xticks(places, words)
     panel.legend(ncols=max(min(len(names), 4), 1), **_KEY)
     return figure
+
+
+# Plots of studies with participants
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Values of one quantity, and their mean or another estimate.
+
+    Attributes
+    ----------
+    values : iterable of float
+        Value of each participant; empty if there is only the estimate.
+    estimate : Interval
+    """
+
+    values: Iterable[float]
+    estimate: Interval
+
+
+def strips(rows: Mapping[str, Strip], x: str, reference: float | None = None) -> Figure:
+    """Draw a row for each name: values as pale dots, the estimate with its interval above them.
+
+    Parameters
+    ----------
+    rows : mapping of str to Strip
+    x : str
+        Name and unit of the values.
+    reference : float, optional
+        Value with a dashed line, such as chance.
+    """
+    figure, panel = _named_rows([short(name, _LONGEST) for name in rows], x)
+    for place, strip in enumerate(rows.values()):
+        values = list(strip.values)
+        spread = place + np.linspace(-0.25, 0.25, len(values)) if len(values) > 1 else [place]
+        panel.plot(values, spread[: len(values)], **_VALUES)
+        found = strip.estimate
+        if math.isfinite(found.low) and math.isfinite(found.high):
+            panel.plot((found.low, found.high), (place, place), color=BLUE, linewidth=1.4)
+        panel.plot(found.value, place, "D", color=BLUE, markersize=4)
+    if reference is not None:
+        panel.axvline(reference, **_EQUAL)
+    panel.set_ylim(len(rows) - 0.5, -0.5)
+    return figure
+
+
+def matrix(table: pd.DataFrame, texts: tuple[str, str, str]) -> Figure:
+    """Draw a square table of numbers as shades, with the numbers.
+
+    Parameters
+    ----------
+    table : DataFrame
+        With names of rows and columns.
+    texts : tuple of str
+        Names of the columns, the rows and the values.
+    """
+    shown, values = [short(name, _LONGEST) for name in table.index], table.to_numpy(float)
+    figure, panel = _named_rows(shown, texts[0], square=True)
+    drawn = panel.imshow(values, cmap="Blues", aspect="auto", vmin=0)
+    middle = 0.5 * float(np.nanmax(values))
+    for (row, column), value in np.ndenumerate(values):
+        if math.isfinite(value):
+            color = "white" if value > middle else BLACK
+            text: Style = {"ha": "center", "va": "center", "fontsize": _TICK, "color": color}
+            panel.text(column, row, f"{value:.3g}", **text)
+    panel.set_xticks(range(len(shown)), shown, rotation=30, ha="right")
+    panel.set_ylabel(texts[1], fontsize=_LABEL)
+    panel.grid(visible=False)
+    bar = figure.colorbar(drawn, ax=panel)
+    bar.set_label(texts[2], fontsize=_LABEL)
+    bar.ax.tick_params(labelsize=_TICK)
+    return figure
+
+
+def places(points: FloatArray, names: Sequence[str]) -> Figure:
+    """Draw a map of named points, whose distances are dissimilarities.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+    names : sequence of str
+    """
+    figure, panel = _column(
+        3.0, "dimension 1 (unit of the ratings)", "dimension 2 (unit of the ratings)"
+    )
+    panel.plot(points[:, 0], points[:, 1], "o", color=BLUE, markersize=4)
+    for (x, y), name in zip(points, names, strict=True):
+        above: Style = {"xytext": (0, 5), "textcoords": "offset points", "ha": "center"}
+        panel.annotate(short(name), (x, y), fontsize=_TICK, **above)
+    panel.margins(0.3)
+    panel.set_aspect("equal", "datalim")
+    return figure
+
+
+@dataclass(frozen=True)
+class FittedCurve:
+    """Measured proportions and the function that was fitted to them.
+
+    Attributes
+    ----------
+    points : DataFrame
+        ``mean``, the proportion, and ``size``, the number of trials, by level.
+    x, y : ndarray, shape (m,)
+        The function.
+    threshold : float
+    """
+
+    points: pd.DataFrame
+    x: FloatArray
+    y: FloatArray
+    threshold: float
+
+
+def fitted_curves(curves: Mapping[str, FittedCurve], x: str, log: bool) -> Figure:
+    """Draw a panel for each participant: proportions correct by level, and the fitted function.
+
+    The area of a dot is in proportion to its number of trials.
+    """
+    across = min(len(curves), 4)
+    down = math.ceil(len(curves) / across)
+    figure = Figure(figsize=(TEXT, 0.5 + 1.5 * down), facecolor="white", layout="constrained")
+    panels = figure.subplots(down, across, sharex=True, sharey=True, squeeze=False)
+    for panel in panels.flat[len(curves) :]:
+        panel.set_visible(False)
+    for panel, (name, curve) in zip(panels.flat, curves.items(), strict=False):
+        rule(panel, width=0.36)
+        points = curve.points
+        panel.scatter(
+            points.index, points["mean"], s=3 * points["size"], color=SKY, edgecolor=BLUE
+        )
+        panel.plot(curve.x, curve.y, color=BLUE, linewidth=1.2)
+        panel.axvline(curve.threshold, **_EQUAL)
+        panel.set_ylim(-0.03, 1.05)
+        if log:
+            panel.set_xscale("log")
+            panel.xaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
+            panel.xaxis.set_minor_locator(ticker.NullLocator())
+        panel.xaxis.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
+        panel.set_title(short(name), **_SUBTITLE)
+        panel.tick_params(labelsize=_TICK)
+    figure.supxlabel(x, fontsize=_LABEL)
+    figure.supylabel("proportion correct", fontsize=_LABEL)
+    return figure
+
+
+def _named_rows(names: Sequence[str], x: str, square: bool = False) -> tuple[Figure, Axes]:
+    """Create a panel with a row for each name, as high as they need."""
+    wide, each = (TEXT * 0.7, 0.32) if square else (TEXT * 0.8, 0.28)
+    size = (wide, 0.8 + each * len(names) + 0.4 * square)
+    figure = Figure(figsize=size, facecolor="white", layout="constrained")
+    panel = figure.add_subplot()
+    rule(panel, width=0.36)
+    panel.tick_params(labelsize=_TICK)
+    panel.set_yticks(range(len(names)), names, parse_math=False)
+    panel.set_xlabel(x, fontsize=_LABEL)
+    return figure, panel
 
 
 def save(plots: Mapping[str, Figure], folder: Path) -> Iterator[str]:
