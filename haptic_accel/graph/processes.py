@@ -109,6 +109,8 @@ class Process:
         Stop it after the others, to record their last messages.
     optional : bool
         The graph can run without it.
+    domain : int or None
+        Its ROS domain; None for that of the environment.
     """
 
     executable: str
@@ -118,6 +120,12 @@ class Process:
     respawn: bool = False
     last: bool = False
     optional: bool = False
+    domain: int | None = None
+
+    @property
+    def name(self) -> str:
+        """Name among the processes of a graph: the executable, with a domain of its own."""
+        return self.executable if self.domain is None else f"{self.executable}@{self.domain}"
 
     def comes_back(self, status: int) -> bool:
         """Return whether it is restarted after an end with an exit status."""
@@ -128,7 +136,7 @@ class Process:
 
         It needs a file, as command-line words cannot name a node in a namespace.
         """
-        file = folder / f"{self.executable}.yaml"
+        file = folder / f"{self.name}.yaml"
         file.write_text(parameter_text(self.parameters), encoding="utf-8")
         return ["--ros-args", "--params-file", str(file), "--log-level", self.log_level]
 
@@ -355,6 +363,8 @@ def _own_parameters(arguments: Arguments) -> Values:
         axes = ", ".join(ALL_AXES.names)
         for device in (names.SIMULATED, names.VIRTUAL):
             own["slave_device"][f"{device}.{names.TOOL_AXES}"] = axes
+        if arguments.side:
+            own["coupler"]["axes"] = axes  # to cross the network
     is_virtual = arguments.slave == names.VIRTUAL
     if "slave_device" in own and is_virtual:
         own["slave_device"][names.SCENE] = str(preset_file("scene", arguments.surface))

@@ -89,14 +89,14 @@ def own_domain() -> int:
     return number
 
 
-def hurry() -> None:
-    """Request real-time priority for this process, which stops a graph; continue if refused.
+def hurry(priority: int = PRIORITY) -> None:
+    """Request real-time priority for this process; continue if refused.
 
     Call it before starting threads, which inherit the priority.
     """
     if os.environ.get(REALTIME) != "no" and hasattr(os, "sched_setscheduler"):
         try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
         except OSError:  # not allowed here
             return
 
@@ -203,6 +203,14 @@ def _all_senders(domain: int) -> set[bytes]:
     with open(SOCKETS, "rb") as listed:
         names = [line.split()[-1].replace(b"@", b"\0", 1) for line in listed]
     return {name for name in names if name.startswith(start)}
+
+
+def used_domains() -> set[int]:
+    """Return the ROS domains in which nodes of this machine send signals, or links run."""
+    start = b"@haptic_accel/"
+    with open(SOCKETS, "rb") as listed:
+        names = [line.split()[-1] for line in listed]
+    return {int(name.split(b"/")[1]) for name in names if name.startswith(start)}
 
 
 def _handles_emergency(process: int) -> bool:

@@ -43,6 +43,7 @@ from haptic_accel.core.process import (
 )
 from haptic_accel.graph.processes import RESPAWN_DELAY, Process
 from haptic_accel.graph.ros_packages import check_ros
+from haptic_accel.graph.stop_signal import DOMAIN
 
 LAST_LINES = 20
 """Lines of a dead process that are shown."""
@@ -75,13 +76,13 @@ class Outcome:
     Attributes
     ----------
     first : str
-        Executable that ended first by itself; empty when the graph was stopped from outside.
+        Process that ended first by itself; empty when the graph was stopped from outside.
     status : int
         That exit status, negative for a signal; 0 if stopped from outside.
     statuses : dict
-        Exit status of each executable that is not optional.
+        Exit status of each process that is not optional, by `Process.name`.
     last_lines : dict
-        Last lines of output of each executable.
+        Last lines of output of each process.
     unread : OSError, SystemExit or None
         Error that prevented further output, for which the graph was stopped.
     """
@@ -94,7 +95,7 @@ class Outcome:
 
     @property
     def failed(self) -> dict[str, int]:
-        """Executables that ended badly by themselves, with their status.
+        """Processes that ended badly by themselves, with their status.
 
         After a failure, the status of stopped processes is ignored, unless a process had to be
         killed. A process that did not yet handle the stop signal did not fail, nor did a process
@@ -107,7 +108,7 @@ class Outcome:
 
 
 OnLine = Callable[[str, str], None]
-"""Takes the executable and a line of its output."""
+"""Takes the name of a process and a line of its output."""
 
 
 class Lines:
@@ -182,7 +183,7 @@ class Supervisor:
     ----------
     processes : sequence of Process
     on_line : callable, optional
-        Called with executable and line for each line of output, on a thread of its own. Lines are
+        Called with name and line for each line of output, on a thread of its own. Lines are
         dropped while it takes too long. If it raises an OSError, as for a pipe without a reader,
         the graph is stopped.
     environment : dict, optional
@@ -190,12 +191,12 @@ class Supervisor:
     """
 
     processes: Sequence[Process]
-    on_line: OnLine = lambda executable, line: None
+    on_line: OnLine = lambda name, line: None
     environment: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Prepare; nothing is started yet."""
-        self._named = {process.executable: process for process in self.processes}
+        self._named = {process.name: process for process in self.processes}
         self._due: dict[str, float] = {}
         self._running: dict[str, subprocess.Popen[str]] = {}
         self._readers: list[threading.Thread] = []
@@ -207,7 +208,7 @@ class Supervisor:
 
     @property
     def pids(self) -> dict[str, int]:
-        """Process ids by executable."""
+        """Process ids by name of the process."""
         return {name: child.pid for name, child in self._running.items()}
 
     def run(self, stop: Callable[[], bool] = lambda: False) -> Outcome:
@@ -274,8 +275,10 @@ class Supervisor:
             self._start(self._named[name], folder)
 
     def _start(self, process: Process, folder: Path) -> None:
-        name = process.executable
+        name = process.name
         own = {"PYTHONUNBUFFERED": "1", SUPERVISOR: str(os.getpid())}
+        if process.domain is not None:
+            own[DOMAIN] = str(process.domain)
         # The signal would end a process without a handler; blocked, it waits for the handler.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {EMERGENCY})
         child = subprocess.Popen(
@@ -308,7 +311,7 @@ class Supervisor:
             self._ended.put(name)
 
     def _stop_all(self) -> None:
-        patient = {process.executable for process in self.processes if process.last}
+        patient = {process.name for process in self.processes if process.last}
         self._stop([child for name, child in self._running.items() if name not in patient])
         self._stop(list(self._running.values()))
         for reader in self._readers:

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from typing import Any
 
@@ -142,6 +143,7 @@ class DeviceNode(ManagedNode):
         self._operating = OperatingState(self, arm, self.safety, self._fault, self._arm_again)
         self._stop = DeviceStop(self, arm.stopped, self._take_forces_off, self._released)
         self.create_service(Trigger, "~/arm", self._serve_arm)
+        self.create_service(Trigger, "~/report", self._serve_report)
         self.create_timer(NEWS_PERIOD, self._log_news)
         if p.autostart:
             self._autostart()
@@ -426,6 +428,15 @@ class DeviceNode(ManagedNode):
         response.message = refused or "armed"
         response.success = not refused
         self.report()
+        return response
+
+    def _serve_report(
+        self, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        """Publish diagnostics now, and return those of the forces as JSON."""
+        self.report()
+        response.message = json.dumps(self.side.diagnostics())
+        response.success = True
         return response
 
     def _arm_again(self) -> str:

@@ -17,7 +17,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rcl_interfaces.srv import SetParametersAtomically
@@ -47,6 +47,16 @@ def set_controller(name: str) -> Request:
     return set_parameters("compensator", {"controller": name})
 
 
+def set_gain(gain: float) -> Request:
+    """Change the factor of the desired acceleration."""
+    return set_parameters("compensator", {"gain": float(gain)})
+
+
+def set_reduction(name: str) -> Request:
+    """Change the signal of a single coil."""
+    return set_parameters("compensator", {"reduction": name})
+
+
 def set_surface(name: str) -> Request:
     """Put another surface or scene, by name or file, under the slave's tool.
 
@@ -67,6 +77,15 @@ def set_surface(name: str) -> Request:
 def set_grip(posture: str) -> Request:
     """Change the grip of the simulated hand."""
     return set_parameters("master_device", {POSTURE: posture})
+
+
+SETTINGS: Mapping[str, Callable[[Any], Request]] = {
+    "controller": set_controller,
+    "surface": set_surface,
+    "grip": set_grip,
+    "reduction": set_reduction,
+}
+"""Requests that change a running graph, by the argument of its start."""
 
 
 def engage(value: bool) -> Request:

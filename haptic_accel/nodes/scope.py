@@ -19,43 +19,16 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
-from contextlib import suppress
-from functools import partial
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import ParameterEvent
-from rclpy.serialization import deserialize_message
-
-from haptic_accel.core import topics
-from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
-from haptic_accel.core.cdr import unpack_stamped_vector
-from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import Topic
-from haptic_accel.graph.arguments import SCENE as SCENE_FILE
-from haptic_accel.graph.files import POSTURE, SURFACE
-from haptic_accel.graph.node_parameters import node_parameters, node_schema
-from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.graph_view import GraphView
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.scope_commands import Commands, choices
-from haptic_accel.nodes.scope_parameters import RemoteParameters
-from haptic_accel.nodes.scope_scene import ScopeScene
-from haptic_accel.nodes.signals import Inbox
-from haptic_accel.nodes.topic_node import message_type
 from haptic_accel.scope.access import TOKEN_VARIABLE, Access
-from haptic_accel.scope.frames import SCENE
-from haptic_accel.scope.node_reports import (
-    MOST_NODES,
-    NodeReport,
-    NodeReports,
-    expected_nodes,
-)
-from haptic_accel.scope.server import SOUND_RATE, ScopeServer
-from haptic_accel.scope.state import drawing, state_of
-from haptic_accel.scope.windows import LARGEST, GraphSettings, Windows
+from haptic_accel.scope.node_reports import expected_nodes
+from haptic_accel.scope.server import ScopeServer
+from haptic_accel.scope.state import state_of
 
 NICENESS = 10
 """Niceness of the scope's process: lower priority than the nodes that compute the force."""
@@ -63,32 +36,8 @@ NICENESS = 10
 CLIENT_PERIOD = 0.2
 """Interval between checks for connected pages, s."""
 
-ASK_PERIOD = 1.0
-"""Interval between attempts to get the parameters of nodes that are not known yet, s."""
 
-PARAMETER_EVENTS = Topic(
-    "/parameter_events", "rcl_interfaces/msg/ParameterEvent", "", "", reliable=True
-)
-"""Parameter changes of all nodes."""
-
-WANTED = {
-    "compensator": tuple(
-        name
-        for name in node_schema("compensator")
-        if name in ("axes", "controller", "high_pass_frequency", "latency")
-        or name.startswith(f"{ACTUATOR}.")
-    ),
-    "slave_device": ("device", f"{SURFACE}name", SCENE_FILE),
-    "master_device": ("device", POSTURE),
-}
-"""Parameters of other nodes that are shown, or needed to show something."""
-
-
-_Put = Callable[[Windows, int, float, int], None]
-"""Function that stores a sample with its stamp and reception time, ns."""
-
-
-class Scope(GraphNode):
+class Scope(GraphView):
     """Node that receives the signals while a page is connected, and serves the page.
 
     Without a connected page it receives only messages that are published once a second, since each
@@ -100,43 +49,11 @@ class Scope(GraphNode):
     def __init__(self) -> None:
         super().__init__("scope")
         p = self.parameters
-        self.windows = Windows()
-        self._controller: str | None = None
-        self._reports = NodeReports()
         self._expected = expected_nodes(p.side)
-        arms = (p.side,) if p.side else topics.ARMS
-        self._stop: dict[str, bool | None] = {"asked": False, **dict.fromkeys(arms)}
-        refuse = partial(self.refuse, PARAMETER_EVENTS)
-        self._remotes = {
-            name: RemoteParameters(self, name, wanted, self._update_settings, refuse)
-            for name, wanted in WANTED.items()
-        }
-        self._scene = ScopeScene(
-            self,
-            self.windows.places,
-            lambda: self._remotes["master_device"].values,
-        )
-        self._signals: dict[str, tuple[Topic, _Put]] = {
-            "desired": (topics.DESIRED_ACCELERATION, _only("desired")),
-            "actual": (topics.HANDLE_ACCELERATION, _only("handle")),
-            "force": (topics.ACTUATOR_FORCE, _put_force),
-            "arm_force": (topics.SLAVE_ARM_FORCE, _only("arm_force")),
-            "position": (topics.SLAVE_POSITION, _only("position")),
-        }
-        self._shown: dict[str, Inbox] = {}
         self._reported = (time.monotonic(), 0, 0, 0)
-        self._commands = Commands(self, [f"{arm}_device" for arm in arms]) if p.control else None
-        self._follow_messages(topics.DIAGNOSTICS, self._receive_diagnostics)
-        self._follow_messages(PARAMETER_EVENTS, self._receive_parameters)
-        self.listen_state(topics.COUPLER_STOPPED, partial(self._stop.__setitem__, "asked"))
-        for arm in arms:
-            stopped = topics.DEVICES[f"{arm}_device"].stopped
-            self.listen_state(stopped, partial(self._stop.__setitem__, arm))
-        self.create_timer(CLIENT_PERIOD, self._subscribe_for_clients)
-        self.create_timer(ASK_PERIOD, self._refresh_parameters)
-        # A sample does not wake the executor: if samples came faster than they are taken, the
-        # node's timers and diagnostics would wait behind them.
-        self._looking = self.create_timer(1 / SOUND_RATE, self._receive_signals, autostart=False)
+        devices = [f"{arm}_device" for arm in self.arms]
+        self._commands = Commands(self, devices) if p.control else None
+        self.create_timer(CLIENT_PERIOD, lambda: self.receive(self._server.shown))
         try:
             access = Access(p.host, os.environ.get(TOKEN_VARIABLE, ""))
             self._server = ScopeServer(self, access, p.host, p.port, self._commands)
@@ -155,23 +72,15 @@ class Scope(GraphNode):
         """Return the choices of the page."""
         return choices()
 
-    def scene(self) -> dict[str, Any]:
-        """Return the scene's drawing."""
-        return drawing(self._remotes["slave_device"].values)
-
-    def lead(self, x: float, z: float) -> str:
-        """Lead the simulated hand to a point, m; return the reason of a refusal."""
-        return self._scene.lead(x, z)
-
     def state(self) -> dict[str, Any]:
         """Return the graph's state for the page; called on the server's thread."""
         return state_of(
-            self._reports,
+            self.reports,
             self._expected,
-            {name: remote.values for name, remote in self._remotes.items()},
+            self.known_parameters,
             self.windows.settings,
-            led=self._scene.is_led,
-            stop=self._stop,
+            led=self.is_led,
+            stop=self.emergency_stop,
         )
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:
@@ -187,99 +96,6 @@ class Scope(GraphNode):
             "sent (kB/s)": f"{(traffic.bytes - sent) / passed / 1e3:.0f}",
             "failures in serving pages": str(traffic.failures),
         }
-
-    def _subscribe_for_clients(self) -> None:
-        """Receive the signals that connected pages show."""
-        shown = self._server.shown
-        self._scene.show(SCENE in shown)
-        for name in self._shown.keys() - shown:
-            self._shown.pop(name).leave()
-        for name in (self._signals.keys() & shown) - self._shown.keys():
-            self._shown[name] = self.inbox(self._signals[name][0])
-        if self._shown and self._looking.is_canceled():
-            self._looking.reset()
-        elif not self._shown:
-            self._looking.cancel()
-
-    def _receive_signals(self) -> None:
-        """Read all waiting samples."""
-        by_axis = self.windows.by_axis
-        for name, inbox in self._shown.items():
-            topic, put = self._signals[name]
-            for data, received in inbox.drain(unpack_stamped_vector):
-                stamp, vector = unpack_stamped_vector(data)
-                for axis, windows in by_axis.items():
-                    value = vector[NAMES.index(axis)]
-                    if abs(value) <= LARGEST:  # false for NaN
-                        put(windows, stamp, value, received)
-                    else:
-                        self.refuse(topic, f"{value:g}: must be at most {LARGEST:g}")
-
-    def _follow_messages(self, topic: Topic, take: Callable[[Any], None]) -> None:
-        """Subscribe to messages from any sender; refuse malformed ones."""
-        kind = message_type(topic)
-
-        def read(data: bytes) -> None:
-            try:
-                message = deserialize_message(data, kind)
-            except (RuntimeError, ValueError) as error:  # rclpy's errors, and text not in UTF-8
-                self.refuse(topic, " ".join(str(error).split()))
-            else:
-                take(message)
-
-        self.subscribe_raw(topic, read)
-
-    def _receive_diagnostics(self, array: DiagnosticArray) -> None:
-        now = time.monotonic()
-        for status in array.status:
-            # rclpy gives a byte as bytes of length one.
-            level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
-            values = {pair.key: pair.value for pair in status.values}
-            namespace, node = topics.reporter(status.name)
-            if namespace != self.get_namespace().rstrip("/"):
-                continue
-            if not self._reports.receive(node, NodeReport(level, status.message, values, now)):
-                self.refuse(topics.DIAGNOSTICS, f"more than {MOST_NODES} nodes report")
-
-    def _receive_parameters(self, event: ParameterEvent) -> None:
-        for remote in self._remotes.values():
-            if remote.path == event.node:
-                remote.receive(event)
-
-    def _refresh_parameters(self) -> None:
-        for remote in self._remotes.values():
-            remote.refresh()
-
-    def _update_settings(self) -> None:
-        """Take the compensator's description of the actuator, or the defaults without it."""
-        self._scene.update()
-        values = self._remotes["compensator"].values
-        before, self._controller = self._controller, values.get("controller")
-        if before not in (None, self._controller):
-            for windows in self.windows.by_axis.values():
-                windows.compare_anew()
-        known = {name: value for name, value in values.items() if value is not None}
-        settings, axes = GraphSettings(), ACTUATOR_AXES
-        with suppress(ParameterError):  # a node of another version
-            if known:
-                axes = Axes.parsed(str(known.get("axes", "z")))
-                own, options = node_parameters("compensator", known)
-                settings = GraphSettings(
-                    own.high_pass_frequency, options[ACTUATOR], own.latency, assumed=False
-                )
-        self.windows.show_axes(axes)
-        for windows in self.windows.by_axis.values():
-            windows.settings = settings
-
-
-def _only(name: str) -> _Put:
-    """Return a callback that stores a sample without its reception time."""
-    return lambda windows, stamp, value, received: getattr(windows, name).put(stamp, value)
-
-
-def _put_force(windows: Windows, stamp: int, force: float, received: int) -> None:
-    windows.force.put(stamp, force)
-    windows.age.put(stamp, (received - stamp) / NANOSECONDS)
 
 
 def main() -> None:

@@ -39,9 +39,7 @@ ANSWERING_TIME = 1.2
 """Time in which it must answer, s; together with the time above, a page waits less than 2 s."""
 
 REQUESTS: dict[str, Callable[[str], Request]] = {
-    "controller": requests.set_controller,
-    "surface": requests.set_surface,
-    "grip": requests.set_grip,
+    **{name: requests.SETTINGS[name] for name in state.choices()},
     "record": lambda action: requests.trigger(f"recorder/{action}"),
 }
 """Requests by action, made from the page's choice."""

@@ -84,6 +84,11 @@ class RemoteParameters:
             asked = self._client.call_async(GetParameters.Request(names=list(self._wanted)))
             asked.add_done_callback(lambda answer: self._receive_answer(answer.result()))
 
+    def forget(self) -> None:
+        """Discard all values, of a node that has ended."""
+        self._found = self._asked = False
+        self._apply(dict.fromkeys(self.values), [])
+
     def receive(self, event: ParameterEvent) -> None:
         """Read the values that the node publishes at its start and after a change."""
         given = [(p.name, p.value) for p in (*event.new_parameters, *event.changed_parameters)]

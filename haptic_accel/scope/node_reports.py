@@ -91,6 +91,10 @@ class NodeReports:
         self._reports = {**self._reports, _cut(node): report}
         return True
 
+    def forget(self) -> None:
+        """Discard all reports, of a graph that has ended."""
+        self._reports = {}
+
     def values(self, node: str, now: float) -> Mapping[str, str]:
         """Return the values that a node reported; none if it stopped reporting."""
         report = self._reports.get(node)

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -386,6 +387,17 @@ def test_where_recovery_is_manual_a_service_arms(bench: Bench) -> None:
     bench.stop()
     answer = bench.call(Trigger, "master_device/arm", Trigger.Request())
     assert (answer.success, answer.message) == (False, "emergency stop")
+
+
+def test_a_report_has_the_counts_up_to_now(bench: Bench) -> None:
+    bench.driven()
+    counts = [
+        json.loads(bench.call(Trigger, "master_device/report", Trigger.Request()).message)
+        for _ in range(2)
+    ]
+    due = [int(each["actuator force due"]) for each in counts]
+    assert 0 < due[0] <= due[1]
+    assert float(counts[1]["actuator force late (s)"]) >= 0.0
 
 
 @pytest.mark.parametrize("bench", [("can_serial.handle.port:=/dev/board",)], indirect=True)

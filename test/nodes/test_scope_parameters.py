@@ -30,7 +30,7 @@ from rclpy.task import Future
 
 from fuzzing import ODD_TEXTS, fuzz
 from haptic_accel.graph.node_parameters import node_schema
-from haptic_accel.nodes.scope import WANTED
+from haptic_accel.nodes.graph_view import WANTED
 from haptic_accel.nodes.scope_parameters import RemoteParameters, admitted
 from haptic_accel.scope.node_reports import EXPECTED, NodeReport, NodeReports
 from haptic_accel.scope.server import as_json

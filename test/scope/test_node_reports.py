@@ -128,3 +128,11 @@ def test_a_number_that_was_reported_is_finite_or_unknown(
     text: str | None, value: float | None
 ) -> None:
     assert number(text) == value
+
+
+def test_the_nodes_of_a_graph_that_has_ended_are_forgotten() -> None:
+    reports = NodeReports()
+    reports.receive("coupler", NodeReport(0, "OK", {"engaged": "true"}, 0.0))
+    reports.forget()
+    assert reports.values("coupler", 0.0) == {}
+    assert row(reports, "coupler", 0.0)["state"] == "absent"

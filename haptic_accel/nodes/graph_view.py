@@ -1,0 +1,249 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""View of a running graph: its signals, parameters, diagnostics, emergency stop and scene."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.serialization import deserialize_message
+
+from haptic_accel.core import topics
+from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
+from haptic_accel.core.cdr import unpack_stamped_vector
+from haptic_accel.core.model import ACTUATOR
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.topics import Topic
+from haptic_accel.graph.arguments import SCENE as SCENE_FILE
+from haptic_accel.graph.files import POSTURE, SURFACE
+from haptic_accel.graph.node_parameters import node_parameters, node_schema
+from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.scope_parameters import RemoteParameters
+from haptic_accel.nodes.scope_scene import ScopeScene
+from haptic_accel.nodes.signals import Inbox
+from haptic_accel.nodes.topic_node import message_type
+from haptic_accel.scope.frames import SCENE
+from haptic_accel.scope.node_reports import MOST_NODES, NodeReport, NodeReports
+from haptic_accel.scope.server import SOUND_RATE
+from haptic_accel.scope.state import drawing
+from haptic_accel.scope.windows import LARGEST, GraphSettings, Windows
+
+ASK_PERIOD = 1.0
+"""Interval between attempts to get the parameters of nodes that are not known yet, s."""
+
+PARAMETER_EVENTS = Topic(
+    "/parameter_events", "rcl_interfaces/msg/ParameterEvent", "", "", reliable=True
+)
+"""Parameter changes of all nodes."""
+
+WANTED = {
+    "compensator": tuple(
+        name
+        for name in node_schema("compensator")
+        if name in ("axes", "controller", "high_pass_frequency", "latency")
+        or name.startswith(f"{ACTUATOR}.")
+    ),
+    "slave_device": ("device", f"{SURFACE}name", SCENE_FILE),
+    "master_device": ("device", POSTURE),
+}
+"""Parameters of other nodes that are shown, or needed to show something."""
+
+_Put = Callable[[Windows, int, float, int], None]
+"""Function that stores a sample with its stamp and reception time, ns."""
+
+
+class GraphView(GraphNode):
+    """Node that follows a graph, and receives those signals that are asked for.
+
+    Parameters
+    ----------
+    executable : str
+
+    Attributes
+    ----------
+    arms : tuple of str
+        Arms of this host.
+    windows : Windows
+        Latest seconds of the received signals.
+    reports : NodeReports
+        Diagnostics of the nodes.
+    emergency_stop : dict
+        Emergency stop: ``asked`` for, and as each arm reports it; None while unknown.
+    """
+
+    task = "view of the graph"
+
+    def __init__(self, executable: str) -> None:
+        super().__init__(executable)
+        side = self.parameters.side
+        self.arms: tuple[str, ...] = (side,) if side else topics.ARMS
+        self.windows = Windows()
+        self.reports = NodeReports()
+        self.emergency_stop: dict[str, bool | None] = {"asked": False, **dict.fromkeys(self.arms)}
+        self._controller: str | None = None
+        refuse = partial(self.refuse, PARAMETER_EVENTS)
+        self._remotes = {
+            name: RemoteParameters(self, name, wanted, self._update_settings, refuse)
+            for name, wanted in WANTED.items()
+        }
+        self._scene = ScopeScene(
+            self,
+            self.windows.places,
+            lambda: self._remotes["master_device"].values,
+        )
+        self._signals: dict[str, tuple[Topic, _Put]] = {
+            "desired": (topics.DESIRED_ACCELERATION, _only("desired")),
+            "actual": (topics.HANDLE_ACCELERATION, _only("handle")),
+            "force": (topics.ACTUATOR_FORCE, _put_force),
+            "arm_force": (topics.SLAVE_ARM_FORCE, _only("arm_force")),
+            "position": (topics.SLAVE_POSITION, _only("position")),
+        }
+        self._received: dict[str, Inbox] = {}
+        self._follow_messages(topics.DIAGNOSTICS, self._receive_diagnostics)
+        self._follow_messages(PARAMETER_EVENTS, self._receive_parameters)
+        stop = self.emergency_stop
+        self.listen_state(topics.COUPLER_STOPPED, partial(stop.__setitem__, "asked"))
+        for arm in self.arms:
+            stopped = topics.DEVICES[f"{arm}_device"].stopped
+            self.listen_state(stopped, partial(stop.__setitem__, arm))
+        self.create_timer(ASK_PERIOD, self._refresh_parameters)
+        # A sample does not wake the executor: if samples came faster than they are taken, the
+        # node's timers and diagnostics would wait behind them.
+        self._looking = self.create_timer(1 / SOUND_RATE, self._receive_signals, autostart=False)
+
+    def scene(self) -> dict[str, Any]:
+        """Return the scene's drawing."""
+        return drawing(self._remotes["slave_device"].values)
+
+    def lead(self, x: float, z: float) -> str:
+        """Lead the simulated hand to a point, m; return the reason of a refusal."""
+        return self._scene.lead(x, z)
+
+    @property
+    def is_led(self) -> bool:
+        """True where a page can lead the hand."""
+        return self._scene.is_led
+
+    @property
+    def known_parameters(self) -> dict[str, dict[str, Any]]:
+        """Known parameters of other nodes, by node; see `WANTED`."""
+        return {name: dict(remote.values) for name, remote in self._remotes.items()}
+
+    def forget(self) -> None:
+        """Discard all that is known of a graph that has ended; samples remain."""
+        self.reports.forget()
+        self.emergency_stop.update({"asked": False, **dict.fromkeys(self.arms)})
+        for remote in self._remotes.values():
+            remote.forget()
+
+    def receive(self, signals: Collection[str]) -> None:
+        """Receive some signals, by their names in `frames`, and no others."""
+        self._scene.show(SCENE in signals)
+        for name in self._received.keys() - signals:
+            self._received.pop(name).leave()
+        for name in (self._signals.keys() & signals) - self._received.keys():
+            self._received[name] = self.inbox(self._signals[name][0])
+        if self._received and self._looking.is_canceled():
+            self._looking.reset()
+        elif not self._received:
+            self._looking.cancel()
+
+    def _receive_signals(self) -> None:
+        """Read all waiting samples."""
+        by_axis = self.windows.by_axis
+        for name, inbox in self._received.items():
+            topic, put = self._signals[name]
+            for data, received in inbox.drain(unpack_stamped_vector):
+                stamp, vector = unpack_stamped_vector(data)
+                for axis, windows in by_axis.items():
+                    value = vector[NAMES.index(axis)]
+                    if abs(value) <= LARGEST:  # false for NaN
+                        put(windows, stamp, value, received)
+                    else:
+                        self.refuse(topic, f"{value:g}: must be at most {LARGEST:g}")
+
+    def _follow_messages(self, topic: Topic, take: Callable[[Any], None]) -> None:
+        """Subscribe to messages from any sender; refuse malformed ones."""
+        kind = message_type(topic)
+
+        def read(data: bytes) -> None:
+            try:
+                message = deserialize_message(data, kind)
+            except (RuntimeError, ValueError) as error:  # rclpy's errors, and text not in UTF-8
+                self.refuse(topic, " ".join(str(error).split()))
+            else:
+                take(message)
+
+        self.subscribe_raw(topic, read)
+
+    def _receive_diagnostics(self, array: DiagnosticArray) -> None:
+        now = time.monotonic()
+        for status in array.status:
+            # rclpy gives a byte as bytes of length one.
+            level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
+            values = {pair.key: pair.value for pair in status.values}
+            namespace, node = topics.reporter(status.name)
+            if namespace != self.get_namespace().rstrip("/"):
+                continue
+            if not self.reports.receive(node, NodeReport(level, status.message, values, now)):
+                self.refuse(topics.DIAGNOSTICS, f"more than {MOST_NODES} nodes report")
+
+    def _receive_parameters(self, event: ParameterEvent) -> None:
+        for remote in self._remotes.values():
+            if remote.path == event.node:
+                remote.receive(event)
+
+    def _refresh_parameters(self) -> None:
+        for remote in self._remotes.values():
+            remote.refresh()
+
+    def _update_settings(self) -> None:
+        """Take the compensator's description of the actuator, or the defaults without it."""
+        self._scene.update()
+        values = self._remotes["compensator"].values
+        before, self._controller = self._controller, values.get("controller")
+        if before not in (None, self._controller):
+            for windows in self.windows.by_axis.values():
+                windows.compare_anew()
+        known = {name: value for name, value in values.items() if value is not None}
+        settings, axes = GraphSettings(), ACTUATOR_AXES
+        with suppress(ParameterError):  # a node of another version
+            if known:
+                axes = Axes.parsed(str(known.get("axes", "z")))
+                own, options = node_parameters("compensator", known)
+                settings = GraphSettings(
+                    own.high_pass_frequency, options[ACTUATOR], own.latency, assumed=False
+                )
+        self.windows.show_axes(axes)
+        for windows in self.windows.by_axis.values():
+            windows.settings = settings
+
+
+def _only(name: str) -> _Put:
+    """Return a callback that stores a sample without its reception time."""
+    return lambda windows, stamp, value, received: getattr(windows, name).put(stamp, value)
+
+
+def _put_force(windows: Windows, stamp: int, force: float, received: int) -> None:
+    windows.force.put(stamp, force)
+    windows.age.put(stamp, (received - stamp) / NANOSECONDS)

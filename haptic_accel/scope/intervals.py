@@ -1,0 +1,161 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Measures of the signals in an interval of time, such as a stimulus."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from haptic_accel.core.control.fallback import LEAST_DESIRED
+from haptic_accel.core.control.filters import comparable
+from haptic_accel.core.evaluation.metrics import evaluate, lengths
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.sampling import NANOSECONDS, IntArray, places
+from haptic_accel.scope.windows import EDGE, Windows, paired
+
+AT_LIMIT = 0.999
+"""Fraction of the peak force from which a force counts as limited."""
+
+
+@dataclass(frozen=True)
+class IntervalMeasures:
+    """Measures of an interval; for several axes, of the vectors' lengths.
+
+    Attributes
+    ----------
+    begin, end : int
+        System time of its first and last sample, ns.
+    rms, peak : float
+        Of the handle's acceleration without hand motion, m/s^2.
+    desired_rms : float
+        RMS of the desired acceleration, m/s^2.
+    error : float or None
+        NRMSE, with the handle later by the latency and one sample, %; None below `LEAST_DESIRED`.
+    clipped, lost : float
+        Shares of forces at the limit of a coil, and of missing samples, %.
+    """
+
+    begin: int
+    end: int
+    rms: float
+    peak: float
+    desired_rms: float
+    error: float | None
+    clipped: float
+    lost: float
+
+
+def measure(windows: Windows, begin: int, end: int, rate: float) -> IntervalMeasures | None:
+    """Return the measures of an interval; None without samples.
+
+    Parameters
+    ----------
+    windows : Windows
+        Signals that reach from `EDGE` before the interval to `EDGE` behind it.
+    begin, end : int
+        System times, ns.
+    rate : float
+        Samples per second.
+    """
+    settings, margin = windows.settings, round(EDGE * NANOSECONDS)
+    stamps, handle = _signal(windows, "handle", begin - margin, end + margin)
+    wanted_stamps, wanted = _signal(windows, "desired", begin - margin, end + margin)
+    _, forces = _signal(windows, "force", begin, end)
+    places_of_handle = np.arange(float(len(stamps)))
+    shift = settings.latency + 1
+    desired, found = paired(wanted_stamps, wanted, stamps, places_of_handle, shift, rate)
+    index = found.astype(int)
+    moments = stamps[index]
+    within = (moments >= begin) & (moments <= end)
+    if np.count_nonzero(within) < 2:
+        return None
+    asked = _rms(lengths(desired[within]))
+    compared, actual = comparable(desired, handle[index], settings.high_pass_frequency, rate)
+    compared, actual, moments = compared[within], actual[within], moments[within]
+    evaluated = asked >= LEAST_DESIRED
+    error = evaluate(compared, actual, rate, delay=0.0).nrmse_percent if evaluated else None
+    largest = np.abs(forces).reshape(len(forces), -1).max(axis=1, initial=0.0)
+    limited = largest >= AT_LIMIT * settings.actuator.peak_force
+    return IntervalMeasures(
+        begin=int(moments[0]),
+        end=int(moments[-1]),
+        rms=_rms(lengths(actual)),
+        peak=float(lengths(actual).max()),
+        desired_rms=asked,
+        error=error,
+        clipped=100.0 * float(np.mean(limited)) if len(limited) else 0.0,
+        lost=max(lost_percent(each, begin, end, rate) for each in (stamps, wanted_stamps)),
+    )
+
+
+def lost_percent(stamps: IntArray, begin: int, end: int, rate: float) -> float:
+    """Return the share of missing samples between two times in ns, %.
+
+    Examples
+    --------
+    >>> stamps = np.delete(np.arange(0, 100_000_000, 1_000_000), [7, 8])
+    >>> lost_percent(stamps, 0, 99_000_000, 1000.0)
+    2.0
+    """
+    within = stamps[(stamps >= begin) & (stamps <= end)]
+    expected = 1 + int((end - begin) * rate / NANOSECONDS)
+    found = len(np.unique(places(within, begin, rate))) if len(within) else 0
+    return 100.0 * max(0, expected - found) / expected
+
+
+def late_percent(before: Mapping[str, str], after: Mapping[str, str], rate: float) -> float:
+    """Return the share of time with a late force of the actuator between two counts, %.
+
+    Parameters
+    ----------
+    before, after : mapping
+        Counts of a device by their names in diagnostics.
+    rate : float
+        Samples per second.
+
+    Examples
+    --------
+    >>> names = "actuator force due", "actuator force late (s)"
+    >>> before, after = (dict(zip(names, them)) for them in (("0", "0.0"), ("2000", "0.02")))
+    >>> late_percent(before, after, 1000.0)
+    1.0
+    """
+    due, late = (
+        float(after.get(name, 0)) - float(before.get(name, 0))
+        for name in ("actuator force due", "actuator force late (s)")
+    )
+    return min(100.0, 100.0 * late * rate / due) if due > 0 else 0.0
+
+
+def _signal(windows: Windows, name: str, begin: int, end: int) -> tuple[IntArray, FloatArray]:
+    """Return stamps and values of a signal; a column for each of several axes."""
+    columns = []
+    for each in windows.by_axis.values():
+        _, stamps, values = getattr(each, name).since(0)
+        first, last = np.searchsorted(stamps, (begin, end))
+        columns.append((stamps[first:last], values[first:last]))
+    if len(columns) == 1:
+        return columns[0]
+    shortest = min(len(stamps) for stamps, _ in columns)
+    together = np.column_stack([values[:shortest] for _, values in columns])
+    return columns[0][0][:shortest], together
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
