@@ -1,0 +1,182 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Process of a relay between two hosts, whose network is changed by lines of text."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterable
+from contextlib import closing
+from dataclasses import dataclass, replace
+from typing import Any
+
+from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
+from haptic_accel.core.process import ENDING, WRONG_ARGUMENTS
+from haptic_accel.graph.stop_signal import hurry
+from haptic_accel.graph.words import given_keys, parse_words
+from haptic_accel.links.addresses import route
+from haptic_accel.links.parameters import UDP
+from haptic_accel.links.relay import Relay
+
+LOOK_PERIOD = 0.1
+"""Interval between checks for the end, s."""
+
+CHANGED = "network: "
+"""Beginning of the line that states the network, at the start and after each change."""
+
+PRIORITY = 41
+"""Real-time priority of the relay: above those of the nodes, for which no network waits."""
+
+PORTS = 7200, 7210
+"""First ports of master and slave with a relay on their machine: below those of the link."""
+
+
+@dataclass(frozen=True)
+class RelayArguments(Checked):
+    """Arguments of a relay."""
+
+    master: str = parameter(
+        f"127.0.0.1:{PORTS[0]}",
+        "host of the master as HOST or HOST:PORT, where that host has peer:=RELAY or RELAY:PORT",
+    )
+    slave: str = parameter(
+        f"127.0.0.1:{PORTS[1]}", "host of the slave, likewise; with another port on one machine"
+    )
+    delay: float = like(ChannelParameters, "delay")
+    jitter: float = like(ChannelParameters, "jitter")
+    loss: float = like(ChannelParameters, "loss")
+    duplication: float = like(ChannelParameters, "duplication")
+    seed: int = parameter(0, "seed of jitter and loss", "", 0, 2**31 - 1)
+
+    @property
+    def network(self) -> ChannelParameters:
+        """Behaviour of each direction."""
+        return ChannelParameters(self.delay, self.jitter, self.loss, self.duplication)
+
+
+def words_of(network: ChannelParameters) -> list[str]:
+    """Return the words that state a network.
+
+    Examples
+    --------
+    >>> words_of(ChannelParameters(delay=0.05, loss=0.02))
+    ['delay:=0.05', 'jitter:=0.0', 'loss:=0.02', 'duplication:=0.0']
+    """
+    return [f"{name}:={value!r}" for name, value in vars(network).items()]
+
+
+def changed(network: ChannelParameters, words: Iterable[str]) -> ChannelParameters:
+    """Return a network with the values of ``key:=value`` words; others remain.
+
+    Raises
+    ------
+    ParameterError
+        A word is wrong.
+
+    Examples
+    --------
+    >>> changed(ChannelParameters(delay=0.05), ["loss:=0.02"])
+    ChannelParameters(delay=0.05, jitter=0.0, loss=0.02, duplication=0.0)
+    """
+    words = list(words)
+    given = parse_words(words, ChannelParameters)
+    return replace(network, **{name: getattr(given, name) for name in given_keys(words)})
+
+
+def serve(
+    arguments: RelayArguments,
+    say: Callable[[str], object],
+    ended: Callable[[], bool],
+    source: int | None = None,
+) -> None:
+    """Relay datagrams until the end; each line of a file changes the network.
+
+    Parameters
+    ----------
+    arguments : RelayArguments
+    say : callable
+        Called with a line on the network after each change, and with reasons of refusals.
+    ended : callable
+        Called every 0.1 s at least; true at the end.
+    source : int, optional
+        File descriptor with lines of words.
+
+    Raises
+    ------
+    ParameterError
+        An address has another form, or a port is in use.
+    OSError
+        A host is unknown, or cannot be reached.
+    """
+    # The relay has the slave's place for the master, and the other way round.
+    routes = (
+        route(arguments.master, "slave", UDP, ""),
+        route(arguments.slave, "master", UDP, ""),
+    )
+    with closing(Relay(routes, arguments.network, arguments.seed)) as relay:
+        say(_stated(relay.network))
+        text = b""
+        while not ended():
+            wait = min(LOOK_PERIOD, max(0.0, relay.due - time.monotonic()))
+            inputs: list[Any] = [*relay.sockets, *([] if source is None else [source])]
+            ready = select.select(inputs, [], [], wait)[0]
+            relay.step(time.monotonic())
+            if source is not None and source in ready:
+                data = os.read(source, 4096)
+                source = source if data else None
+                *lines, text = (text + data).split(b"\n")
+                for line in lines:
+                    _change(relay, line.decode(errors="replace"), say)
+
+
+def _change(relay: Relay, line: str, say: Callable[[str], object]) -> None:
+    try:
+        relay.network = changed(relay.network, line.split())
+    except ParameterError as error:
+        say(str(error))
+    else:
+        say(_stated(relay.network))
+
+
+def _stated(network: ChannelParameters) -> str:
+    return CHANGED + " ".join(words_of(network))
+
+
+def main() -> None:
+    """Relay until a signal; end at once with the process that holds the standard input."""
+    hurry(PRIORITY)
+    asked: list[int] = []
+    for number in ENDING:
+        signal.signal(number, lambda number, _: asked.append(number))
+    parent = os.getppid()
+    try:
+        serve(
+            parse_words(sys.argv[1:], RelayArguments),
+            lambda line: print(line, flush=True),
+            lambda: bool(asked) or os.getppid() != parent,
+            sys.stdin.fileno(),
+        )
+    except (ParameterError, OSError) as error:
+        print(error, file=sys.stderr)
+        sys.exit(WRONG_ARGUMENTS)
+
+
+if __name__ == "__main__":
+    main()

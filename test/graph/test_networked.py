@@ -1,0 +1,133 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Both sides of a graph on this machine, over a simulated network."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.graph.networked import RelayError, networked_graph, sides
+from haptic_accel.graph.supervisor import Outcome, Supervisor
+from observing import Observer
+from running import reserved_domain, wait_until
+
+DELAY = 0.03
+
+
+def test_either_side_has_its_own_device_and_port() -> None:
+    both = GraphArguments(master="pointer", slave="virtual", bag="bags/a", scope=True)
+    master, slave = sides(both, (7200, 7210))
+    assert (master.master, master.slave, master.peer) == ("pointer", "simulated", "127.0.0.1:7200")
+    assert (slave.master, slave.slave, slave.peer) == ("simulated", "virtual", "127.0.0.1:7210")
+    assert (master.bag, slave.bag) == ("bags/a", "bags/a-slave")
+    assert (master.scope, slave.scope) == (True, False)
+    assert slave.surface == "workshop"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (GraphArguments(side="master", peer="127.0.0.1"), "side = 'master': must be empty"),
+        (GraphArguments(master="replay", replay="bag"), "master = 'replay': not with"),
+    ],
+)
+def test_what_cannot_be_on_two_hosts_is_refused(arguments: GraphArguments, named: str) -> None:
+    with (
+        pytest.raises(ParameterError, match=named),
+        networked_graph(arguments, ChannelParameters(), slave_domain=1),
+    ):
+        raise AssertionError
+
+
+def test_a_relay_that_has_ended_is_told() -> None:
+    arguments = GraphArguments(record=False)
+    with networked_graph(arguments, ChannelParameters(), slave_domain=1) as networked:
+        networked.relay.change(ChannelParameters(delay=0.1))
+        networked.relay.close()
+        with pytest.raises((RelayError, ValueError)):
+            networked.relay.change(ChannelParameters())
+
+
+@contextmanager
+def running(supervisor: Supervisor) -> Iterator[list[Outcome]]:
+    """Run a graph on a thread of its own; yield its outcome once it has ended."""
+    stop, outcomes = threading.Event(), list[Outcome]()
+    thread = threading.Thread(target=lambda: outcomes.append(supervisor.run(stop.is_set)))
+    thread.start()
+    try:
+        yield outcomes
+    finally:
+        stop.set()
+        thread.join()
+
+
+def test_the_delay_between_the_arms_is_the_one_asked_for(domain: int, tmp_path: Path) -> None:
+    arguments = GraphArguments(rate=500.0, record=False)
+    lines: list[str] = []
+    with (
+        reserved_domain() as other,
+        networked_graph(arguments, ChannelParameters(DELAY), slave_domain=other) as networked,
+        running(Supervisor(networked.processes, lambda _, line: lines.append(line))) as outcomes,
+    ):
+        observers = [Observer(each) for each in (domain, other)]
+        try:
+            for observer in observers:
+                observer.status("coupler", least={"packets received": 500}, engaged="true")
+            for delay, change in (
+                (0.08, networked.relay.change),
+                (0.0, networked.relay.begin_anew),
+                (DELAY, networked.relay.change),
+            ):
+                change(ChannelParameters(delay))
+                for observer in observers:
+                    wait_until(
+                        lambda observer=observer, delay=delay: near(observer, delay),
+                        "\n".join(lines),
+                    )
+                    observer.status("coupler", engaged="true")
+        finally:
+            for observer in observers:
+                observer.close()
+    (outcome,) = outcomes
+    assert not outcome.failed, "\n".join(lines)
+    assert {f"link@{other}", "link"} < set(outcome.statuses)
+
+
+def near(observer: Observer, delay: float) -> bool:
+    """Return whether a side measures a one-way delay, and some ms of the loops."""
+    values = observer.status("coupler")
+    return 1e3 * delay <= float(values["one-way delay (ms)"]) < 1e3 * delay + 10.0
+
+
+def test_domains_with_nodes_are_not_taken() -> None:
+    from haptic_accel.links.local import LINK, LocalEnd
+
+    own = int(os.environ.get("ROS_DOMAIN_ID") or 0)
+    end = LocalEnd(LINK, own + 1, "/of_a_test")
+    try:
+        with networked_graph(GraphArguments(record=False), ChannelParameters()) as networked:
+            assert networked.slave_domain not in (own, own + 1)
+            assert {each.domain for each in networked.processes} == {None, networked.slave_domain}
+    finally:
+        end.close()

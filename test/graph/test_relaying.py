@@ -1,0 +1,56 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""Process of a relay, and the lines that change its network."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.graph.relaying import CHANGED, RelayArguments, changed, serve
+
+
+def served(*lines: str) -> list[str]:
+    """Return what a relay says to lines; its input ends before it does."""
+    reading, writing = os.pipe()
+    os.write(writing, "".join(f"{line}\n" for line in lines).encode())
+    os.close(writing)
+    said: list[str] = []
+    arguments = RelayArguments("127.0.0.1:7296", "127.0.0.1:7298", delay=0.05)
+    serve(arguments, said.append, lambda: len(said) > len(lines), reading)
+    os.close(reading)
+    return said
+
+
+def test_each_line_changes_the_words_it_has() -> None:
+    first, second, third = served("loss:=0.02", "delay:=0.1 loss:=0")
+    assert first == f"{CHANGED}delay:=0.05 jitter:=0.0 loss:=0.0 duplication:=0.0"
+    assert second == f"{CHANGED}delay:=0.05 jitter:=0.0 loss:=0.02 duplication:=0.0"
+    assert third == f"{CHANGED}delay:=0.1 jitter:=0.0 loss:=0.0 duplication:=0.0"
+
+
+def test_a_wrong_line_changes_nothing() -> None:
+    _, refused, unchanged = served("dealy:=1", "")
+    assert refused.startswith("dealy: no such argument (did you mean delay?)")
+    assert unchanged == f"{CHANGED}delay:=0.05 jitter:=0.0 loss:=0.0 duplication:=0.0"
+
+
+@pytest.mark.parametrize("word", ["loss:=2", "delay:=-1", "delay", "seed:=1"])
+def test_wrong_words_are_refused(word: str) -> None:
+    with pytest.raises(ParameterError):
+        changed(ChannelParameters(), [word])
