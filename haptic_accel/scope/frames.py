@@ -65,6 +65,9 @@ ON_DEMAND = (*CHOSEN, SCENE, SOUND, *AXES)
 PLACES = ("tool", "tool_velocity", "handle", "contact_force")
 """Vectors of a frame of places: m, m/s, m, N; the tool's in the slave's base frame."""
 
+EVERYTHING = frozenset((*TRACES, *ON_DEMAND, *PLACES))
+"""Signals, requests and places of a page that hides nothing."""
+
 _SAMPLES_HEADER = struct.Struct("<8Ifdd")
 _PLOTS_HEADER = struct.Struct("<3I")
 
@@ -78,6 +81,8 @@ class Cursor:
     ----------
     windows : Windows
         Signals to send.
+    admitted : frozenset of str
+        Part of `EVERYTHING` that the page may receive.
 
     Attributes
     ----------
@@ -87,10 +92,11 @@ class Cursor:
         Axis of the signals, if the rig has it.
     """
 
-    def __init__(self, windows: Windows) -> None:
+    def __init__(self, windows: Windows, admitted: frozenset[str] = EVERYTHING) -> None:
         self._windows = windows
+        self._admitted = admitted
         self._sent = dict.fromkeys(TRACES, 0)
-        self.shown = frozenset(ALWAYS)
+        self.shown = self._admitted.intersection(ALWAYS)
         self.axis = windows.axis
         self._sending = windows
         self._placed = b""
@@ -102,13 +108,15 @@ class Cursor:
 
     def choose(self, names: Iterable[str]) -> None:
         """Select the signals of `ON_DEMAND` to send, from their next sample on."""
-        self.shown = frozenset((*ALWAYS, *names))
+        self.shown = self._admitted.intersection((*ALWAYS, *names))
         self.axis = next((AXES[name] for name in AXES if name in self.shown), self._windows.axis)
         self._placed = b""
 
     def places(self) -> bytes | None:
         """Return the latest places; None if not shown, or unchanged since the last call."""
-        before, self._placed = self._placed, places_frame(self._windows.places)
+        places = self._windows.places.items()
+        admitted = {name: place for name, place in places if name in self._admitted}
+        before, self._placed = self._placed, places_frame(admitted)
         return self._placed if SCENE in self.shown and self._placed != before else None
 
     def frame(self) -> bytes | None:

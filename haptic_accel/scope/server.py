@@ -42,8 +42,8 @@ from haptic_accel.core.decimals import defined
 from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.pages import asset, modules, template
 from haptic_accel.scope.access import TOKEN_LETTERS, Access, is_token
-from haptic_accel.scope.frames import ON_DEMAND, SOUND, Cursor, plots_frame
-from haptic_accel.scope.windows import Windows
+from haptic_accel.scope.frames import EVERYTHING, ON_DEMAND, SCENE, SOUND, Cursor, plots_frame
+from haptic_accel.scope.windows import Windows, live_rate
 
 FRAME_RATE = 60.0
 """Most frames of samples per second: the refresh rate of most screens, Hz."""
@@ -113,6 +113,42 @@ FAILURE = "the scope failed to serve this page; its log says why"
 READ_ONLY = "this scope is read-only: it was started without control"
 
 
+@dataclass(frozen=True)
+class PageKind:
+    """Kind of a page: what it receives, and how often.
+
+    Attributes
+    ----------
+    admitted : frozenset of str
+        Part of `frames.EVERYTHING` that the page may receive.
+    metrics : bool
+        False for a page that receives the rate of the samples alone.
+    period : float
+        Interval between states, s.
+    styles : tuple of str
+        Style sheets besides those of every page.
+    """
+
+    admitted: frozenset[str] = EVERYTHING
+    metrics: bool = True
+    period: float = METRICS_PERIOD
+    styles: tuple[str, ...] = ()
+
+
+PAGES = {
+    "scope": PageKind(),
+    "bring_up": PageKind(),
+    # A participant must not learn what is compared: no tool, no desired acceleration, no error.
+    "study": PageKind(
+        frozenset({"actual", "handle", SOUND, SCENE}),
+        metrics=False,
+        period=0.05,  # so that the screen of a stimulus appears with it
+        styles=("study.css",),
+    ),
+}
+"""Kinds of pages by the names of their templates and scripts."""
+
+
 class CommandError(Exception):
     """Error: a command failed; the message is one line for the page.
 
@@ -138,22 +174,26 @@ def check_choice(name: str, value: object, known: Collection[str]) -> None:
         raise CommandError(f"{name} = {value!r}: must be one of {', '.join(known)}", 400)
 
 
-class Source(Protocol):
-    """Provider of everything that a page shows."""
+class Touched(Protocol):
+    """Provider of signals, and of a scene in which a page may lead the hand."""
 
     windows: Windows
-
-    def choices(self) -> dict[str, list[str]]:
-        """Return the choices on the page, by action."""
-
-    def state(self) -> dict[str, Any]:
-        """Return the state of the graph, ready for JSON."""
 
     def scene(self) -> dict[str, Any]:
         """Return the touchable scene, ready for JSON, or raise ParameterError."""
 
     def lead(self, x: float, z: float) -> str:
         """Lead the simulated hand to a point, m; return a one-line refusal, or nothing."""
+
+
+class Source(Touched, Protocol):
+    """Provider of everything that a page shows."""
+
+    def choices(self) -> dict[str, list[str]]:
+        """Return the choices on the page, by action."""
+
+    def state(self) -> dict[str, Any]:
+        """Return the state of the graph, ready for JSON."""
 
 
 Act = Callable[[str, Any], Awaitable[str]]
@@ -192,7 +232,9 @@ class ScopeServer:
     act : callable, optional
         Carries out commands; without it the scope is read-only, and leads no hand.
     page : str
-        Name of the page's template and script.
+        One of `PAGES`.
+    texts : mapping, optional
+        Words of a page in several languages, by name.
 
     Attributes
     ----------
@@ -207,17 +249,20 @@ class ScopeServer:
         port: int,
         act: Act | None = None,
         page: str = "scope",
+        texts: Mapping[str, str] | None = None,
     ) -> None:
         self._source = source
         self._access = access
         self._host, self._port = host, port
         self._act = act
-        self._pages = _pages(page, source.choices(), control=act is not None)
+        self._kind = PAGES[page]
+        content = {"choices": source.choices(), "control": act is not None, "texts": texts or {}}
+        self._pages = _pages(page, content)
         self._version = hashlib.sha256(b"".join(b for b, _ in self._pages.values())).hexdigest()
         self._clients: dict[web.WebSocketResponse, Cursor] = {}
         self._silent: dict[asyncio.BaseProtocol, asyncio.TimerHandle] = {}
         self._leader: tuple[web.WebSocketResponse | None, float] = None, 0.0
-        self._updates: dict[Windows, tuple[str, bytes]] = {}
+        self._updates: dict[Windows, tuple[str | bytes, ...]] = {}
         self._updated = float("-inf")
         self._logged: set[str] = set()
         self._thread: threading.Thread | None = None
@@ -402,7 +447,7 @@ class ScopeServer:
             heartbeat=HEARTBEAT, compress=False, max_msg_size=LONGEST_COMMAND
         )
         await page.prepare(request)
-        cursor = self._clients[page] = Cursor(self._source.windows)
+        cursor = self._clients[page] = Cursor(self._source.windows, self._kind.admitted)
         acts = self._send(page, cursor), self._receive(page, cursor)
         tasks = [asyncio.create_task(act) for act in acts]
         try:
@@ -488,7 +533,7 @@ class ScopeServer:
 
     def _refresh(self, now: float) -> None:
         """Update metrics and states for all pages when it is time."""
-        if now - self._updated < METRICS_PERIOD:
+        if now - self._updated < self._kind.period:
             return
         axes = list(self._source.windows.by_axis)
         state = {"version": self._version, "axes": axes} | self._source.state()
@@ -496,10 +541,15 @@ class ScopeServer:
             state["led"] = False
         self._updates = {}
         for windows in {cursor.windows for cursor in self._clients.values()}:
-            metrics = windows.metrics()
-            told = as_json(state | {"metrics": metrics.values})
-            self._updates[windows] = told, plots_frame(metrics)
+            self._updates[windows] = self._update(windows, state)
         self._updated = now  # not before: failed updates must not count as new
+
+    def _update(self, windows: Windows, state: dict[str, Any]) -> tuple[str | bytes, ...]:
+        """Return what pages receive with a state, ready to be sent."""
+        if not self._kind.metrics:
+            return (as_json(state | {"metrics": {"rate": live_rate(windows.handle)}}),)
+        metrics = windows.metrics()
+        return as_json(state | {"metrics": metrics.values}), plots_frame(metrics)
 
 
 class _Refusal(asyncio.Protocol):
@@ -540,12 +590,11 @@ def _is_point(value: Any) -> bool:
     )
 
 
-def _pages(
-    name: str, choices: Mapping[str, list[str]], *, control: bool
-) -> dict[str, tuple[bytes, str]]:
+def _pages(name: str, content: Mapping[str, Any]) -> dict[str, tuple[bytes, str]]:
     """Return content and type of a page and its assets by their paths."""
-    page = template(f"{name}.html.j2").render(control=control, choices=choices)
-    styles = (asset("uPlot.min.css"), template("page.css.j2").render(), asset("scope.css"))
+    page = template(f"{name}.html.j2").render(content)
+    own = map(asset, ("scope.css", *PAGES[name].styles))
+    styles = (asset("uPlot.min.css"), template("page.css.j2").render(), *own)
     return {
         "/": (page.encode(), "text/html"),
         "/scope.css": ("\n".join(styles).encode(), "text/css"),

@@ -40,6 +40,10 @@ from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.paced_rig import PacedRig
 from haptic_accel.scope.server import ScopeServer
+from haptic_accel.study.reading import read_protocol
+from haptic_accel.study.report import analyse_study, write_report
+from haptic_accel.study.simulation import simulate_study
+from haptic_accel.study.templates import templates
 from running import wait_until
 from verbs import status_of
 
@@ -132,15 +136,19 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_experiment(live, analysis, folder / "experiment", "A warning.")
     words = ("--lockstep", "--grips", "pinch,hook", "trials:=2", "duration:=1")
     assert status_of("identify", *words, "--out", folder / "identification") == 0
+    study = read_protocol(templates()["compensated_or_not"])
+    sessions = simulate_study(study, 4, 1)
+    stopped = replace(sessions[3], ended="stopped by the participant")
+    write_report(analyse_study(study, [*sessions[:3], stopped]), folder / "study")
     return folder
 
 
 @SCHEMES
-@pytest.mark.parametrize("name", ["analysis", "experiment", "identification"])
+@pytest.mark.parametrize("name", ["analysis", "experiment", "identification", "study"])
 def test_a_report(browser: Browser, reports: Path, name: str, scheme: Scheme) -> None:
     page = browser.new_page(color_scheme=scheme)
     page.goto((reports / name / "index.html").as_uri())
-    if name != "identification":
+    if name in ("analysis", "experiment"):
         page.wait_for_selector("html[data-drawn='7']")
     assert violations(page) == []
     page.close()

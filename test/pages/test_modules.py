@@ -28,7 +28,7 @@ from haptic_accel.pages import modules, script
 
 ASSETS = Path(haptic_accel.pages.__file__).parent / "assets"
 SCRIPTS = sorted(file.name for file in ASSETS.glob("*.js") if not file.name.startswith("uPlot"))
-PAGES = ("analysis.js", "bring_up.js", "scope.js")
+PAGES = ("analysis.js", "bring_up.js", "scope.js", "study.js")
 DECLARED = r"^(?:export )?(?:async )?(?:class|const|function|let) (\w+|\[[^\]]+\])"
 
 

@@ -24,17 +24,16 @@ export function mapping(drawing) {
   return { scale, x, z };
 }
 
-/** Draw the objects, and the tool if it is known. */
+/** Draw the objects, and tool and handle if they are known. */
 export function drawSideView(drawing) {
   const ratio = devicePixelRatio;
   const [width, height] = [view.clientWidth, view.clientHeight].map((size) => Math.round(size * ratio));
   clear(sheet, { width, height });
   const map = mapping(drawing);
   drawObjects(drawing, map, ratio);
-  if (!isKnown(here.tool)) return;
-  drawTool(map, ratio);
+  if (isKnown(here.tool)) drawTool(map, ratio);
   if (isKnown(here.handle)) drawHandle(drawing, map, ratio);
-  drawForce(map, ratio);
+  if (isKnown(here.tool)) drawForce(map, ratio);
 }
 
 function drawObjects(drawing, { x, z }, ratio) {

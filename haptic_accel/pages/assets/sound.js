@@ -4,9 +4,9 @@
 // The handle's acceleration as sound: the card's controls, and the loudspeaker behind them.
 import { want } from "./connection.js";
 import { byId, isPressed, press } from "./elements.js";
-import { FADE, Stream } from "./sound_stream.js";
+import { openLoudspeaker, setVolume } from "./loudspeaker.js";
+import { Stream } from "./sound_stream.js";
 
-const FULL_SCALE = 10; // m/s² at which full volume reaches the limiter
 const HELD_UP = 0.04; // s of delay that only a page which draws too much needs; at rest it is 0.02
 const SHOW = 500; // ms between two displays of the delay
 
@@ -42,9 +42,9 @@ export const sound = {
     on.addEventListener("click", () => turn(!isPressed(on)));
     mute.addEventListener("click", () => {
       press(mute, !isPressed(mute));
-      setVolume();
+      follow();
     });
-    volume.addEventListener("input", setVolume);
+    volume.addEventListener("input", follow);
     for (const button of choices) {
       button.addEventListener("click", () => {
         chosen = button.dataset.sound;
@@ -55,21 +55,15 @@ export const sound = {
   },
 };
 
-/** Volume, then a limiter that bends where a loudspeaker would clip. */
 function open() {
-  const context = new AudioContext({ latencyHint: 0 }); // the least that the device can do
-  const output = new GainNode(context, { gain: 0 });
-  const curve = Float32Array.from({ length: 4097 }, (_, i) => Math.tanh(4 * (i / 2048 - 1)));
-  output.connect(new WaveShaperNode(context, { curve })).connect(context.destination);
-  Object.assign(sound, { context, output, stream: new Stream(context, output) });
-  setVolume();
+  Object.assign(sound, openLoudspeaker());
+  follow();
   setInterval(show, SHOW);
 }
 
-function setVolume() {
-  // The limiter's curve spans four times the full scale.
-  const gain = isPressed(mute) ? 0 : (volume.value / 100) ** 2 / (4 * FULL_SCALE);
-  sound.output?.gain.setTargetAtTime(gain, sound.context.currentTime, FADE);
+/** Follow the card's volume. */
+function follow() {
+  if (sound.output) setVolume(sound, isPressed(mute) ? 0 : volume.value / 100);
 }
 
 function show() {

@@ -1,0 +1,487 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The page of a participant in a real browser: a session by keys, and all that may go wrong."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from browsing import LISTEN, violations
+from haptic_accel.scope.paced_rig import PacedRig
+from haptic_accel.study.participant_page import ParticipantPage
+from haptic_accel.study.trials import Screen
+from participating import ENGLISH, TRIALS, Visit
+from running import wait_until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+QUESTION = "Were they the same?"
+
+LEVEL = """async () => {
+  const { context, noise } = hapticSound;
+  const analyser = new AnalyserNode(context, { fftSize: 32768 });
+  noise.connect(analyser);
+  const samples = new Float32Array(analyser.fftSize);
+  await new Promise((resolve) => setTimeout(resolve, 1500));
+  analyser.getFloatTimeDomainData(samples);
+  return 10 * Math.log10(samples.reduce((sum, each) => sum + each * each, 0) / samples.length);
+}"""
+"""Script that returns the level of the noise, dB of full scale."""
+
+
+@pytest.fixture
+def visit(tmp_path: Path) -> Iterator[Visit]:
+    made = Visit(tmp_path / "study")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def page(browser: Browser, visit: Visit) -> Iterator[Page]:
+    opened = browser.new_page(viewport={"width": 1280, "height": 900})
+    complaints: list[str] = []
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.goto(visit.address)
+    yield opened
+    opened.close()
+    assert complaints == []
+
+
+def shows(page: Page, text: str) -> None:
+    """Wait until a page shows a screen with a heading."""
+    wait_until(lambda: page.locator("#heading").inner_text() == text, text)
+
+
+def asked(page: Page, question: str = QUESTION) -> None:
+    """Wait until a page asks a question, and takes an answer."""
+    shows(page, question)
+    page.wait_for_timeout(500)  # until another press is no double click
+
+
+def agree(page: Page) -> None:
+    """Agree, read the instructions and begin."""
+    for heading, key in (
+        ("I agree to take part.", "1"),
+        ("Stroke the surface.", "Enter"),
+        ("begin", "Enter"),
+    ):
+        asked(page, heading)
+        page.keyboard.press(key)
+
+
+def numbers(visit: Visit) -> list[int]:
+    return [number for number, _ in visit.answers]
+
+
+def test_a_session_of_20_trials_by_keys_alone(page: Page, visit: Visit) -> None:
+    visit.begin()
+    agree(page)
+    ways: list[tuple[tuple[str, ...], str]] = [
+        (("1",), "same"),
+        (("2",), "different"),
+        (("ArrowRight", "Enter"), "same"),
+        (("ArrowRight", "ArrowRight", "Enter"), "different"),
+        (("ArrowLeft", "Space"), "different"),
+    ]
+    wanted = []
+    for number in range(TRIALS):
+        asked(page)
+        assert page.evaluate("document.activeElement.id") == "heading", "it is read out"
+        keys, value = ways[number % len(ways)]
+        for key in keys:
+            page.keyboard.press(key)
+        wanted.append(value)
+        wait_until(lambda n=number: len(visit.answers) == n + 1, "the answer")  # type: ignore[misc]
+    shows(page, "end")
+    assert visit.ended == "complete"
+    assert [answer.value for _, answer in visit.answers] == wanted
+    assert numbers(visit) == list(range(TRIALS))
+    assert all(0.0 < answer.response_time < 30.0 for _, answer in visit.answers)
+
+
+def test_a_key_that_is_no_answer_answers_nothing(page: Page, visit: Visit) -> None:
+    visit.begin()
+    agree(page)
+    asked(page)
+    for key in ("3", "a", "Enter", "Tab", "F2"):
+        page.keyboard.press(key)
+    page.wait_for_timeout(300)
+    assert visit.answers == []
+
+
+def test_a_reload_loses_and_doubles_nothing(page: Page, visit: Visit) -> None:
+    visit.begin()
+    agree(page)
+    for number in range(4):
+        asked(page)
+        page.reload()
+        asked(page)
+        page.keyboard.press("2")
+        if number % 2:
+            page.reload()  # at once, perhaps before the answer has arrived
+            page.wait_for_timeout(300)
+            if len(visit.answers) == number:
+                asked(page)
+                page.keyboard.press("2")
+        wait_until(lambda n=number: len(visit.answers) == n + 1, "the answer")  # type: ignore[misc]
+    assert numbers(visit) == [0, 1, 2, 3]
+
+
+def test_the_time_of_an_answer_goes_on_over_a_reload(page: Page, visit: Visit) -> None:
+    visit.begin()
+    agree(page)
+    asked(page)
+    page.wait_for_timeout(1500)
+    page.reload()
+    asked(page)
+    page.keyboard.press("1")
+    wait_until(lambda: len(visit.answers) == 1, "the answer")
+    assert visit.answers[0][1].response_time > 2.0
+
+
+def test_going_back_and_forward_loses_and_doubles_nothing(page: Page, visit: Visit) -> None:
+    visit.begin()
+    agree(page)
+    asked(page)
+    page.goto("about:blank")
+    page.go_back()
+    asked(page)
+    page.keyboard.press("1")
+    wait_until(lambda: len(visit.answers) == 1, "the answer")
+    asked(page)
+    page.go_back(timeout=2000)
+    page.go_forward(timeout=2000)
+    page.goto(visit.address)
+    asked(page)
+    page.keyboard.press("2")
+    wait_until(lambda: len(visit.answers) == 2, "the answer")
+    assert numbers(visit) == [0, 1]
+
+
+def test_a_session_that_was_killed_goes_on_at_the_same_page(page: Page, visit: Visit) -> None:
+    visit.begin()
+    agree(page)
+    asked(page)
+    page.keyboard.press("1")
+    wait_until(lambda: len(visit.answers) == 1, "the answer")
+    asked(page)
+    visit.restart()
+    for heading in ("Stroke the surface.", "begin"):
+        asked(page, heading)
+        page.keyboard.press("Enter")
+    asked(page)
+    page.keyboard.press("2")
+    wait_until(lambda: len(visit.answers) == 2, "the answer")
+    assert [(n, answer.value) for n, answer in visit.answers] == [(0, "same"), (1, "different")]
+
+
+def test_a_double_click_answers_once(page: Page, visit: Visit) -> None:
+    visit.seconds = 0.0
+    visit.begin()
+    agree(page)
+    for number in range(3):
+        asked(page)
+        page.dblclick("#answers button >> nth=0")
+        wait_until(lambda n=number: len(visit.answers) > n, "the answer")  # type: ignore[misc]
+        asked(page)
+        assert numbers(visit) == list(range(number + 1))
+
+
+def test_an_answer_without_connection_arrives_when_it_is_back(page: Page, visit: Visit) -> None:
+    visit.begin()
+    agree(page)
+    asked(page)
+    page.context.set_offline(True)
+    page.route("**/command", lambda route: route.abort())
+    page.keyboard.press("2")
+    page.wait_for_timeout(1000)
+    assert visit.answers == []
+    page.unroute("**/command")
+    page.context.set_offline(False)
+    wait_until(lambda: len(visit.answers) == 1, "the answer")
+    asked(page)
+    assert [(number, answer.value) for number, answer in visit.answers] == [(0, "different")]
+
+
+def test_an_answer_whose_acknowledgement_is_lost_counts_once(page: Page, visit: Visit) -> None:
+    visit.begin()
+    agree(page)
+    asked(page)
+
+    lost: list[str] = []
+
+    def lose_first(route: Any) -> None:
+        asks = '"answer"' in route.request.post_data
+        if asks and not lost:
+            lost.append(route.request.post_data)
+            route.fetch()
+            route.abort()
+        else:
+            route.continue_()
+
+    page.route("**/command", lose_first)
+    page.keyboard.press("1")
+    asked(page)
+    page.unroute("**/command")
+    assert len(lost) == 1
+    assert numbers(visit) == [0]
+    page.keyboard.press("2")
+    wait_until(lambda: len(visit.answers) == 2, "the next answer")
+    assert [answer.value for _, answer in visit.answers] == ["same", "different"]
+
+
+def test_of_two_pages_the_one_opened_last_is_the_participants(
+    browser: Browser, page: Page, visit: Visit
+) -> None:
+    visit.begin()
+    agree(page)
+    asked(page)
+    second = browser.new_page()
+    second.goto(visit.address)
+    shows(page, "other page")
+    asked(second)
+    second.keyboard.press("1")
+    wait_until(lambda: len(visit.answers) == 1, "the answer")
+    second.close()
+    page.keyboard.press("Enter")  # the only answer: use this page
+    asked(page)
+    page.keyboard.press("2")
+    wait_until(lambda: len(visit.answers) == 2, "the answer")
+    assert [(number, answer.value) for number, answer in visit.answers] == [
+        (0, "same"),
+        (1, "different"),
+    ]
+
+
+def test_a_stimulus_waits_for_a_page_that_shows_it(browser: Browser, visit: Visit) -> None:
+    shown = threading.Event()
+
+    def script() -> None:
+        visit.page.show(Screen("s", "stimulus", interval=1))
+        shown.set()
+
+    visit.begin(script)
+    assert not shown.wait(0.5)
+    page = browser.new_page()
+    page.goto(visit.address)
+    wait_until(shown.is_set, "the stimulus")
+    page.close()
+
+
+def test_a_stimulus_during_which_the_page_is_lost_is_undelivered(page: Page, visit: Visit) -> None:
+    visit.seconds = 3.0
+    visit.begin()
+    agree(page)
+    shows(page, "interval 1")
+    page.goto("about:blank")
+    wait_until(lambda: visit.undelivered == 1, "the loss is noticed")
+    visit.seconds = 0.05
+    page.goto(visit.address)
+    asked(page, "begin")
+    page.keyboard.press("Enter")
+    asked(page)
+    page.keyboard.press("1")
+    wait_until(lambda: numbers(visit) == [0], "the trial is repeated")
+
+
+def test_escape_stops_at_once_and_without_force(page: Page, visit: Visit) -> None:
+    visit.begin()
+    agree(page)
+    asked(page)
+    page.keyboard.press("Escape")
+    shows(page, "stopped")
+    assert visit.rig.stops == 1
+    assert visit.ended == "stopped by the participant"
+    assert visit.answers == []
+    assert not page.locator("#stop").is_visible()
+
+
+def test_a_break_cannot_be_left_before_its_end(page: Page, visit: Visit) -> None:
+    visit.begin(lambda: visit.page.ask(Screen("b", "break", "", ("continue",), 0.5, 0, 2.0)))
+    shows(page, "break")
+    page.keyboard.press("Enter")
+    page.keyboard.press("1")
+    assert page.locator("#left").is_visible()
+    page.reload()
+    shows(page, "break")
+    assert visit.ended == ""
+    wait_until(lambda: page.locator("#answers button").is_enabled(), "the end of the break")
+    page.keyboard.press("Enter")
+    wait_until(lambda: visit.ended == "complete", "the session goes on")
+
+
+def test_a_rating_needs_a_move(page: Page, visit: Visit) -> None:
+    given: list[str] = []
+    scale = tuple(map(str, range(101)))
+
+    def script() -> None:
+        given.append(visit.page.ask(Screen("r", "question", "How real?", scale)).value)
+
+    visit.begin(script)
+    asked(page, "How real?")
+    page.keyboard.press("ArrowRight")  # from the question to the scale
+    page.keyboard.press("Enter")
+    page.wait_for_timeout(200)
+    assert given == []
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Enter")
+    wait_until(lambda: given == ["51"], "the rating")
+
+
+def test_the_level_of_the_noise_is_that_of_the_protocol(browser: Browser, tmp_path: Path) -> None:
+    visit = Visit(tmp_path / "study", noise=-30.0)
+    visit.begin()
+    page = browser.new_page()
+    try:
+        page.goto(visit.address)
+        shows(page, "title")
+        page.keyboard.press("Enter")
+        shows(page, "noise on")
+        assert page.evaluate(LEVEL) == pytest.approx(-30.0, abs=1.5)
+        page.keyboard.press("Enter")
+        agree(page)
+        asked(page)
+        assert visit.page.noise == -30.0
+        assert page.locator("#noise").is_visible()
+        page.reload()
+        shows(page, "title")  # a browser gives no sound before a press
+    finally:
+        page.close()
+        visit.close()
+
+
+@pytest.mark.parametrize(
+    ("answers", "labels"),
+    [
+        (("1", "2", "3"), ["1 first", "2 second", "3 third"]),
+        (("1", "2", "3", "4"), ["1", "2", "3", "4"]),
+        (("A", "B"), ["A", "B"]),
+        (("surface=text", "surface=wood gain=0.5"), ["1 text", "2 wood 0.5"]),
+        (("constructor", "same"), ["1 constructor", "2 same"]),
+    ],
+)
+def test_buttons_have_words_of_the_language_values_or_intervals(
+    page: Page, visit: Visit, answers: tuple[str, ...], labels: list[str]
+) -> None:
+    given: list[str] = []
+    visit.begin(
+        lambda: given.append(visit.page.ask(Screen("q", "question", "Which?", answers)).value)
+    )
+    asked(page, "Which?")
+    shown = page.locator("#answers button").all_inner_texts()
+    assert [" ".join(each.split()) for each in shown] == labels
+    page.keyboard.press("b" if "B" in answers else "2")
+    wait_until(lambda: given == [answers[1]], "the second answer")
+
+
+class LedRig(PacedRig):
+    """The rig of ``touch``, which strokes by itself."""
+
+    is_led = True
+
+    def stop(self) -> None:
+        """Leave the forces as they are."""
+
+
+def test_the_handle_is_heard_during_a_stimulus_and_not_after(browser: Browser) -> None:
+    rig, ended = LedRig("plywood", "paper"), threading.Event()
+    study = ParticipantPage(ENGLISH, rig)
+    page = browser.new_page()
+    running = threading.Thread(target=rig.run, args=(ended.is_set,))
+    running.start()
+    try:
+        page.goto(study.start())
+        study.show(Screen("w", "wait"))
+        asked(page, "title")
+        page.keyboard.press("Enter")
+        shows(page, "wait")
+        page.evaluate(LISTEN)
+        assert page.evaluate("heard()")[1] < -90.0
+        study.show(Screen("s", "stimulus", interval=1))
+        wait_until(lambda: page.evaluate("heard()")[1] > -60.0, "the handle's vibration")
+        study.show(Screen("w", "wait"))
+        wait_until(lambda: page.evaluate("heard()")[1] < -90.0, "silence")
+    finally:
+        page.close()
+        ended.set()
+        running.join()
+        study.close()
+
+
+def test_the_pad_leads_the_hand_and_shows_no_tool(page: Page, visit: Visit) -> None:
+    visit.rig.is_led = True
+    visit.seconds = 3.0
+    visit.begin()
+    shows(page, "title")
+    page.keyboard.press("Enter")
+    agree(page)
+    shows(page, "interval 1")
+    wait_until(lambda: page.evaluate("document.activeElement.id") == "scene", "the pad")
+    page.keyboard.press("ArrowRight")
+    wait_until(lambda: bool(visit.rig.led), "the hand is led")
+    scene = page.evaluate("fetch('/scene').then((answer) => answer.text())")
+    assert "plywood" not in scene
+
+
+def test_nothing_of_a_condition_reaches_the_page(page: Page, visit: Visit) -> None:
+    texts: list[str] = []
+    page.on(
+        "websocket",
+        lambda socket: socket.on("framereceived", lambda data: texts.append(str(data))),
+    )
+    page.reload()
+    visit.begin()
+    agree(page)
+    asked(page)
+    page.wait_for_timeout(1000)
+    assert len(texts) > 10
+    for word in ("controller", "adaptive", "nrmse", "spectra", "desired"):
+        assert word not in "".join(texts)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(
+    "screen",
+    [
+        Screen("a", "consent", "I take part.\nI may stop.", ("agree", "disagree")),
+        Screen("b", "question", "Which?", ("1", "2", "3"), 0.5),
+        Screen("c", "question", "How real?", tuple(map(str, range(101))), 0.5),
+        Screen("d", "break", "", ("continue",), 0.5, 0, 60.0),
+    ],
+    ids=lambda screen: screen.kind + screen.id,
+)
+def test_no_rule_of_accessibility_is_broken(
+    page: Page, visit: Visit, screen: Screen, scheme: str
+) -> None:
+    page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
+    visit.begin(lambda: visit.page.ask(screen))
+    wait_until(lambda: page.locator("#screen").get_attribute("data-kind") == screen.kind, "it")
+    assert violations(page) == []
+
+
+def test_no_rule_of_accessibility_is_broken_during_a_stimulus(page: Page, visit: Visit) -> None:
+    visit.rig.is_led = True
+    visit.begin(lambda: visit.page.ask(Screen("s", "stimulus", interval=2, progress=0.5)))
+    shows(page, "title")
+    page.keyboard.press("Enter")
+    shows(page, "interval 2")
+    assert violations(page) == []
