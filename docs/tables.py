@@ -28,10 +28,13 @@ from pathlib import Path
 from typing import Any
 
 from haptic_accel.cli.commands import command_line
-from haptic_accel.core.parameters import Checked, Specification, allowed_values
+from haptic_accel.core.parameters import Checked, Specification, allowed_values, own_schema
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.graph.node_parameters import NODES, node_schema
 from haptic_accel.graph.words import described, group
+from haptic_accel.study.protocol import PlannedTest
+from haptic_accel.study.reading import SECTIONS
+from haptic_accel.study.tables import COLUMNS
 
 FOLDER = Path(__file__).parent
 
@@ -93,11 +96,29 @@ def parameters() -> str:
     return "\n" + "\n".join(parts) + "\n"
 
 
+def study() -> str:
+    """Return the keys of a study's protocol that have a default."""
+    rows = [
+        row(f"`{section}.{name}`", code(default), allowed_values(default, each), each.text)
+        for section, kind in (SECTIONS | {"tests": PlannedTest}).items()
+        for name, (default, each) in own_schema(kind).items()
+    ]
+    return table(("key", "default", "allowed", "meaning"), rows)
+
+
+def study_columns() -> str:
+    """Return the columns of a study's tables."""
+    rows = [row(f"`{each.key}`", each.unit, each.label) for each in COLUMNS.values()]
+    return table(("column", "unit", "meaning"), rows)
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "commands": commands,
     "teleop": partial(arguments, GraphArguments),
     "identify": partial(arguments, IdentifyArguments),
     "parameters": parameters,
+    "study_columns": study_columns,
+    "study": study,
 }
 
 

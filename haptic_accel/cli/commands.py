@@ -39,9 +39,12 @@ EMULATE = LazyGroup(
         "Hardware": {
             "can": "two arms of ODrives on CAN",
             "serial": "boards of handle and tool on USB serial",
-        }
+        },
+        "Network": {
+            "network": "delay, jitter and loss between two hosts",
+        },
     },
-    help="Emulate boards or arms to test the drivers without hardware.",
+    help="Emulate boards or arms to test the drivers without hardware, or a bad network.",
     examples=["haptic-accel emulate serial", "haptic-accel emulate can faults:=estimates@2"],
 )
 BENCH = LazyGroup(
@@ -72,6 +75,32 @@ TEXTURE = LazyGroup(
         "haptic-accel texture render plywood --speed 80 --force 1 --out wood.wav",
     ],
 )
+STUDY = LazyGroup(
+    "study",
+    {
+        "Before": {
+            "new": "write a study from a template",
+            "check": "check a study, and describe what it asks",
+            "simulate": "run a study with simulated observers, and estimate its power",
+        },
+        "Participants": {
+            "run": "run the session of a new participant",
+            "resume": "go on with a session that was stopped or interrupted",
+            "status": "show participants, progress and safety, without conditions",
+            "delete-participant": "delete a participant's log, bags and results",
+        },
+        "After": {
+            "unblind": "let conditions be analysed, and log that and why",
+            "analyze": "write the report with tables and figures",
+            "export": "write the data as CSV, Psych-DS or BIDS",
+        },
+    },
+    help="Plan, run and analyse studies with participants.",
+    examples=[
+        "haptic-accel study new --template compensated_or_not my_study",
+        "haptic-accel study run my_study --participant P07",
+    ],
+)
 
 SECTIONS = {
     "First touch": {
@@ -86,7 +115,7 @@ SECTIONS = {
     "Devices": {
         "bringup": "bring up a rig in five steps, and write its parameter file",
         "calibrate": "measure gain and offset of an accelerometer by gravity",
-        "emulate": "emulate boards or arms to test the drivers without hardware",
+        "emulate": "emulate boards or arms without hardware, or a bad network",
     },
     "Recording and analysis": {
         "record": "start, pause, split or stop the recording of a running graph",
@@ -94,6 +123,9 @@ SECTIONS = {
         "replay": "play a bag again, with any controller",
         "analyze": "write the paper's tables and plots from bags",
         "experiment": "run the paper's experiment and report Table II",
+    },
+    "Studies with participants": {
+        "study": "plan, run and analyse studies with participants",
     },
     "Design": {
         "identify": "fit the handle's model with the paper's sweep",
@@ -113,7 +145,7 @@ SECTIONS = {
 command_line = LazyGroup(
     "haptic-accel",
     SECTIONS,
-    groups=[BAG, EMULATE, BENCH, TEXTURE],
+    groups=[BAG, EMULATE, BENCH, TEXTURE, STUDY],
     help="Haptic teleoperation with acceleration feedback: feel what a remote tool touches.",
     context_settings={
         "help_option_names": ["-h", "--help"],

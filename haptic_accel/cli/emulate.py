@@ -13,14 +13,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``haptic-accel emulate``: boards or arms behind pseudo-terminals, with the virtual rig."""
+"""``haptic-accel emulate``: boards or arms with the virtual rig, or the network of two hosts."""
 
 from __future__ import annotations
 
 import itertools
 import math
+import os
 import random
 import shlex
+import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
-from haptic_accel.cli.running import on_keys, stop_on_signal
+from haptic_accel.cli.running import is_ours, on_keys, print_line, stop_on_signal
 from haptic_accel.core.axes import NAMES, Axes
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
@@ -50,6 +52,9 @@ from haptic_accel.emulators.pseudo_terminal import run
 from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.files import parameter_text
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
+from haptic_accel.graph.relaying import PRIORITY, RelayArguments, serve
+from haptic_accel.graph.stop_signal import hurry
+from haptic_accel.links.addresses import host_and_port, is_loopback
 
 if TYPE_CHECKING:
     from haptic_accel.emulators.serial_line import EmulatedBoard, SerialLines
@@ -255,6 +260,51 @@ def emulate_can(arguments: EmulateCanArguments) -> None:
         return any(line.driven for line in lines)
 
     _run(lines, arguments.duration, driven, "the arms have torques")
+
+
+@verb(
+    "haptic-accel emulate network delay:=0.05",
+    "haptic-accel emulate network delay:=0.05 jitter:=0.01 loss:=0.02",
+    "haptic-accel emulate network master:=desk.lab slave:=robot.lab delay:=0.1",
+    name="network",
+)
+@arguments(RelayArguments)
+def emulate_network(arguments: RelayArguments) -> None:
+    """Emulate a bad network between two hosts until Ctrl-C.
+
+    Each host has the address of this machine as its peer. Meanwhile, a line of words changes the
+    network: delay:=0.1 loss:=0 for a longer delay and no loss.
+    """
+    print(
+        "emulating a network; in another terminal each, with this machine's address:\n"
+        f"  {_side('master', arguments.master)}\n"
+        f"  {_side('slave', arguments.slave)}\n"
+        "on one machine, the second with another ROS_DOMAIN_ID",
+        flush=True,
+    )
+    hurry(PRIORITY)
+    with stop_on_signal() as stopped:
+        try:
+            serve(arguments, print_line, stopped, _words_source())
+        except OSError as error:
+            raise StoppedError(str(error)) from None
+
+
+def _side(side: str, host: str) -> str:
+    """Return the command of a side."""
+    address, port = host_and_port(host)
+    here = "127.0.0.1" if is_loopback(address) else "THIS_MACHINE"
+    keys = "" if is_loopback(address) else " keys:=KEYS"
+    return f"haptic-accel teleop side:={side} peer:={here}{f':{port}' if port else ''}{keys}"
+
+
+def _words_source() -> int | None:
+    """Return the standard input, unless there is none or it is another program's terminal."""
+    try:
+        source = sys.stdin.fileno()
+    except (AttributeError, OSError):  # none, or no file
+        return None
+    return None if os.isatty(source) and not is_ours(source) else source
 
 
 def _faults(

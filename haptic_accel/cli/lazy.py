@@ -30,8 +30,8 @@ from haptic_accel.core.parameters import suggestion
 class LazyGroup(click.Group):
     """Verbs under headings, imported one by one.
 
-    An emergency stop must not wait for the import of plotting libraries. A verb is in the module
-    of its name or, without such a module, in its group's.
+    An emergency stop must not wait for the import of plotting libraries. A verb is in its group's
+    module or, if that has none of this name, in the module of its own name.
 
     Parameters
     ----------
@@ -75,10 +75,12 @@ class LazyGroup(click.Group):
             return None
         if cmd_name in self.groups:
             return self.groups[cmd_name]
-        own = f"haptic_accel.cli.{cmd_name}"
-        module = import_module(own if find_spec(own) else f"haptic_accel.cli.{self.name}")
-        commands = (found for found in vars(module).values() if isinstance(found, click.Command))
-        return next(command for command in commands if command.name == cmd_name)
+        places = (f"haptic_accel.cli.{name}" for name in (self.name, cmd_name))
+        modules = (import_module(place) for place in places if find_spec(place))
+        found = (each for module in modules for each in vars(module).values())
+        return next(
+            each for each in found if isinstance(each, click.Command) and each.name == cmd_name
+        )
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

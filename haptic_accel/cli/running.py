@@ -59,11 +59,22 @@ STOPPED_BY_KEY = (
 
 
 @contextmanager
-def stop_on_signal() -> Iterator[Callable[[], bool]]:
-    """Handle the signals that end a verb; yield a function that is true after a signal."""
+def stop_on_signal(act: Callable[[], None] = lambda: None) -> Iterator[Callable[[], bool]]:
+    """Handle the signals that end a verb; yield a function that is true after a signal.
+
+    Parameters
+    ----------
+    act : callable, optional
+        Called at each signal.
+    """
     asked = threading.Event()
+
+    def handle(*_: object) -> None:
+        asked.set()
+        act()
+
     before = {
-        number: signal.signal(number, lambda *_: asked.set())
+        number: signal.signal(number, handle)
         for number in ENDING
         # After nohup, ignore a closed terminal.
         if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN
@@ -285,7 +296,7 @@ def on_keys(acts: Mapping[bytes, Callable[[], None]]) -> Iterator[bool]:
     bool
         True while keys are read.
     """
-    if not (sys.stdin and sys.stdin.isatty() and _is_ours(sys.stdin.fileno())):
+    if not (sys.stdin and sys.stdin.isatty() and is_ours(sys.stdin.fileno())):
         yield False
         return
     import termios  # on POSIX only
@@ -313,7 +324,7 @@ def _follow(terminal: int, over: int, acts: Mapping[bytes, Callable[[], None]]) 
         with suppress(OSError):  # not allowed here
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     while over not in select.select([terminal, over], [], [])[0]:
-        if not _is_ours(terminal):  # reading would suspend us
+        if not is_ours(terminal):  # reading would suspend us
             select.select([over], [], [], BACKGROUND_PERIOD)
             continue
         try:
@@ -327,7 +338,7 @@ def _follow(terminal: int, over: int, acts: Mapping[bytes, Callable[[], None]]) 
                 act()
 
 
-def _is_ours(terminal: int) -> bool:
+def is_ours(terminal: int) -> bool:
     """Return whether keys pressed in a terminal are for this program."""
     try:
         return os.tcgetpgrp(terminal) == os.getpgrp()

@@ -197,11 +197,11 @@ CHECKS: dict[str, Callable[..., object]] = {
     "identify": lambda arguments, **_: identification_graph(arguments),
     "experiment": lambda words, **_: graph(parse_arguments(words)),
     "design": lambda words, **_: graph(parse_arguments(words)),
-    "latency": lambda words, **_: graph(parse_arguments(words)),
+    "bench latency": lambda words, **_: graph(parse_arguments(words)),
     "replay": lambda words, **_: replay_arguments(words),
     "analyze": lambda shift, **_: Shift.read(shift),
-    "serial": lambda arguments, **_: Faults(arguments.faults, SERIAL_FAULTS, 1.0, 0),
-    "can": lambda arguments, **_: Faults(arguments.faults, CAN_FAULTS, 1.0, 0),
+    "emulate serial": lambda arguments, **_: Faults(arguments.faults, SERIAL_FAULTS, 1.0, 0),
+    "emulate can": lambda arguments, **_: Faults(arguments.faults, CAN_FAULTS, 1.0, 0),
 }
 """Checks that verbs make of their arguments before anything is started."""
 
@@ -269,7 +269,7 @@ def test_any_arguments_are_taken_or_refused_in_one_line(
     (here / "mine.yaml").write_text("coupler: {ros__parameters: {k_m: 1}}")
     (here / "mine.csv").write_text("a\n1\n")
     for verb in VERBS:
-        check = CHECKS.get(verb[-1], lambda **_: None)
+        check = CHECKS.get(" ".join(verb), lambda **_: None)
         monkeypatch.setattr(
             command_of(verb), "callback", lambda check=check, **given: check(**given) and 0
         )
