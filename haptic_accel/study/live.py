@@ -33,13 +33,14 @@ from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.background import BackgroundGraph
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.networked import RelayError, RelayProcess, networked_graph
-from haptic_accel.graph.processes import graph
+from haptic_accel.graph.processes import RECORDER, graph
 from haptic_accel.nodes.graph_requests import SETTINGS, set_controller, set_gain
 from haptic_accel.nodes.graph_view import GraphView
 from haptic_accel.nodes.joined_view import JoinedView, joined_view
 from haptic_accel.nodes.service_client import RequestError
 from haptic_accel.scope.frames import SCENE
 from haptic_accel.scope.intervals import late_percent, measure
+from haptic_accel.scope.node_reports import LEVELS
 from haptic_accel.scope.windows import CHANGING, EDGE, Windows
 from haptic_accel.study.conditions import arguments, channel, live
 from haptic_accel.study.protocol import Condition, Protocol, Value
@@ -259,6 +260,12 @@ class LiveRig:
         if self._graph and (ended := self._graph.ended):
             raise UndeliveredError(f"{ended}; see {self._folder / 'graph.log'}")
 
+    def _check_recorder(self) -> None:
+        """Refuse a stimulus whose bag may lack it, for example as the disk is full."""
+        for row in self._view.reports.rows(time.monotonic(), ()):
+            if row["name"] == RECORDER and row["state"] in (LEVELS[1], LEVELS[2]):
+                raise UndeliveredError(f"{RECORDER}: {row['message']}")
+
     # A stimulus
 
     def _present(
@@ -293,6 +300,7 @@ class LiveRig:
         self._wait(RAMP + EDGE)  # the filter of the measures needs samples behind the end
         after = self._joined.force_counts("master_device")
         self._joined.check(changes)
+        self._check_recorder()
         has: dict[str, Value] = {**settings, "gain": gain}
         reported = self._view.reports.values(COMPENSATOR, time.monotonic())
         if (substitute := reported.get("replaced by", "-")) != "-":

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from shutil import copyfile
+from types import SimpleNamespace
 
 import pytest
 
@@ -173,3 +174,14 @@ def test_a_language_without_a_file_is_named(tmp_path: Path) -> None:
 def test_a_session_longer_than_its_limit_is_refused(tmp_path: Path) -> None:
     found = protocol(tmp_path, "{gain: [0, 1]}", rest="limits: {minutes: 1}\n")
     assert refusal(found) == "8: limits.minutes = 1: must be at least 3, the expected duration"
+
+
+def test_a_disk_without_room_for_the_bags_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = protocol(tmp_path, "{gain: [0, 1]}")
+    check_deliverable(found)
+    full = SimpleNamespace(free=100_000_000)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: full)
+    with pytest.raises(ParameterError, match=r"0\.1 GB are free: must be at least \d+\.\d GB"):
+        check_deliverable(found)
