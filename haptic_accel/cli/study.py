@@ -217,13 +217,10 @@ def status(study: Study, json_file: Path | None) -> None:
     rows = [_status(study, session) for session in study.sessions]
     complete = sum(row["state"] == COMPLETE for row in rows)
     planned = study.protocol.rules.participants
-    unblinded = [entry for entry in study.journal if entry["kind"] == UNBLINDING]
     print_table(ResultTable.of(STATUS, rows, title=study.protocol.title))
     print(f"{complete} of {planned} participants complete")
-    for entry in unblinded:
-        print(f"unblinded on {_date(entry['at'])}: {entry['reason']}")
-    if not unblinded:
-        print("conditions are sealed")
+    unblinded = _unblinded(study)
+    print(f"unblinded on {unblinded}" if unblinded else "conditions are sealed")
     save({"participants": rows, "planned": planned, "sealed": study.sealed}, json_file)
 
 
@@ -252,7 +249,7 @@ def analyze(study: Study) -> None:
     from haptic_accel.study.report import analyse_study, write_report
 
     result = analyse_study(study.protocol, sessions)
-    page = write_report(result, _emptied(study.folder / ANALYSIS))
+    page = write_report(result, _emptied(study.folder / ANALYSIS), _unblinded(study))
     for participant, rule in result.excluded.items():
         print(f"{participant} is excluded: {rule}")
     if result.planned:
@@ -301,7 +298,7 @@ PLANNED = (
     Column("", "from", "", 2, value=lambda each: each.mean.low),
     Column("", "to", "", 2, value=lambda each: each.mean.high),
     Column("", "against", "", 2, value=lambda each: each.against),
-    Column("", "p", "", 4, value=lambda each: each.outcome.p),
+    Column("", "p", value=lambda each: float(f"{each.outcome.p:.2g}")),
 )
 """Planned tests of an analysis, with the interval of the test."""
 
@@ -345,6 +342,15 @@ def _status(study: Study, session: SessionRecord) -> Row:
 
 def _date(time: int) -> str:
     return f"{datetime.fromtimestamp(time / NANOSECONDS):%Y-%m-%d %H:%M}"
+
+
+def _unblinded(study: Study) -> str:
+    """Return time and reason of the unblinding; empty while the study is sealed."""
+    return "; ".join(
+        f"{_date(entry['at'])}: {entry['reason']}"
+        for entry in study.journal
+        if entry["kind"] == UNBLINDING
+    )
 
 
 def _unsealed(study: Study) -> list[SessionRecord]:

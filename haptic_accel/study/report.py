@@ -89,8 +89,15 @@ def analyse_study(protocol: Protocol, sessions: Sequence[SessionRecord]) -> Stud
     return StudyResult(protocol, found, exclusions(protocol, sessions), planned, results)
 
 
-def write_report(result: StudyResult, folder: Path) -> Path:
+def write_report(result: StudyResult, folder: Path, unblinded: str = "") -> Path:
     """Write the page of an analysis to a folder, with figures, tables and results beside it.
+
+    Parameters
+    ----------
+    result : StudyResult
+    folder : Path
+    unblinded : str
+        Time and reason of the unblinding, which also tells simulated participants from people.
 
     Returns
     -------
@@ -115,6 +122,7 @@ def write_report(result: StudyResult, folder: Path) -> Path:
         result=result,
         protocol=result.protocol,
         pictures=shown,
+        unblinded=unblinded,
         people=reading_table(frame_rows(result.tables.sessions[list(PEOPLE)]), "Sessions"),
         files=files,
         settings={**_settings(result.protocol), **provenance()},

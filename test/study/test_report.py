@@ -58,7 +58,9 @@ def read_json(folder: Path) -> Any:
 
 
 def test_planned_tests_come_first_and_the_rest_is_exploratory(tmp_path: Path) -> None:
-    page = Page(write_report(analyse_study(STUDY, sessions()), tmp_path))
+    why = "2026-11-26 12:00: all are complete"
+    page = Page(write_report(analyse_study(STUDY, sessions()), tmp_path, why))
+    assert f"Unblinded on {why}." in page.text
     headings = ["Planned tests", "Exploratory results", "Delivered stimuli", "Participants"]
     places = [page.text.index(each) for each in headings]
     assert places == sorted(places)
