@@ -214,7 +214,7 @@ def _readme(protocol: Protocol, found: Tables) -> str:
 
 {len(found.sessions)} participants, of whom {excluded} are excluded by the rules of the protocol:
 the tables have them, too, with the reason. Participants have pseudonyms; times count from the
-begin of a session. Handle accelerations were measured during each stimulus. The protocol is
+start of a session. Handle accelerations were measured during each stimulus. The protocol is
 study.yaml.
 
 Instructions to the participants:

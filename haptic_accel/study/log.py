@@ -64,7 +64,7 @@ PRIVATE = 0o600
 """Mode of a log: readable by its owner alone."""
 
 SESSION, CONSENT, SITTING, TRIAL, END = "session", "consent", "sitting", "trial", "end"
-"""Kinds of a session's lines: its begin, the answer to the consent's text, the begin of a sitting,
+"""Kinds of a session's lines: its start, the answer to the consent's text, the start of a sitting,
 a trial, and the end of a sitting."""
 
 OPEN = ("asked", "answered", "asked_steady", "answered_steady", "attempt")

@@ -64,7 +64,7 @@ MOST_BROKEN_OFF = 5
 
 @dataclass
 class Session:
-    """Session of a participant, from its begin or from where its log ends.
+    """Session of a participant, from its start or from where its log ends.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@
 """Tidy tables of a study: sessions, trials and stimuli; exclusions by the protocol's rules.
 
 Each column is declared once, with its meaning and unit, for tables, pages and exports. The tables
-have no date, which could tell who took part: times count from the begin of a session.
+have no date, which could tell who took part: times count from the start of a session.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ COLUMNS = {
     each.key: each
     for each in (
         Column("participant", "pseudonym of the participant"),
-        Column("version", "begin of the digest of the protocol"),
+        Column("version", "start of the digest of the protocol"),
         Column("consent", "version of the consent text that the participant agreed to"),
         Column("order_seed", "seed of the order and of all random choices"),
         Column("row", "row of the Williams square, counted over the participants"),
@@ -67,12 +67,12 @@ COLUMNS = {
         Column("answer", "answer of the participant; empty without one"),
         Column("correct", "true for a right answer; empty if none is right"),
         Column("response_time_s", "time from the end of the last stimulus to the answer", "s"),
-        Column("asked_s", "begin of the trial, from the begin of the session", "s"),
+        Column("asked_s", "start of the trial, from the start of the session", "s"),
         Column("counted", "true for a main trial that was delivered and answered"),
         Column("flaw", "reason for which the trial was not delivered; empty if it was"),
         Column("interval", "place of the stimulus in the trial, from 1"),
         Column("condition", "condition that was asked for"),
-        Column("begin_s", "first sample, from the begin of the session", "s"),
+        Column("begin_s", "first sample, from the start of the session", "s"),
         Column("duration_s", "time from the first to the last sample", "s"),
         Column("rms_m_s2", "RMS of the handle acceleration without hand motion", "m/s^2", 2),
         Column("peak_m_s2", "peak of the handle acceleration without hand motion", "m/s^2", 2),

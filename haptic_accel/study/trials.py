@@ -134,7 +134,7 @@ class TrialRecord:
     answer : Answer or None
         None if the trial was broken off before its question.
     asked, answered : int
-        System times of the trial's begin and of the answer's arrival, ns.
+        System times of the trial's start and of the answer's arrival, ns.
     asked_steady, answered_steady : int
         The same times by the steady clock of the machine, ns.
     flaw : str
