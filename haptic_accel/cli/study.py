@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import time
 from collections.abc import Callable
@@ -298,7 +299,7 @@ PLANNED = (
     Column("", "from", "", 2, value=lambda each: each.mean.low),
     Column("", "to", "", 2, value=lambda each: each.mean.high),
     Column("", "against", "", 2, value=lambda each: each.against),
-    Column("", "p", value=lambda each: float(f"{each.outcome.p:.2g}")),
+    Column("", "p", value=lambda each: _two_digits(each.outcome.p)),
 )
 """Planned tests of an analysis, with the interval of the test."""
 
@@ -338,6 +339,10 @@ def _status(study: Study, session: SessionRecord) -> Row:
         "minutes": steady / NANOSECONDS / 60,
         "exposure": daily_exposure(session.exposure),
     }
+
+
+def _two_digits(value: float) -> float | None:
+    return float(f"{value:.2g}") if math.isfinite(value) else None
 
 
 def _date(time: int) -> str:
