@@ -12,7 +12,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""How well the statistics of a study find what is true: bias and coverage of their intervals.
+"""Bias of the statistics of a study, and coverage of their intervals.
 
 ``python benchmarks/studies.py`` prints, for many observers,
 

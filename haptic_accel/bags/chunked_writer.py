@@ -42,6 +42,7 @@ from haptic_accel.bags.mcap import Chunk
 from haptic_accel.bags.mcap_format import Channel, Schema, Tally, record, text, text_map
 from haptic_accel.bags.metadata import qos_text
 from haptic_accel.bags.rosbags_adapter import zstd
+from haptic_accel.core.safe_writing import sync_folder
 
 CHUNK = 1 << 20
 """Size of a complete chunk, bytes; 768 KiB in rosbag2."""
@@ -124,7 +125,7 @@ class ChunkedWriter:
         # Independent of the file's name and buffer.
         self._descriptor = os.dup(self._file.fileno())
         self._marks = deque([_Mark(self._end, self._sum, 0, Tally())], maxlen=KEPT_MARKS)
-        _sync_folder(path.parent)
+        sync_folder(path.parent)
 
     @property
     def kept(self) -> Tally:
@@ -354,12 +355,3 @@ class ChunkedWriter:
 def _schema_record(schema: Schema) -> bytes:
     texts = text(schema.name) + text(schema.encoding) + text(schema.data)
     return record(mcap.SCHEMA, struct.pack("<H", schema.id), texts)
-
-
-def _sync_folder(path: Path) -> None:
-    """Sync the names in a folder to the disk."""
-    number = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(number)
-    finally:
-        os.close(number)

@@ -320,7 +320,7 @@ STATUS = (
     Column("minutes", "min", "", 1),
     Column("exposure", "A(8)", "m/s^2", 2),
 )
-"""What an operator may see of a participant."""
+"""Columns of a participant that an operator may see."""
 
 
 def _status(study: Study, session: SessionRecord) -> Row:

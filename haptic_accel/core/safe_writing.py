@@ -13,12 +13,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Replacement of files, of which a complete one exists at all times."""
+"""Files that are whole on the disk at all times, and folders with their names."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
+
+
+def sync_folder(path: Path) -> None:
+    """Wait until the names in a folder are on the disk."""
+    number = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)
 
 
 def replace_file(path: Path, content: bytes) -> None:

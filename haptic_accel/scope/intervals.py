@@ -24,6 +24,7 @@ import numpy as np
 
 from haptic_accel.core.control.fallback import LEAST_DESIRED
 from haptic_accel.core.control.filters import comparable
+from haptic_accel.core.due_forces import LATE_TIME
 from haptic_accel.core.evaluation.metrics import evaluate, lengths
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.sampling import NANOSECONDS, IntArray, places
@@ -138,7 +139,7 @@ def late_percent(before: Mapping[str, str], after: Mapping[str, str], rate: floa
     """
     due, late = (
         float(after.get(name, 0)) - float(before.get(name, 0))
-        for name in ("actuator force due", "actuator force late (s)")
+        for name in ("actuator force due", f"actuator force {LATE_TIME}")
     )
     return min(100.0, 100.0 * late * rate / due) if due > 0 else 0.0
 

@@ -39,6 +39,7 @@ from typing import Any, TypeAlias
 
 from haptic_accel.core.bounded_files import located, opened
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.safe_writing import sync_folder
 from haptic_accel.study.protocol import Condition
 from haptic_accel.study.trials import (
     Answer,
@@ -123,7 +124,7 @@ class Log(Entries):
             lock(self._end, file)
             self.entries, self._digest, self._size = _read(file)
             self._end.truncate(self._size)
-            _sync_folder(file.parent)
+            sync_folder(file.parent)
         except BaseException:
             self.close()
             raise
@@ -287,12 +288,3 @@ def _entry(line: bytes, before: str, number: int) -> Entry:
             f"format = {entry.get('format')}: must be {FORMAT}, of this version of haptic_accel"
         )
     return dict(entry)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Wait until a folder's new names are on the disk."""
-    number = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(number)
-    finally:
-        os.close(number)

@@ -102,4 +102,4 @@ _KEYS: Mapping[str, Callable[[Protocol, Condition, int], Value]] = {
     "blocked": lambda protocol, condition, place: condition[protocol.order.block_by],
     "williams": lambda protocol, condition, place: place,
 }
-"""What the members of a group have in common: nothing, a value, or their place."""
+"""Common property of the members of a group: nothing, a value, or their place."""

@@ -85,7 +85,7 @@ class Plan:
 
     @property
     def break_due(self) -> bool:
-        """Whether there is a break before the next trial."""
+        """True if there is a break before the next trial."""
         every = self._extras.break_every
         done = self._finished[MAIN] + self._finished[CATCH]
         between = bool(every and done and self._planned) and self.attempt == 0

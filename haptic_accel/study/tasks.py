@@ -65,7 +65,7 @@ class Task:
 
     @property
     def paired(self) -> bool:
-        """Whether a trial compares the two conditions of a pair."""
+        """True if a trial compares the two conditions of a pair."""
         return self.stimuli > 1
 
     def items(self, protocol: Protocol) -> tuple[Item, ...]:

@@ -289,7 +289,7 @@ class Participant(Interface):
         StoppedError
             The participant has pressed stop.
         UndeliveredError
-            No page is connected to see a stimulus.
+            The page was lost during the stimulus before.
         """
 
     def ask(self, screen: Screen, trial: PlannedTrial | None = None) -> Answer:
