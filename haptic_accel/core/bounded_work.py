@@ -138,6 +138,6 @@ def bounded(work: Callable[[], None], seconds: float, megabytes: float) -> None:
 
 def data_in_use() -> int:
     """Return the memory that this process has allocated for data, bytes."""
-    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
-    (size,) = (line.split()[1] for line in lines if line.startswith("VmData:"))
+    lines = Path("/proc/self/status").read_bytes().splitlines()  # a name need not be UTF-8
+    (size,) = (line.split()[1] for line in lines if line.startswith(b"VmData:"))
     return int(size) * 1024

@@ -312,7 +312,8 @@ def _judged(name: str, found: str, *, warning: object = False, problem: object =
 def _text(path: Path) -> str:
     """Return a file's text; empty if it cannot be read."""
     try:
-        return path.read_text(encoding="utf-8").strip()
+        # A process' name in /proc need not be UTF-8.
+        return path.read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
         return ""
 

@@ -137,7 +137,7 @@ def test_processes_end_with_a_killed_verb() -> None:
 
 def _runs(process: int) -> bool:
     try:
-        return "\nState:\tZ" not in Path(f"/proc/{process}/status").read_text()
+        return b"\nState:\tZ" not in Path(f"/proc/{process}/status").read_bytes()
     except OSError:  # it was collected
         return False
 

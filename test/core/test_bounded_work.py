@@ -21,8 +21,9 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.core.bounded_work import OutOfBoundsError, run_bounded
+from haptic_accel.core.bounded_work import OutOfBoundsError, data_in_use, run_bounded
 from haptic_accel.core.parameters import ParameterError
+from running import called
 
 WORK = """
 import os, sys
@@ -52,6 +53,11 @@ bounded(work, 1.0, 100)
 def _module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "greedy.py").write_text(WORK)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+
+
+def test_memory_is_counted_for_a_process_whose_name_is_no_text() -> None:
+    with called(b"\xff"):
+        assert data_in_use() > 0
 
 
 def test_work_is_done(tmp_path: Path) -> None:

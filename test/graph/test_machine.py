@@ -24,6 +24,7 @@ import pytest
 from haptic_accel.graph import machine
 from haptic_accel.graph.machine import Finding
 from haptic_accel.graph.middleware import middleware_defaults
+from running import called
 
 # CapEff of a privileged shell and of a Docker container with its default capabilities.
 PRIVILEGED = "Name:\tpython\nCapEff:\t000001ffffffffff\n"
@@ -196,7 +197,9 @@ def test_a_sourced_ros_is_a_problem_only_beside_one_of_the_environments_own(
     assert machine.sourced_ros({}, venv).level == "ok"
 
 
-def test_every_machine_can_be_looked_at() -> None:
-    findings = list(machine.machine_findings())
+@pytest.mark.parametrize("name", [b"python", b"\xff"])
+def test_every_machine_can_be_looked_at_by_a_process_of_any_name(name: bytes) -> None:
+    with called(name):
+        findings = list(machine.machine_findings())
     assert len({finding.name for finding in findings}) == len(findings)
     assert {finding.level for finding in findings} <= {"ok", "warning", "problem"}

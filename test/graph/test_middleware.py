@@ -108,7 +108,7 @@ def test_every_socket_is_bound_to_the_machine_where_plain_ros_nodes_find_the_gra
     observer.status("coupler")
     pid = command.process.pid
     assert udp_addresses(pid) == {LOOPBACK}
-    assert "/dev/shm/fast" not in Path(f"/proc/{pid}/maps").read_text()
+    assert b"/dev/shm/fast" not in Path(f"/proc/{pid}/maps").read_bytes()
     threads = [path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/comm")]
     assert not [name for name in threads if "shm" in name], "no memory is shared"
     for reach in ("LOCALHOST", "SUBNET"):

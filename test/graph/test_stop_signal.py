@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import socket
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -25,7 +26,12 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import MASTER_ARM_FORCE
-from haptic_accel.graph.stop_signal import own_domain, stop_at_once, stop_senders
+from haptic_accel.graph.stop_signal import (
+    own_domain,
+    stop_at_once,
+    stop_senders,
+    used_domains,
+)
 from running import PATIENCE, reserved_domain, sending
 
 TOPIC = f"/{MASTER_ARM_FORCE.name}"
@@ -59,6 +65,14 @@ def test_an_emergency_stop_without_a_namespace_reaches_every_graph_of_the_domain
             assert stop_senders(other, "") == 0
         assert stop_senders(domain, "") == 2
         assert root.wait(PATIENCE) == far.wait(PATIENCE) == 7
+
+
+@pytest.mark.parametrize("rest", [b"what", b"\xff/", b"/", b"1e9/sender/"])
+def test_an_address_that_only_begins_like_one_of_a_graph_uses_no_domain(rest: bytes) -> None:
+    before = used_domains()
+    with socket.socket(socket.AF_UNIX) as stranger:
+        stranger.bind(b"\0haptic_accel/" + rest)
+        assert not used_domains() - before
 
 
 def without(module: str, words: Sequence[str]) -> subprocess.CompletedProcess[str]:

@@ -63,6 +63,21 @@ def test_a_domain_in_which_something_runs_is_left_alone(monkeypatch: pytest.Monk
             stranger.kill()
 
 
+def test_a_process_whose_words_are_no_text_disturbs_nobody(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("running.DOMAINS", range(1, 3))
+    words = [sys.executable, "-c", "import signal; signal.pause()", b"\xff"]
+    environment = os.environ | {"ROS_DOMAIN_ID": "1"}
+    with subprocess.Popen(words, env=environment) as stranger:
+        try:
+            wait_until(lambda: stranger.pid in dict(processes_of(1)), "the stranger is seen")
+            with reserved_domain() as number:
+                assert number == 2
+        finally:
+            stranger.kill()
+
+
 def test_a_machine_that_stands_still_is_noticed() -> None:
     script = (
         "from running import StallWatch\n"
