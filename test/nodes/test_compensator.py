@@ -30,6 +30,7 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 
 from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import (
     ACTUATOR_FORCE,
     DESIRED_ACCELERATION,
@@ -75,6 +76,7 @@ class Bench:
         self.tool: Iterator[Vector] = cycle([(0.0, 0.0, 1.0)])
         self.felt: Iterator[Vector] = iter(())
         self.state = self._other.publisher(MASTER_STOPPED)
+        self._due = 0.0
         self.caused: list[int] = []
         self.forces: list[Vector] = []
         self.desired: list[Vector] = []
@@ -89,17 +91,23 @@ class Bench:
         self._tool.send(stamp, next(self.tool))
 
     def run(self, ahead: int, reached: Callable[[], bool]) -> None:
-        """Send samples with stamps ahead of now, in ns, until something is reached."""
+        """Send samples with stamps ahead of now, in ns, until something is reached.
+
+        There is one in a period at most: of two that are closer, the node refuses the second, and
+        so perhaps the same one of each cycle.
+        """
         deadline = time.monotonic() + PATIENCE
         while not reached():
-            assert time.monotonic() < deadline
-            self.send(ahead)
+            assert time.monotonic() < deadline, self.node.diagnostics()
+            if time.monotonic() >= self._due:
+                self.send(ahead)
+                self._due = time.monotonic() + PERIOD / NANOSECONDS
             self.node.work()
             self.node.follow_stop()
             self._executor.spin_once(timeout_sec=0.001)
 
-    def reported(self) -> dict[str, str]:
-        """Return warning and values of its next diagnostics."""
+    def reported(self, wanted: Callable[[dict[str, str]], bool]) -> None:
+        """Send samples until warning and values of its diagnostics are as wanted."""
         found: dict[str, str] = {}
 
         def take(array: DiagnosticArray) -> None:
@@ -108,11 +116,15 @@ class Bench:
                     found[WARNING] = status.message
                     found.update((pair.key, pair.value) for pair in status.values)
 
-        self._other.create_subscription(
+        def reached() -> bool:
+            self.node.report()
+            return bool(found) and wanted(found)
+
+        subscription = self._other.create_subscription(
             DiagnosticArray, DIAGNOSTICS.name, take, quality(DIAGNOSTICS)
         )
-        self.run(0, lambda: self.node.report() or bool(found))
-        return found
+        self.run(0, reached)
+        self._other.destroy_subscription(subscription)
 
     def _keep(self, stamp: int, force: Vector) -> None:
         self.caused.append(stamp)
@@ -144,8 +156,8 @@ def test_samples_stamped_an_hour_off_are_refused_and_the_compensator_goes_on(
     so_far = len(bench.caused)
     bench.run(0, lambda: len(bench.caused) > so_far + 20)
     assert all(abs(stamp - time.time_ns()) < HOUR / 2 for stamp in bench.caused)
-    values = bench.reported()
-    assert int(values["samples out of date"]) == 2
+    # On a busy machine others may come too late as well.
+    bench.reported(lambda values: int(values["samples out of date"]) >= 2)
 
 
 def test_a_clock_that_is_set_back_is_logged_once_and_the_compensator_goes_on(
@@ -154,7 +166,7 @@ def test_a_clock_that_is_set_back_is_logged_once_and_the_compensator_goes_on(
     bench.run(80_000_000, lambda: len(bench.caused) > 20)
     newest = time.time_ns() + 80_000_000
     bench.run(0, lambda: bench.caused[-1] > newest)
-    assert capfd.readouterr().err.count("a clock was set by -0.0") == 1
+    assert capfd.readouterr().err.count("a clock was set by -0.") == 1
 
 
 @pytest.mark.parametrize("bench", ["'x, y, z'"], indirect=True)
@@ -173,10 +185,10 @@ def test_a_turned_handle_has_the_tools_vibration_in_its_own_axes(bench: Bench) -
     # The filters remember the other direction for a while.
     bench.run(0, turned)
     bench.position.send(time.time_ns(), ZERO, (0.0, 0.0, 0.0, 0.0))
+    bench.reported(lambda values: "no unit quaternion" in values[WARNING])
     so_far = len(bench.desired)
     bench.run(0, lambda: len(bench.desired) > so_far + 100)
     bench.run(0, turned)  # the last valid orientation is kept
-    assert "no unit quaternion" in bench.reported()[WARNING]
 
 
 @pytest.mark.parametrize("spoilt", ["tool", "handle"])
@@ -192,9 +204,9 @@ def test_nothing_is_felt_of_a_sample_with_an_axis_that_is_no_number(
     setattr(bench, "tool" if spoilt == "tool" else "felt", cycle([*vibration, (x, y, z)]))
     bench.state.publish(Bool(data=False))
     bench.run(0, lambda: len(bench.forces) > 100 and any(bench.forces[-1]))
+    bench.reported(lambda values: int(values["rejected"]) > 20)
     assert max(abs(each) for vector in bench.desired for each in vector) < 10.0
     assert max(abs(each) for vector in bench.forces for each in vector) < 10.0
-    assert int(bench.reported()["rejected"]) > 20
     assert len(capfd.readouterr().err.splitlines()) <= 1
 
 
