@@ -126,10 +126,11 @@ class Hosts:
         self._seen = {host: len(self.graphs[host].lines) for host in hosts}
         yield
         self._since = time.time_ns()
+        for host, seen in self._seen.items():
+            self.graphs[host].wait_for("let go: ", seen)
         time.sleep(OUTAGE)
         for host, seen in self._seen.items():
             lines = self.graphs[host].lines[seen:]
-            assert any("let go: " in line for line in lines), lines
             assert not any(line.endswith("engaged") for line in lines), lines
 
     def come_back(self, stalls: StallWatch) -> None:

@@ -208,11 +208,12 @@ def test_devices_stop_without_a_coupler_and_learn_of_a_stop_they_missed(
     nodes["coupler"].wait_for("engaged")
     # Forces flow; then the one who sends them dies.
     observer.collect((ACTUATOR_FORCE,), 100)
-    reported = observer.watch(DIAGNOSTICS)
-    # Found before that dies, as it is reported once.
-    reported(lambda array: array.status[0].name.startswith("master_device"))
-    os.kill(nodes["compensator"].process.pid, signal.SIGKILL)
-    reported(lambda array: any("actuator force timed out" in one.message for one in array.status))
+    with observer.watching(DIAGNOSTICS) as reported:
+        # Found before that dies, as it is reported once.
+        reported(lambda array: array.status[0].name.startswith("master_device"))
+        os.kill(nodes["compensator"].process.pid, signal.SIGKILL)
+        timed_out = "actuator force timed out"
+        reported(lambda array: any(timed_out in one.message for one in array.status))
     # Anybody may stop by the topic alone, and be gone.
     anybody = observer.node.create_publisher(
         Bool, EMERGENCY_STOP.name, quality(EMERGENCY_STOP, depth=1)

@@ -36,6 +36,7 @@ from haptic_accel.core.trial import run_identification
 from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters
 from haptic_accel.graph.words import parse_words
+from observing import Observer
 from running import Command
 from verbs import next_command, status_of
 
@@ -202,10 +203,12 @@ def test_an_actuator_near_its_stops_is_left_without_force(
 
 
 def test_a_stop_takes_the_force_off_and_keeps_the_recording(
-    haptic_accel: Start, tmp_path: Path
+    haptic_accel: Start, observer: Observer, tmp_path: Path
 ) -> None:
     command = haptic_accel("identify", "rig:=ideal", "--out", "found")
     command.wait_for("repeat 1 of 3")
+    with observer.watching(ACTUATOR_FORCE) as wait_for:
+        wait_for(lambda message: message.wrench.force.z != 0.0)
     assert command.end(signal.SIGINT) == 130, command.text
     sent = forces(tmp_path / "found" / "bags" / "average")
     assert np.abs(sent).max() > 0.0

@@ -195,7 +195,7 @@ def test_ctrl_c_ends_cleanly_and_the_bag_is_whole(
 ) -> None:
     command = haptic_accel("teleop", "bag:=bag")
     command.wait_for("engaged")
-    assert set(nodes_of(domain)) == JOINT
+    wait_until(lambda: set(nodes_of(domain)) == JOINT, "all processes of the graph", command)
     assert command.end(signal.SIGINT) == 0, command.text
     assert nodes_of(domain) == {}
     assert "Traceback" not in command.text
@@ -306,14 +306,14 @@ def test_a_node_that_stalls_is_named_in_diagnostics(
 
     command = haptic_accel("teleop", "record:=false")
     command.wait_for("engaged")
-    wait_for = observer.watch(DIAGNOSTICS)
-    wait_for(says("slave_device", ""))
-    process = nodes_of(domain)["composed"]
-    os.kill(process, signal.SIGSTOP)
-    # A time that we keep: on a busy machine the arms may have let go before.
-    time.sleep(10 * STALL)
-    os.kill(process, signal.SIGCONT)
-    wait_for(says("slave_device", "stalled for"))
+    with observer.watching(DIAGNOSTICS) as wait_for:
+        wait_for(says("slave_device", ""))
+        process = nodes_of(domain)["composed"]
+        os.kill(process, signal.SIGSTOP)
+        # A time that we keep: on a busy machine the arms may have let go before.
+        time.sleep(10 * STALL)
+        os.kill(process, signal.SIGCONT)
+        wait_for(says("slave_device", "stalled for"))
     assert command.end(signal.SIGINT) == 0, command.text
 
 

@@ -18,7 +18,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import rclpy
@@ -67,7 +68,8 @@ class Observer:
 
     def wait_for_state(self, topic: Topic, state: bool) -> None:
         """Wait until a latched state has a value."""
-        self.watch(topic)(lambda message: message.data is state)
+        with self.watching(topic) as wait_for:
+            wait_for(lambda message: message.data is state)
 
     def status(
         self,
@@ -81,15 +83,20 @@ class Observer:
         These are the first with counters of at least `least`, and with the given values.
         """
         found: dict[str, str] = {}
+        last = ""
 
         def wanted(message: Any) -> bool:
+            nonlocal last
             for status in message.status:
-                if reporter(status.name)[1] == node and said in status.message:
-                    found.update((pair.key, pair.value) for pair in status.values)
+                if reporter(status.name)[1] == node:
+                    last = status.message
+                    if said in last:
+                        found.update((pair.key, pair.value) for pair in status.values)
             reached = (int(found.get(key, 0)) >= count for key, count in (least or {}).items())
             return bool(found) and all(reached) and values.items() <= found.items()
 
-        self.watch(DIAGNOSTICS)(wanted)
+        with self.watching(DIAGNOSTICS) as wait_for:
+            wait_for(wanted, lambda: f"{node}: not {said} {least} {values}; last: {last} {found}")
         return found
 
     def call(self, kind: Any, service: str, request: Any) -> Any:
@@ -101,20 +108,32 @@ class Observer:
         assert future.done(), service
         return future.result()
 
-    def watch(self, topic: Topic) -> Callable[[Callable[[Any], bool]], None]:
-        """Subscribe; return a function that waits for a message."""
+    @contextmanager
+    def watching(self, topic: Topic) -> Iterator[Callable[..., None]]:
+        """Subscribe meanwhile; yield a function that waits for a message.
+
+        Its parameters are what a message must fulfil, and perhaps what is told of the last one.
+        """
         arrived: list[Any] = []
-        self.node.create_subscription(
+        subscription = self.node.create_subscription(
             message_type(topic), topic.name, arrived.append, quality(topic)
         )
 
-        def wait_for(wanted: Callable[[Any], bool]) -> None:
+        def wait_for(
+            wanted: Callable[[Any], bool], told: Callable[[], object] = lambda: arrived[-1:]
+        ) -> None:
             deadline = time.monotonic() + PATIENCE
-            while not any(wanted(message) for message in arrived):
-                assert time.monotonic() < deadline, arrived
+            looked = 0
+            while True:
+                for message in arrived[looked:]:
+                    if wanted(message):
+                        return
+                looked = len(arrived)
+                assert time.monotonic() < deadline, told()
                 self.executor.spin_once(timeout_sec=1.0)
 
-        return wait_for
+        yield wait_for
+        self.node.destroy_subscription(subscription)
 
     def close(self) -> None:
         self.executor.shutdown()

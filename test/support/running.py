@@ -34,13 +34,15 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     import pytest
 
 PATIENCE = 60.0
 """Time limit for an event, even on a busy machine, s."""
+
+Value = TypeVar("Value")
 
 _LIBC = ctypes.CDLL(None)
 _PR_SET_PDEATHSIG = 1
@@ -70,6 +72,7 @@ class Command:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
+            errors="backslashreplace",
             start_new_session=True,
             preexec_fn=_prepare,
         )
@@ -293,12 +296,27 @@ def sending(domain: int, topic: str, prepare: str = "") -> Iterator[subprocess.P
             process.kill()
 
 
-def wait_until(condition: Callable[[], bool], what: str) -> None:
-    """Poll for a state of the machine that sends no event."""
+def wait_until(condition: Callable[[], Value], what: str, *without: Command) -> Value:
+    """Poll for a state of the machine that sends no event, and return the condition's value.
+
+    Parameters
+    ----------
+    condition : callable
+        Gives a value that is true once the state is reached.
+    what : str
+        Name of the state.
+    *without : Command
+        Commands without which it cannot be reached any more.
+    """
     deadline = time.monotonic() + PATIENCE
     moment = threading.Event()
-    while not condition():
-        assert time.monotonic() < deadline, f"still not: {what}"
+    while True:
+        ended = [each.text for each in without if each.process.poll() is not None]
+        value = condition()  # looked at once more after an end
+        if value:
+            return value
+        assert not ended, f"ended before: {what}; last: {value!r}\n" + "\n".join(ended)
+        assert time.monotonic() < deadline, f"still not: {what}; last: {value!r}"
         moment.wait(0.05)
 
 

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import codecs
 import fcntl
 import os
 import pty
@@ -49,6 +50,8 @@ class Terminal:
             preexec_fn=_prepare,
         )
         self.text = ""
+        # A character of several bytes may come in two parts.
+        self._decoder = codecs.getincrementaldecoder("utf-8")()
 
     @property
     def settings(self) -> list[Any]:
@@ -60,10 +63,12 @@ class Terminal:
     def wait_for(self, words: str, count: int = 1) -> None:
         deadline = time.monotonic() + PATIENCE
         while self.text.count(words) < count:
-            left = deadline - time.monotonic()
-            assert left > 0, self.text
-            if select.select([self._keyboard], [], [], left)[0]:
-                self.text += os.read(self._keyboard, 65536).decode()
+            ended = self.process.poll() is not None
+            if select.select([self._keyboard], [], [], 0.1)[0]:
+                self.text += self._decoder.decode(os.read(self._keyboard, 65536))
+            else:
+                assert not ended, f"ended without {words!r}: {self.text}"
+                assert time.monotonic() < deadline, f"still without {words!r}: {self.text}"
 
     def hang_up(self) -> None:
         os.close(self._keyboard)
