@@ -263,7 +263,7 @@ def test_a_page_answers_and_the_terminal_has_the_same_lines(at_page: Callable[..
     second = person.asked()
     assert len(second["lines"]) == 2 * len(first["lines"])
     for line in second["lines"]:
-        assert line["text"] in command.lines
+        command.wait_for(f"^{re.escape(line['text'])}$")
     assert command.end(signal.SIGINT) == INTERRUPTED
     assert "Traceback" not in command.text
 

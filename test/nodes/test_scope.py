@@ -82,7 +82,7 @@ class Shared:
     def wait(self, expression: str, what: str) -> None:
         """Wait for an expression of the page; `state` is what it was sent last."""
         script = f"() => {{ const state = hapticScope.state; return Boolean({expression}); }}"
-        wait_until(lambda: bool(self.page.evaluate(script)), what)
+        wait_until(lambda: bool(self.page.evaluate(script)), what, self.graph)
 
     def press(self, action: str, value: str) -> None:
         self.page.locator(button(action, value)).click()
@@ -148,11 +148,12 @@ def test_curves_move(shared: Shared, tmp_path: Path) -> None:
     shared.wait(f"hapticScope.counters.drawn > {drawn + 5}", "more pictures")
     shared.wait("hapticScope.samples().actual > 2500", "a full window")
     # A bar in nearly every column of pixels.
-    assert page.evaluate(COLOURED) > 0.8
+    wait_until(lambda: page.evaluate(COLOURED) > 0.8, "a full picture")
     shared.wait("state.metrics.nrmse_percent > 0 && state.metrics.rate === 1000", "figures")
     shared.wait("state.metrics.indistinguishable_percent >= 0", "what a hand could not tell")
-    assert 0 < float(page.locator("#nrmse").inner_text()) < 1000
-    assert 0 <= float(page.locator("#indistinguishable").inner_text()) <= 100
+    for name, most in (("nrmse", 1000), ("indistinguishable", 100)):
+        shown = f"parseFloat(document.querySelector('#{name}').innerText)"
+        shared.wait(f"{shown} >= 0 && {shown} <= {most}", f"{name} is shown")
     shared.wait("!state.limits.assumed", "the compensator's parameters are known")
     picture = tmp_path / "scope.png"
     page.screenshot(path=picture, full_page=True)
@@ -186,16 +187,17 @@ def test_what_is_held_can_be_read_and_zoomed(shared: Shared) -> None:
     def point(part: float) -> None:
         page.mouse.move(box["x"] + part * box["width"], box["y"] + box["height"] / 2, steps=4)
 
-    point(0.5)
-    text = reading.inner_text()
     value = r"(-?\d+\.\d+|–)"  # a dash where the busy machine lost samples
-    assert re.fullmatch(rf"-[01]\.\d+ s: desired {value} m/s², actual {value} m/s²", text)
+    shown = re.compile(rf"-[01]\.\d+ s: desired {value} m/s², actual {value} m/s²")
+    point(0.5)
+    wait_until(lambda: shown.fullmatch(reading.inner_text()), "a reading")
+    text = reading.inner_text()
     assert float(text.split()[0]) == pytest.approx(-1.0, abs=0.01)
     shared.wait(f"hapticScope.newest() > {page.evaluate('hapticScope.newest()')}", "new samples")
     point(0.25)
-    assert reading.inner_text() != text
+    wait_until(lambda: reading.inner_text() != text, "another reading")
     point(0.5)
-    assert reading.inner_text() == text
+    wait_until(lambda: reading.inner_text() == text, "the same reading")
     page.mouse.down()
     point(0.75)
     page.mouse.up()
@@ -203,7 +205,10 @@ def test_what_is_held_can_be_read_and_zoomed(shared: Shared) -> None:
     page.locator("#hold").focus()
     before = reading.inner_text()
     page.keyboard.press("ArrowLeft")
-    assert float(reading.inner_text().split()[0]) < float(before.split()[0])
+    wait_until(
+        lambda: float(reading.inner_text().split()[0]) < float(before.split()[0]),
+        "an earlier reading",
+    )
     page.mouse.dblclick(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     shared.wait("String(hapticScope.view()) === '-2,0'", "the whole window")
     page.locator("#hold").click()
@@ -289,6 +294,7 @@ def test_hostile_parameter_events_are_refused_and_the_page_goes_on(
     states = int(shared.page.evaluate("hapticScope.counters.states"))
     shared.wait(f"hapticScope.counters.states > {states} + 2", "states go on")
     shared.wait(shared.is_pressed("controller", "constant"), "what is true is shown")
+    shared.graph.wait_for("malformed message refused.*compensator")
     said = [line for line in shared.graph.lines if "malformed message refused" in line]
     assert len([line for line in said if "compensator" in line]) == 1, said
     watcher.node.destroy_publisher(publisher)
@@ -299,7 +305,7 @@ def test_a_scope_that_is_stopped_is_missed_by_its_page(shared: Shared) -> None:
     os.kill(scope, signal.SIGSTOP)
     try:
         shared.wait("document.querySelector('#link').innerText.startsWith('no data for')", "said")
-        assert shared.page.locator("#stop-state").inner_text() == "stop: unknown"
+        shared.wait("document.querySelector('#stop-state').innerText === 'stop: unknown'", "too")
     finally:
         os.kill(scope, signal.SIGCONT)
     shared.wait("document.querySelector('#stop-state').innerText === 'no stop'", "known again")
