@@ -64,7 +64,7 @@ def test_the_live_graph_gives_the_signals_of_lockstep_bit_for_bit(
 ) -> None:
     (tmp_path / "limits.yaml").write_text(LIMITS)
     command = haptic_accel(
-        *("teleop", f"rate:={RATE}", f"latency:={LATENCY}", "duration:=4", "bag:=bag"),
+        *("teleop", f"rate:={RATE}", f"latency:={LATENCY}", "duration:=3", "bag:=bag"),
         *(f"rig:={rig}", f"controller:={controller}", *words),
     )
     assert command.end() == 0, command.text

@@ -18,7 +18,7 @@ from __future__ import annotations
 import signal
 import struct
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
@@ -67,7 +67,7 @@ from haptic_accel.materials.folders import preset_file
 from haptic_accel.nodes.graph_node import Endpoint, GraphNode, rivals
 from haptic_accel.nodes.topic_node import message_type, quality
 from observing import Observer
-from running import PATIENCE, Command, nodes_of, wait_until
+from running import PATIENCE, Command, nodes_of, reserved_domain, use_domain, wait_until
 
 numbers = st.floats(allow_nan=False)
 frames = st.text(st.characters(codec="ascii", exclude_characters="\0"))
@@ -110,8 +110,8 @@ STATES = (EMERGENCY_STOP, COUPLER_STOPPED, MASTER_STOPPED, SLAVE_STOPPED)
 class Node:
     """A device node of the slave that runs, and a client of its parameters as ros2cli has one."""
 
-    def __init__(self, start: Callable[..., Command], observer: Observer) -> None:
-        self.command = start("-m", "haptic_accel.nodes.slave_device")
+    def __init__(self, command: Command, observer: Observer) -> None:
+        self.command = command
         self._observer = observer
         self._client = AsyncParameterClient(observer.node, "slave_device")
         assert self._client.wait_for_services(PATIENCE)
@@ -151,6 +151,7 @@ class Node:
 
     def _answer(self, future: Any) -> Any:
         self._observer.executor.spin_until_future_complete(future, PATIENCE)
+        assert future.done(), self.command.text
         return future.result()
 
 
@@ -159,12 +160,19 @@ def keyed(key: str, values: dict[str, Any]) -> str:
     return str(yaml.safe_dump({key: {"ros__parameters": values}}))
 
 
-@pytest.fixture
-def slave(start: Callable[..., Command], observer: Observer) -> Node:
-    """Start a device node of the slave."""
-    return Node(start, observer)
+@pytest.fixture(scope="module")
+def slave(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Node]:
+    """Start a device node of the slave for tests of its parameters, which may have any values."""
+    with reserved_domain() as number, pytest.MonkeyPatch.context() as environment:
+        use_domain(environment, number)
+        words = ["-m", "haptic_accel.nodes.slave_device"]
+        command, observer = Command(words, tmp_path_factory.mktemp("slave")), Observer(number)
+        yield Node(command, observer)
+        assert command.end(signal.SIGINT) == 0, command.text
+        observer.close()
 
 
+@pytest.mark.live
 def test_a_surface_is_loaded_whole_or_not_at_all(slave: Node, tmp_path: Path) -> None:
     # rclpy passes 9e-06 on as text, and would set one parameter after the other.
     for name in ("text", "plywood", "vinyl"):
@@ -186,6 +194,7 @@ def test_a_surface_is_loaded_whole_or_not_at_all(slave: Node, tmp_path: Path) ->
     assert slave.values() == before
 
 
+@pytest.mark.live
 def test_what_is_dumped_can_be_loaded(slave: Node, tmp_path: Path) -> None:
     # Most of it is read-only.
     file, before = tmp_path / "slave_device.yaml", slave.values()
@@ -214,6 +223,7 @@ def test_only_this_machines_clock_is_taken(slave: Node, start: Callable[..., Com
         assert "Traceback" not in refused.text
 
 
+@pytest.mark.live
 def test_what_asks_for_no_parameter_gets_nothing_and_what_sets_none_the_reason(
     slave: Node,
 ) -> None:
@@ -242,6 +252,7 @@ def test_what_asks_for_no_parameter_gets_nothing_and_what_sets_none_the_reason(
     assert slave.values() == before
 
 
+@pytest.mark.live
 def test_a_parameter_tells_what_it_may_be_and_takes_numbers_as_they_are_written(
     slave: Node,
 ) -> None:
