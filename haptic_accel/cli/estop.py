@@ -18,7 +18,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,7 +29,7 @@ from haptic_accel.cli.options import arguments, verb
 from haptic_accel.core.parameters import parameter
 from haptic_accel.graph.namespaces import NamespaceArguments
 from haptic_accel.graph.ros_packages import NEEDS_ROS, has_ros
-from haptic_accel.graph.stop_signal import Signalled, age, own_domain, stop_senders
+from haptic_accel.graph.stop_signal import PendingStop, Signalled, age, own_domain, stop_graphs
 
 TIMEOUT = 2.5
 """Time-out for the devices to be found and to confirm, s, before the graph is joined anew."""
@@ -62,34 +62,54 @@ class StopArguments(NamespaceArguments):
 def estop(signalled: Signalled | None, arguments: StopArguments) -> None:
     """Remove all forces from all devices at once; they refuse new ones until release:=true.
 
-    Without a namespace every graph of the ROS domain is stopped. The release is that of one graph,
-    and refused while somebody still asks for the stop.
+    Without a namespace every graph of the ROS domain is stopped, also one of this machine that
+    starts later. The release is that of one graph, and refused while somebody still asks for the
+    stop.
     """
+    domain, namespace = own_domain(), arguments.namespace
     if arguments.release:
         from haptic_accel.nodes.emergency_stop import release
 
-        print(f"emergency stop {_answer(arguments.namespace, release, REASON_TIME)}")
+        line, missing = _answer(namespace, release, REASON_TIME)
+        was_pending = PendingStop(domain, namespace).withdraw()
+        if missing and was_pending:
+            line = "released for graphs that start; none answers"
+        elif missing:
+            raise StoppedError(f"{_silent(missing)}; is the graph running?")
+        print(f"emergency stop {line}")
         return
     # By signals first: ROS takes a while to import, and to join the graph.
-    done = signalled or Signalled(stop_senders(own_domain(), arguments.namespace))
+    done = signalled or stop_graphs(domain, namespace)
     reached = "1 process" if done.processes == 1 else f"{done.processes} processes"
     quick = f"{reached} signalled after {done.after:.2f} s, " if done.processes else ""
-    if quick and not has_ros():
-        raise StoppedError(f"{quick}not confirmed: this {NEEDS_ROS}")
+    again = f" namespace:={namespace.strip('/')}" if namespace else ""
+    held = "no graph of ROS domain {} on this machine takes forces until {}{}".format(
+        domain, "haptic-accel estop release:=true", again
+    )
+    pending = f"the stop is pending: {held}" if done.pending else "is the graph running?"
+    if not has_ros():
+        raise StoppedError(f"{quick}not confirmed: this {NEEDS_ROS}; {pending}")
     from haptic_accel.nodes.emergency_stop import stop_devices
 
-    line = _answer(arguments.namespace, stop_devices, TIMEOUT)
+    line, missing = _answer(namespace, stop_devices, TIMEOUT)
+    if missing:
+        raise StoppedError(f"{quick}not confirmed: {_silent(missing)}; {pending}")
     print(f"emergency stop: {line} ({quick}confirmed after {age():.2f} s)")
 
 
-def _answer(namespace: str, request: Callable[..., Any], timeout: float) -> str:
-    """Join a graph until all devices answer a request; return the line on their answers."""
+def _answer(
+    namespace: str, request: Callable[..., Any], timeout: float
+) -> tuple[str, Collection[str]]:
+    """Join a graph until all devices answer a request; return a line, and who did not answer."""
     from haptic_accel.cli.joining import connected
 
     for _ in range(ATTEMPTS):
         with connected(namespace, ANSWERING_TIME, ANSWERING_TIME) as client:
             line, missing = asyncio.run(request(client, timeout))
         if not missing:
-            return str(line)
-    names = " and ".join(sorted(missing))
-    raise StoppedError(f"{names} did not answer in {ATTEMPTS} attempts; is the graph running?")
+            break
+    return str(line), missing
+
+
+def _silent(missing: Collection[str]) -> str:
+    return f"{' and '.join(sorted(missing))} did not answer in {ATTEMPTS} attempts"

@@ -192,9 +192,9 @@ def run_shown(
         return stop()
 
     with (
+        on_keys({STOP_KEY: stop_forces}) as keys,
         sole_graph(namespace),
         stop_on_signal() as stop,
-        on_keys({STOP_KEY: stop_forces}) as keys,
     ):
         for hint in filter(None, (arrangement(processes), *_hints(processes, keys))):
             supervisor.say(hint)
@@ -288,8 +288,9 @@ BACKGROUND_PERIOD = 0.5
 def on_keys(acts: Mapping[bytes, Callable[[], None]]) -> Iterator[bool]:
     """Call a key's function on a separate thread whenever it is pressed, without Enter.
 
-    Nothing is read if the standard input is no terminal, or another program's. Ctrl-C and the like
-    remain signals. The terminal is restored when the context is left.
+    Keys pressed before, since this program has the terminal, count. Nothing is read if the
+    standard input is no terminal, or another program's. Ctrl-C and the like remain signals. The
+    terminal is restored when the context is left.
 
     Yields
     ------
@@ -308,7 +309,8 @@ def on_keys(acts: Mapping[bytes, Callable[[], None]]) -> Iterator[bool]:
     thread = threading.Thread(target=_follow, args=(terminal, over, acts), daemon=True)
     thread.start()
     try:
-        tty.setcbreak(terminal)
+        # Not with the default, TCSAFLUSH, which drops keys pressed during the imports.
+        tty.setcbreak(terminal, termios.TCSANOW)
         yield True
     finally:
         os.close(end)

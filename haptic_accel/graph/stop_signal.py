@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Emergency stop by signals to the nodes of this machine, without ROS.
+"""Emergency stop of this machine without ROS: by signals to its nodes, and for graphs that start.
 
 It imports little, as each import delays the stop on a busy machine.
 """
@@ -45,6 +45,10 @@ PRIORITY = 20
 """Real-time priority of a process that stops a graph: below the nodes', which have to act upon it,
 above all other programs."""
 
+PENDING = "/tmp/haptic_accel_stop"
+"""Start of the names of pending stops. The folder is the same for all users and services, which
+`TMPDIR` and `XDG_RUNTIME_DIR` are not, and is emptied by a restart of the machine."""
+
 _SENDER = "sender"
 
 _CREDENTIALS = 12
@@ -60,11 +64,68 @@ class Signalled:
         Number of processes that have been signalled.
     after : float
         Time from this process's start to the last signal, s.
+    pending : bool
+        The stop holds also for graphs that start later: see `PendingStop`.
     """
 
-    def __init__(self, processes: int) -> None:
+    def __init__(self, processes: int, *, pending: bool) -> None:
         self.processes = processes
         self.after = age()
+        self.pending = pending
+
+
+class PendingStop:
+    """Emergency stop that holds for a graph whose nodes cannot be reached yet, until its release.
+
+    It is a file, which a device node looks for before it allows forces, and ten times a second:
+    so the stop needs no node, signal or message, and outlasts the command that gave it. Like the
+    locks on signals it is valid in one network namespace, for all users.
+
+    Parameters
+    ----------
+    domain : int
+        ROS domain.
+    namespace : str
+        Namespace of the graph, with a slash before; empty for every graph of the domain.
+    """
+
+    def __init__(self, domain: int, namespace: str) -> None:
+        host = os.stat("/proc/self/ns/net").st_ino
+        everywhere = f"{PENDING}-{host}-{domain}"
+        self._file = f"{everywhere}-{_hashed(namespace)}" if namespace else everywhere
+        self._files = {everywhere, self._file}
+        self._known: set[tuple[int, int]] = set()
+
+    def leave(self) -> bool:
+        """Leave the stop; return False if there is no room for it."""
+        try:
+            # Not through a link that another user may have put there.
+            flags = os.O_CREAT | os.O_WRONLY | os.O_NOFOLLOW
+            file = os.open(self._file, flags, 0o644)
+            os.utime(file)
+            os.close(file)
+        except OSError:
+            return os.path.lexists(self._file)  # another user's stop holds as well
+        return True
+
+    def withdraw(self) -> bool:
+        """Withdraw the stop; return whether there was one.
+
+        Raises
+        ------
+        OSError
+            It is another user's.
+        """
+        try:
+            os.unlink(self._file)
+        except FileNotFoundError:
+            return False
+        return True
+
+    def is_new(self) -> bool:
+        """Return whether there is a stop that was left after the last call."""
+        before, self._known = self._known, set(map(_identity, self._files)) - {(0, 0)}
+        return not self._known <= before
 
 
 def own_domain() -> int:
@@ -109,17 +170,17 @@ def age() -> float:
 
 
 def stop_at_once(words: Sequence[str]) -> Signalled | None:
-    """Signal the nodes of a graph by the words of ``haptic-accel estop``.
+    """Stop a graph by the words of ``haptic-accel estop``, as `stop_graphs` does.
 
     Parameters
     ----------
     words : sequence of str
-        Nothing, or the namespace; an impossible one matches no graph.
+        Nothing, or the namespace.
 
     Returns
     -------
     Signalled or None
-        None for other words, which need a parser.
+        None for other words, or an impossible namespace, which need a parser.
 
     Raises
     ------
@@ -130,7 +191,19 @@ def stop_at_once(words: Sequence[str]) -> Signalled | None:
     if len(words) > 1 or (key, separator) != ("namespace", ":="):
         return None
     bare = namespace.strip("/")
-    return Signalled(stop_senders(own_domain(), bare and f"/{bare}"))
+    if bare and not all(part.isascii() and part.isidentifier() for part in bare.split("/")):
+        return None
+    return stop_graphs(own_domain(), bare and f"/{bare}")
+
+
+def stop_graphs(domain: int, namespace: str) -> Signalled:
+    """Stop a graph's nodes on this machine, those that do not run yet included.
+
+    Parameters as for `stop_senders`.
+    """
+    # First: a node that cannot be signalled yet will find it.
+    pending = PendingStop(domain, namespace).leave()
+    return Signalled(stop_senders(domain, namespace), pending=pending)
 
 
 def stop_senders(domain: int, namespace: str) -> int:
@@ -175,9 +248,7 @@ def sender(topic: str) -> str:
 
 def address(domain: int, role: str) -> bytes:
     """Return the hashed address of a role, as topic names can be longer than addresses."""
-    from hashlib import sha256
-
-    return _place(domain, role) + sha256(role.encode()).hexdigest().encode()
+    return _place(domain, role) + _hashed(role).encode()
 
 
 def holder(address: bytes) -> int:
@@ -190,6 +261,21 @@ def holder(address: bytes) -> int:
             return 0
         peer = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS)
     return memoryview(peer).cast("i")[0]
+
+
+def _hashed(name: str) -> str:
+    from hashlib import sha256
+
+    return sha256(name.encode()).hexdigest()
+
+
+def _identity(file: str) -> tuple[int, int]:
+    """Return what changes when a file is written anew; zeros without the file."""
+    try:
+        found = os.lstat(file)
+    except OSError:
+        return 0, 0
+    return found.st_ino, found.st_mtime_ns
 
 
 def _place(domain: int, role: str) -> bytes:

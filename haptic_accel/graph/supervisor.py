@@ -199,6 +199,7 @@ class Supervisor:
         self._named = {process.name: process for process in self.processes}
         self._due: dict[str, float] = {}
         self._running: dict[str, subprocess.Popen[str]] = {}
+        self._stopped = False
         self._readers: list[threading.Thread] = []
         self._last_lines: dict[str, deque[str]] = {}
         # Not SimpleQueue: in CPython up to 3.11 at least, a signal at the instant of the time-out
@@ -231,6 +232,8 @@ class Supervisor:
             try:
                 for process in self.processes:
                     self._start(process, Path(folder))
+                    if self._stopped:
+                        self._running[process.name].send_signal(EMERGENCY)
                 while not (first or stop() or self._lines.error):
                     with suppress(queue.Empty):
                         ended = self._ended.get(timeout=LOOK_PERIOD)
@@ -252,7 +255,8 @@ class Supervisor:
         self._lines.say("", line)
 
     def stop_forces(self) -> None:
-        """Make every node remove its forces at once; from any thread."""
+        """Make every node remove its forces at once, or as it starts; from any thread."""
+        self._stopped = True
         for child in list(self._running.values()):
             child.send_signal(EMERGENCY)
 

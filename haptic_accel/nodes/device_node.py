@@ -397,7 +397,7 @@ class DeviceNode(ManagedNode):
     def follow_stop(self) -> None:
         """Stop on any request; withdrawing the request does not release the stop."""
         self._stop.follow()
-        if not self._settled and self._stop.settled:
+        if not self._settled and self._stop.settles():
             self._settled = True
             self.safety.enable(steady_now(), self.state == ACTIVE)
             self.report()
@@ -451,8 +451,9 @@ class DeviceNode(ManagedNode):
         return str(self._failure or (self.side.sampling and self.device.problem) or "")
 
     def _log_news(self) -> None:
-        """Log new events of the safety layer; look for command senders and subscribers."""
-        for look in (self._motions.poll, self._queries.poll, self._operating.report):
+        """Log new events of the safety layer; look for stops, command senders and subscribers."""
+        polls = self._stop.poll_pending, self._motions.poll, self._queries.poll
+        for look in (*polls, self._operating.report):
             look()
         self._work_asked = self._work_sender.listeners > 0
         self._contact_asked = bool(self._contact_sender and self._contact_sender.listeners)

@@ -20,6 +20,7 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -31,6 +32,7 @@ from std_srvs.srv import SetBool
 
 from haptic_accel.core.emergency_stop import EmergencyStop
 from haptic_accel.core.topics import COUPLER_STOPPED, DEVICES, EMERGENCY_STOP, STOPS, Topic
+from haptic_accel.graph.stop_signal import PendingStop
 from haptic_accel.nodes.service_client import Answers, RequestError, ServiceClient, Services
 
 if TYPE_CHECKING:  # a stop command must not wait for imports of nodes
@@ -140,11 +142,24 @@ class DeviceStop(NodeStop):
         super().__init__(node, EmergencyStop(time.monotonic()), state, "~/estop")
         self._take_off, self._released = take_off, released
         self._coupler = node.inbox(COUPLER_STOPPED)
+        domain, namespace = node.context.get_domain_id(), node.get_namespace().rstrip("/")
+        self._pending = PendingStop(domain, namespace)
 
-    @property
-    def settled(self) -> bool:
-        """True once every stop from before the node's start has been received."""
-        return self._stop.is_settled(time.monotonic())
+    def settles(self) -> bool:
+        """Return True once every stop from before the node's start has been received."""
+        settled = self._stop.is_settled(time.monotonic())
+        if settled:
+            self.poll_pending()
+        return settled
+
+    def poll_pending(self) -> None:
+        """Stop if a stop has been left for graphs that start, or that nothing else reaches."""
+        if self._pending.is_new() and not self._stop.stopped:
+            self._node.get_logger().warning(
+                "emergency stop of haptic-accel estop is pending: release it by"
+                f" {release_command(self._node.get_namespace())}"
+            )
+            self.stop()
 
     def stop(self) -> None:
         """Stop at once."""
@@ -161,6 +176,9 @@ class DeviceStop(NodeStop):
         self._take_off()
 
     def _release(self, answer: Answer, now: float) -> None:
+        with suppress(OSError):  # another user's holds for later graphs
+            self._pending.withdraw()
+        self._pending.is_new()  # what is left is released for this node
         self._released()
         answer(SetBool.Response(success=True, message="released"))
 
@@ -229,6 +247,12 @@ class CouplerStop(NodeStop):
         message = "; ".join(refused) or f"released: {released}"
         release.answer(SetBool.Response(success=not refused, message=message))
         return True
+
+
+def release_command(namespace: str) -> str:
+    """Return the command that releases the graph of a namespace."""
+    words = f" namespace:={namespace.strip('/')}" if namespace.strip("/") else ""
+    return f"haptic-accel estop release:=true{words}"
 
 
 async def stop_devices(client: ServiceClient, timeout: float) -> tuple[str, set[str]]:

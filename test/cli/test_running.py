@@ -219,6 +219,19 @@ def test_the_space_key_stops_a_graph_and_does_not_release_it(
     assert terminal.settings == terminal.before
 
 
+def test_the_space_key_counts_before_the_nodes_exist(terminals: Any, observer: Observer) -> None:
+    terminal = terminals("-m", "haptic_accel.cli.main", "teleop", "record:=false", "rate:=200")
+    terminal.press(b" ")  # while Python starts
+    terminal.wait_for("space: emergency stop")
+    terminal.wait_for("emergency stop: no force until it is released", 2)
+    for topic in (COUPLER_STOPPED, MASTER_STOPPED, SLAVE_STOPPED):
+        observer.wait_for_state(topic, True)
+    assert "engaged" not in terminal.text
+    terminal.press(b"\x03")
+    assert terminal.process.wait(PATIENCE) == 0
+    assert terminal.settings == terminal.before
+
+
 def test_a_terminal_that_hangs_up_ends_the_graph_in_order(
     terminals: Any, domain: int, tmp_path: Path
 ) -> None:

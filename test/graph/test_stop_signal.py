@@ -27,6 +27,7 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import MASTER_ARM_FORCE
 from haptic_accel.graph.stop_signal import (
+    PendingStop,
     own_domain,
     stop_at_once,
     stop_senders,
@@ -119,6 +120,31 @@ def test_nothing_is_signalled_before_other_words_are_read(
         assert done
         assert done.processes == 1
         assert stop_senders(domain, "") >= 1, "the other has not been signalled"
+
+
+def test_a_pending_stop_is_new_once_in_its_namespace_or_everywhere(domain: int) -> None:
+    root, left = PendingStop(domain, ""), PendingStop(domain, "/left")
+    assert not root.withdraw()
+    assert not left.is_new()
+    assert stop_at_once(["namespace:=left"])
+    assert (root.is_new(), left.is_new(), left.is_new()) == (False, True, False)
+    assert left.leave()
+    assert left.is_new(), "given again"
+    assert root.leave()
+    assert (root.is_new(), left.is_new()) == (True, True)
+    assert root.withdraw()
+    assert not left.is_new()
+    assert PendingStop(domain, "/left").is_new(), "in another process, until it is withdrawn"
+    with reserved_domain() as other:
+        assert not PendingStop(other, "/left").is_new()
+    assert left.withdraw()
+    assert not PendingStop(domain, "/left").is_new()
+
+
+@pytest.mark.parametrize("namespace", ["a-b", "../x", "1", "a//b"])
+def test_an_impossible_namespace_leaves_no_stop(domain: int, namespace: str) -> None:
+    assert stop_at_once([f"namespace:={namespace}"]) is None
+    assert not PendingStop(domain, f"/{namespace}").is_new()
 
 
 @pytest.mark.parametrize("text", ["233", "-1", "one", "\uff11", "9" * 5000])

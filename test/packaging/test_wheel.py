@@ -124,7 +124,7 @@ def test_the_wheel_runs_without_ros_and_refuses_graphs_in_one_line(place: Path) 
     for words in FREE_OF_ROS:
         done = haptic_accel(place, *words.split())
         assert (words, done.returncode, done.stderr) == (words, 0, "")
-    for words in ("teleop", "experiment", "record start", "estop"):
+    for words in ("teleop", "experiment", "record start", "estop release:=true"):
         done = haptic_accel(place, *words.split())
         line = f"haptic-accel: {words.split()[0]} {NEEDS_ROS}\n"
         assert (words, done.returncode, done.stderr) == (words, 1, line)

@@ -33,8 +33,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from glob import glob
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
+
+from haptic_accel.graph.stop_signal import PENDING
 
 if TYPE_CHECKING:
     import pytest
@@ -216,14 +219,23 @@ def reserved_domain() -> Iterator[int]:
                 continue
             if any(processes_of(number)) or any(open_ports(number)):
                 continue
+            _withdraw_stops(number)  # of a test that was killed
             try:
                 yield number
             finally:
+                _withdraw_stops(number)
                 for pid in nodes_of(number).values():
                     with suppress(ProcessLookupError):
                         os.kill(pid, signal.SIGKILL)
             return
     raise AssertionError("no ROS domain is free")
+
+
+def _withdraw_stops(domain: int) -> None:
+    """Remove the stops that are pending in any namespace of a ROS domain."""
+    for form in (f"{PENDING}-*-{domain}", f"{PENDING}-*-{domain}-*"):
+        for file in glob(form):
+            Path(file).unlink()
 
 
 def free_port() -> int:
