@@ -27,23 +27,25 @@ from contextlib import closing
 import pytest
 
 from haptic_accel.core.process import module_command
-from running import PATIENCE, Command
+from running import PATIENCE, Command, free_ports
 from verbs import refusal
 
-EMULATE = ("emulate", "network", "master:=127.0.0.1:7292", "slave:=127.0.0.1:7294")
+EMULATE = ("emulate", "network")
 
 
 @pytest.mark.quiet
 def test_datagrams_go_from_one_side_to_the_other(haptic_accel: Callable[..., Command]) -> None:
-    command = haptic_accel(*EMULATE)
+    peers = free_ports(), free_ports()
+    first, third = (int(peer.rpartition(":")[2]) for peer in peers)
+    command = haptic_accel(*EMULATE, f"master:={peers[0]}", f"slave:={peers[1]}")
     command.wait_for("network: delay:=0.0")
-    with closing(_at(7292)) as master, closing(_at(7295)) as slave:
-        master.sendto(b"to the slave", ("127.0.0.1", 7293))
+    with closing(_at(first)) as master, closing(_at(third + 1)) as slave:
+        master.sendto(b"to the slave", ("127.0.0.1", first + 1))
         assert slave.recv(100) == b"to the slave"
-        slave.sendto(b"to the master", ("127.0.0.1", 7294))
+        slave.sendto(b"to the master", ("127.0.0.1", third))
         assert master.recv(100) == b"to the master"
     assert command.end(signal.SIGINT) == 0
-    assert "haptic-accel teleop side:=slave peer:=127.0.0.1:7294" in command.text
+    assert f"haptic-accel teleop side:=slave peer:={peers[1]}" in command.text
 
 
 def _at(port: int) -> socket.socket:
@@ -57,7 +59,10 @@ def _at(port: int) -> socket.socket:
 def test_words_typed_in_its_terminal_change_the_network() -> None:
     ours, terminal = pty.openpty()
     process = subprocess.Popen(
-        [*module_command("haptic_accel.cli.main"), *EMULATE[:2], "master:=127.0.0.1:7282"],
+        [
+            *(*module_command("haptic_accel.cli.main"), *EMULATE),
+            *(f"master:={free_ports()}", f"slave:={free_ports()}"),
+        ],
         stdin=terminal,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -79,5 +84,7 @@ def test_words_typed_in_its_terminal_change_the_network() -> None:
 
 def test_wrong_arguments_are_refused_in_one_line() -> None:
     assert refusal("emulate", "network", "delay:=-1").startswith("delay = -1.0: must be from 0")
-    same = ("master:=127.0.0.1:7290", "slave:=127.0.0.1:7291")
-    assert "port 7291/udp of 127.0.0.1: address already in use" in refusal(*EMULATE[:2], *same)
+    host, _, port = free_ports().partition(":")
+    same = f"port {int(port) + 1}/udp of {host}: address already in use"
+    words = (f"master:={host}:{port}", f"slave:={host}:{int(port) + 1}")
+    assert same in refusal(*EMULATE, *words)

@@ -35,7 +35,7 @@ from haptic_accel.links.authentication import Authenticator, read_key, write_new
 from haptic_accel.links.local import COUPLER, LONGEST, LocalEnd
 from haptic_accel.links.parameters import AUTHORITY
 from haptic_accel.nodes.link import SEARCH_PERIOD
-from running import Command, reserved_domain, wait_until
+from running import Command, free_ports, reserved_domain, wait_until
 
 SIDES = ("master", "slave")
 PEER = "127.0.0.1"
@@ -95,23 +95,6 @@ def pair(
             for side, number in domains.items()
         }
         yield Pair(start, ends, domains)
-
-
-def free_ports() -> str:
-    """Return the peer with two ports in a row that nobody has."""
-    with ExitStack() as stack:
-        while True:
-            one, two = (
-                stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-                for _ in range(2)
-            )
-            one.bind((PEER, 0))
-            port = one.getsockname()[1]
-            try:
-                two.bind((PEER, port + 1))
-            except OSError:
-                continue
-            return f"{PEER}:{port}"
 
 
 def test_datagrams_cross_and_a_link_that_was_killed_is_met_again(
