@@ -304,13 +304,13 @@ def test_trials_that_lack_samples_are_left_out_with_the_command_for_others(
 
 
 def test_a_doubtful_handle_is_marked_and_the_graph_warns_of_it(
-    haptic_accel: Start, tmp_path: Path
+    haptic_accel: Start, ask: Callable[..., tuple[int, str]], here: Path
 ) -> None:
-    recording(0.75, tmp_path / "near.csv")
+    recording(0.75, here / "near.csv")
     words = ("--recording-rate", "1000", "--duration", "1", "--start-amplitude", "0.75")
-    found = haptic_accel("identify", "--from", "near.csv", *words, "--out", "found")
-    assert found.end() == 0, found.text
-    assert "travel = 3.7" in found.text
+    status, said = ask("identify", "--from", "near.csv", *words, "--out", "found")
+    assert status == 0, said
+    assert "travel = 3.7" in said
     graph = haptic_accel("teleop", "rig:=ideal", "params_file:=found/handle.yaml", "duration:=1")
     assert graph.end() == 0, graph.text
     assert "plant: travel = 3.7" in graph.text
