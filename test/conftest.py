@@ -73,7 +73,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Set the number of cases of `fuzzing.fuzz`, before the tests that it decorates are read."""
     cases = config.getoption("--fuzz")
-    for name, usual in (("fuzz", FUZZ_CASES), ("fuzz few", FUZZ_CASES // 10)):
+    shares = {"fuzz": 1, "fuzz few": 10, "fuzz fewest": 50}
+    for name, usual in ((name, FUZZ_CASES // share) for name, share in shares.items()):
         settings.register_profile(
             name,
             settings.get_profile("project"),

@@ -23,7 +23,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -50,6 +50,8 @@ class Analysis:
         Number of bags.
     across : list of Across
         Comparisons of handles with tools recorded by other hosts.
+    failed : int
+        Number of bags that could not be read or measured.
     """
 
     trials: list[AnalysedTrial]
@@ -57,6 +59,7 @@ class Analysis:
     shift: Shift
     bags: int
     across: list[Across] = field(default_factory=list)
+    failed: int = 0
 
     @property
     def shifted_by(self) -> str:
@@ -116,7 +119,10 @@ def analyse(
     seen: dict[tuple[Path, object, bytes], str] = {}
     hosts: dict[str, Host] = {}
     done = 0
-    for task, (measured, complaints, host) in zip(tasks, spread(_measured, tasks), strict=False):
+    failed = 0
+    for task, result in zip(tasks, spread(_measured, tasks), strict=False):
+        measured, complaints, host, has_failed = result
+        failed += has_failed
         kept = []
         hosts |= {task.name: host} if host else {}
         for trial, digest in measured:
@@ -136,7 +142,7 @@ def analyse(
     _name_alone(hosts, partners, problems)
     trials = [_touching(trial, partners) for trial in trials]
     across = _across(trials, partners, spread, problems)
-    return Analysis(_showing_the_same(trials, spread), problems, shift, done, across)
+    return Analysis(_showing_the_same(trials, spread), problems, shift, done, across, failed)
 
 
 @dataclass(frozen=True)
@@ -151,25 +157,42 @@ class _Task:
     rate: float | None
 
 
-def _measured(task: _Task) -> tuple[list[tuple[AnalysedTrial, bytes]], list[str], Host | None]:
-    """Return a bag's trials with digests of their samples, its problems, and its host.
+class _Measured(NamedTuple):
+    """A bag's trials with digests of their samples, its problems, its host, and its failure."""
+
+    trials: list[tuple[AnalysedTrial, bytes]]
+    problems: list[str]
+    host: Host | None = None
+    has_failed: bool = False
+
+
+def _measured(task: _Task) -> _Measured:
+    """Measure a bag's trials.
 
     A robot's bag contains no handle, and thus no trial.
     """
     try:
         recorded = read_bag(task.bag, VECTORS)
     except ParameterError as error:
-        return [], [str(error)], None
+        return _Measured([], [str(error)], has_failed=True)
     host = host_of(recorded)
     if host and host.side == ROBOT:
-        return [], list(recorded.problems), host
-    parts = cut(recorded, task.rig, task.rate)
+        return _Measured([], list(recorded.problems), host)
     measured = []
-    for segment in parts.segments:
-        name = task.name if segment.number == 1 else f"{task.name} #{segment.number}"
-        trial = measure(segment, name, task.source, task.shift)
-        measured.append((trial, _digest(segment)))
-    return measured, list(parts.problems), host
+    try:
+        parts = cut(recorded, task.rig, task.rate)
+        for segment in parts.segments:
+            name = task.name if segment.number == 1 else f"{task.name} #{segment.number}"
+            trial = measure(segment, name, task.source, task.shift)
+            measured.append((trial, _digest(segment)))
+    except ParameterError:
+        raise  # an argument is wrong
+    except Exception as error:
+        # No content of one bag may cost the others their report.
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        lines = [*recorded.problems, f"cannot be analysed: {reason}"]
+        return _Measured([], lines, host, has_failed=True)
+    return _Measured(measured, list(parts.problems), host)
 
 
 _Partners = Mapping[Path, tuple[Host, Host]]

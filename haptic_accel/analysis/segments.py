@@ -42,7 +42,7 @@ from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS, RELEASED, BoolArray, sampling_rate
+from haptic_accel.core.sampling import NANOSECONDS, RELEASED, sampling_rate
 from haptic_accel.core.trial import RigParameters
 from haptic_accel.graph.arguments import (
     PLAYED_TOPICS,
@@ -454,7 +454,7 @@ def _parts(
     recorded: Bag, known: _Known, span: tuple[int, int], problems: list[str]
 ) -> list[tuple[Condition, int, int]]:
     """Return condition, start and end of each section that can be analysed, ns."""
-    coupled = _coupled(recorded, span, problems)
+    coupled = _recorded(recorded, _coupled(recorded, span, problems), problems)
     conditions = [*_conditions(recorded, known), (span[1] + 1, known.condition)]
     parts = []
     for (moment, condition), (following, _) in itertools.pairwise(conditions):
@@ -481,6 +481,32 @@ def _coupled(recorded: Bag, span: tuple[int, int], problems: list[str]) -> list[
         found = [(int(sent.min()), int(sent.max()))] if len(sent) else [span]
         problems.append("the arms' forces are zero: all of the time in which they came is taken")
     return [(max(first, span[0]), min(last, span[1])) for first, last in found]
+
+
+def _recorded(
+    recorded: Bag, coupled: Sequence[tuple[int, int]], problems: list[str]
+) -> list[tuple[int, int]]:
+    """Divide periods at gaps: times longer than `RELEASED` without any signal.
+
+    A gap of the recorder and a clock set forward leave the same gap between stamps. In either
+    case no sample is in it.
+    """
+    stamps = [recorded.signals[name].stamps for name in _NAMES if name in recorded.signals]
+    every = np.unique(np.concatenate(stamps))
+    found: list[tuple[int, int]] = []
+    for first, last in coupled:
+        within = every[(every >= first) & (every <= last)]
+        gaps = np.flatnonzero(np.diff(within) > RELEASED * NANOSECONDS)
+        begins = [first, *within[gaps + 1].tolist()]
+        ends = [*within[gaps].tolist(), last]
+        found += zip(begins, ends, strict=True)
+        for end, begin in zip(ends[:-1], begins[1:], strict=True):
+            problems.append(
+                f"no signal for {(begin - end) / NANOSECONDS:.3f} s at"
+                f" {(end - int(every[0])) / NANOSECONDS:.1f} s: the recorder has a gap, or a clock"
+                " was set forward; the parts before and after are trials of their own"
+            )
+    return found
 
 
 def _conditions(recorded: Bag, known: _Known) -> list[tuple[int, Condition]]:
@@ -524,7 +550,7 @@ def _segment(
     high: int,
     problems: list[str],
 ) -> Segment:
-    """Arrange one segment on its grid; add gaps of the recorder to the problems."""
+    """Arrange one segment on its grid."""
     rate = known.rate
     anchor = next(recorded.signals[name] for name in _NAMES if name in recorded.signals)
     # The grid passes through a stamp, although the segment may start between two.
@@ -532,14 +558,11 @@ def _segment(
     length = math.floor((high - start) * rate / NANOSECONDS + _WHOLE) + 1
     signals: dict[str, FloatArray] = {}
     axes = recorded.axes
-    recording = np.zeros(length, dtype=bool)
     for name in _NAMES:
         if name in recorded.signals:
             values, seen = recorded.signals[name].on_grid(start, rate, length, axes)
-            recording |= seen
             if seen.any():
                 signals[name] = values
-    problems += [f"trial {number}: {gaps}" for gaps in _gaps(recording, rate)]
     notes = _complete(signals, known)
     return Segment(
         recorded.path,
@@ -564,20 +587,6 @@ def _segment(
         _mapping(recorded.facts.get("arguments")).get("master") in (SIMULATED, POINTER),
         axes,
     )
-
-
-def _gaps(recording: BoolArray, rate: float) -> list[str]:
-    """Return a line on gaps of the recorder: times without messages of any signal."""
-    seen = np.flatnonzero(recording)
-    lengths = (np.diff(seen) - 1) / rate
-    long = lengths[lengths > RELEASED]
-    if not long.size:
-        return []
-    gaps = "a gap" if long.size == 1 else f"{long.size} gaps"
-    return [
-        f"the recorder has {gaps} of {long.sum():.1f} s in all, in which every signal keeps its"
-        " last value: the error is larger for it"
-    ]
 
 
 def _complete(signals: dict[str, FloatArray], known: _Known) -> list[str]:

@@ -65,12 +65,15 @@ class MisplacedError(OSError):
     ----------
     is_removed : bool
         The file is in no folder, and disappears with the program that writes it.
+    place : Path or None
+        Present path of the file, if the system tells it.
     """
 
-    def __init__(self, name: str, *, is_removed: bool) -> None:
+    def __init__(self, name: str, *, is_removed: bool, place: Path | None = None) -> None:
         what = "removed" if is_removed else "moved away"
         super().__init__(f"{name} was {what} while it was recorded")
         self.is_removed = is_removed
+        self.place = place
 
 
 @dataclass
@@ -210,7 +213,10 @@ class ChunkedWriter:
         except (FileNotFoundError, NotADirectoryError):
             is_there = False
         if not is_there:
-            raise MisplacedError(self.path.name, is_removed=written.st_nlink == 0)
+            is_removed, place = written.st_nlink == 0, None
+            with suppress(OSError):  # Linux tells where an open file is
+                place = Path(f"/proc/self/fd/{self._descriptor}").readlink()
+            raise MisplacedError(self.path.name, is_removed=is_removed, place=place)
 
     def finish(self, metadata: str) -> None:
         """Write pending data, index and end, and sync them to the disk.

@@ -17,9 +17,11 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
@@ -76,6 +78,8 @@ class BagFiles:
         self._given = 0  # messages in the file being written
         self._begun = 0  # recording time of its first message
         self._is_misplaced = False
+        self._moved_to: Path | None = None  # where misplaced files are now
+        self._known: dict[str, os.stat_result] = {}  # finished files, whatever has their names
         try:
             path.mkdir(parents=True)
             self._file: ChunkedWriter | None = self._open(0)
@@ -151,6 +155,7 @@ class BagFiles:
     def close(self) -> None:
         """Finish the last file and write the metadata."""
         self._attempt(self._close_file)
+        self._forget_lost_files()
         if not self._renew_metadata() and not self.failure:
             self.failure, self.trouble = self.trouble, ""
 
@@ -167,9 +172,10 @@ class BagFiles:
         end = max(tally.end for tally in self._tallies.values()) if self.written else 0
         until = f" up to {datetime.fromtimestamp(end / NANOSECONDS):%H:%M:%S}" if end else ""
         trouble = f"; {self.trouble}" if self.trouble else ""
+        where = f" in {self._moved_to}" if self._moved_to and self.written else ""
         return (
-            f"{self.path}: {self.failure}: {self.written} messages{until} are saved and can be"
-            f" read, {dropped} are not{trouble}"
+            f"{self.path}: {self.failure}: {self.written} messages{until} are saved{where} and can"
+            f" be read, {dropped} are not{trouble}"
         )
 
     def _attempt(self, action: Callable[..., None], *given: object) -> None:
@@ -194,10 +200,28 @@ class BagFiles:
             self._is_misplaced = True
             if error.is_removed:
                 self._given = 0
-                finished = self._finished.items()
-                self._finished = {n: tally for n, tally in finished if (self.path / n).exists()}
+            elif error.place:
+                is_renamed = error.place.name != self._file.path.name
+                self._moved_to = error.place if is_renamed else error.place.parent
         self.lost += given - self.written
+        self._forget_lost_files()
         self._renew_metadata()
+
+    def _forget_lost_files(self) -> None:
+        """Count the messages of finished files that are no longer there as lost."""
+        lost = [name for name in self._finished if not self._is_there(name)]
+        for name in lost:
+            self.lost += self._finished.pop(name).messages
+        if lost and not self.failure:
+            self.failure = f"{lost[0]} was removed or replaced after it was recorded"
+
+    def _is_there(self, name: str) -> bool:
+        """Return whether a finished file, and no other one, has its name."""
+        for folder in (self.path, self._moved_to):
+            with suppress(OSError):
+                if folder and os.path.samestat((folder / name).stat(), self._known[name]):
+                    return True
+        return False
 
     def _is_full(self, received: int) -> bool:
         if not (self._begun and self._file):
@@ -213,6 +237,7 @@ class BagFiles:
     def _close_file(self, file: ChunkedWriter) -> None:
         """Finish the file and add it to the list of finished files."""
         file.flush()
+        self._known[file.path.name] = file.path.stat()
         file.finish(self._metadata().text)
         self._finished[file.path.name] = file.kept
         self._file = None

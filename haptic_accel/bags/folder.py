@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 from haptic_accel.core.parameters import ParameterError
@@ -38,9 +39,9 @@ def is_storage(path: Path) -> bool:
 
 
 def storage_files(folder: Path) -> list[Path]:
-    """Return a bag's files, compressed or not, in order of their numbers."""
+    """Return a bag's files, compressed or not, in order of the numbers in their names."""
     found = [path for path in folder.iterdir() if path.is_file() and is_storage(path)]
-    return sorted(found, key=lambda path: (_number(path), path.name))
+    return sorted(found, key=_numbers)
 
 
 def is_bag(folder: Path) -> bool:
@@ -63,14 +64,36 @@ def find_bags(path: Path) -> list[Path]:
     """
     if not os.path.exists(path):
         raise ParameterError(f"{path}: no such file or folder")
-    if not path.is_dir() or is_bag(path):
+    if not path.is_dir():
         return [path]
     # Links are not followed, as they may form a cycle.
     folders = sorted(f for f in path.rglob("*") if f.is_dir() and not f.is_symlink())
-    found = [folder for folder in folders if is_bag(folder)]
+    found = [folder for folder in (path, *folders) if is_bag(folder)]
     if not found:
         raise ParameterError(f"{path}: must be a bag, or a folder with bags in it")
     return found
+
+
+def is_being_written(path: Path) -> bool:
+    """Return whether a program on this machine has a file open for writing.
+
+    The kernel refuses a lease for reading on such a file, whatever the program, and grants it
+    again as soon as the program has ended, in whatever way. Without leases, as on Windows or on
+    some network drives, the answer is no.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        return False
+    try:
+        with path.open("rb") as file:
+            fcntl.fcntl(file, fcntl.F_SETLEASE, fcntl.F_RDLCK)
+            fcntl.fcntl(file, fcntl.F_SETLEASE, fcntl.F_UNLCK)
+    except BlockingIOError:
+        return True
+    except (OSError, AttributeError):
+        return False
+    return False
 
 
 def free_name(path: Path) -> Path:
@@ -82,7 +105,7 @@ def free_name(path: Path) -> Path:
     return found
 
 
-def _number(path: Path) -> int:
-    """Return the number of a split, as in ``name_10.mcap``."""
-    digits = path.name.split(".")[0].rpartition("_")[2]
-    return int(digits) if digits.isdecimal() else 0
+def _numbers(path: Path) -> list[tuple[int, str]]:
+    """Return the parts of a name with their numbers, wherever the counter is."""
+    parts = re.split("([0-9]+)", path.name)
+    return [(int(part) if place % 2 else 0, part) for place, part in enumerate(parts)]

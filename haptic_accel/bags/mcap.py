@@ -104,6 +104,8 @@ class Block:
         Bytes of the block.
     starts, ends : ndarray of int64, shape (n,)
         Start and end of each message in `bytes`.
+    places : ndarray of int64, shape (n,)
+        Places of the messages in the file's order; unique in the file.
     """
 
     topic: str
@@ -112,6 +114,7 @@ class Block:
     bytes: ByteArray
     starts: IntArray
     ends: IntArray
+    places: IntArray
 
 
 @dataclass(frozen=True)
@@ -212,6 +215,7 @@ class McapFile:
         OSError
             The file cannot be read.
         """
+        before = 0
         for chunk in self.chunks():
             block = np.frombuffer(chunk.records, np.uint8)
             for number, (times, starts) in chunk.entries.items():
@@ -220,7 +224,10 @@ class McapFile:
                 lengths = _heads(chunk.records, starts)["length"].astype(np.int64)
                 ends = starts + RECORD.size + lengths
                 channel = self.channels[number]
-                yield Block(channel.topic, channel.schema, times, block, starts + DATA, ends)
+                places = before + starts
+                starts = starts + DATA
+                yield Block(channel.topic, channel.schema, times, block, starts, ends, places)
+            before += len(chunk.records)
 
     def chunks(self, *, by_index: bool = True) -> Iterator[Chunk]:
         """Yield the file's chunks; records outside chunks are collected in chunks.

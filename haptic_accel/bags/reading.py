@@ -21,27 +21,44 @@ parts.
 
 from __future__ import annotations
 
+import math
 import os
 import sqlite3
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from haptic_accel.bags.expanding import Allowance, decompressed_file, decompressed_message
 from haptic_accel.bags.facts import facts_of
-from haptic_accel.bags.folder import COMPRESSED, MCAP, METADATA, MUST_BE, is_storage, storage_files
+from haptic_accel.bags.file_order import (
+    FILE_BITS,
+    FileContent,
+    UsedFiles,
+    contradictions,
+    marks_of,
+    used_files,
+)
+from haptic_accel.bags.folder import (
+    COMPRESSED,
+    MCAP,
+    METADATA,
+    MUST_BE,
+    is_being_written,
+    is_storage,
+    storage_files,
+)
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, MOST_PROBLEMS, Block, McapFile
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
+from haptic_accel.bags.timeline import Arrivals, Timeline, timeline
 from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
 from haptic_accel.core.cdr import unpack_stamped_vectors
 from haptic_accel.core.model import FloatArray
@@ -76,7 +93,7 @@ _VALUES = {number: f"{name}_value" for number, name in enumerate(_TYPES.split(),
 
 @dataclass(frozen=True)
 class Signal:
-    """Stamped vectors of one topic, in recording order.
+    """Stamped vectors of one topic, in order of time.
 
     `received` and `values` are empty if `read_bag` was called without them.
 
@@ -144,6 +161,9 @@ class Change:
     node: str
     parameter: str
     value: Any
+
+
+_Item = TypeVar("_Item", Diagnosis, Change)
 
 
 @dataclass(frozen=True)
@@ -240,20 +260,23 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
         sources = _sources(bag, metadata)
     except OSError as error:
         raise ParameterError(f"{path}: must be a bag: {error.strerror}") from None
-    collected, custom, failures = _Collected(bag, vectors), dict(metadata.custom), []
+    collected, failures, files = _Collected(bag, vectors), [], []
     for source in sources:
+        files.append(collected.begin(source.name, is_alone=len(sources) == 1))
+        problems = len(bag.problems)
         try:
-            for block in _blocks(source, metadata, bag.problems, custom):
+            for block in _blocks(source, metadata, bag.problems, files[-1].custom):
                 collected.add(block)
         except (OSError, *DAMAGE_ERRORS) as error:
             failures.append(f"{source.name} cannot be read: {error}")
+        files[-1].is_whole = not failures and len(bag.problems) == problems
     if len(failures) == len(sources) and not bag.counts:
         raise ParameterError(f"{path}: must be a bag: {failures[0]}")
     bag.problems.extend(failures)
-    bag.signals.update(collected.signals())
-    bag.diagnostics.extend(collected.diagnostics())
-    bag.changes.extend(collected.changes())
-    bag.facts.update(facts_of(custom))
+    used = used_files(files, [file.name for file in metadata.files], dict(metadata.custom))
+    bag.problems.extend([*contradictions(metadata, files), *used.notes])
+    bag.facts.update(facts_of(used.custom))
+    collected.arrange(used)
     return bag
 
 
@@ -264,7 +287,7 @@ def _metadata(bag: Bag) -> Metadata:
     except MetadataError as error:
         is_there = (bag.path / METADATA).exists()
         reason = str(error).removeprefix(f"{bag.path / METADATA}: ")
-        missing = "is missing: the recording was cut off"
+        missing = "is missing: its files are read without it"
         bag.problems.append(f"{METADATA} {f'is not read: {reason}' if is_there else missing}")
         return Metadata(())
 
@@ -281,11 +304,9 @@ def _sources(bag: Bag, metadata: Metadata) -> list[Path]:
     found = storage_files(path)
     if not found:
         raise ParameterError(f"{path}: {MUST_BE}")
-    named = [path / file.name for file in metadata.files]
-    missing = [f"{file.name} is missing" for file in named if not os.path.isfile(file)]
-    bag.problems.extend(missing)
-    first = [file for file in named if file in found]
-    return first + [file for file in found if file not in first]
+    missing = (file.name for file in metadata.files if not os.path.isfile(path / file.name))
+    bag.problems.extend(f"{name} is missing" for name in missing)
+    return found
 
 
 def _blocks(
@@ -308,39 +329,47 @@ def _blocks(
     yield from blocks
     if source.suffix != MCAP:
         return
-    if not custom:
-        custom |= mcap.custom_data
+    custom |= mcap.custom_data
     problems += mcap.problems
     if mcap.unfinished:
-        problems.append(mcap.unfinished)
+        is_open = is_being_written(source)
+        still = f"{source.name} is still being written: read as far as it is there"
+        problems.append(still if is_open else mcap.unfinished)
 
 
 def _foreign_blocks(source: Path) -> Iterator[Block]:
     """Yield the messages of a file in another format than MCAP, by topic."""
-    rows: dict[tuple[str, str], list[tuple[int, bytes]]] = defaultdict(list)
+    rows: dict[tuple[str, str], list[tuple[int, int, bytes]]] = defaultdict(list)
+    address = f"{source.absolute().as_uri()}?mode=ro&immutable=1"
     try:
-        _check_tables(source)
-        with Reader(source) as reader:
-            for connection, received, data in reader.messages():
-                rows[connection.topic, connection.msgtype].append((received, bytes(data)))
-    except Exception as error:
-        # For damaged files the readers of rosbags raise arbitrary errors.
+        with closing(sqlite3.connect(address, uri=True)) as database:
+            _check_tables(database)
+            for topic, kind, *message in database.execute(_IN_ORDER):
+                time, place, data = message
+                rows[str(topic), str(kind)].append((int(time), int(place), bytes(data)))
+    except sqlite3.Error as error:
         raise ValueError(" ".join(str(error).split())) from None
     for (topic, kind), messages in rows.items():
-        times, contents = zip(*messages, strict=True)
-        yield _joined(topic, kind, np.array(times, np.int64), contents)
+        times, places, contents = zip(*messages, strict=True)
+        order = np.array(places, np.int64)
+        yield _joined(topic, kind, np.array(times, np.int64), order, contents)
 
 
-def _check_tables(source: Path) -> None:
+_IN_ORDER = (
+    "SELECT topics.name, topics.type, messages.timestamp, messages.id, messages.data"
+    " FROM messages JOIN topics ON messages.topic_id = topics.id ORDER BY messages.id"
+)
+"""Query of the messages in order of arrival; readers of rosbags give them in order of time."""
+
+
+def _check_tables(database: sqlite3.Connection) -> None:
     """Reject a database with computed rows, which may be endless."""
-    with closing(sqlite3.connect(f"{source.absolute().as_uri()}?mode=ro", uri=True)) as database:
-        rows = database.execute("SELECT type, name, sql FROM sqlite_master").fetchall()
-        for kind, name, statement in rows:
-            words = str(statement).upper()
-            is_stored = kind in ("table", "index") and not words.startswith("CREATE VIRTUAL")
-            columns = "SELECT 1 FROM pragma_table_xinfo(?) WHERE hidden != 0"
-            if not is_stored or database.execute(columns, (name,)).fetchone():
-                raise ValueError("it has computed rows, which are not allowed")
+    for kind, name, statement in database.execute("SELECT type, name, sql FROM sqlite_master"):
+        words = str(statement).upper()
+        is_stored = kind in ("table", "index") and not words.startswith("CREATE VIRTUAL")
+        columns = "SELECT 1 FROM pragma_table_xinfo(?) WHERE hidden != 0"
+        if not is_stored or database.execute(columns, (name,)).fetchone():
+            raise ValueError("it has computed rows, which are not allowed")
 
 
 def _decompressed(block: Block, allowance: Allowance) -> Block:
@@ -349,13 +378,15 @@ def _decompressed(block: Block, allowance: Allowance) -> Block:
     for start, end in zip(block.starts.tolist(), block.ends.tolist(), strict=True):
         contents.append(decompressed_message(block.bytes[start:end].tobytes()))
         allowance.spend(len(contents[-1]))
-    return _joined(block.topic, block.type, block.received, contents)
+    return _joined(block.topic, block.type, block.received, block.places, contents)
 
 
-def _joined(topic: str, kind: str, received: IntArray, contents: Sequence[bytes]) -> Block:
+def _joined(
+    topic: str, kind: str, received: IntArray, places: IntArray, contents: Sequence[bytes]
+) -> Block:
     lengths = np.array([len(content) for content in contents], dtype=np.int64)
     ends, joined = np.cumsum(lengths), np.frombuffer(b"".join(contents), np.uint8)
-    return Block(topic, kind, received, joined, ends - lengths, ends)
+    return Block(topic, kind, received, joined, ends - lengths, ends, places)
 
 
 class _Collected:
@@ -364,18 +395,30 @@ class _Collected:
     def __init__(self, bag: Bag, vectors: Collection[str] | None) -> None:
         self._bag = bag
         self._vectors = vectors
-        # Stamps, times and values of each topic, as bytes, which grow in place; arrays would need
-        # a copy.
+        self._file = FileContent("")
+        self._before = 0  # place of the file's beginning
+        # Stamps, places, marks, times and values of each topic, as bytes, which grow in place;
+        # arrays would need a copy.
         self._columns: dict[str, tuple[bytearray, ...]] = {}
         # With the node's namespace, as all graphs of a ROS domain publish to the same two topics.
-        self._diagnostics: list[tuple[str, Diagnosis]] = []
-        self._changes: list[tuple[str, Change]] = []
+        self._diagnostics: list[tuple[str, int, Diagnosis]] = []
+        self._changes: list[tuple[str, int, Change]] = []
         self._namespace: str | None = None
+        self._files, self._is_alone = 0, True
+
+    def begin(self, name: str, *, is_alone: bool) -> FileContent:
+        """Return a file's content, to which the next blocks are added."""
+        self._before = self._files << FILE_BITS
+        self._files += 1
+        self._file = FileContent(name)
+        self._is_alone = is_alone
+        return self._file
 
     def add(self, block: Block) -> None:
         """Add a block of messages."""
         topic = block.topic
         self._bag.counts[topic] += len(block.received)
+        self._file.count(block.received)
         namespace, name = _split(topic)
         if topic.endswith(f"/{_EVENTS}") and block.type == _EVENTS_TYPE:
             self._add_changes(block)
@@ -384,21 +427,43 @@ class _Collected:
         elif name and self._is_ours(namespace):
             self._add_signal(name, block)
 
-    def diagnostics(self) -> Iterator[Diagnosis]:
-        """Yield the reports of the graph's nodes."""
-        return (said for place, said in self._diagnostics if self._namespace in (None, place))
+    def arrange(self, used: UsedFiles) -> None:
+        """Add the collected messages of the used files to the bag, in order of time."""
+        bag = self._bag
+        given, of_files = {}, {}
+        for name, (stamps, arrivals, marks, *_) in self._columns.items():
+            moved = used.moved(np.frombuffer(arrivals, np.int64))
+            of_files[name] = np.flatnonzero(moved >= 0)
+            columns = np.frombuffer(stamps, np.int64), moved, np.frombuffer(marks, np.int64)
+            given[name] = Arrivals(*columns)[of_files[name]]
+        found = timeline(given, _stated_rate(bag))
+        bag.problems.extend(found.notes)
+        for name, (*_, received, values) in self._columns.items():
+            if not len(found.stamps[name]):
+                continue
+            chosen = of_files[name][found.chosen[name]]
+            times, vectors = np.frombuffer(received, np.int64), np.frombuffer(values)
+            if len(times):
+                times = found.moved(times[chosen], given[name].places[found.chosen[name]])
+            if len(vectors):
+                vectors = vectors.reshape(-1, 3)[chosen]
+            bag.signals[name] = Signal(found.stamps[name], times, vectors.reshape(-1, 3))
+        bag.diagnostics.extend(self._in_time(self._diagnostics, used, found))
+        bag.changes.extend(self._in_time(self._changes, used, found))
 
-    def changes(self) -> Iterator[Change]:
-        """Yield the parameter changes of the graph."""
-        return (change for place, change in self._changes if self._namespace in (None, place))
-
-    def signals(self) -> dict[str, Signal]:
-        """Return the collected signals."""
-        found = {}
-        for name, (stamps, received, values) in self._columns.items():
-            times = np.frombuffer(stamps, np.int64), np.frombuffer(received, np.int64)
-            found[name] = Signal(*times, np.frombuffer(values).reshape(-1, 3))
-        return found
+    def _in_time(
+        self, items: Sequence[tuple[str, int, _Item]], used: UsedFiles, found: Timeline
+    ) -> list[_Item]:
+        """Return the graph's reports or changes in order of time, each once."""
+        ours = [(place, item) for below, place, item in items if self._namespace in (None, below)]
+        places = used.moved(np.array([place for place, _ in ours], np.int64))
+        times = found.moved(np.array([item.received for _, item in ours], np.int64), places)
+        order = np.lexsort((places, times))
+        moved: dict[str, _Item] = {}
+        for index in order[places[order] >= 0].tolist():
+            item = replace(ours[index][1], received=int(times[index]))
+            moved.setdefault(repr(item), item)
+        return list(moved.values())
 
     def _is_ours(self, namespace: str) -> bool:
         """Return whether a namespace is the bag's first graph's; other graphs are ignored."""
@@ -417,38 +482,44 @@ class _Collected:
             self._once(f"{block.topic}: malformed messages are not read")
         if not formed.any():
             return
-        columns = self._columns.setdefault(name, (bytearray(), bytearray(), bytearray()))
+        columns = self._columns.setdefault(name, tuple(bytearray() for _ in range(5)))
+        places, marks = self._before + block.places[formed], marks_of(values)
         columns[0].extend(stamps.tobytes())
+        columns[1].extend(places.tobytes())
+        columns[2].extend(marks.tobytes())
         if self._vectors is None:
-            columns[1].extend(block.received[formed].tobytes())
+            columns[3].extend(block.received[formed].tobytes())
         if self._vectors is None or name in self._vectors:
-            columns[2].extend(values.tobytes())
+            columns[4].extend(values.tobytes())
+        if not self._is_alone:
+            self._file.add(name, Arrivals(stamps, places, marks))
 
     def _add_diagnostics(self, block: Block) -> None:
         # Before 0.2.0, a topic in the graph's namespace, with the node's name only.
         below = block.topic.removesuffix(f"/{_REPORTS}")
-        for received, message in self._decoded(block):
+        for received, place, message in self._decoded(block):
             for status in message.status:
                 values = {pair.key: pair.value for pair in status.values}
                 namespace, node = reporter(status.name)
                 said = Diagnosis(received, node, status.message, values)
-                self._diagnostics.append((below or namespace, said))
+                self._diagnostics.append((below or namespace, place, said))
 
     def _add_changes(self, block: Block) -> None:
-        for received, message in self._decoded(block):
+        for received, place, message in self._decoded(block):
             namespace, _, node = message.node.rpartition("/")
             for changed in (*message.new_parameters, *message.changed_parameters):
                 value = getattr(changed.value, _VALUES.get(changed.value.type, ""), None)
                 value = value.tolist() if isinstance(value, np.ndarray) else value
                 change = Change(received, node, changed.name, value)
-                self._changes.append((namespace, change))
+                self._changes.append((namespace, place, change))
 
-    def _decoded(self, block: Block) -> Iterator[tuple[int, Any]]:
-        rows = (block.received.tolist(), block.starts.tolist(), block.ends.tolist())
-        for received, start, end in zip(*rows, strict=True):
+    def _decoded(self, block: Block) -> Iterator[tuple[int, int, Any]]:
+        places = self._before + block.places
+        rows = (each.tolist() for each in (block.received, places, block.starts, block.ends))
+        for received, place, start, end in zip(*rows, strict=True):
             try:
                 data = block.bytes[start:end].tobytes()
-                yield received, _types().deserialize_cdr(data, block.type)
+                yield received, place, _types().deserialize_cdr(data, block.type)
             except Exception as error:
                 # Bytes of other messages cause arbitrary errors.
                 self._once(f"{block.topic}: a message cannot be read: {error}")
@@ -457,6 +528,13 @@ class _Collected:
         problem = " ".join(text.split())
         if problem not in self._bag.problems and len(self._bag.problems) < MOST_PROBLEMS:
             self._bag.problems.append(problem)
+
+
+def _stated_rate(bag: Bag) -> float | None:
+    """Return the sampling rate that a bag states, Hz."""
+    arguments = bag.facts.get("arguments")
+    stated = arguments.get("rate") if isinstance(arguments, dict) else None
+    return float(stated) if isinstance(stated, (int, float)) and 0 < stated < math.inf else None
 
 
 @cache

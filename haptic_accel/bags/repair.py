@@ -26,7 +26,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from haptic_accel.bags.chunked_writer import ChunkedWriter
-from haptic_accel.bags.folder import MCAP, METADATA, MUST_BE, free_name, storage_files
+from haptic_accel.bags.folder import (
+    MCAP,
+    METADATA,
+    MUST_BE,
+    free_name,
+    is_being_written,
+    storage_files,
+)
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, McapFile
 from haptic_accel.bags.metadata import Metadata, MetadataError, TopicEntry, read_metadata
 from haptic_accel.core.parameters import ParameterError
@@ -107,7 +114,7 @@ def repair(path: Path) -> Repair:
     Raises
     ------
     ParameterError
-        The path is no bag, or the bag's files are no MCAP files.
+        The path is no bag, the bag's files are no MCAP files, or one is still being written.
     OSError
         A file cannot be written.
     """
@@ -118,6 +125,10 @@ def repair(path: Path) -> Repair:
         raise ParameterError(f"{path}: {MUST_BE}")
     if others := [file.name for file in files if file.suffix != MCAP]:
         raise ParameterError(f"{path}: must be a bag of .mcap files to repair, has {others[0]}")
+    if writing := [file.name for file in files if is_being_written(file)]:
+        raise ParameterError(
+            f"{path}: {writing[0]} is still being written: stop the recording before the repair"
+        )
     done = Repair(path)
     try:
         before = read_metadata(path)

@@ -140,5 +140,5 @@ def analyze(
     print_analysis(analysis, found, *(each.sentence for each in parted), f"report: {page}")
     if interrupted:
         raise StoppedError(f"interrupted after {analysis.bags} bags", INTERRUPTED)
-    if not analysis.trials:
+    if analysis.failed or not analysis.trials:
         raise StoppedError

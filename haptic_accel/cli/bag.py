@@ -27,7 +27,7 @@ from typing import Any
 import click
 
 from haptic_accel.bags.facts import ARGUMENTS, HOST, PARAMETERS, VERSION, facts_of
-from haptic_accel.bags.folder import MCAP, MUST_BE, storage_files
+from haptic_accel.bags.folder import MCAP, MUST_BE, is_being_written, storage_files
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
 from haptic_accel.bags.repair import DamagedError, Repair, inspect, repair
 from haptic_accel.cli.ending import StoppedError
@@ -49,7 +49,8 @@ def info(path: Path, json_file: Path | None) -> None:
     files, metadata = _contents(path)
     size = sum(file.stat().st_size for file in files)
     seconds = metadata.seconds
-    problems = list(_problems(path, files, metadata))
+    writing = [f"{f.name}: is still being written" for f in files if is_being_written(f)]
+    problems = writing or list(_problems(path, files, metadata))
     facts = facts_of(metadata.custom)
     when = "no messages"
     if metadata.messages:
@@ -65,7 +66,7 @@ def info(path: Path, json_file: Path | None) -> None:
         rows.append((topic.name, topic.type, str(topic.messages), rate))
     print_table(ResultTable(("topic", "type", "messages", "per s"), rows, left=2))
     for problem in problems:
-        print(f"{problem}: {REPAIR}")
+        print(problem if writing else f"{problem}: {REPAIR}")
     metrics = {
         "path": str(path),
         "start_ns": metadata.start if metadata.messages else None,

@@ -123,14 +123,21 @@ def test_arms_that_let_go_end_a_segment(tmp_path: Path) -> None:
     assert [s.seconds for s in found.segments] == pytest.approx([2.0, 2.0], abs=2 / RATE)
 
 
-def test_lost_messages_cut_no_run_and_are_flagged(tmp_path: Path) -> None:
+def test_times_without_any_signal_divide_a_trial_and_are_named(tmp_path: Path) -> None:
+    written = content(4.0)
     lost = [*range(1000, 1200), *range(2500, 2900)]
     dropped = {name: lost for name in (*NAMES.values(), topics.MASTER_ARM_FORCE.name)}
-    found = cut_of(tmp_path, replace(content(4.0), dropped=dropped))
-    (segment,) = found.segments
-    assert segment.seconds == 4.0
-    assert any("trial 1: the recorder has 2 gaps of 0.6 s in all" in p for p in found.problems)
-    assert segment.delivery.missed["master"] == 600
+    found = cut_of(tmp_path, replace(written, dropped=dropped))
+    assert [segment.seconds for segment in found.segments] == [1.0, 1.3, 1.1]
+    told = [problem for problem in found.problems if "no signal for" in problem]
+    assert [line[:29] for line in told] == [
+        "no signal for 0.201 s at 1.0 ",
+        "no signal for 0.401 s at 2.5 ",
+    ]
+    for segment, begin in zip(found.segments, (0, 1200, 2900), strict=True):
+        signal = written.signals[NAMES["tool"]][begin:][: round(segment.seconds * RATE)]
+        np.testing.assert_array_equal(segment.signals[NAMES["tool"]], signal)
+        assert segment.delivery.missed["master"] == 0
 
 
 def test_a_short_segment_is_left_out_and_named(tmp_path: Path) -> None:

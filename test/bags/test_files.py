@@ -195,13 +195,41 @@ def test_a_folder_that_is_lost_ends_the_recording(
     assert (files.written, files.lost) == (saved, 3 - saved)
     line = files.summary(files.lost)
     assert f"bag_1.mcap was {what} while it was recorded: {saved} messages" in line
-    assert line.endswith(f"are saved and can be read, {3 - saved} are not")
+    where = f" in {tmp_path / 'elsewhere'}" if saved else ""
+    assert line.endswith(f"are saved{where} and can be read, {3 - saved} are not")
     # Nothing is written into what has taken the folder's place.
     assert (sorted(bag.iterdir()) if bag.exists() else None) == left
     if saved:
         elsewhere = sorted((tmp_path / "elsewhere").glob("*.mcap"))
         found = [data for file in elsewhere for _, _, data in with_rosbags(file)]
         assert found == [b"one", b"two"]
+
+
+def test_messages_of_a_file_that_is_replaced_are_not_called_saved(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    files = BagFiles(bag, RecordingOptions(), {})
+    files.add(TOPICS[0])
+    files.write(TOPICS[0], START, b"one")
+    files.split()
+    files.write(TOPICS[0], START, b"two")
+    (bag / "other.mcap").write_bytes((bag / "bag_0.mcap").read_bytes())
+    (bag / "other.mcap").replace(bag / "bag_0.mcap")
+    files.close()
+    assert (files.written, files.lost) == (1, 1)
+    assert files.failure == "bag_0.mcap was removed or replaced after it was recorded"
+    assert read_metadata(bag).messages == 1
+
+
+def test_a_file_that_is_renamed_is_named_with_its_messages(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    files = BagFiles(bag, RecordingOptions(), {})
+    files.add(TOPICS[0])
+    files.write(TOPICS[0], START, b"one")
+    renamed = (bag / "bag_0.mcap").rename(bag / "kept.mcap.old")
+    (bag / "bag_0.mcap").touch()
+    files.close()
+    assert "1 messages" in (line := files.summary(files.lost))
+    assert f"are saved in {renamed} and can be read, 0 are not" in line
 
 
 @pytest.mark.parametrize("name", ["there", "file/bag"])

@@ -87,6 +87,11 @@ def fuzz_few(test: Callable[..., Any]) -> Callable[..., Any]:
     return pytest.mark.fuzz(settings.get_profile("fuzz few")(test))
 
 
+def fuzz_fewest(test: Callable[..., Any]) -> Callable[..., Any]:
+    """Apply `fuzz` with a fiftieth of the default cases, for cases of a second."""
+    return pytest.mark.fuzz(settings.get_profile("fuzz fewest")(test))
+
+
 def mutated(valid: st.SearchStrategy[T], pieces: st.SearchStrategy[T]) -> st.SearchStrategy[T]:
     """Return valid input with up to four parts changed, cut out, doubled or inserted.
 

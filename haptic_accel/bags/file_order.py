@@ -1,0 +1,245 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Files of one recording in order of their content, whatever their names or metadata.yaml say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from haptic_accel.bags.facts import ARGUMENTS, PARAMETERS, PREFIX
+from haptic_accel.bags.folder import METADATA
+from haptic_accel.bags.metadata import Metadata
+from haptic_accel.bags.timeline import Arrivals, continuous
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.sampling import NANOSECONDS, RELEASED, IntArray
+
+FILE_BITS = 40
+"""Bits of a place within a file, in the places of a bag's messages."""
+
+COPIED = 0.5
+"""Share of equal messages above which a file is a copy of others."""
+
+_RELEASED = round(RELEASED * NANOSECONDS)
+_WEIGHTS = np.array([1.0, np.pi, np.e])
+_OUTLIERS = 100
+"""Messages per stamp at each end of a file that may be far from all others."""
+
+
+def marks_of(vectors: FloatArray) -> IntArray:
+    """Return numbers that are equal for equal vectors of shape (n, 3), and hardly else."""
+    with np.errstate(all="ignore"):
+        sums: FloatArray = vectors @ _WEIGHTS
+    return sums.view(np.int64)
+
+
+@dataclass
+class FileContent:
+    """Content of one file that tells its place among others.
+
+    Attributes
+    ----------
+    name : str
+    custom : dict
+        Custom data of the bag, repeated in the file.
+    messages : int
+    start, end : int
+        First and last recording time, ns.
+    is_whole : bool
+        True if all of the file was read.
+    """
+
+    name: str
+    custom: dict[str, str] = field(default_factory=dict)
+    messages: int = 0
+    start: int = 2**63 - 1
+    end: int = 0
+    is_whole: bool = False
+    _samples: dict[str, list[Arrivals]] = field(default_factory=dict)
+
+    def count(self, received: IntArray) -> None:
+        """Add recording times of messages."""
+        if len(received):
+            self.messages += len(received)
+            self.start = min(self.start, int(received.min()))
+            self.end = max(self.end, int(received.max()))
+
+    def add(self, topic: str, samples: Arrivals) -> None:
+        """Add samples."""
+        self._samples.setdefault(topic, []).append(samples)
+
+    def samples(self) -> dict[str, Arrivals]:
+        """Return the samples in order of arrival by topic."""
+        found = {}
+        for name, parts in self._samples.items():
+            columns = ([getattr(p, key) for p in parts] for key in ("stamps", "places", "marks"))
+            whole = Arrivals(*map(np.concatenate, columns))
+            found[name] = whole[np.argsort(whole.places, kind="stable")]
+        return found
+
+
+@dataclass(frozen=True)
+class UsedFiles:
+    """Files of the recording.
+
+    Attributes
+    ----------
+    ranks : ndarray of int64
+        Rank of each file in the recording; -1 for a file that is not used.
+    custom : dict
+        Custom data of the recording.
+    notes : list of str
+        Files that are not used, and other orders, one line each.
+    """
+
+    ranks: IntArray
+    custom: dict[str, str]
+    notes: list[str]
+
+    def moved(self, places: IntArray) -> IntArray:
+        """Return the places of messages in the recording; -1 for messages of no used file."""
+        ranks = self.ranks[places >> FILE_BITS] if len(places) else places
+        within = places & ((1 << FILE_BITS) - 1)
+        return np.where(ranks < 0, -1, (ranks << FILE_BITS) + within)
+
+
+@dataclass(frozen=True)
+class _Span:
+    """Stamps of a file's most frequent topic: first and last to arrive, lowest and highest."""
+
+    topic: str
+    first: int
+    last: int
+    lowest: int
+    highest: int
+    keys: IntArray
+
+
+def used_files(
+    files: Sequence[FileContent], listed: Sequence[str], custom: Mapping[str, str]
+) -> UsedFiles:
+    """Find the files of one recording, and their order.
+
+    Parameters
+    ----------
+    files : sequence of FileContent
+        In order of the numbers in their names.
+    listed : sequence of str
+        Names in order of metadata.yaml.
+    custom : mapping
+        Custom data of metadata.yaml.
+    """
+    spans = {number: span for number, file in enumerate(files) if (span := _span(file))}
+    order = _order(files, spans, listed)
+    notes: list[str] = []
+    used: list[int] = []
+    own = dict(custom)
+    for number in order:
+        file = files[number]
+        reason = _foreign(file, own) or _conflict(files, spans, used, number)
+        if reason:
+            notes.append(f"{file.name} is not used: {reason}")
+            continue
+        own = own or file.custom
+        used.append(number)
+    names = [files[number].name for number in used]
+    if [name for name in names if name in listed] != [name for name in listed if name in names]:
+        notes.append(f"{METADATA} lists its files in another order than that of their content")
+    ranks = np.full(len(files), -1, np.int64)
+    ranks[used] = np.arange(len(used))
+    return UsedFiles(ranks, own, notes)
+
+
+def contradictions(metadata: Metadata, files: Sequence[FileContent]) -> Iterator[str]:
+    """Yield what metadata.yaml states otherwise than the files that were read whole."""
+    if not metadata.files:
+        return
+    listed = {file.name: file for file in metadata.files}
+    yield from (f"{f.name} is not listed in {METADATA}" for f in files if f.name not in listed)
+    both = [file for file in files if file.name in listed]
+    if not all(file.is_whole for file in files) or len(both) < len(listed):
+        return
+    messages = sum(file.messages for file in both)
+    if messages != metadata.messages:
+        wrong = next((f for f in both if listed[f.name].messages != f.messages), both[0])
+        yield (
+            f"{METADATA} states {metadata.messages} messages, its files have {messages}: first in"
+            f" {wrong.name}"
+        )
+    elif messages:
+        start, end = min(file.start for file in both), max(file.end for file in both)
+        if max(abs(start - metadata.start), abs(end - start - metadata.duration)) > _RELEASED:
+            yield (
+                f"{METADATA} states {metadata.seconds:.3f} s, its messages span"
+                f" {(end - start) / NANOSECONDS:.3f} s, or begin at another time"
+            )
+
+
+def _span(file: FileContent) -> _Span | None:
+    samples = file.samples()
+    name = max(samples, key=lambda topic: len(samples[topic].stamps), default="")
+    if not name:
+        return None
+    given = samples[name]
+    ordered = np.sort(given.stamps)
+    strays = len(ordered) // _OUTLIERS
+    ends = int(ordered[strays]), int(ordered[len(ordered) - 1 - strays])
+    keys = given.stamps ^ given.marks
+    return _Span(name, int(given.stamps[0]), int(given.stamps[-1]), *ends, keys)
+
+
+def _order(
+    files: Sequence[FileContent], spans: Mapping[int, _Span], listed: Sequence[str]
+) -> list[int]:
+    """Return the files' numbers in the order in which one continues another."""
+    numbered = list(spans)
+    place = {name: at for at, name in enumerate(listed)}
+    stated = sorted(numbered, key=lambda n: place.get(files[n].name, len(listed)))
+    timed = sorted(numbered, key=lambda n: spans[n].first)
+    # Names and metadata that agree are right unless the content is.
+    tried = [stated, timed] if stated == numbered and listed else [timed, numbered, stated]
+    best = min(tried, key=lambda o: continuous((spans[n].first, spans[n].last) for n in o))
+    return best + [number for number in range(len(files)) if number not in spans]
+
+
+def _foreign(file: FileContent, custom: Mapping[str, str]) -> str:
+    """Return the reason why a file's own data are of another recording, or nothing."""
+    for key in (PREFIX + ARGUMENTS, PREFIX + PARAMETERS):
+        own, other = file.custom.get(key), custom.get(key)
+        if own and other and own != other:
+            return f"it states other {key.removeprefix(PREFIX)} than the recording's other files"
+    return ""
+
+
+def _conflict(
+    files: Sequence[FileContent], spans: Mapping[int, _Span], used: Sequence[int], number: int
+) -> str:
+    """Return the reason why a file's samples are of another recording, or nothing."""
+    known = [spans[other] for other in used if other in spans]
+    if number not in spans or not known:
+        return ""
+    own = spans[number]
+    if abs(own.first - known[-1].last) <= _RELEASED:
+        return ""
+    for other, span in zip(used, known, strict=False):
+        shared = min(own.highest, span.highest) - max(own.lowest, span.lowest)
+        if shared <= _RELEASED or own.topic != span.topic:
+            continue
+        if np.isin(own.keys, np.concatenate([each.keys for each in known])).mean() < COPIED:
+            return f"it has other samples at the times of {files[other].name}"
+    return ""

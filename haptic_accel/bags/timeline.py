@@ -1,0 +1,349 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Order and times of a bag's samples, if messages are out of order or the clock was set.
+
+Stamps give the order of samples, wherever their messages are in a file. If different samples share
+times, or stamps go back across a gap, the clock was set back, and the order of arrival holds.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import NANOSECONDS, RELEASED, BoolArray, IntArray, sampling_rate
+
+FAR = 1.0
+"""Distance of a stamp from all others above which it may be a stray, s."""
+
+STRAY_SHARE = 100
+"""Number of messages per message of a group of strays, at least."""
+
+MOST_STEPS = 20
+"""Maximum number of steps of the clock that are followed in one bag."""
+
+SHUFFLED = 0.1
+"""Share of messages with an earlier stamp than the message before, above which only stamps tell
+the order."""
+
+CROWDED = 1.5
+"""Span of three successive samples, in periods, below which not all are of one pass of the clock;
+usual is 2."""
+
+CLEAN = 0.1
+"""Maximum distance of a step between stamps from whole periods, in periods, on a clean grid."""
+
+CLEAN_SHARE = 0.99
+"""Minimum share of clean steps for which samples are counted instead of timed."""
+
+_RELEASED = round(RELEASED * NANOSECONDS)
+
+
+@dataclass(frozen=True)
+class Arrivals:
+    """Messages of one topic.
+
+    Attributes
+    ----------
+    stamps : ndarray of int64, shape (n,)
+        Times of the samples, ns.
+    places : ndarray of int64, shape (n,)
+        Places of the messages in the order of arrival; unique in the bag.
+    marks : ndarray of int64, shape (n,)
+        Numbers that are equal for equal samples.
+    """
+
+    stamps: IntArray
+    places: IntArray
+    marks: IntArray
+
+    def __getitem__(self, chosen: IntArray | BoolArray | slice) -> Arrivals:
+        """Return some of the messages."""
+        return Arrivals(self.stamps[chosen], self.places[chosen], self.marks[chosen])
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Step of the clock: place of the first message after it, and size, ns."""
+
+    place: int
+    by: int
+
+
+@dataclass
+class Timeline:
+    """Times of a bag's messages on one clock that always advances.
+
+    Attributes
+    ----------
+    chosen : dict of ndarray
+        Indices of each topic's messages in order of time, without those left out.
+    stamps : dict of ndarray
+        Stamps of the chosen messages, ns.
+    notes : list of str
+        Contradictions in the bag, and their treatment, one line each.
+    """
+
+    chosen: dict[str, IntArray] = field(default_factory=dict)
+    stamps: dict[str, IntArray] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    _places: list[int] = field(default_factory=list)
+    _shifts: list[int] = field(default_factory=lambda: [0])
+    _counted: tuple[IntArray, IntArray] | None = None
+
+    def moved(self, times: IntArray, places: IntArray) -> IntArray:
+        """Return times of the bag's clock, with places of arrival, on this timeline, ns."""
+        parts = np.searchsorted(self._places, places, side="right")
+        return self._steady(times + np.array(self._shifts, np.int64)[parts])
+
+    def _steady(self, times: IntArray) -> IntArray:
+        """Return times on a clock with a constant rate."""
+        if self._counted is None:
+            return times
+        own, steady = self._counted
+        near = np.clip(np.searchsorted(own, times, side="right") - 1, 0, len(own) - 1)
+        return steady[near] + times - own[near]
+
+
+def timeline(topics: Mapping[str, Arrivals], rate: float | None = None) -> Timeline:
+    """Find order and times of the samples in a bag.
+
+    Parameters
+    ----------
+    topics : mapping of Arrivals
+        Sampled topics by name.
+    rate : float, optional
+        Sampling rate stated in the bag, Hz.
+    """
+    found = Timeline()
+    by_arrival = {name: np.argsort(given.places, kind="stable") for name, given in topics.items()}
+    arrived = {name: given[by_arrival[name]] for name, given in topics.items()}
+    longest = max(arrived.values(), key=lambda given: len(given.stamps), default=None)
+    if longest is None:
+        return found
+    is_shuffled = bool(np.mean(np.diff(longest.stamps) < 0) > SHUFFLED)
+    period = _period(np.sort(longest.stamps) if is_shuffled else longest.stamps)
+    near = 0.0 if is_shuffled else period
+    taken = {name: ~strays for name, strays in _strays(arrived, near)}
+    _tell_strays(arrived, taken, found.notes)
+    left = {name: given[taken[name]] for name, given in arrived.items()}
+    cuts = {
+        name: [] if is_shuffled else list(_steps(given, period)) for name, given in left.items()
+    }
+    parts = _parts(left, cuts, found)
+    _join(left, parts, cuts, period, found)
+    jumps = [np.diff(given.stamps[parts[name] >= 0]) for name, given in left.items()]
+    if not found._places and any((each < -_RELEASED).any() for each in jumps):
+        found.notes.append("its messages are not in order of time: their stamps give the order")
+    doubled = 0
+    for name, given in left.items():
+        stamps = given.stamps + np.array(found._shifts, np.int64)[parts[name]]
+        order = np.argsort(stamps, kind="stable")
+        order = order[parts[name][order] >= 0]
+        sure, twice, other = _once(given[order], stamps[order])
+        doubled += twice
+        if other:
+            found.notes.append(
+                f"{name}: {other} messages have the stamp of another one with other values: only"
+                " the first is used"
+            )
+        order = order[sure]
+        found.stamps[name] = stamps[order]
+        found.chosen[name] = by_arrival[name][np.flatnonzero(taken[name])[order]]
+    if doubled:
+        found.notes.append(f"{doubled} messages are there twice, and count once")
+    _steadied(found, rate)
+    return found
+
+
+def _period(stamps: IntArray) -> float:
+    """Return the usual distance between stamps in order of arrival, ns."""
+    steps = np.diff(stamps)
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if len(steps) else 1.0
+
+
+def _strays(arrived: Mapping[str, Arrivals], period: float) -> Iterator[tuple[str, BoolArray]]:
+    """Yield each topic with a mask of the messages whose stamps are far from all others.
+
+    They are few, in no place where other topics have samples too, or alone between neighbours. The
+    period, in ns, is 0 if neighbours tell nothing.
+    """
+    every = np.sort(np.concatenate([given.stamps for given in arrived.values()]))
+    groups = np.flatnonzero(np.diff(every) > FAR * NANOSECONDS) + 1
+    sizes = np.diff(np.concatenate([[0], groups, [len(every)]]))
+    is_stray = sizes * STRAY_SHARE < len(every)
+    for name, given in arrived.items():
+        group = np.searchsorted(every[groups], given.stamps, side="right")
+        strays = is_stray[group]
+        if period and len(given.stamps) > 2:
+            before, at, after = given.stamps[:-2], given.stamps[1:-1], given.stamps[2:]
+            is_near = np.abs(after - before - 2 * period) <= period
+            strays[1:-1] |= is_near & (np.abs(at - before) > _RELEASED)
+            strays[0] |= before[0] - at[0] > _RELEASED
+            strays[-1] |= at[-1] - after[-1] > _RELEASED
+        yield name, strays
+
+
+def _tell_strays(
+    arrived: Mapping[str, Arrivals], taken: Mapping[str, BoolArray], notes: list[str]
+) -> None:
+    for name, given in arrived.items():
+        if len(strays := given.stamps[~taken[name]]):
+            notes.append(
+                f"{name}: {len(strays)} of {len(given.stamps)} messages are left out: stamps far"
+                f" from all others, such as {strays[0] / NANOSECONDS:.3f} s"
+            )
+
+
+def _steps(given: Arrivals, period: float) -> Iterator[_Step]:
+    """Yield the places from which a topic's stamps repeat times that have been."""
+    begin = 0
+    for _ in range(MOST_STEPS):
+        rest = given[slice(begin, None)]
+        jumps = np.diff(rest.stamps)
+        latest = _contradiction(rest, period)
+        if latest is None:
+            back = np.flatnonzero(jumps < -_RELEASED)
+            gaps = np.sum(np.diff(np.sort(rest.stamps)) > _RELEASED)
+            # Chunks in another order leave no gap in order of time.
+            if len(back) and gaps > np.sum(jumps > _RELEASED):
+                ends = back[:MOST_STEPS]
+                for place, by in zip(rest.places[ends + 1], jumps[ends], strict=True):
+                    yield _Step(int(place), round(by - period))
+            return
+        at = int(np.argmin(jumps[:latest]))
+        yield _Step(int(rest.places[at + 1]), round(jumps[at] - period))
+        begin += at + 1
+
+
+def _contradiction(given: Arrivals, period: float) -> int | None:
+    """Return the index of the first message at a time that is taken by another sample."""
+    order = np.argsort(given.stamps, kind="stable")
+    stamps, marks = given.stamps[order], given.marks[order]
+    if len(order) < 3 or bool((np.diff(order) > 0).all() and (np.diff(stamps) > 0).all()):
+        return None
+    is_same = stamps[1:] == stamps[:-1]
+    differs = is_same & (marks[1:] != marks[:-1])
+    found = [np.maximum(order[1:], order[:-1])[differs]]
+    alone = np.concatenate([[True], ~is_same])
+    stamps, order = stamps[alone], order[alone]
+    crowded = stamps[2:] - stamps[:-2] < CROWDED * period
+    mixed = (order[2:] < order[1:-1]) | (order[1:-1] < order[:-2])
+    found.append(np.max([order[2:], order[1:-1], order[:-2]], axis=0)[crowded & mixed])
+    latest = np.concatenate(found)
+    return int(latest.min()) if len(latest) else None
+
+
+def _parts(
+    left: Mapping[str, Arrivals], cuts: dict[str, list[_Step]], found: Timeline
+) -> dict[str, IntArray]:
+    """Return for each topic's messages the number of steps before them; -1 if left out.
+
+    All topics of a clock make its steps. A topic with other steps has a fault of its own.
+    """
+    usual = Counter(len(steps) for steps in cuts.values() if steps).most_common(1)
+    number = usual[0][0] if usual and usual[0][1] * 2 > len(cuts) else 0
+    common = next((cuts[name] for name in cuts if number and len(cuts[name]) == number), [])
+    found._places = [step.place for step in common]
+    parts = {}
+    for name, given in left.items():
+        own = cuts[name]
+        is_common = len(own) == number and all(
+            abs(one.by - other.by) <= _RELEASED for one, other in zip(own, common, strict=True)
+        )
+        borders = [step.place for step in own] if is_common else found._places
+        parts[name] = np.searchsorted(borders, given.places, side="right")
+        if own and not is_common:
+            late = given.places >= own[0].place
+            parts[name][late] = -1
+            cuts[name] = []
+            found.notes.append(
+                f"{name}: its stamps go back by {-own[0].by / NANOSECONDS:.3g} s, unlike those of"
+                f" other topics: {int(late.sum())} messages from there are left out"
+            )
+    return parts
+
+
+def _join(
+    left: Mapping[str, Arrivals],
+    parts: Mapping[str, IntArray],
+    cuts: Mapping[str, list[_Step]],
+    period: float,
+    found: Timeline,
+) -> None:
+    """Let the samples after each step follow those before it by one period."""
+    names = [name for name, steps in cuts.items() if len(steps) == len(found._places)]
+    for number in range(1, len(found._places) + 1):
+        before = [left[name].stamps[parts[name] == number - 1] for name in names]
+        after = [left[name].stamps[parts[name] == number] for name in names]
+        end = max(int(stamps.max()) for stamps in before if len(stamps)) + found._shifts[-1]
+        shift = round(end + period) - min(int(s.min()) for s in after if len(s))
+        by = (shift - found._shifts[-1]) / NANOSECONDS
+        begin = min(int(given.stamps[0]) for given in left.values() if len(given.stamps))
+        found._shifts.append(shift)
+        found.notes.append(
+            f"its clock was set back by {by:.4g} s at {(end - begin) / NANOSECONDS:.1f} s: samples"
+            " are used in order of arrival, and follow each other there by one period"
+        )
+
+
+def _once(given: Arrivals, stamps: IntArray) -> tuple[BoolArray, int, int]:
+    """Return a mask of the first message for each stamp; count copies, and contradictions."""
+    sure = np.concatenate([[True], np.diff(stamps) > 0])[: len(stamps)]
+    first = np.flatnonzero(sure)[np.cumsum(sure) - 1]
+    is_copy = ~sure & (given.marks == given.marks[first])
+    return sure, int(is_copy.sum()), int((~sure & ~is_copy).sum())
+
+
+def _steadied(found: Timeline, rate: float | None) -> None:
+    """Count samples instead of timing them, if the clock was slewed."""
+    stamps = max(found.stamps.values(), key=len)
+    try:
+        period = NANOSECONDS / sampling_rate(stamps, rate)
+    except ParameterError:  # no grid, as the analysis says
+        return
+    steps = np.diff(stamps) / period
+    whole = np.maximum(1.0, np.rint(steps))
+    is_clean = np.mean(np.abs(steps - whole) <= CLEAN) >= CLEAN_SHARE
+    counted = np.concatenate([[0.0], np.cumsum(whole)])
+    drift = (stamps - stamps[0]) / period - counted
+    if not is_clean or np.abs(drift).max() <= 0.5:
+        return
+    steady = stamps[0] + np.round(counted * period).astype(np.int64)
+    found._counted = stamps, steady
+    found.stamps = {name: found._steady(own) for name, own in found.stamps.items()}
+    found.notes.append(
+        f"its clock ran at another rate than its samples, up to {np.abs(drift).max():.1f} samples"
+        " apart: samples are counted by their order"
+    )
+
+
+def continuous(order: Iterable[tuple[int, int]]) -> int:
+    """Return the number of files that do not begin where the file before ended.
+
+    Parameters
+    ----------
+    order : iterable of tuple of int
+        First and last stamp of each file in order of arrival, ns.
+    """
+    spans = list(order)
+    return sum(abs(begin - end) > _RELEASED for (_, end), (begin, _) in itertools.pairwise(spans))

@@ -1,0 +1,244 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One truth in many guises: a right input whose form is changed, but not its content.
+
+A kind has a right form, changes of the form, and figures. For a bag, the form is its messages and
+how they are written. Another kind adds changes and a function for the figures.
+"""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import numpy as np
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+
+from bag_maker import Message, write_messages
+
+Form = TypeVar("Form")
+
+Change = Callable[[Form, float, float], Form]
+"""Change of a form, with two numbers from 0 to 1 that choose where and how much."""
+
+
+@dataclass(frozen=True)
+class Kind(Generic[Form]):
+    """Kind of input.
+
+    Attributes
+    ----------
+    right : callable
+        Maker of the right form.
+    changes : mapping
+        Changes by name.
+    figures : callable
+        Function from a form and an empty folder to all figures, and to the lines on what was left
+        out or contradicts itself.
+    """
+
+    right: Callable[[], Form]
+    changes: Mapping[str, Change[Form]]
+    figures: Callable[[Form, Path], tuple[object, list[str]]]
+
+    def changed(self, choices: Sequence[tuple[str, float, float]]) -> Form:
+        """Return the right form after some changes."""
+        form = self.right()
+        for name, where, much in choices:
+            form = self.changes[name](form, where, much)
+        return form
+
+
+@dataclass(frozen=True)
+class BagForm:
+    """Messages of a bag, and how they are written.
+
+    Attributes
+    ----------
+    messages : tuple of Message
+        In order of their place in the bag.
+    custom : mapping
+        Custom data.
+    splits : tuple of float
+        Shares of the messages at which the next file begins.
+    names : str
+        Pattern of the files' names with ``{0}`` for the number, ``{1}`` for the reverse.
+    storage, compression
+        Format of the files.
+    listed : str
+        Order of the files in metadata.yaml: ``right``, ``reversed``, or ``none`` for no such file.
+    cut_off : float
+        Share of the last file that is missing at its end.
+    """
+
+    messages: tuple[Message, ...]
+    custom: Mapping[str, str]
+    splits: tuple[float, ...] = ()
+    names: str = "bag_{0}"
+    storage: StoragePlugin = StoragePlugin.MCAP
+    compression: CompressionMode = CompressionMode.NONE
+    listed: str = "right"
+    cut_off: float = 0.0
+
+
+def write_form(form: BagForm, folder: Path) -> Path:
+    """Write a bag of some files; return its folder."""
+    count = len(form.messages)
+    edges = [0, *sorted(round(share * count) for share in form.splits), count]
+    bag = folder / "bag"
+    bag.mkdir()
+    entries = []
+    parts = [(a, b) for a, b in itertools.pairwise(edges) if b > a]
+    for number, (begin, end) in enumerate(parts):
+        part = write_messages(
+            folder / f"part_{number}",
+            form.messages[begin:end],
+            storage=form.storage,
+            compression=form.compression,
+            custom=form.custom,
+        )
+        (file,) = (path for path in part.iterdir() if path.name != "metadata.yaml")
+        name = form.names.format(number, len(parts) - number) + "".join(file.suffixes)
+        entries.append((name, part / "metadata.yaml"))
+        file.rename(bag / name)
+    if form.cut_off:
+        file = bag / entries[-1][0]
+        content = file.read_bytes()
+        file.write_bytes(content[: round(len(content) * (1 - form.cut_off))])
+    if form.listed != "none":
+        _write_metadata(bag, entries, form)
+    for number in range(len(parts)):
+        shutil.rmtree(folder / f"part_{number}")
+    return bag
+
+
+def _write_metadata(bag: Path, entries: list[tuple[str, Path]], form: BagForm) -> None:
+    """Write metadata.yaml of several files from those of bags with one file each."""
+    from haptic_accel.bags.metadata import Metadata, read_metadata
+
+    parts = [read_metadata(path.parent) for _, path in entries]
+    files = [
+        replace(part.files[0], name=name) for (name, _), part in zip(entries, parts, strict=True)
+    ]
+    if form.listed == "reversed":
+        files.reverse()
+    whole: Metadata = replace(parts[0], files=tuple(files))
+    whole.write(bag)
+
+
+def restamped(message: Message, moved: Callable[[int], int]) -> Message:
+    """Return a message with another stamp and time of reception."""
+    seconds, rest = struct.unpack_from("<iI", message.data, 4)
+    data = bytearray(message.data)
+    struct.pack_into("<iI", data, 4, *divmod(moved(seconds * 10**9 + rest), 10**9))
+    return message._replace(data=bytes(data), received=moved(message.received))
+
+
+def _moved(form: BagForm, moved: Callable[[int], int]) -> BagForm:
+    """Move all times of a bag."""
+    return replace(form, messages=tuple(restamped(each, moved) for each in form.messages))
+
+
+def _stepped(form: BagForm, where: float, by: int) -> BagForm:
+    """Set the clock at a share of the messages; samples of one time stay together."""
+    chosen = form.messages[round((0.1 + 0.8 * where) * (len(form.messages) - 1))].received
+    is_after = False
+    found = []
+    for each in form.messages:
+        is_after = is_after or each.received >= chosen
+        found.append(restamped(each, lambda time: time + by) if is_after else each)
+    return replace(form, messages=tuple(found))
+
+
+def _slewed(form: BagForm, where: float, much: float) -> BagForm:
+    """Let the clock run faster or slower by up to 0.1 % from a time on."""
+    begin = form.messages[round(where * 0.5 * len(form.messages))].received
+    rate = 1e-3 * (2 * much - 1)
+    return _moved(form, lambda time: time + round(max(0, time - begin) * rate))
+
+
+def _shuffled(form: BagForm, where: float, much: float) -> BagForm:
+    """Write blocks of messages in another order."""
+    blocks = np.array_split(np.arange(len(form.messages)), 2 + round(20 * much))
+    order = np.random.default_rng(round(1e6 * where)).permutation(len(blocks))
+    return replace(
+        form, messages=tuple(form.messages[at] for block in order for at in blocks[block])
+    )
+
+
+def _by_topic(form: BagForm, where: float, much: float) -> BagForm:
+    messages = sorted(form.messages, key=lambda message: message.topic)
+    return replace(form, messages=tuple(messages))
+
+
+def _twice(form: BagForm, where: float, much: float) -> BagForm:
+    first = round(where * len(form.messages))
+    count = 1 + round(much * 0.2 * len(form.messages))
+    again = form.messages[first : first + count]
+    rest = form.messages[first + count :]
+    return replace(form, messages=form.messages[: first + count] + again + rest)
+
+
+def _stray(form: BagForm, where: float, much: float) -> BagForm:
+    messages = list(form.messages)
+    at = round(where * (len(messages) - 1))
+    messages[at] = restamped(messages[at], lambda time: round(much) * (time + 10**17))
+    return replace(form, messages=tuple(messages))
+
+
+def _below(form: BagForm, where: float, much: float) -> BagForm:
+    moved = tuple(m._replace(topic=f"/lab{round(9 * much)}{m.topic}") for m in form.messages)
+    return replace(form, messages=moved)
+
+
+NAMES = ("bag_{0}", "{0}_bag_2026_11_26-23_07_5{1}", "part{1}", "{1}", "bag_{1}_a")
+"""Patterns of file names, with the counter anywhere or in reverse order."""
+
+BAG_CHANGES: Mapping[str, Change[BagForm]] = {
+    "split": lambda form, where, much: replace(form, splits=(*form.splits, where)),
+    "renamed": lambda form, where, much: replace(
+        form, names=NAMES[min(len(NAMES) - 1, int(much * len(NAMES)))]
+    ),
+    "listed in reverse": lambda form, where, much: replace(form, listed="reversed"),
+    "no metadata": lambda form, where, much: replace(form, listed="none"),
+    "compressed by file": lambda form, where, much: replace(
+        form, compression=CompressionMode.FILE
+    ),
+    "compressed by chunk": lambda form, where, much: replace(
+        form, storage=StoragePlugin.MCAP, compression=CompressionMode.STORAGE
+    ),
+    "other storage": lambda form, where, much: replace(
+        form, storage=StoragePlugin.SQLITE3, compression=CompressionMode.NONE
+    ),
+    "clock off": lambda form, where, much: _moved(
+        form, lambda time: time + round((much - 0.5) * 1e17)
+    ),
+    "clock set back": lambda form, where, much: _stepped(form, where, -round(1 + much * 5e9)),
+    "clock set forward": lambda form, where, much: _stepped(form, where, round(much * 5e9)),
+    "clock slewed": _slewed,
+    "blocks in another order": _shuffled,
+    "by topic": _by_topic,
+    "some messages twice": _twice,
+    "a stray stamp": _stray,
+    "other names of topics": _below,
+    "cut off": lambda form, where, much: replace(form, cut_off=0.01 + 0.4 * much),
+}
+"""Changes of a bag's form. Messages compressed one by one need a writer that compresses each."""
