@@ -514,7 +514,7 @@ def _trials(
         wanted = orthogonal_excitation(sweep, rate)
     else:
         force, acceleration = force[:, ACTUATOR_AXIS], acceleration[:, ACTUATOR_AXIS]
-    found = sweeps.find_trials(force, acceleration, sweep, rate, missing, bag.latency, wanted)
+    found = sweeps.find_trials(force, acceleration, sweep, rate, missing, bag.latency or 0, wanted)
     # The device's counts do not name the trial.
     values = _last_values(bag)
     for trial in found:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -171,21 +172,34 @@ class Shift:
         return cls("fixed", milliseconds * 1e-3)
 
     def of(self, segment: Segment, delay: Delay) -> float:
-        """Return the shift of a trial in s; the granted one if its delay is unknown."""
+        """Return the shift of a trial in s; the granted one if its delay is unknown.
+
+        Raises
+        ------
+        ValueError
+            The latency is needed but unknown.
+        """
         if self.kind == "fixed":
             return self.seconds
         if self.kind == MEASURED_SHIFT and math.isfinite(delay.seconds):
             return delay.seconds
         samples = 1 if self.kind == PAPER_SHIFT else segment.after
+        if samples is None:
+            raise ValueError(
+                "its latency is not stated, and cannot be estimated, as the actual acceleration"
+                " does not correlate with the desired one; give it by --shift, in ms"
+            )
         return samples / segment.rate
 
     def words(self, segments: Iterable[Segment]) -> str:
         """Return a description of the shift that completes "shifted back by"."""
         if self.kind == GRANTED_SHIFT:
-            found = sorted({(segment.after, segment.rate) for segment in segments})
+            known = (each for each in segments if each.after is not None)
+            found = sorted({(each.after or 0, each.rate, each.estimated) for each in known})
             return " or ".join(
-                f"{1e3 * samples / rate:g} ms ({samples} sample{'s' * (samples > 1)})"
-                for samples, rate in found
+                f"{1e3 * samples / rate:g} ms ({samples} sample{'s' * (samples > 1)}"
+                f"{', estimated' * estimated})"
+                for samples, rate, estimated in found
             )
         return {
             PAPER_SHIFT: "one sample, as in the paper",
@@ -281,6 +295,8 @@ def measure(
         if desired.ndim > 1:
             handle = segment.signals[topics.HANDLE_ACCELERATION.name]
             desired, actual = comparable(desired, handle, corner, segment.rate)
+        if segment.latency is None:
+            segment = _with_estimated_latency(segment, desired, actual, notes)
         likeness = _compared(desired, actual, segment, shift, notes, begin)
         likeness.metrics.update(_bounds(segment, likeness.shift, notes))
     notes += _deviation(segment)
@@ -313,6 +329,26 @@ def measure(
     return AnalysedTrial(name, source, kept, metrics, *compared, traces, unique, contact)
 
 
+def _with_estimated_latency(
+    segment: Segment, desired: FloatArray, actual: FloatArray, notes: list[str]
+) -> Segment:
+    """Return a segment with the latency that its signals show, if they show any.
+
+    The delay by cross-correlation, in whole samples, is that of latency and granted delay for all
+    controllers: errors of phase move it by less than half a sample.
+    """
+    with suppress(ValueError):  # signals that cannot be compared
+        after = estimate_delay(desired, actual, segment.rate).seconds * segment.rate
+        if after >= 0:
+            latency = max(0, round(after) - segment.granted_delay)
+            notes.append(
+                f"its latency is not stated: {latency} sample{'s' * (latency != 1)} by the delay"
+                " of the actual acceleration"
+            )
+            return replace(segment, latency=latency, estimated=True)
+    return segment
+
+
 def _rms(values: FloatArray) -> float:
     """Return the root mean square of a signal, of a vector's length."""
     return float(np.sqrt(np.mean(lengths(values) ** 2)))
@@ -333,6 +369,8 @@ def _deviation(segment: Segment) -> list[str]:
     force = segment.signals.get(topics.ACTUATOR_FORCE.name)
     handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
     if segment.told is None or force is None or handle is None or handle.ndim > 1:
+        return []
+    if segment.latency is None:
         return []
     try:
         plant = segment.told.delayed(segment.latency)
@@ -421,9 +459,11 @@ def _compared(
 def _bounds(segment: Segment, shift: float, notes: list[str]) -> dict[str, float]:
     """Return the error bounds of a trial for a shift, s, of at least one sample."""
     tool = segment.signals.get(topics.TOOL_ACCELERATION.name)
-    granted = round(shift * segment.rate, 6) - segment.latency
     plant = segment.plant
-    if tool is None or plant is None or granted < 0 or granted % 1:
+    if tool is None or plant is None or segment.latency is None:
+        return {}
+    granted = round(shift * segment.rate, 6) - segment.latency
+    if granted < 0 or granted % 1:
         return {}
     around: dict[str, Any] = {
         "granted_delay": int(granted),

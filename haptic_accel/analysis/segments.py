@@ -41,16 +41,18 @@ from haptic_accel.core.evaluation.metrics import by_component
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, sampling_rate
 from haptic_accel.core.trial import RigParameters
 from haptic_accel.graph.arguments import (
     PLAYED_TOPICS,
     POINTER,
+    RECORDING,
     REPLAY,
     SCENE,
     SIMULATED,
     VIRTUAL,
+    GraphArguments,
 )
 from haptic_accel.graph.former_names import current_arguments
 from haptic_accel.graph.node_parameters import node_parameters
@@ -138,8 +140,8 @@ class Segment:
         these are unknown.
     notes : list of str
         Assumptions, and missing items.
-    latency : int
-        Delay from sample to force, in samples.
+    latency : int or None
+        Delay from sample to force, in samples; None if the bag does not state it.
     granted_delay : int
         Delay granted to the controller in addition to the latency, in samples.
     plant : Plant, MatrixPlant for three axes, or None
@@ -156,6 +158,8 @@ class Segment:
         True for a simulated handle, whose world stood still with its node's process.
     axes : Axes
         Axes of the vibration.
+    estimated : bool
+        True if the latency was estimated from the signals.
     """
 
     bag: Path
@@ -170,7 +174,7 @@ class Segment:
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
     pair: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    latency: int = 0
+    latency: int | None = 0
     granted_delay: int = 1
     plant: Plant | MatrixPlant | None = None
     noise: float = 0.0
@@ -179,11 +183,12 @@ class Segment:
     run: str = ""
     simulated: bool = False
     axes: Axes = ACTUATOR_AXES
+    estimated: bool = False
 
     @property
-    def after(self) -> int:
+    def after(self) -> int | None:
         """Delay between a desired acceleration and the compared response, in samples."""
-        return self.latency + self.granted_delay
+        return None if self.latency is None else self.latency + self.granted_delay
 
 
 def read_segment(path: Path, number: int = 1) -> Segment:
@@ -245,13 +250,14 @@ def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = N
         return Cut([], problems)
     missing = [name for name in _NAMES if name not in recorded.signals]
     problems += [f"has no {name}{_consequence(name, missing)}" for name in missing]
-    known = _known(recorded, rate, rig, problems)
+    described = _known(recorded, rate, rig, problems)
     begin = max(int(signal.stamps.min()) for signal in present)
     end = min(int(signal.stamps.max()) for signal in present)
     if end <= begin:
         return Cut([], [*problems, "its signals do not overlap in time"])
     segments: list[Segment] = []
-    for condition, low, high in _parts(recorded, known, (begin, end), problems):
+    for known, low, high in _parts(recorded, described, (begin, end), problems):
+        condition = known.condition
         seconds = (high - low) / NANOSECONDS + 1 / rate
         if seconds < SHORTEST:
             problems.append(
@@ -261,7 +267,7 @@ def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = N
             )
             continue
         number = len(segments) + 1
-        segments.append(_segment(recorded, known, condition, number, low, high, problems))
+        segments.append(_segment(recorded, known, number, low, high, problems))
     if not segments:
         problems.append(
             f"has no trial: record at least {SHORTEST:g} s with the arms engaged, without a change"
@@ -284,7 +290,7 @@ def _rate(recorded: Bag, asked: float | None, problems: list[str]) -> float | No
     if found is None:
         return None
     try:
-        stated = float(_mapping(recorded.facts.get("arguments")).get("rate") or 0.0)
+        stated = float(_arguments(recorded).get("rate") or 0.0)
     except (TypeError, ValueError):
         stated = 0.0
     stated = stated if math.isfinite(stated) else 0.0
@@ -317,8 +323,10 @@ class _Known:
         Virtual rig of the run, or the rig given for the handle.
     seed : int
         Seed of the user's grip.
-    rate, high_pass_frequency, actuator, pair
+    rate, high_pass_frequency, actuator, pair, latency
         See `Segment`.
+    notes : tuple of str
+        Parameters that have changed since the start.
     """
 
     condition: Condition
@@ -330,6 +338,8 @@ class _Known:
     high_pass_frequency: float
     actuator: ActuatorParameters
     pair: tuple[str, ...]
+    latency: int | None
+    notes: tuple[str, ...] = ()
 
     @property
     def told(self) -> Plant | None:
@@ -361,18 +371,18 @@ def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list
     """Return a graph's description from its bag's metadata."""
     arguments, parameters = _arguments(recorded), _mapping(recorded.facts.get("parameters"))
     nodes = {name: _mapping(parameters.get(name)) for name, _ in _CONDITIONS}
-    if not recorded.facts:
+    if not nodes["compensator"]:
         problems.append(
-            "does not state how it was made: controller and surface are unknown, and defaults"
-            f" are used for the high-pass ({HIGH_PASS_FREQUENCY:g} Hz) and the actuator; ros2 bag"
-            " convert omits the facts: analyse the original bag"
+            "does not state how it was made: the latency is estimated where the signals show it,"
+            f" and defaults are used for the high-pass ({HIGH_PASS_FREQUENCY:g} Hz) and the"
+            f" actuator; record {topics.DESCRIPTION.name}, or analyse the original bag"
         )
     corner, actuator = HIGH_PASS_FREQUENCY, ActuatorParameters()
     options: dict[str, Any] = {}
     if rig and parameters:
         raise ParameterError(f"rig: {recorded.path} describes its own handle")
     try:
-        if parameters:
+        if nodes["compensator"]:
             around, options = node_parameters("compensator", nodes["compensator"])
             corner, actuator = around.high_pass_frequency, options[ACTUATOR]
         if arguments.get("master") in (SIMULATED, POINTER):
@@ -392,7 +402,7 @@ def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list
         pair = (f"seed {seed}", *([Path(source).name] if source else []))
     seed = arguments.get("seed")
     user = seed if isinstance(seed, int) and seed >= 0 else 0
-    around_trial = rate, corner, actuator, pair
+    around_trial = rate, corner, actuator, pair, recorded.latency
     return _Known(condition, nodes["slave_device"], options, rig, user, *around_trial)
 
 
@@ -429,21 +439,32 @@ def run_of(recorded: Bag) -> str:
     """
     if recorded.facts.get(RUN) == LOCKSTEP:
         return "in lockstep, without ROS"
-    arguments = _mapping(recorded.facts.get("arguments"))
+    arguments = _arguments(recorded)
     if not arguments or not recorded.diagnostics:
         return ""
-    found = "live on ROS 2, " + (
-        "its nodes composed into one process"
-        if arguments.get("composed")
-        else "each node in a process of its own"
-    )
+    found = "live on ROS 2"
+    if recorded.facts.get("arguments"):
+        composed = "its nodes composed into one process"
+        apart = "each node in a process of its own"
+        found += f", {composed if arguments.get('composed') else apart}"
     if arguments.get("side") in (OPERATOR, ROBOT):
         found += ", the other arm on another host"
     return found
 
 
 def _arguments(recorded: Bag) -> dict[str, Any]:
-    return current_arguments(_mapping(recorded.facts.get("arguments")))
+    """Return the graph's arguments as stated, or those that its nodes' parameters reveal."""
+    if stated := _mapping(recorded.facts.get("arguments")):
+        return current_arguments(stated)
+    nodes = _mapping(recorded.facts.get("parameters"))
+    found = {}
+    for name, (_, specification) in schema(GraphArguments).items():
+        places = (place.partition(".")[::2] for place in specification.sets)
+        values = (_mapping(nodes.get(node)).get(key) for node, key in places)
+        found[name] = next((value for value in values if value not in (None, "")), None)
+    recording = _mapping(nodes.get("slave_device")).get(RECORDING)
+    found["surface"] = recording or None
+    return {name: value for name, value in found.items() if value is not None}
 
 
 def _mapping(value: Any) -> dict[str, Any]:
@@ -452,10 +473,10 @@ def _mapping(value: Any) -> dict[str, Any]:
 
 def _parts(
     recorded: Bag, known: _Known, span: tuple[int, int], problems: list[str]
-) -> list[tuple[Condition, int, int]]:
-    """Return condition, start and end of each section that can be analysed, ns."""
+) -> list[tuple[_Known, int, int]]:
+    """Return description, start and end of each section that can be analysed, ns."""
     coupled = _recorded(recorded, _coupled(recorded, span, problems), problems)
-    conditions = [*_conditions(recorded, known), (span[1] + 1, known.condition)]
+    conditions = [*_conditions(recorded, known), (span[1] + 1, known)]
     parts = []
     for (moment, condition), (following, _) in itertools.pairwise(conditions):
         settled = moment + round(SETTLING * NANOSECONDS) if moment > span[0] else span[0]
@@ -509,19 +530,39 @@ def _recorded(
     return found
 
 
-def _conditions(recorded: Bag, known: _Known) -> list[tuple[int, Condition]]:
-    """Return the conditions of a bag and the start of each, ns; the first starts at 0."""
-    conditions = [(0, known.condition)]
+def _conditions(recorded: Bag, known: _Known) -> list[tuple[int, _Known]]:
+    """Return the descriptions of a bag's sections and the start of each, ns; the first is 0."""
+    conditions = [(0, known)]
     # A node declares the parameters of all its devices, and the recorder may receive these.
-    is_virtual = _mapping(recorded.facts.get("arguments")).get("slave") == VIRTUAL
-    unused = _SURFACE if is_virtual else SCENE
+    unused = _SURFACE if _arguments(recorded).get("slave") == VIRTUAL else SCENE
     changes = (each for each in recorded.changes if not each.parameter.startswith(unused))
+    nodes = _mapping(recorded.facts.get("parameters"))
+    parameters = {name: dict(own) for name, own in nodes.items() if isinstance(own, dict)}
     for change in sorted(changes, key=lambda change: change.received):
         before = conditions[-1][1]
-        after = _changed(before, change, known)
+        after = replace(before, condition=_changed(before.condition, change, known))
+        own = parameters.get(change.node, {})
+        is_other = own.get(change.parameter, change.value) != change.value
+        own[change.parameter] = change.value
+        if is_other and after.condition == before.condition and change.node in _FIGURES:
+            after = _set(recorded, parameters, after, change)
         if after != before:
             conditions.append((change.received, after))
     return conditions
+
+
+_FIGURES = ("compensator", "coupler", "master_device", "slave_device")
+"""Nodes with parameters that a metric or a bound depends on."""
+
+
+def _set(recorded: Bag, parameters: Mapping[str, Any], before: _Known, change: Change) -> _Known:
+    """Return the description after a change of a parameter that belongs to no condition."""
+    now = replace(recorded, facts=recorded.facts | {"parameters": parameters})
+    after = _known(now, before.rate, None, [])
+    name = f"{change.node}: {change.parameter}"
+    others = (note for note in before.notes if not note.startswith(f"{name} = "))
+    notes = (*others, f"{name} = {change.value} since a change during the recording")
+    return replace(after, condition=before.condition, notes=notes)
 
 
 def _changed(before: Condition, change: Change, known: _Known) -> Condition:
@@ -544,7 +585,6 @@ ALTERED = " (altered)"
 def _segment(
     recorded: Bag,
     known: _Known,
-    condition: Condition,
     number: int,
     low: int,
     high: int,
@@ -563,7 +603,8 @@ def _segment(
             values, seen = recorded.signals[name].on_grid(start, rate, length, axes)
             if seen.any():
                 signals[name] = values
-    notes = _complete(signals, known)
+    notes = [*known.notes, *_complete(signals, known)]
+    condition = known.condition
     return Segment(
         recorded.path,
         number,
@@ -577,14 +618,14 @@ def _segment(
         known.actuator,
         known.pair,
         tuple(notes),
-        recorded.latency,
+        known.latency,
         granted_delay(condition.controller, known.controllers),
         known.matrix_plant(problems) if axes == ALL_AXES else known.plant(condition),
         known.rig.master.accelerometer.noise if known.rig else 0.0,
         known.told,
         start,
         run_of(recorded),
-        _mapping(recorded.facts.get("arguments")).get("master") in (SIMULATED, POINTER),
+        _arguments(recorded).get("master") in (SIMULATED, POINTER),
         axes,
     )
 

@@ -85,6 +85,40 @@ def facts_text(arguments: Mapping[str, Any], parameters: Mapping[str, Mapping[st
     return json.dumps({ARGUMENTS: dict(arguments), PARAMETERS: parameters})
 
 
+def description(node: str, values: Mapping[str, Any]) -> str:
+    """Return the JSON text that a node publishes on `core.topics.DESCRIPTION`.
+
+    Parameters
+    ----------
+    node : str
+        Name without namespace.
+    values : mapping
+        All parameters of the node by dotted name.
+    """
+    return json.dumps({VERSION: __version__, PARAMETERS: {node: dict(values)}})
+
+
+def read_description(text: str) -> dict[str, Any]:
+    """Return the metadata in a message of `core.topics.DESCRIPTION`.
+
+    The parameters of its nodes, key `PARAMETERS`, are dictionaries; a lockstep trial's message
+    has all metadata of the trial.
+
+    Raises
+    ------
+    ValueError
+        The text is no JSON object, or describes no parameters of nodes.
+    """
+    try:
+        facts = json.loads(text)
+    except RecursionError:
+        raise ValueError("its lists are too deep") from None
+    nodes = facts.get(PARAMETERS) if isinstance(facts, dict) else None
+    if not isinstance(nodes, dict) or not all(isinstance(own, dict) for own in nodes.values()):
+        raise ValueError(f"must be a JSON object with {PARAMETERS!r} of nodes")
+    return dict(facts)
+
+
 def host() -> dict[str, Any]:
     """Return name, system and software of this machine."""
     return {

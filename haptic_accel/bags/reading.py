@@ -38,7 +38,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from haptic_accel.bags.expanding import Allowance, decompressed_file, decompressed_message
-from haptic_accel.bags.facts import facts_of
+from haptic_accel.bags.facts import PARAMETERS, facts_of, read_description
 from haptic_accel.bags.file_order import (
     FILE_BITS,
     FileContent,
@@ -74,6 +74,7 @@ from haptic_accel.core.sampling import (
 from haptic_accel.core.topics import (
     ACTUATOR_FORCE,
     CONTACT_FORCE,
+    DESCRIPTION,
     DESIRED_ACCELERATION,
     DIAGNOSTICS,
     SIGNALS,
@@ -85,6 +86,7 @@ _EVENTS = "parameter_events"
 _EVENTS_TYPE = "rcl_interfaces/msg/ParameterEvent"
 _SIGNALS = {topic.name: topic for topic in (*SIGNALS, CONTACT_FORCE)}
 _REPORTS = "diagnostics"
+_APPLIED = ("master_device", "compensator", "identifier")  # nodes that know the actuator's latency
 
 # Fields of rcl_interfaces/msg/ParameterValue by the type of the value, from 1 on.
 _TYPES = "bool integer double string byte_array bool_array integer_array double_array string_array"
@@ -164,6 +166,7 @@ class Change:
 
 
 _Item = TypeVar("_Item", Diagnosis, Change)
+_Kind = TypeVar("_Kind")
 
 
 @dataclass(frozen=True)
@@ -178,8 +181,9 @@ class Bag:
     diagnostics : list of Diagnosis
     changes : list of Change
     facts : dict
-        Data stored by the recorder: ``version``, ``arguments``, ``parameters``, ``host``; empty
-        for bags of other programs.
+        Data stored by the recorder: ``version``, ``arguments``, ``parameters``, ``host``. Without
+        them, ``parameters`` as the graph's nodes described or declared them in the bag; empty for
+        bags of other programs.
     counts : dict
         Number of messages by full topic name.
     problems : list of str
@@ -195,14 +199,19 @@ class Bag:
     problems: list[str] = field(default_factory=list)
 
     @property
-    def latency(self) -> int:
+    def latency(self) -> int | None:
         """Delay from sample to force, in samples.
 
-        0 for forces applied on arrival, as in bags without a stated latency.
+        0 for forces applied on arrival, as in older bags with arguments but without a latency;
+        None if the bag states neither.
         """
-        arguments = self.facts.get("arguments")
-        stated = arguments.get("latency") if isinstance(arguments, dict) else None
-        return stated if isinstance(stated, int) and 0 <= stated <= HIGHEST_LATENCY else 0
+        arguments, nodes = self.facts.get("arguments"), self.facts.get(PARAMETERS)
+        own = [nodes.get(name) for name in _APPLIED] if isinstance(nodes, dict) else []
+        for stated in (arguments, *own):
+            found = stated.get("latency") if isinstance(stated, dict) else None
+            if isinstance(found, int) and 0 <= found <= HIGHEST_LATENCY:
+                return found
+        return 0 if isinstance(arguments, dict) else None
 
     @property
     def axes(self) -> Axes:
@@ -275,7 +284,7 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
     bag.problems.extend(failures)
     used = used_files(files, [file.name for file in metadata.files], dict(metadata.custom))
     bag.problems.extend([*contradictions(metadata, files), *used.notes])
-    bag.facts.update(facts_of(used.custom))
+    bag.facts.update(collected.facts(used) | facts_of(used.custom))
     collected.arrange(used)
     return bag
 
@@ -403,6 +412,8 @@ class _Collected:
         # With the node's namespace, as all graphs of a ROS domain publish to the same two topics.
         self._diagnostics: list[tuple[str, int, Diagnosis]] = []
         self._changes: list[tuple[str, int, Change]] = []
+        self._stated: list[tuple[str, int, Change]] = []
+        self._described: list[tuple[str, int, dict[str, Any]]] = []
         self._namespace: str | None = None
         self._files, self._is_alone = 0, True
 
@@ -422,6 +433,8 @@ class _Collected:
         namespace, name = _split(topic)
         if topic.endswith(f"/{_EVENTS}") and block.type == _EVENTS_TYPE:
             self._add_changes(block)
+        elif topic.endswith(f"/{DESCRIPTION.name}") and block.type == DESCRIPTION.type:
+            self._add_descriptions(block)
         elif topic.endswith(f"/{_REPORTS}") and block.type == DIAGNOSTICS.type:
             self._add_diagnostics(block)
         elif name and self._is_ours(namespace):
@@ -451,17 +464,35 @@ class _Collected:
         bag.diagnostics.extend(self._in_time(self._diagnostics, used, found))
         bag.changes.extend(self._in_time(self._changes, used, found))
 
+    def facts(self, used: UsedFiles) -> dict[str, Any]:
+        """Return the graph's metadata as its nodes first described or declared them."""
+        nodes: dict[str, dict[str, Any]] = {}
+        for said in self._of_graph(self._stated, used)[0]:
+            nodes.setdefault(said.node, {}).setdefault(said.parameter, said.value)
+        facts = {PARAMETERS: nodes} if nodes else {}
+        for described in self._of_graph(self._described, used)[0]:
+            facts = described | facts
+        return facts
+
+    def _of_graph(
+        self, items: Sequence[tuple[str, int, _Kind]], used: UsedFiles
+    ) -> tuple[list[_Kind], IntArray]:
+        """Return the graph's items of the used files in order of arrival, and their places."""
+        ours = [(place, item) for below, place, item in items if self._namespace in (None, below)]
+        places = used.moved(np.array([place for place, _ in ours], np.int64))
+        order = np.argsort(places, kind="stable")
+        order = order[places[order] >= 0]
+        return [ours[index][1] for index in order.tolist()], places[order]
+
     def _in_time(
         self, items: Sequence[tuple[str, int, _Item]], used: UsedFiles, found: Timeline
     ) -> list[_Item]:
         """Return the graph's reports or changes in order of time, each once."""
-        ours = [(place, item) for below, place, item in items if self._namespace in (None, below)]
-        places = used.moved(np.array([place for place, _ in ours], np.int64))
-        times = found.moved(np.array([item.received for _, item in ours], np.int64), places)
-        order = np.lexsort((places, times))
+        ours, places = self._of_graph(items, used)
+        times = found.moved(np.array([item.received for item in ours], np.int64), places)
         moved: dict[str, _Item] = {}
-        for index in order[places[order] >= 0].tolist():
-            item = replace(ours[index][1], received=int(times[index]))
+        for index in np.argsort(times, kind="stable").tolist():
+            item = replace(ours[index], received=int(times[index]))
             moved.setdefault(repr(item), item)
         return list(moved.values())
 
@@ -507,11 +538,32 @@ class _Collected:
     def _add_changes(self, block: Block) -> None:
         for received, place, message in self._decoded(block):
             namespace, _, node = message.node.rpartition("/")
+            declared = {parameter.name for parameter in message.new_parameters}
             for changed in (*message.new_parameters, *message.changed_parameters):
                 value = getattr(changed.value, _VALUES.get(changed.value.type, ""), None)
                 value = value.tolist() if isinstance(value, np.ndarray) else value
                 change = Change(received, node, changed.name, value)
                 self._changes.append((namespace, place, change))
+                if changed.name in declared:
+                    self._stated.append((namespace, place, change))
+
+    def _add_descriptions(self, block: Block) -> None:
+        """Add the nodes' descriptions of themselves."""
+        namespace = block.topic.removesuffix(f"/{DESCRIPTION.name}")
+        for received, place, message in self._decoded(block):
+            try:
+                facts = read_description(message.data)
+            except ValueError as error:
+                self._once(f"{block.topic}: a message is not read: {error}")
+                continue
+            self._described.append((namespace, place, facts))
+            stated = [
+                (namespace, place, Change(received, node, name, value))
+                for node, own in facts[PARAMETERS].items()
+                for name, value in own.items()
+            ]
+            self._stated += stated
+            self._changes += stated
 
     def _decoded(self, block: Block) -> Iterator[tuple[int, int, Any]]:
         places = self._before + block.places

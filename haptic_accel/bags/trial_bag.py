@@ -17,16 +17,18 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from haptic_accel.bags.definitions import connection
+from haptic_accel.bags.facts import PARAMETERS, facts_of
 from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core import topics
-from haptic_accel.core.cdr import StampedVector
+from haptic_accel.core.cdr import StampedVector, pack_text
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
@@ -69,8 +71,12 @@ def write_trial(path: Path, trial: Trial, facts: Mapping[str, str], start: int) 
         The folder exists already, or cannot be written.
     """
     files = BagFiles(path, RecordingOptions(), facts)
+    if stated := facts_of(facts):  # other programs copy messages, but no metadata
+        described = connection(1, f"/{topics.DESCRIPTION.name}", topics.DESCRIPTION.type, [])
+        files.add(described)
+        files.write(described, start, pack_text(json.dumps({PARAMETERS: {}} | stated)))
     added = []
-    for number, (topic, vectors) in enumerate(trial_vectors(trial).items(), start=1):
+    for number, (topic, vectors) in enumerate(trial_vectors(trial).items(), start=2):
         found = connection(number, f"/{topic.name}", topic.type, [])
         files.add(found)
         rows = [(x, y, z) for x, y, z in vectors.tolist()]

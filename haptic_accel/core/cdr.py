@@ -122,6 +122,13 @@ def pack_diagnostics(
     return bytes(data)
 
 
+def pack_text(text: str) -> bytes:
+    """Return a std_msgs/String as little-endian CDR."""
+    data = bytearray(_ENCAPSULATION)
+    _append_text(data, text)
+    return bytes(data)
+
+
 def _append_text(data: bytearray, text: str) -> None:
     encoded = text.encode() + b"\0"
     data += bytes(-(len(data) - _ORIGIN) % _LENGTH.size) + _LENGTH.pack(len(encoded)) + encoded

@@ -95,6 +95,10 @@ JOINT_STATE_RATE = 50.0
 """Rate of joint states for displays, Hz: more than a screen shows."""
 
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "", "", reliable=True)
+DESCRIPTION = Topic("description", "std_msgs/msg/String", "", "", reliable=True, latched=True)
+"""Parameters of each node of the graph as JSON, for recorders; see `bags.facts`. All nodes publish
+to it, again after a change."""
+
 EMERGENCY_STOP = Topic("estop", _BOOL, "", "", reliable=True, latched=True)
 COMMON_STOP = replace(EMERGENCY_STOP, name=f"/{EMERGENCY_STOP.name}")
 """Emergency stop of the graphs in all namespaces."""
@@ -205,6 +209,7 @@ PLAYED = "played"
 
 TOPICS = (
     *SIGNALS,
+    DESCRIPTION,
     DIAGNOSTICS,
     EMERGENCY_STOP,
     COUPLER_STOPPED,

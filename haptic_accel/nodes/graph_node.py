@@ -25,10 +25,12 @@ from functools import partial
 from itertools import cycle
 from typing import Any, NamedTuple
 
+from rclpy.parameter import Parameter
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from haptic_accel.bags.facts import description
 from haptic_accel.core.cdr import pack_diagnostics
-from haptic_accel.core.topics import BUNDLES, DIAGNOSTICS, SIGNALS, Topic
+from haptic_accel.core.topics import BUNDLES, DESCRIPTION, DIAGNOSTICS, SIGNALS, Topic
 from haptic_accel.graph.locks import lock_signal
 from haptic_accel.nodes.bundling import BUNDLES_KEPT, BundleSender, join, participant
 from haptic_accel.nodes.scheduling import scheduling_class
@@ -41,7 +43,7 @@ from haptic_accel.nodes.signals import (
     Sender,
     ignore,
 )
-from haptic_accel.nodes.topic_node import DEPTH, TopicNode
+from haptic_accel.nodes.topic_node import DEPTH, TopicNode, message_type
 
 DIAGNOSTICS_PERIOD = 1.0
 """Interval between diagnostics, s."""
@@ -79,6 +81,10 @@ class GraphNode(TopicNode):
         self._refused_before: Counter[str] = Counter()
         super().__init__(executable, changeable)
         self._gathered = b""
+        self._described = {name: self.get_parameter(name).value for name in self._schema}
+        self._publish_description = self.publisher(DESCRIPTION).publish
+        self.add_post_set_parameters_callback(self._publish_parameters)
+        self._publish_parameters(())
         # As in `publish`, without its type check.
         self._publish_diagnostics: Any = self.publisher(DIAGNOSTICS).handle.publish_raw
         # In turns, as all parts together take longer than a period has left. One timer keeps the
@@ -195,6 +201,12 @@ class GraphNode(TopicNode):
 
     def repeat_states(self) -> None:
         """Publish latched states again, for subscribers without their history."""
+
+    def _publish_parameters(self, changed: Sequence[Parameter]) -> None:
+        """Publish all parameters, with their values after a change, for any recorder."""
+        self._described |= {each.name: each.value for each in changed}
+        text = description(self.get_name(), self._described)
+        self._publish_description(message_type(DESCRIPTION)(data=text))
 
     def _report_gathered(self) -> None:
         """Publish gathered diagnostics, each once."""

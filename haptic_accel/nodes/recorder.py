@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -26,7 +27,7 @@ from rosbags import interfaces as rosbag2
 from std_srvs.srv import Trigger
 
 from haptic_accel.bags.definitions import UndefinedTypeError
-from haptic_accel.bags.facts import custom_data
+from haptic_accel.bags.facts import PARAMETERS, custom_data, read_description
 from haptic_accel.bags.session import Answer, RecordingSession
 from haptic_accel.bags.writing import Put
 from haptic_accel.core.bundles import InOrder
@@ -39,6 +40,7 @@ from haptic_accel.core.cdr import (
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import (
     ASKED,
+    DESCRIPTION,
     DEVICES,
     DIAGNOSTICS,
     EMERGENCY_STOP,
@@ -108,9 +110,16 @@ SENDERS: dict[Topic, Callable[[bytes], str]] = {
 }
 """Functions that return the node a message is of, "left/node", for topics of all graphs."""
 
+
+def _described(message: bytes) -> tuple[str, ...]:
+    """Return the nodes that a description is of."""
+    return tuple(read_description(unpack_text(message, STAMP_BYTES.start))[PARAMETERS])
+
+
 UNPACKED: dict[str, Callable[[bytes], object]] = {
     **dict.fromkeys(VECTORS, unpack_stamped_vector),
     EMERGENCY_STOP.type: unpack_state,
+    DESCRIPTION.type: _described,
     **{topic.type: sender for topic, sender in SENDERS.items()},
 }
 """Functions that unpack messages, by type: what they refuse would make a bag hard to read."""
@@ -135,6 +144,7 @@ class Recorder(GraphNode):
         signals = {self.resolve_topic_name(topic.name): topic for topic in SIGNALS}
         self._receiver = SignalReceiver(self, signals)
         self._puts: dict[str, Put] = {}
+        self._descriptions: dict[tuple[str, ...], Callable[[], object]] = {}
         asked = (topic for topic in ASKED if topic.name in p.named_topics)
         for topic in (*TOPICS, *asked, PARAMETER_EVENTS, LOGS, *TRANSITIONS):
             self._record_own(topic)
@@ -206,6 +216,8 @@ class Recorder(GraphNode):
         put = self._session.connect(name, topic.type, [offered], sampled=topic in SIGNALS)
         if topic in SENDERS:
             put = self._own_only(put, SENDERS[topic])
+        if topic is DESCRIPTION:
+            put = self._kept(put)
         if topic in SIGNALS:
             self._puts[name] = put
         else:
@@ -222,6 +234,15 @@ class Recorder(GraphNode):
                 put(message, received)
 
         return put_own
+
+    def _kept(self, put: Put) -> Put:
+        """Keep the last description of each node for the bags that follow."""
+
+        def put_and_keep(message: bytes, received: int | None = None) -> None:
+            self._descriptions[_described(message)] = partial(put, message)
+            put(message, received)
+
+        return put_and_keep
 
     def _drain(self) -> None:
         """Read the received messages, and write earlier messages in time order."""
@@ -287,6 +308,9 @@ class Recorder(GraphNode):
         def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             self._drain_all()
             response.success, response.message = action()
+            if response.success and action == self._session.start:
+                for describe in self._descriptions.values():
+                    describe()
             if action != self._describe:
                 self.get_logger().info(response.message)
                 self.report()

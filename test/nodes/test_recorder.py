@@ -132,6 +132,11 @@ def test_a_recording_is_paused_split_and_stopped_and_survives_a_full_disk(
     assert bag.facts["parameters"]["slave_device"]["simulated.surface.name"] == "vinyl"
     changes = [(one.node, one.parameter, one.value) for one in bag.changes]
     assert ("compensator", "controller", "none") in changes
+    later = read_bag(tmp_path / "bag-2").changes  # it begins with the values of that moment
+    values = [
+        one.value for one in later if (one.node, one.parameter) == ("compensator", "controller")
+    ]
+    assert values == ["none"]
     assert len(with_rosbags(tmp_path / "bag")) == len(with_mcap(tmp_path / "bag"))
 
 

@@ -50,8 +50,8 @@ NANOSECONDS = 1_000_000_000
 
 STRING = "std_msgs/msg/String"
 CHANGED = "rcl_interfaces/msg/ParameterEvent"
-TEXT = 4
-"""Value in rcl_interfaces/msg/ParameterType."""
+TEXT, INTEGER = 4, 2
+"""Values in rcl_interfaces/msg/ParameterType."""
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 
@@ -101,15 +101,18 @@ def diagnostics_bytes(stamp: int, node: str, message: str, values: Mapping[str, 
     return bytes(_TYPES.serialize_cdr(array, topics.DIAGNOSTICS.type))
 
 
-def change_bytes(stamp: int, node: str, name: str, text: str) -> bytes:
-    """Return the event of a node's parameter set to a text; the node has its slash."""
+def change_bytes(
+    stamp: int, node: str, name: str, given: str | int, *, declared: bool = False
+) -> bytes:
+    """Return the event of a node's parameter set or declared; the node has its slash."""
     kinds: Any = _TYPES.types
+    is_text = isinstance(given, str)
     value = kinds["rcl_interfaces/msg/ParameterValue"](
-        type=TEXT,
+        type=TEXT if is_text else INTEGER,
         bool_value=False,
-        integer_value=0,
+        integer_value=0 if is_text else given,
         double_value=0.0,
-        string_value=text,
+        string_value=given if is_text else "",
         byte_array_value=np.empty(0, np.uint8),
         bool_array_value=np.empty(0, bool),
         integer_array_value=np.empty(0, np.int64),
@@ -117,7 +120,8 @@ def change_bytes(stamp: int, node: str, name: str, text: str) -> bytes:
         string_array_value=[],
     )
     parameter = kinds["rcl_interfaces/msg/Parameter"](name, value)
-    event = kinds[CHANGED](_time(stamp), node, [], [parameter], [])
+    new, changed = ([parameter], []) if declared else ([], [parameter])
+    event = kinds[CHANGED](_time(stamp), node, new, changed, [])
     return bytes(_TYPES.serialize_cdr(event, CHANGED))
 
 

@@ -74,3 +74,9 @@ def with_mcap(bag: Path) -> list[Row]:
                 for _, channel, message in reader.iter_messages()
             ]
     return rows
+
+
+def with_types(bag: Path) -> list[tuple[str, str, int, bytes]]:
+    """Return topic, type, recording time in ns and bytes of a bag's messages."""
+    with Reader(bag) as reader:
+        return [(c.topic, c.msgtype, time, bytes(data)) for c, time, data in reader.messages()]
