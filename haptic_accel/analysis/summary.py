@@ -106,7 +106,8 @@ def _without_contact(frame: pd.DataFrame) -> list[str]:
     if not count:
         return []
     return [
-        f"{count} of {_many(len(frame), 'trial')} had no contact and counts in no error or mean:"
+        f"{count} of {_many(len(frame), 'trial')} had no contact and"
+        f" {'counts' if count == 1 else 'count'} in no error or mean:"
         f" the desired acceleration has an RMS below {CONTACT:.2g} m/s², three times the noise of"
         " an accelerometer. Check that the tool touched the surface while the arms were engaged,"
         " and that its accelerometer works."
@@ -229,7 +230,10 @@ def _deadlines(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
     sentences = []
     if new:
         due, missed = _sum("due", new), _sum("missed", new)
-        longest = max(c["longest_us"] for s in new for c in s.delivery.deadlines.values())
+        longest = max(
+            (c["longest_us"] for s in new for c in s.delivery.deadlines.values()),
+            key=lambda late: -math.inf if math.isnan(late) else late,
+        )
         share = frame.late_time_percent.max()
         felt = f"; the actuator's up to {number(share, 2)} % of a trial's time" * math.isfinite(
             share

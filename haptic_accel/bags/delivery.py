@@ -23,7 +23,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -32,8 +32,9 @@ from haptic_accel.core import topics
 from haptic_accel.core.decimals import read_decimal, read_whole
 from haptic_accel.core.due_forces import LATE_TIME, LONGEST, PAST_TICK
 from haptic_accel.core.evaluation.histogram import QUANTILES
+from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS, places
+from haptic_accel.core.sampling import NANOSECONDS, RELEASED, SAME_RATE, places
 
 AGE_OF = "actuator force"
 """Command whose age is reported, as users feel its force."""
@@ -50,6 +51,8 @@ DEVICES = tuple(dict.fromkeys(node for node, _ in COMMANDS.values()))
 
 LABELS = (*QUANTILES, "max")
 """Labels of durations in diagnostics."""
+
+_Spans: TypeAlias = Sequence[tuple[int, int]]  # starts and ends, ns
 
 _NUMBER = re.compile(r"[0-9]+(?:\.[0-9]+)?")
 
@@ -69,9 +72,10 @@ class Delivery:
         p99, p99_9, max.
     deadlines : dict
         Forces with a due time (``due``) and forces that took effect later (``missed``), by kind of
-        command, from the devices' last reports: ``{"actuator force": {"due": n, "missed": n,
-        "past_tick": n, "longest_us": t, "late_s": t}, ...}``. Older bags lack the last three keys;
-        their ``missed`` counts forces that arrived after their tick was executed.
+        command, in this section by the devices' reports: ``{"actuator force": {"due": n, "missed":
+        n, "past_tick": n, "longest_us": t, "late_s": t}, ...}``. ``longest_us`` is NaN if an
+        earlier force was later. Older bags lack the last three keys; their ``missed`` counts
+        forces that arrived after their tick was executed.
     ticks_late_us : float
         Maximum delay of a device's tick since the device was opened, us; NaN if not reported.
     warnings : list of str
@@ -127,6 +131,7 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
     end = start + round(length * (NANOSECONDS / rate))
     # Before and after a trial, nodes wait for each other.
     reports = [said for said in recorded.diagnostics if start <= said.received < end]
+    coupled = recorded.coupled(topics.MASTER) or [(start, end)]
     return Delivery(
         lost={topic.name: int(np.sum(taken[topic.source] & ~seen[topic.name])) for topic in known},
         missed={arm: length - int(np.sum(there)) for arm, there in taken.items()},
@@ -134,7 +139,7 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
         deadlines={
             name: counts
             for name, (node, command) in COMMANDS.items()
-            if (counts := _deadlines(_counts(recorded, node, end), command))
+            if (counts := _deadlines(recorded, node, command, coupled, (start, end), rate))
         },
         ticks_late_us=max(
             (
@@ -221,8 +226,76 @@ def _counts(recorded: Bag, node: str, end: int) -> Mapping[str, str]:
     return after[0].values if after else {}
 
 
-def _deadlines(values: Mapping[str, str], command: str) -> dict[str, float]:
-    """Return a command's deadline statistics; empty if none was due."""
+def _deadlines(
+    recorded: Bag, node: str, command: str, coupled: _Spans, span: tuple[int, int], rate: float
+) -> dict[str, float]:
+    """Return a command's deadline statistics in a span of time, ns; empty if none was due.
+
+    Devices report once a second what they have counted since they were opened. Between reports,
+    counts grow evenly while the arms are coupled, as a force is due at every sample.
+    """
+    reports = [
+        (said.received, counts)
+        for said in recorded.diagnostics
+        if said.node == node and (counts := _reported(said.values, command))
+    ]
+    if not reports:
+        return {}
+    times = [received for received, _ in reports]
+    found: dict[str, float] = {}
+    keys = [key for key in reports[-1][1] if key != "longest_us"]
+    begins = _first_counts(reports[0], rate, min(coupled[0][0], span[0]))
+    for key in keys:
+        values = [counts.get(key, 0) for _, counts in reports]
+        # A device that was opened again counts from zero.
+        grown = np.diff(values, prepend=begins.get(key, 0.0))
+        total = np.cumsum(np.where(grown < 0, values, grown))
+        before, after = _at(span, times, total, coupled)
+        found[key] = float(after - before) if key == "late_s" else round(after - before)
+    if not found["due"]:
+        return {}
+    if "longest_us" in reports[-1][1]:
+        earlier = [counts["longest_us"] for at, counts in reports if at <= span[0]]
+        until = [counts["longest_us"] for at, counts in reports if at >= span[1]]
+        longest = until[0] if until else reports[-1][1]["longest_us"]
+        found["longest_us"] = math.nan if earlier and earlier[-1] >= longest else longest
+    return found
+
+
+def _first_counts(
+    first: tuple[int, Mapping[str, float]], rate: float, begin: int
+) -> dict[str, float]:
+    """Return a device's counts at the start of a bag, which may begin after the device.
+
+    At most one force is due at each sample: others were due before.
+    """
+    received, counts = first
+    here = max(0.0, (received - begin) * rate / NANOSECONDS)
+    if counts["due"] <= here * (1 + SAME_RATE) + rate * RELEASED:
+        return {}
+    return {**counts, "due": counts["due"] - here}
+
+
+def _at(
+    span: tuple[int, int], times: Sequence[int], total: FloatArray, coupled: _Spans
+) -> FloatArray:
+    """Return a growing count, given at some times, at the two ends of a span."""
+    moments: list[int] = []
+    values: list[float] = []
+    value = 0.0
+    for begin, end in coupled:
+        within = [index for index, time in enumerate(times) if begin < time < end]
+        after = next((index for index, time in enumerate(times) if time >= end), len(times) - 1)
+        moments += [begin, *(times[index] for index in within), end]
+        values += [value, *(float(total[index]) for index in within), float(total[after])]
+        value = values[-1]
+    origin = moments[0]
+    ends = np.array(span) - origin
+    return np.asarray(np.interp(ends, np.array(moments) - origin, values), dtype=float)
+
+
+def _reported(values: Mapping[str, str], command: str) -> dict[str, float]:
+    """Return a command's counts in one report; empty if none was due."""
     due, missed = count(values, f"{command} due"), count(values, f"{command} deadlines missed")
     if not due:
         return {}
