@@ -37,7 +37,7 @@ from haptic_accel.analysis.metrics import (
 from haptic_accel.analysis.segments import Segment, read_segment
 from haptic_accel.analysis.traces import named_components
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
-from haptic_accel.core.evaluation.statistics import mean_interval
+from haptic_accel.core.evaluation.statistics import Interval, mean_interval
 
 AVERAGE = "average"
 """The paper's average over its surfaces, used as a surface of its table."""
@@ -162,7 +162,7 @@ def groups(analysis: Analysis) -> pd.DataFrame:
     columns = [*METRICS, *vector_metrics(analysis), *map(band_column, band_names(analysis))]
     rows = []
     for key, own in by_condition(trials(analysis)):
-        found = {name: mean_interval(own[name].tolist()) for name in columns}
+        found = {name: _mean(name, own[name].tolist()) for name in columns}
         row: dict[str, Any] = dict(zip(_CONDITION, key, strict=True)) | {"trials": len(own)}
         row["interval"] = found["nrmse_percent"].method
         for name, interval in found.items():
@@ -170,6 +170,12 @@ def groups(analysis: Analysis) -> pd.DataFrame:
             row[f"{name}_low"], row[f"{name}_high"] = interval.low, interval.high
         rows.append(row)
     return pd.DataFrame(rows, columns=None if rows else _CONDITION)
+
+
+def _mean(name: str, values: Sequence[float]) -> Interval:
+    """Return the mean of a metric, or of the error in a band, within its range."""
+    column = {**METRICS, **VECTOR_METRICS}.get(name, METRICS["nrmse_percent"])
+    return mean_interval(values, within=(column.low, column.high))
 
 
 # Table II
@@ -241,7 +247,7 @@ def table_two(found: pd.DataFrame) -> TableTwo:
             )
             cells.append(Cell(value, low, high, TABLE_II.get((surface, controller))))
         if len(surfaces) > 1:
-            mean = mean_interval([errors[controller, s] for s in common])
+            mean = _mean("nrmse_percent", [errors[controller, s] for s in common])
             same = frozenset(common) == PAPER_SURFACES
             paper = TABLE_II.get((AVERAGE, controller)) if same else None
             cells.append(Cell(mean.value, math.nan, math.nan, paper))

@@ -84,26 +84,26 @@ MOST_SHIFT = 100.0
 METRICS: Mapping[str, Column] = {
     column.key: column
     for column in (
-        Column("nrmse_percent", "NRMSE", "%", 1),
-        Column("indistinguishable_percent", "indistinguishable", "%", 1),
-        Column("bound_percent", "bound", "%", 1),
-        Column("limited_bound_percent", "limited bound", "%", 1),
+        Column("nrmse_percent", "NRMSE", "%", 1, low=0.0),
+        Column("indistinguishable_percent", "indistinguishable", "%", 1, low=0.0, high=PERCENT),
+        Column("bound_percent", "bound", "%", 1, low=0.0),
+        Column("limited_bound_percent", "limited bound", "%", 1, low=0.0),
         Column("slope_desired_on_actual", "slope, desired on actual", "", 2),
         Column("slope_actual_on_desired", "slope, actual on desired", "", 2),
-        Column("r2", "R²", "", 2),
+        Column("r2", "R²", "", 2, low=0.0, high=1.0),
         Column("delay_ms", "delay", "ms", 3),
-        Column("delay_correlation", "correlation at it", "", 2),
+        Column("delay_correlation", "correlation at it", "", 2, low=0.0, high=1.0),
         Column("shift_ms", "shift", "ms", 3),
-        Column("force_rms_N", "force RMS", "N", 2),
-        Column("force_peak_N", "force peak", "N", 2),
-        Column("travel_mm", "travel used", "mm", 2),
-        Column("deadlines_missed_percent", "deadlines missed", "%", 2),
-        Column("late_time_percent", "time with a late force", "%", 2),
-        Column("late_longest_ms", "latest force", "ms", 2),
-        Column("age_p50_us", "age p50", "µs", 0),
-        Column("age_p99_us", "age p99", "µs", 0),
-        Column("age_max_us", "age max", "µs", 0),
-        Column("lost", "lost", "", 0),
+        Column("force_rms_N", "force RMS", "N", 2, low=0.0),
+        Column("force_peak_N", "force peak", "N", 2, low=0.0),
+        Column("travel_mm", "travel used", "mm", 2, low=0.0),
+        Column("deadlines_missed_percent", "deadlines missed", "%", 2, low=0.0, high=PERCENT),
+        Column("late_time_percent", "time with a late force", "%", 2, low=0.0, high=PERCENT),
+        Column("late_longest_ms", "latest force", "ms", 2, low=0.0),
+        Column("age_p50_us", "age p50", "µs", 0, low=0.0),
+        Column("age_p99_us", "age p99", "µs", 0, low=0.0),
+        Column("age_max_us", "age max", "µs", 0, low=0.0),
+        Column("lost", "lost", "", 0, low=0.0),
     )
 }
 """Metrics by name with unit, as used for columns of tables and files."""
@@ -121,10 +121,10 @@ KEPT = {
 VECTOR_METRICS: Mapping[str, Column] = {
     column.key: column
     for column in (
-        Column("direction_error_deg", "direction error", "°", 1),
-        *(Column(f"nrmse_{axis}_percent", f"NRMSE {axis}", "%", 1) for axis in NAMES),
+        Column("direction_error_deg", "direction error", "°", 1, low=0.0, high=180.0),
+        *(Column(f"nrmse_{axis}_percent", f"NRMSE {axis}", "%", 1, low=0.0) for axis in NAMES),
         *(
-            Column(f"kept_{key}_percent", f"one coil, {key}: power", "%", 0)
+            Column(f"kept_{key}_percent", f"one coil, {key}: power", "%", 0, low=0.0)
             for key in KEPT.values()
         ),
     )

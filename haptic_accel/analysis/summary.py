@@ -342,7 +342,7 @@ def tables(analysis: Analysis) -> Iterator[ResultTable]:
         errors + bounds,
         "Table II: error (NRMSE) of the handle's acceleration, shifted back by"
         f" {analysis.shifted_by}, % (paper's in brackets)",
-        f"± half of the 95 % interval ({table.methods})",
+        f"[95 % interval] ({table.methods})",
     )
     yield ResultTable(
         ("", *table.rows),
@@ -352,10 +352,10 @@ def tables(analysis: Analysis) -> Iterator[ResultTable]:
 
 
 def _cell(cell: Cell) -> str:
-    """Return an error, half its interval's width, and the paper's value behind it."""
+    """Return an error, its interval, and the paper's value behind it."""
     shown = number(cell.value, 1)
-    if cell.low == cell.low:
-        shown += f" ± {number((cell.high - cell.low) / 2, 1)}"
+    if math.isfinite(cell.low):
+        shown += f" [{number(cell.low, 1)}, {number(cell.high, 1)}]"
     return shown if cell.paper is None else f"{shown} ({cell.paper:.1f})"
 
 

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, replace
@@ -243,6 +244,9 @@ def _band_errors(analysis: Analysis) -> dict[str, dict[str, Interval]]:
     errors = {}
     for controller in dict.fromkeys(found.controller):
         own = found[found.controller == controller]
-        intervals = {band: mean_interval(own[name].tolist()) for band, name in columns.items()}
+        intervals = {
+            band: mean_interval(own[name].tolist(), within=(0.0, math.inf))
+            for band, name in columns.items()
+        }
         errors[controller] = {band: found for band, found in intervals.items() if found.n}
     return errors

@@ -56,6 +56,8 @@ class Column:
         Returns the value of a row.
     factor : float
         Text units per unit of the value.
+    low, high : float
+        Ends of the range of possible values.
     """
 
     key: str
@@ -64,6 +66,8 @@ class Column:
     digits: int | None = None
     value: Callable[[Any], Any] | None = None
     factor: float = 1.0
+    low: float = -math.inf
+    high: float = math.inf
 
     @property
     def heading(self) -> str:

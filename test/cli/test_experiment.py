@@ -155,7 +155,7 @@ def test_seeds_are_users_and_a_rig_can_be_chosen(haptic_accel: Start, tmp_path: 
         options = ["--rig", rig, "--seeds", "2", "--json", f"{rig}.json", "--out", rig]
         command = haptic_accel(*words, *options)
         assert command.end() == 0, command.text
-        assert "±" in command.text
+        assert "[95 % interval] (t of the logarithm over" in command.text
         assert "regression over all surfaces" in command.text
     content = json.loads((tmp_path / "paper.json").read_text())
     assert (content["rig"], content["seeds"]) == ("paper", [3, 4])

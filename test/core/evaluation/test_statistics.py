@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from haptic_accel.core.evaluation.statistics import (
+    CONFIDENCE,
     FEWEST,
     FEWEST_RANKED,
     Alternative,
@@ -34,6 +36,7 @@ from haptic_accel.core.evaluation.statistics import (
     nrmse_interval,
     paired_difference,
 )
+from haptic_accel.core.model import FloatArray
 
 # Student's own example, 1908: additional hours of sleep from two drugs, ten patients.
 SLEEP = (
@@ -106,6 +109,45 @@ def test_a_mean_lies_within_its_interval(values: list[float]) -> None:
     found = mean_interval(values)
     assert found.low <= found.value <= found.high
     assert found.n == len(values)
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=3, max_size=30), st.sampled_from([1.0, math.inf]))
+def test_an_interval_stays_within_the_range_of_its_values(
+    values: list[float], highest: float
+) -> None:
+    found = mean_interval(values, within=(0.0, highest))
+    assert 0.0 <= found.low <= found.value * (1 + 1e-9)
+    assert found.value <= found.high * (1 + 1e-9) <= highest * (1 + 1e-9)
+
+
+def test_far_from_the_ends_of_a_range_an_interval_is_students() -> None:
+    values = [100.0, 101.0, 99.0, 100.5]
+    free = mean_interval(values)
+    for highest in (math.inf, 1000.0):
+        found = mean_interval(values, within=(0.0, highest))
+        assert (found.low, found.high) == pytest.approx((free.low, free.high), rel=2e-4)
+
+
+@pytest.mark.parametrize("n", [3, 5, 20])
+@pytest.mark.parametrize(
+    ("draw", "mean", "highest"),
+    [
+        (lambda r, n: r.gamma(100.0, 0.01, n), 1.0, math.inf),  # nearly normal
+        (lambda r, n: r.exponential(1.0, n), 1.0, math.inf),
+        (lambda r, n: r.uniform(0.0, 1.0, n), 0.5, 1.0),
+        (lambda r, n: r.beta(2.0, 0.5, n), 0.8, 1.0),
+    ],
+)
+def test_intervals_hold_the_mean_nearly_as_often_as_they_say(
+    n: int, draw: Callable[[np.random.Generator, int], FloatArray], mean: float, highest: float
+) -> None:
+    generator, draws = np.random.default_rng(n), 2000
+    found = [
+        mean_interval(draw(generator, n).tolist(), within=(0.0, highest)) for _ in range(draws)
+    ]
+    share = sum(each.low <= mean <= each.high for each in found) / draws
+    # Three standard errors of the simulation are 0.015.
+    assert CONFIDENCE - 0.03 - 0.015 <= share <= CONFIDENCE + 0.02
 
 
 def test_a_mean_leaves_out_what_is_no_number() -> None:
