@@ -32,6 +32,8 @@ from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.loop.compensation import Caused, CompensationPart
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.orientation import Orientation
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.reduction import NO_REDUCTION
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import FELT_PRIORITY, run
 from haptic_accel.nodes.timing import CATCH_UP, ArrivalKeeper
@@ -41,6 +43,9 @@ FROZEN = "adaptive.frozen"
 
 REDUCTION = "reduction"
 """Parameter that chooses all axes, or a reduction to one."""
+
+ONE_AXIS = (NO_REDUCTION, "axis")
+"""Reductions that need no more than the component along the coil."""
 
 GAIN = "gain"
 """Parameter that scales the desired acceleration."""
@@ -123,6 +128,12 @@ class Compensator(GraphNode):
 
     def change(self, values: dict[str, Any]) -> None:
         """Switch controller or reduction, change the gain, or stop or resume adaptation."""
+        part, reduction = self.part, values.get(REDUCTION, NO_REDUCTION)
+        if reduction not in ONE_AXIS and part.samples and not part.measured_across:
+            raise ParameterError(
+                f"reduction = {reduction!r}: must be {' or '.join(ONE_AXIS)}, as the tool measures"
+                " its acceleration along z alone; start the graph with a reduction to change it"
+            )
         if FROZEN in values:
             self._compensation.freeze(values[FROZEN])
         if GAIN in values:

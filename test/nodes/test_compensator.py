@@ -223,6 +223,25 @@ def test_the_reduction_changes_while_the_node_runs(bench: Bench) -> None:
     bench.run(0, lambda: all(bench.forces[-1]))
 
 
+@pytest.mark.parametrize("bench", ["z"], indirect=True)
+def test_a_tool_that_measures_one_axis_is_not_reduced(bench: Bench) -> None:
+    def answer(reduction: str) -> tuple[bool, str]:
+        (result,) = bench.node.set_parameters([Parameter("reduction", value=reduction)])
+        return result.successful, result.reason
+
+    bench.run(0, lambda: len(bench.forces) > 20)
+    for reduction in ("sum", "principal"):
+        accepted, reason = answer(reduction)
+        assert not accepted
+        assert reason.startswith(f"reduction = '{reduction}': must be none or axis, as the tool")
+    assert answer("axis")[0]
+    assert bench.node.get_parameter("reduction").value == "axis"
+    bench.tool = cycle([(1.0, 2.0, 3.0), (-1.0, -2.0, -3.0)])
+    count = len(bench.forces)
+    bench.run(0, lambda: len(bench.forces) > count + 20)
+    assert answer("sum")[0]
+
+
 @pytest.mark.parametrize("bench", ["z", "'x, y, z'"], indirect=True)
 def test_the_gain_changes_while_it_runs(bench: Bench) -> None:
     bench.tool = cycle([(1.0, 1.0, 1.0), (-1.0, -1.0, -1.0)])

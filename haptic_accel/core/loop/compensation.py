@@ -84,6 +84,8 @@ class CompensationPart:
     samples, lost, bridged, without : int
         Numbers of tool samples: received; lost; lost and predicted; used without the handle's
         sample.
+    measured_across : bool
+        True if the tool has measured an acceleration across the actuator's axis.
     orientation : tuple of float
         Newest orientation of the handle in its base frame, from whose axes those of the tool's
         samples are turned into the handle's.
@@ -103,10 +105,13 @@ class CompensationPart:
         self._concealments = [LossConcealment() for _ in self._axes.names]
         self._stored = tuple(zip(self._axes.indices, self._concealments, strict=True))
         self.samples = self.lost = self.bridged = self.without = 0
+        self.measured_across = False
         self.orientation = IDENTITY
 
     def put_tool(self, stamp: int, acceleration: Vector) -> None:
         """Add a sample of the tool, m/s^2, with its stamp in ns; stamps must increase."""
+        if not self.measured_across and (acceleration[0] or acceleration[1]):
+            self.measured_across = True
         if is_turned(self.orientation, acceleration):
             acceleration = from_base(self.orientation, acceleration)
         self._tool.append((stamp, acceleration))
