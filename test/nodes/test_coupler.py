@@ -35,6 +35,11 @@ from running import Command
 def test_gains_fade_in_while_the_arms_are_coupled(
     haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
 ) -> None:
+    def wait_for_forces(count: int) -> None:
+        name = "arm force count"
+        so_far = int(observer.status("master_device")[name])
+        observer.status("master_device", least={name: so_far + count})
+
     graph = haptic_accel("teleop", "bag:=bag", "latency:=2")
     graph.wait_for("engaged")
     for values, samples in (
@@ -42,12 +47,12 @@ def test_gains_fade_in_while_the_arms_are_coupled(
         # The damper needs velocities, which nobody has asked for so far.
         ({"scale": 1, "k_m": 400.0, "k_sl": 300.0, "damping": 2.0}, 3000),
     ):
-        observer.collect((MASTER.position,), 500)
+        wait_for_forces(500)
         parameters = [Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
         request = SetParameters.Request(parameters=parameters)
         (result, *_) = observer.call(SetParameters, "coupler/set_parameters", request).results
         assert result.successful, result.reason
-        observer.collect((MASTER.arm_force,), samples)
+        wait_for_forces(samples)
     assert graph.end(signal.SIGINT) == 0, graph.text
     found = read_bag(tmp_path / "bag").signals
     force = found[MASTER.arm_force.name]
