@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -33,6 +32,7 @@ from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.devices.interface import DeviceError, Reading
 from haptic_accel.devices.observed import ObservedDevice
 from haptic_accel.devices.simulated import SimulatedMaster
+from running import wait_until
 
 RATE = 1000.0
 AMPLITUDE = 0.3  # N
@@ -44,13 +44,6 @@ def probe(moment: float) -> float:
 
 def observed(device: SimulatedMaster) -> ObservedDevice:
     return ObservedDevice(device, MasterSafetyParameters(), RATE, latency=1)
-
-
-def wait_until(happened: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 60.0
-    while not happened():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 def test_a_force_moves_the_handle_as_its_model_says() -> None:
@@ -83,13 +76,13 @@ def test_a_stopped_device_gets_no_force() -> None:
     master.write = noted  # type: ignore[method-assign]
     with observed(master) as device:
         device.drive(lambda _: 1.0)
-        wait_until(lambda: along_actuator(1.0) in forces)
+        wait_until(lambda: along_actuator(1.0) in forces, "a force")
         device.stop()
         forces.clear()
         time.sleep(0.1)
         assert set(forces) <= {ZERO}
         device.arm()
-        wait_until(lambda: along_actuator(1.0) in forces)
+        wait_until(lambda: along_actuator(1.0) in forces, "a force")
 
 
 class Broken(SimulatedMaster):
@@ -106,7 +99,7 @@ class Broken(SimulatedMaster):
 
 def test_a_failure_is_kept_and_later_samples_are_missing() -> None:
     with observed(Broken(MasterRigParameters(), RATE, 0)) as device:
-        wait_until(lambda: bool(device.problem))
+        wait_until(lambda: device.problem, "a failure")
         assert device.problem == "the device has gone"
         silent = device.silent_for
         time.sleep(0.05)
