@@ -32,6 +32,7 @@ import aiohttp
 import pytest
 import yaml
 
+from browsing import received
 from haptic_accel.core.process import DONE, INTERRUPTED, WRONG_ARGUMENTS
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.trial import RigParameters
@@ -223,7 +224,7 @@ class AtPage:
     async def _look(self) -> dict[str, Any]:
         async with self._session() as session, session.ws_connect(f"{self._address}live") as live:
             while True:
-                message = await live.receive(30)
+                message = await received(live)
                 if message.type is aiohttp.WSMsgType.TEXT:
                     state: dict[str, Any] = json.loads(message.data)
                     if state["asks"] and state["number"] > self._number:

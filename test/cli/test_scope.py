@@ -25,6 +25,7 @@ from collections.abc import Callable
 import aiohttp
 import pytest
 
+from browsing import received
 from running import Command, free_port, nodes_of
 from verbs import refusal
 
@@ -38,7 +39,7 @@ async def first_frames(address: str) -> int:
         session.ws_connect(f"{address}live") as live,
     ):
         while True:
-            message = await live.receive(30)
+            message = await received(live)
             if message.type is aiohttp.WSMsgType.BINARY and message.data[0] == 1:
                 return len(message.data)
 

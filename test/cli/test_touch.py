@@ -26,6 +26,7 @@ from pathlib import Path
 import aiohttp
 import pytest
 
+from browsing import received
 from running import Command, wait_until
 from verbs import refusal
 
@@ -38,17 +39,17 @@ main(["touch", "--no-open", "--surface", "text"])
 """Command on a machine that has no ROS 2."""
 
 
-async def shown(address: str) -> dict[str, object]:
-    """Look as a page does until the rig's signals have metrics; return the state."""
+async def shown(address: str, name: str = "nrmse_percent") -> dict[str, object]:
+    """Look as a page does until the rig's signals have a metric; return the state."""
     async with (
         aiohttp.ClientSession(headers={"Origin": address.rstrip("/")}) as session,
         session.ws_connect(f"{address}live") as live,
     ):
         while True:
-            message = await live.receive(30)
+            message = await received(live)
             if message.type is aiohttp.WSMsgType.TEXT:
                 state: dict[str, object] = json.loads(message.data)
-                if "nrmse_percent" in state["metrics"]:  # type: ignore[operator]
+                if name in state["metrics"]:  # type: ignore[operator]
                     return state
 
 
@@ -77,7 +78,7 @@ def test_the_page_is_opened_where_there_is_a_screen(
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     touching = haptic_accel("touch")
     address = touching.wait_for("http").split()[0]
-    asyncio.run(shown(address))
+    asyncio.run(shown(address, "rate"))
     opened = tmp_path / "opened"
     if screen:
         wait_until(lambda: opened.exists() and opened.read_text().strip() == address, "a browser")

@@ -34,11 +34,11 @@ from rcl_interfaces.msg import ParameterEvent, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 
-from browsing import LISTEN, chromium
+from browsing import LISTEN, chromium, received
 from haptic_accel.core.process import REALTIME
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
 from haptic_accel.scope.server import METRICS_PERIOD
-from running import PATIENCE, Command, free_port, nodes_of, reserved_domain, use_domain, wait_until
+from running import Command, free_port, nodes_of, reserved_domain, use_domain, wait_until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -475,7 +475,7 @@ def test_a_flood_of_signals_does_not_silence_the_scope(start: Callable[..., Comm
             ) as live:
                 await live.send_json(["arm_force", "position"])
                 while found.count("OK") < 5 / METRICS_PERIOD:
-                    message = await live.receive(PATIENCE)
+                    message = await received(live)
                     if message.type is aiohttp.WSMsgType.TEXT:
                         rows = json.loads(message.data)["nodes"]
                         found += [row["state"] for row in rows if row["name"] == "scope"]

@@ -24,9 +24,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import aiohttp
 import pytest
 
 from haptic_accel.scope.windows import Windows
+from running import PATIENCE
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page, ViewportSize
@@ -45,6 +47,14 @@ FLAGS = (
     # Unlike localhost, this host name makes a page an insecure context.
     f"--host-resolver-rules=MAP {socket.gethostname()} 127.0.0.1",
 )
+
+
+async def received(live: aiohttp.ClientWebSocketResponse) -> aiohttp.WSMessage:
+    """Return the next message to a page, whose connection must go on."""
+    message = await live.receive(PATIENCE)
+    assert message.type in (aiohttp.WSMsgType.BINARY, aiohttp.WSMsgType.TEXT), message
+    return message
+
 
 LISTEN = """() => {
   const { context, output } = hapticSound;
