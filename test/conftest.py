@@ -128,8 +128,10 @@ def _with_stalls_named(item: pytest.Item) -> Iterator[None]:
         outcome: Any = yield
     failed = outcome.excinfo and issubclass(outcome.excinfo[0], (Exception, pytest.fail.Exception))
     if failed and watch.longest > LONGEST_STALL:
-        error = MachineStoodStillError(f"for {watch.longest:.2f} s")
-        error.__cause__ = outcome.excinfo[1]
+        failure = outcome.excinfo[1]
+        reason = str(failure).partition("\n")[0]
+        error = MachineStoodStillError(f"for {watch.longest:.2f} s, beside: {reason}")
+        error.__cause__ = failure
         outcome.force_exception(error)
 
 

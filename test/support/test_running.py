@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -125,9 +126,11 @@ def test_what_fails_for_another_reason():
 """
 
 
-def suite(folder: Path, *words: str, **values: object) -> subprocess.CompletedProcess[str]:
+def suite(
+    folder: Path, *words: str, content: str = "", **values: object
+) -> subprocess.CompletedProcess[str]:
     """Run a small suite with this conftest and settings."""
-    (folder / "test_small.py").write_text(SUITE.format(**values))
+    (folder / "test_small.py").write_text(content or SUITE.format(**values))
     (folder / "conftest.py").write_text((TESTS / "conftest.py").read_text())
     settings = (TESTS.parent / "pyproject.toml").read_text()
     (folder / "pyproject.toml").write_text(
@@ -143,6 +146,33 @@ def test_what_the_machine_is_to_blame_for_is_run_again_and_listed(tmp_path: Path
     assert "3 run again, 3 are allowed" in done.stdout
     listed = "test_the_machine_was_to_blame[0]: running.MachineStoodStillError: for 1.00 s"
     assert listed in done.stdout
+
+
+STOPPED = """
+import os
+import signal
+import subprocess
+import pytest
+
+RUNS = []
+
+@pytest.mark.live
+def test_that_is_stopped():
+    RUNS.append(0)
+    if len(RUNS) == 1:
+        subprocess.Popen(["sh", "-c", f"sleep 1; kill -CONT {os.getpid()}"])
+        os.kill(os.getpid(), signal.SIGSTOP)
+        raise AssertionError("no sample came\\nin two lines")
+"""
+
+
+def test_a_failure_beside_a_stall_is_run_again_and_listed_with_its_reason(tmp_path: Path) -> None:
+    done = suite(tmp_path, content=STOPPED)
+    assert done.returncode == 0, done.stdout
+    line = (
+        r"test_that_is_stopped: running.MachineStoodStillError: for \S+ s, beside: no sample came"
+    )
+    assert re.search(f"{line}$", done.stdout, re.MULTILINE), done.stdout
 
 
 def test_no_other_failure_is_run_again(tmp_path: Path) -> None:
