@@ -35,6 +35,7 @@ from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.model import Vector
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS, Topic
+from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.signals import Publishers, Sender
@@ -57,6 +58,7 @@ class Restamper(GraphNode):
         )
         self._lead = DurationHistogram()
         self._reported = self._forces = self._past_tick = 0
+        self._failure = ""
         self._waiting: list[tuple[Sender, deque[tuple[int, Vector]]]] = []
         self._senders = [self._pass_on(topic) for topic in SLAVE_SIGNALS]
         # The coupler waits for a subscriber of the arm's force and for the device's state "not
@@ -114,8 +116,13 @@ class Restamper(GraphNode):
                 return
             now = time.time_ns()
             said = self._shift.anchored
-            moved = self._shift.moved(stamp, now)
-            if moved is None:
+            try:
+                moved = self._shift.moved(stamp, now)
+            except PaceError as error:
+                self._failure = f"{self.resolve_topic_name(PLAYED)}: {error}"
+                self.finish()
+                return
+            if moved is None or self._failure:
                 return
             waiting.append((moved, vector))
             if counted:
@@ -131,6 +138,11 @@ class Restamper(GraphNode):
         publishers = Publishers(self.listen(played, receive))
         self.watch_senders(played, publishers)
         return sender
+
+    def close(self) -> None:
+        """Raise the reason for which the played samples are refused, if any."""
+        if self._failure:
+            raise DeviceError(self._failure)
 
     def _grid_point(self, moment: int) -> int:
         """Return the first point of the sampling grid from a system time on."""
@@ -158,12 +170,24 @@ LEAD = 20_000_000
 only on a busy machine. Nobody feels it, as no force acts on replayed arms."""
 
 
+PACE_TIME = 1_000_000_000
+"""Time after which stamps that advance at another pace than arrivals are refused, ns."""
+
+PACE = 0.2
+"""Maximum difference of the stamps' pace from 1: a busy machine delays arrivals by 0.1 s."""
+
+
+class PaceError(Exception):
+    """Error: stamps advance at another pace than their arrivals; the message is one line."""
+
+
 class StampShift:
     """Constant offset for all recorded stamps that moves each to a future tick.
 
     The spacing of stamps remains as recorded, however unevenly samples arrive. The fastest
     early arrival determines the offset, which is determined again if stamps and arrivals drift
-    apart: a bag is played at another speed or in a loop, or its player is slow.
+    apart: a bag is played in a loop, or its player is slow. A bag played at another speed from
+    the start is refused.
 
     Parameters
     ----------
@@ -171,9 +195,10 @@ class StampShift:
         Function from a time to the next point of the sampling grid, both system times in ns.
         Shifted stamps lie on the grid of the other arm's samples.
     period : int
-        Period of the grid, ns: the maximum time by which a sample may be earlier than the fastest.
+        Period of the grid, ns.
     limit : int
-        Maximum delay of an arrival relative to its shifted stamp, ns.
+        Maximum delay of an arrival relative to its shifted stamp, ns, and maximum time by which
+        it may be earlier than the fastest.
 
     Attributes
     ----------
@@ -183,11 +208,13 @@ class StampShift:
 
     def __init__(self, grid: Callable[[int], int], period: int, limit: int) -> None:
         self._grid = grid
-        # The next point of the grid may be a period later.
-        self._ahead = LEAD + 2 * period
+        # The next point of the grid may be a period later. Early samples wait for their tick: a
+        # stamp moved back for them would be that of a clock that was set.
+        self._ahead = LEAD + 2 * period + limit
         self._behind = limit
         self._until: int | None = None
         self._quickest = 0
+        self._begin: tuple[int, int] | None = None
         self._offset: int | None = None
         self.anchored = 0
 
@@ -200,12 +227,20 @@ class StampShift:
             Recorded stamp, ns.
         now : int
             Arrival time, system time, ns.
+
+        Raises
+        ------
+        PaceError
+            The samples are played at another speed.
         """
         if self._offset is None:
-            if self._until is None:
+            if self._begin is None or self._until is None:
                 self._until, self._quickest = now + LISTENING, now - stamp
+                self._begin = stamp, now
             self._quickest = min(self._quickest, now - stamp)
-            if now < self._until:
+            if now < self._until or not self._keeps_pace(
+                stamp - self._begin[0], now - self._begin[1]
+            ):
                 return None
             self._anchor(stamp, self._quickest)
         elif not -self._ahead <= now - stamp - self._offset <= self._behind:
@@ -220,6 +255,18 @@ class StampShift:
                 self._anchor(stamp, self._quickest)
         assert self._offset is not None
         return stamp + self._offset
+
+    def _keeps_pace(self, advance: int, elapsed: int) -> bool:
+        """Return whether stamps advance as their arrivals, as far as is known."""
+        pace = advance / elapsed
+        if abs(pace - 1) <= PACE:
+            return True
+        if elapsed < PACE_TIME:
+            return False
+        raise PaceError(
+            f"stamps advance by {pace:.2g} s per second: must be played at their original rate,"
+            " as by ros2 bag play without --rate; replay with rate:= plays a bag at another speed"
+        )
 
     def _anchor(self, stamp: int, distance: int) -> None:
         self._offset = self._grid(stamp + distance + LEAD) - stamp

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Publish a bag as `ros2 bag play` does: ``python bag_player.py BAG [all]``.
+"""Publish a bag as `ros2 bag play` does: ``python bag_player.py BAG [all | RATE]``.
 
 Messages keep their original times and stamps. The slave's signals appear below ``/played``, once
 all have subscribers. With ``all``, every topic keeps its name and recorded quality of service.
@@ -57,6 +57,7 @@ def main() -> None:
     rclpy.init()
     node = rclpy.create_node("rosbag2_player")
     bag, everything = Path(sys.argv[1]), sys.argv[2:] == ["all"]
+    rate = 1.0 if everything or len(sys.argv) < 3 else float(sys.argv[2])
     signals = {f"/{topic.name}" for topic in SLAVE_SIGNALS}
     with Reader(bag) as reader:
         wanted = [found for found in reader.connections if everything or found.topic in signals]
@@ -75,7 +76,7 @@ def main() -> None:
         time.sleep(0.05)
     begin, first = time.monotonic_ns(), messages[0][0]
     for recorded, topic, data in messages:
-        ahead = recorded - first - (time.monotonic_ns() - begin)
+        ahead = (recorded - first) / rate - (time.monotonic_ns() - begin)
         time.sleep(max(0, ahead) / 1e9)
         publishers[topic].publish(data)
     print(f"played {len(messages)} messages", flush=True)
