@@ -25,6 +25,9 @@ from haptic_accel.core.bounded_files import opened
 LARGEST = 1 << 26
 """Maximum size of a record, chunk or message, bytes; rosbag2's chunks have 768 KiB."""
 
+ZSTD = bytes.fromhex("28b52ffd")
+"""First bytes of a frame of Zstandard (RFC 8878)."""
+
 PART = 1 << 20
 """Number of bytes decompressed at a time."""
 

@@ -37,7 +37,7 @@ import numpy as np
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from haptic_accel.bags.expanding import Allowance, decompressed_file, decompressed_message
+from haptic_accel.bags.expanding import ZSTD, Allowance, decompressed_file, decompressed_message
 from haptic_accel.bags.facts import PARAMETERS, facts_of, read_description
 from haptic_accel.bags.file_order import (
     FILE_BITS,
@@ -274,7 +274,7 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
         files.append(collected.begin(source.name, is_alone=len(sources) == 1))
         problems = len(bag.problems)
         try:
-            for block in _blocks(source, metadata, bag.problems, files[-1].custom):
+            for block in _blocks(source, bag.problems, files[-1].custom):
                 collected.add(block)
         except (OSError, *DAMAGE_ERRORS) as error:
             failures.append(f"{source.name} cannot be read: {error}")
@@ -318,24 +318,21 @@ def _sources(bag: Bag, metadata: Metadata) -> list[Path]:
     return found
 
 
-def _blocks(
-    source: Path, metadata: Metadata, problems: list[str], custom: dict[str, str]
-) -> Iterator[Block]:
+def _blocks(source: Path, problems: list[str], custom: dict[str, str]) -> Iterator[Block]:
     """Yield the messages of a file, and add its custom data."""
     if source.suffix == COMPRESSED:
         with TemporaryDirectory(prefix="haptic_accel-") as folder:
             whole = decompressed_file(source, Path(folder))
-            yield from _blocks(whole, metadata, problems, custom)
+            yield from _blocks(whole, problems, custom)
         return
     if source.suffix == MCAP:
         mcap = McapFile(source)
         blocks = mcap.blocks()
     else:
         blocks = _foreign_blocks(source)
-    if metadata.compression_mode == "message":
-        allowance = Allowance(source)
-        blocks = (_decompressed(block, allowance) for block in blocks)
-    yield from blocks
+    allowance = Allowance(source)
+    for block in blocks:
+        yield _decompressed(block, allowance) if _is_compressed(block) else block
     if source.suffix != MCAP:
         return
     custom |= mcap.custom_data
@@ -379,6 +376,15 @@ def _check_tables(database: sqlite3.Connection) -> None:
         columns = "SELECT 1 FROM pragma_table_xinfo(?) WHERE hidden != 0"
         if not is_stored or database.execute(columns, (name,)).fetchone():
             raise ValueError("it has computed rows, which are not allowed")
+
+
+def _is_compressed(block: Block) -> bool:
+    """Return whether messages were compressed one by one, whatever metadata.yaml says.
+
+    A message begins with a zero in every encoding of CDR.
+    """
+    start = int(block.starts[0]) if len(block.starts) else 0
+    return block.bytes[start : start + len(ZSTD)].tobytes() == ZSTD
 
 
 def _decompressed(block: Block, allowance: Allowance) -> Block:

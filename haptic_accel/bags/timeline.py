@@ -163,7 +163,7 @@ def timeline(topics: Mapping[str, Arrivals], rate: float | None = None) -> Timel
         if other:
             found.notes.append(
                 f"{name}: {other} messages have the stamp of another one with other values: only"
-                " the first is used"
+                " the last is used"
             )
         order = order[sure]
         found.stamps[name] = stamps[order]
@@ -267,18 +267,26 @@ def _parts(
     parts = {}
     for name, given in left.items():
         own = cuts[name]
-        is_common = len(own) == number and all(
-            abs(one.by - other.by) <= _RELEASED for one, other in zip(own, common, strict=True)
-        )
-        borders = [step.place for step in own] if is_common else found._places
+        matched = [
+            min(
+                (step for step in own if abs(step.by - each.by) <= _RELEASED),
+                key=lambda step, place=each.place: abs(step.place - place),  # type: ignore[misc]
+                default=each,
+            )
+            for each in common
+        ]
+        borders = [step.place for step in matched]
         parts[name] = np.searchsorted(borders, given.places, side="right")
-        if own and not is_common:
-            late = given.places >= own[0].place
+        cuts[name] = matched if all(step in own for step in matched) else []
+        # A message sent again, or overtaken by another one, is no step of a clock.
+        faults = [step for step in own if step not in matched and step.by < -_RELEASED]
+        if faults:
+            late = given.places >= faults[0].place
             parts[name][late] = -1
             cuts[name] = []
             found.notes.append(
-                f"{name}: its stamps go back by {-own[0].by / NANOSECONDS:.3g} s, unlike those of"
-                f" other topics: {int(late.sum())} messages from there are left out"
+                f"{name}: its stamps go back by {-faults[0].by / NANOSECONDS:.3g} s, unlike those"
+                f" of other topics: {int(late.sum())} messages from there are left out"
             )
     return parts
 
@@ -307,10 +315,11 @@ def _join(
 
 
 def _once(given: Arrivals, stamps: IntArray) -> tuple[BoolArray, int, int]:
-    """Return a mask of the first message for each stamp; count copies, and contradictions."""
-    sure = np.concatenate([[True], np.diff(stamps) > 0])[: len(stamps)]
-    first = np.flatnonzero(sure)[np.cumsum(sure) - 1]
-    is_copy = ~sure & (given.marks == given.marks[first])
+    """Return a mask of the last message for each stamp; count copies, and contradictions."""
+    sure = np.concatenate([np.diff(stamps) > 0, [True]])[: len(stamps)]
+    lasts = np.flatnonzero(sure)
+    last = lasts[np.searchsorted(lasts, np.arange(len(stamps)))]
+    is_copy = ~sure & (given.marks == given.marks[last])
     return sure, int(is_copy.sum()), int((~sure & ~is_copy).sum())
 
 

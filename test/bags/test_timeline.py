@@ -116,3 +116,28 @@ def test_gaps_and_jitter_stay_as_they_are() -> None:
     found = made({"all": change})
     expected = change(START + PERIOD * np.arange(SAMPLES, dtype=np.int64))
     assert (found.notes, found.stamps["tool"].tolist()) == ([], expected.tolist())
+
+
+@pytest.mark.parametrize("by", [-PERIOD, -2 * PERIOD, 0])
+def test_a_message_that_is_sent_again_costs_no_other(by: int) -> None:
+    def change(stamps: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+        stamps[1000] += by
+        return stamps
+
+    found = made({"force": change})
+    doubled = {1000 + by // PERIOD} - {1000}
+    assert set(range(SAMPLES)) - set(found.chosen["force"].tolist()) == doubled
+    assert len(found.notes) == len(doubled)
+
+
+def test_a_step_and_a_message_sent_again_are_told_apart() -> None:
+    def change(stamps: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+        stamps[1000] -= PERIOD
+        return after(0.5, -3 * SECOND)(stamps)
+
+    found = made({"force": change, "all": after(0.5, -3 * SECOND)})
+    assert [len(found.chosen[name]) for name in ("tool", "handle", "force")] == [4000, 4000, 3999]
+    assert [line[:24] for line in found.notes] == [
+        "its clock was set back b",
+        "force: 1 messages have t",
+    ]

@@ -87,6 +87,9 @@ class BagForm:
         Order of the files in metadata.yaml: ``right``, ``reversed``, or ``none`` for no such file.
     cut_off : float
         Share of the last file that is missing at its end.
+    beside : str
+        File beside the bag's: ``copy`` of the first, ``other`` recording of the same time, or
+        none.
     """
 
     messages: tuple[Message, ...]
@@ -97,6 +100,7 @@ class BagForm:
     compression: CompressionMode = CompressionMode.NONE
     listed: str = "right"
     cut_off: float = 0.0
+    beside: str = ""
 
 
 def write_form(form: BagForm, folder: Path) -> Path:
@@ -123,6 +127,13 @@ def write_form(form: BagForm, folder: Path) -> Path:
         file = bag / entries[-1][0]
         content = file.read_bytes()
         file.write_bytes(content[: round(len(content) * (1 - form.cut_off))])
+    if form.beside == "copy":
+        shutil.copy(bag / entries[0][0], bag / f"copy of {entries[0][0]}")
+    if form.beside == "other":
+        other = tuple(restamped(each, lambda time: time + OTHER) for each in form.messages)
+        part = write_messages(folder / "other", other, custom=form.custom)
+        shutil.move(part / "other.mcap", bag)
+        shutil.rmtree(part)
     if form.listed != "none":
         _write_metadata(bag, entries, form)
     for number in range(len(parts)):
@@ -209,6 +220,9 @@ def _below(form: BagForm, where: float, much: float) -> BagForm:
     return replace(form, messages=moved)
 
 
+OTHER = 200_400_000
+"""Delay of another recording, ns: not a whole number of samples."""
+
 NAMES = ("bag_{0}", "{0}_bag_2026_11_26-23_07_5{1}", "part{1}", "{1}", "bag_{1}_a")
 """Patterns of file names, with the counter anywhere or in reverse order."""
 
@@ -228,6 +242,11 @@ BAG_CHANGES: Mapping[str, Change[BagForm]] = {
     "other storage": lambda form, where, much: replace(
         form, storage=StoragePlugin.SQLITE3, compression=CompressionMode.NONE
     ),
+    "compressed by message": lambda form, where, much: replace(
+        form, compression=CompressionMode.MESSAGE
+    ),
+    "copy of a file": lambda form, where, much: replace(form, beside="copy"),
+    "file of another recording": lambda form, where, much: replace(form, beside="other"),
     "clock off": lambda form, where, much: _moved(
         form, lambda time: time + round((much - 0.5) * 1e17)
     ),
@@ -241,4 +260,4 @@ BAG_CHANGES: Mapping[str, Change[BagForm]] = {
     "other names of topics": _below,
     "cut off": lambda form, where, much: replace(form, cut_off=0.01 + 0.4 * much),
 }
-"""Changes of a bag's form. Messages compressed one by one need a writer that compresses each."""
+"""Changes of a bag's form."""
