@@ -73,7 +73,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Set the number of cases of `fuzzing.fuzz`, before the tests that it decorates are read."""
     cases = config.getoption("--fuzz")
-    shares = {"fuzz": 1, "fuzz few": 10, "fuzz fewest": 50}
+    shares = {"fuzz": 1, "fuzz few": 10, "fuzz fewest": 100}
     for name, usual in ((name, FUZZ_CASES // share) for name, share in shares.items()):
         settings.register_profile(
             name,

@@ -42,7 +42,7 @@ from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
 from haptic_accel.core.parameters import ParameterError, schema
-from haptic_accel.core.sampling import NANOSECONDS, RELEASED, sampling_rate
+from haptic_accel.core.sampling import NANOSECONDS, RELEASED, places, sampling_rate
 from haptic_accel.core.trial import RigParameters
 from haptic_accel.graph.arguments import (
     PLAYED_TOPICS,
@@ -68,10 +68,6 @@ SETTLING = LISTENING + FADING + RINGING
 SHORTEST = 0.9
 """Minimum duration of an analysed segment, s: a trial of 1 s minus the duration of a live
 start."""
-
-_WHOLE = 1e-3
-"""Fraction of a sample by which the last one may lie beyond a segment's end, as stamps are whole
-ns."""
 
 OPERATOR, ROBOT = "master", "slave"
 """Values of the argument ``side`` for a bag of one of two hosts."""
@@ -595,7 +591,11 @@ def _segment(
     anchor = next(recorded.signals[name] for name in _NAMES if name in recorded.signals)
     # The grid passes through a stamp, although the segment may start between two.
     start = int(anchor.stamps[np.argmax(anchor.stamps >= low)])
-    length = math.floor((high - start) * rate / NANOSECONDS + _WHOLE) + 1
+    present = [recorded.signals[name].stamps for name in _NAMES if name in recorded.signals]
+    # A sample may be up to half a period from its grid point, but no later than the end.
+    ends = [int(np.searchsorted(stamps, high, side="right")) for stamps in present]
+    last = max(int(stamps[max(0, end - 1)]) for stamps, end in zip(present, ends, strict=True))
+    length = int(places(np.array([last]), start, rate)[0]) + 1
     signals: dict[str, FloatArray] = {}
     axes = recorded.axes
     for name in _NAMES:

@@ -187,7 +187,7 @@ def _strays(arrived: Mapping[str, Arrivals], period: float) -> Iterator[tuple[st
     They are few, in no place where other topics have samples too, or alone between neighbours. The
     period, in ns, is 0 if neighbours tell nothing.
     """
-    every = np.sort(np.concatenate([given.stamps for given in arrived.values()]))
+    every = np.sort(np.concatenate([given.stamps for given in arrived.values()]), kind="stable")
     groups = np.flatnonzero(np.diff(every) > FAR * NANOSECONDS) + 1
     sizes = np.diff(np.concatenate([[0], groups, [len(every)]]))
     is_stray = sizes * STRAY_SHARE < len(every)
@@ -223,9 +223,11 @@ def _steps(given: Arrivals, period: float) -> Iterator[_Step]:
         latest = _contradiction(rest, period)
         if latest is None:
             back = np.flatnonzero(jumps < -_RELEASED)
+            if not len(back):
+                return
             gaps = np.sum(np.diff(np.sort(rest.stamps)) > _RELEASED)
             # Chunks in another order leave no gap in order of time.
-            if len(back) and gaps > np.sum(jumps > _RELEASED):
+            if gaps > np.sum(jumps > _RELEASED):
                 ends = back[:MOST_STEPS]
                 for place, by in zip(rest.places[ends + 1], jumps[ends], strict=True):
                     yield _Step(int(place), round(by - period))
@@ -237,10 +239,10 @@ def _steps(given: Arrivals, period: float) -> Iterator[_Step]:
 
 def _contradiction(given: Arrivals, period: float) -> int | None:
     """Return the index of the first message at a time that is taken by another sample."""
+    if len(given.stamps) < 3 or bool((np.diff(given.stamps) > 0).all()):
+        return None
     order = np.argsort(given.stamps, kind="stable")
     stamps, marks = given.stamps[order], given.marks[order]
-    if len(order) < 3 or bool((np.diff(order) > 0).all() and (np.diff(stamps) > 0).all()):
-        return None
     is_same = stamps[1:] == stamps[:-1]
     differs = is_same & (marks[1:] != marks[:-1])
     found = [np.maximum(order[1:], order[:-1])[differs]]

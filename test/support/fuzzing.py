@@ -88,7 +88,7 @@ def fuzz_few(test: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def fuzz_fewest(test: Callable[..., Any]) -> Callable[..., Any]:
-    """Apply `fuzz` with a fiftieth of the default cases, for cases of a second."""
+    """Apply `fuzz` with a hundredth of the default cases, for cases of a second."""
     return pytest.mark.fuzz(settings.get_profile("fuzz fewest")(test))
 
 
