@@ -79,7 +79,7 @@ touch: $(RUNTIME) ## touch a surface on a page in the browser; Ctrl-C ends it
 
 .PHONY: demo
 demo: $(RUNTIME) ## run the paper's experiment through the live ROS 2 graph
-	@$(BIN)/haptic-accel experiment --controllers none,constant,dynamic,adaptive $(ARGS)
+	@$(BIN)/haptic-accel experiment $(ARGS)
 
 .PHONY: test
 test: $(DEV) ## run the test suite: what needs no graph on all cores, then one graph at a time

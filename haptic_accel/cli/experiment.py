@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``haptic-accel experiment``: the paper's nine conditions, live or in lockstep."""
+"""``haptic-accel experiment``: the paper's experiment, live or in lockstep."""
 
 from __future__ import annotations
 
@@ -72,8 +72,8 @@ network_option = partial(
     click.option, cls=options.GroupedOption, heading="Network between two hosts, in lockstep"
 )
 
-PAPER_CONTROLLERS = ("none", "constant", "dynamic")
-"""The paper's conditions."""
+COMPARED = ("none", "constant", "dynamic", "adaptive")
+"""The paper's controllers, and the one with the least error."""
 
 DURATION = 10.0
 """Default length of a condition, s."""
@@ -92,7 +92,7 @@ AROUND = 4.0
 )
 @options.words(GraphArguments)
 @options.lockstep_option
-@options.controllers_option(CONTROLLERS, default=PAPER_CONTROLLERS)
+@options.controllers_option(CONTROLLERS, default=COMPARED)
 @options.word_options(["rig", "rate", "grip", "recording", "recording_rate"])
 @click.option(
     "--seeds",
@@ -128,7 +128,7 @@ def experiment(
     loss: float | None,
     workers: Workers,
 ) -> None:
-    """Run the paper's three surfaces under its three controllers.
+    """Run the paper's three surfaces under its three controllers and `adaptive`.
 
     Prints Table II beside the paper's, and writes a report with its figures 9, 10 and 11.
     surface and controller restrict the conditions; duration is that of one condition, 10 s by
