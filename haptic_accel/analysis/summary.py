@@ -24,6 +24,7 @@ import pandas as pd
 
 from haptic_accel.analysis.comparison import Comparison
 from haptic_accel.analysis.frames import (
+    AVERAGE,
     PAPER_REGRESSION,
     PAPER_SURFACES,
     Cell,
@@ -60,6 +61,7 @@ def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[st
         *_runs(frame),
         *_without_contact(frame),
         _errors(analysis),
+        *_lowest(analysis),
         *_directions(frame),
         *_reduced(frame),
         *_shares(frame),
@@ -138,6 +140,36 @@ def _errors(analysis: Analysis) -> str:
         f"Error (NRMSE), shifted back by {analysis.shifted_by}: {', '.join(apart)}; there is no"
         " average, as no surface has an error of every controller."
     )
+
+
+UNFOLLOWED = 25.0
+"""Lowest possible error from which on the input cannot be followed, %: about a hand's smallest
+difference of strength, 2.2 dB."""
+
+
+def _lowest(analysis: Analysis) -> list[str]:
+    """Return a sentence on the lowest possible error, for an error to be read beside it."""
+    table = table_two(groups(analysis))
+    if not table.bounds:
+        return []
+    bounds = next(iter(table.bounds.values()))  # within the actuator's limits, if known
+    known = [
+        (surface, bound)
+        for surface, bound in zip(table.columns, bounds, strict=True)
+        if math.isfinite(bound)
+    ]
+    sentences = [
+        "Lowest error possible here, of any causal filter within the actuator's limits: "
+        + ", ".join(f"{surface} {percent(bound)}" for surface, bound in known)
+        + "."
+    ]
+    high = [surface for surface, bound in known if bound >= UNFOLLOWED and surface != AVERAGE]
+    if high:
+        sentences.append(
+            f"The input itself cannot be followed on {', '.join(high)}: that part of the error is"
+            " not the controller's."
+        )
+    return sentences
 
 
 def _shares(frame: pd.DataFrame) -> list[str]:

@@ -156,6 +156,21 @@ def test_the_bounds_are_those_of_the_handle_that_was_simulated(tmp_path: Path) -
     assert bounds["late"] > 20.0  # half a millisecond of it has to be foreseen
 
 
+def test_an_input_that_cannot_be_followed_is_told_from_a_bad_controller(tmp_path: Path) -> None:
+    for name, delay in (("prompt", 0.0), ("late", 4e-3)):
+        content = copy(seconds=4.0)
+        content.facts["arguments"]["master"] = "simulated"
+        content.facts["parameters"]["master_device"] = {"simulated.drive.delay": delay}
+        write_bag(tmp_path / name, content)
+        analysis = load(tmp_path / name)
+        lowest = trials(analysis).iloc[0].limited_bound_percent
+        told = [line for line in summary(analysis) if "error possible" in line]
+        (line,) = told
+        assert line.endswith(f"within the actuator's limits: plywood {lowest:.1f} %.")
+        alone = "The input itself cannot be followed on plywood"
+        assert any(line.startswith(alone) for line in summary(analysis)) == (name == "late")
+
+
 def test_a_rig_stands_for_the_handle_of_a_bag_that_does_not_describe_it(tmp_path: Path) -> None:
     content = copy(seconds=2.0)
     write_bag(tmp_path / "described", content)

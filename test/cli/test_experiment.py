@@ -29,6 +29,7 @@ from running import Command
 from verbs import refusal
 
 Start = Callable[..., Command]
+NINE = ("experiment", "--lockstep", "duration:=8", "--controllers", "none,constant,dynamic")
 NETWORK = ["--delay", "20", "--jitter", "10"]
 KEYS = {
     "surface",
@@ -210,27 +211,27 @@ def test_live_gives_the_same_figures_and_how_samples_travelled(
 def test_ctrl_c_reports_what_was_done_and_the_same_command_goes_on(
     haptic_accel: Start, tmp_path: Path, domain: int
 ) -> None:
-    command = haptic_accel("experiment", "--lockstep", "duration:=8", "--out", "report")
-    command.wait_for("2 of 12")
+    command = haptic_accel(*NINE, "--out", "report")
+    command.wait_for("2 of 9")
     assert command.end(signal.SIGINT) == 130, command.text
     assert "Traceback" not in command.text
     assert "interrupted after" in command.text
     assert (tmp_path / "report" / "index.html").is_file()
-    again = haptic_accel("experiment", "--lockstep", "duration:=8", "--out", "report")
+    again = haptic_accel(*NINE, "--out", "report")
     assert again.end() == 0, again.text
-    assert "of 12 conditions are taken from report/unfinished.part" in again.text
+    assert "of 9 conditions are taken from report/unfinished.part" in again.text
     assert not (tmp_path / "report" / "unfinished.part").exists()
-    assert len(list((tmp_path / "report" / "bags").iterdir())) == 12
+    assert len(list((tmp_path / "report" / "bags").iterdir())) == 9
 
 
 @pytest.mark.quiet
 def test_a_killed_process_leaves_no_condition_out(haptic_accel: Start, tmp_path: Path) -> None:
-    command = haptic_accel("experiment", "--lockstep", "duration:=8", "--out", "report")
-    command.wait_for("1 of 12")
+    command = haptic_accel(*NINE, "--out", "report")
+    command.wait_for("1 of 9")
     psutil.Process(command.process.pid).children()[0].kill()
     assert command.end() == 0, command.text
-    assert "12 of 12" in command.text
-    assert len(list((tmp_path / "report" / "bags").iterdir())) == 12
+    assert "9 of 9" in command.text
+    assert len(list((tmp_path / "report" / "bags").iterdir())) == 9
 
 
 @pytest.mark.quiet
