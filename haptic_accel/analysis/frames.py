@@ -60,7 +60,7 @@ _CONDITION = ["controller", "surface"]
 _FIRST = ["trial", *_CONDITION, "grip", "pair", "contact"]
 
 
-def load(*paths: Path | str, shift: str = "granted") -> Analysis:
+def load(*paths: Path | str, shift: str = "granted", apart: bool = False) -> Analysis:
     """Analyse bags.
 
     Parameters
@@ -70,6 +70,8 @@ def load(*paths: Path | str, shift: str = "granted") -> Analysis:
     shift : str
         ``granted`` for latency and granted delay, ``paper`` for one sample, ``measured``, or
         milliseconds.
+    apart : bool
+        True if the paths are runs to be compared: the same trial counts once in each.
 
     Returns
     -------
@@ -81,7 +83,7 @@ def load(*paths: Path | str, shift: str = "granted") -> Analysis:
     ParameterError
         A path does not exist or has no bag, or the shift is malformed.
     """
-    return analyse([Path(p) for p in paths], Shift.read(shift))
+    return analyse([Path(p) for p in paths], Shift.read(shift), apart=apart)
 
 
 def trials(analysis: Analysis) -> pd.DataFrame:

@@ -17,13 +17,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -32,6 +31,7 @@ from haptic_accel.analysis.segments import ROBOT, VECTORS, Segment, cut, read_se
 from haptic_accel.analysis.two_hosts import Across, Host, compare_across, host_of, pairs
 from haptic_accel.bags.folder import find_bags
 from haptic_accel.bags.reading import read_bag
+from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import RigParameters
 
@@ -80,14 +80,15 @@ def analyse(
     *,
     rig: RigParameters | None = None,
     rate: float | None = None,
+    apart: bool = False,
     spread: Spread = map,
     ended: Ended | None = None,
 ) -> Analysis:
     """Read all bags at some paths and measure all their trials.
 
     An unreadable bag is reported as a problem, and does not affect the others. If trials of one
-    condition at one path have the same samples (copies, or repeated lockstep runs), only the first
-    counts.
+    condition have the same samples up to rounding (copies, or repeated lockstep runs, also on
+    another processor), only the first counts.
 
     Parameters
     ----------
@@ -97,6 +98,8 @@ def analyse(
         Default: each trial's latency and granted delay.
     rig, rate
         Values for bags without metadata, see `cut`.
+    apart : bool
+        True if the paths are runs to be compared: the same trial counts once in each.
     spread : callable
         Function that applies the analysis to each bag: `map`, or one with several processes.
     ended : callable, optional
@@ -116,7 +119,7 @@ def analyse(
     ]
     trials: list[AnalysedTrial] = []
     problems: dict[str, list[str]] = {}
-    seen: dict[tuple[Path, object, bytes], str] = {}
+    seen: dict[object, list[tuple[_Sketch, str]]] = {}
     hosts: dict[str, Host] = {}
     done = 0
     failed = 0
@@ -125,9 +128,11 @@ def analyse(
         failed += has_failed
         kept = []
         hosts |= {task.name: host} if host else {}
-        for trial, digest in measured:
-            first = seen.setdefault((task.source, trial.segment.condition, digest), trial.name)
-            if first == trial.name:
+        for trial, sketch in measured:
+            alike = seen.setdefault((apart and task.source, trial.segment.condition), [])
+            first = next((name for other, name in alike if _same(other, sketch)), "")
+            if not first:
+                alike.append((sketch, trial.name))
                 kept.append(trial)
             else:
                 # Counting it as another trial would make every interval too short.
@@ -158,9 +163,9 @@ class _Task:
 
 
 class _Measured(NamedTuple):
-    """A bag's trials with digests of their samples, its problems, its host, and its failure."""
+    """A bag's trials with sketches of their samples, its problems, its host, and its failure."""
 
-    trials: list[tuple[AnalysedTrial, bytes]]
+    trials: list[tuple[AnalysedTrial, _Sketch]]
     problems: list[str]
     host: Host | None = None
     has_failed: bool = False
@@ -184,7 +189,7 @@ def _measured(task: _Task) -> _Measured:
         for segment in parts.segments:
             name = task.name if segment.number == 1 else f"{task.name} #{segment.number}"
             trial = measure(segment, name, task.source, task.shift)
-            measured.append((trial, _digest(segment)))
+            measured.append((trial, _sketch(segment)))
     except ParameterError:
         raise  # an argument is wrong
     except Exception as error:
@@ -262,13 +267,34 @@ def _moved(task: tuple[AnalysedTrial, float]) -> AnalysedTrial:
     return replace(trial, portrait=again.portrait, traces=again.traces)
 
 
-def _digest(segment: Segment) -> bytes:
-    """Return a digest of a segment that is equal for equal samples."""
-    digest = hashlib.blake2b(digest_size=16)
-    for name, values in sorted(segment.signals.items()):
-        digest.update(name.encode())
-        digest.update(np.ascontiguousarray(values).ravel().data)
-    return digest.digest()
+_Sketch: TypeAlias = tuple[tuple[tuple[str, int], ...], FloatArray]
+"""Names and lengths of signals, and their samples in short; see `_sketch`."""
+
+PIECES = 32
+"""Number of pieces of a signal that are compared with those of another trial."""
+
+ROUNDING = 1e-6
+"""Largest relative difference that rounding makes: other processors change the last digits, and
+adaptation adds up. Other noise or texture changes every piece by some percent."""
+
+
+def _sketch(segment: Segment) -> _Sketch:
+    """Return mean and root mean square of pieces of a segment's signals, a row for each signal."""
+    signals = sorted(segment.signals.items())
+    rows = []
+    for _, values in signals:
+        pieces = np.array_split(values, PIECES)
+        strengths = [np.sqrt(np.mean(piece**2)) for piece in pieces]
+        rows.append([*(np.mean(piece) for piece in pieces), *strengths])
+    return tuple((name, len(values)) for name, values in signals), np.array(rows)
+
+
+def _same(one: _Sketch, other: _Sketch) -> bool:
+    """Return whether two sketches are of the same samples up to rounding."""
+    if one[0] != other[0]:
+        return False
+    largest = np.max(np.abs(one[1]), axis=1, keepdims=True, initial=0.0)
+    return bool(np.all(np.abs(one[1] - other[1]) <= ROUNDING * largest))
 
 
 def _names(bags: Sequence[Path]) -> list[str]:

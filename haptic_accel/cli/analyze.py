@@ -97,7 +97,7 @@ def analyze(
     for place in places:
         find_bags(place)
     # Its libraries take a second to import, for which a place without bags need not wait.
-    from haptic_accel.analysis.comparison import check_comparison, compared
+    from haptic_accel.analysis.comparison import RUNS, check_comparison, compared
     from haptic_accel.analysis.loading import analyse
     from haptic_accel.analysis.metrics import Shift
     from haptic_accel.analysis.writing import as_json, write_analysis
@@ -120,6 +120,7 @@ def analyze(
                 chosen,
                 rig=parameters,
                 rate=rate,
+                apart=comparison == RUNS,
                 spread=spread,
                 ended=print_trials,
             )

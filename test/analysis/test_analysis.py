@@ -156,6 +156,31 @@ def test_the_bounds_are_those_of_the_handle_that_was_simulated(tmp_path: Path) -
     assert bounds["late"] > 20.0  # half a millisecond of it has to be foreseen
 
 
+@pytest.mark.parametrize(
+    ("rounding", "counted"),
+    [(0.0, 1), (1e-12, 1), (1e-3, 3)],  # the same, another processor's last digits, other samples
+)
+def test_copies_in_several_folders_are_one_trial(
+    tmp_path: Path, rounding: float, counted: int
+) -> None:
+    content = copy(seconds=2.0)
+    noise = np.random.default_rng(0)
+    folders = [tmp_path / name for name in ("one", "two", "three")]
+    for folder in folders:
+        signals = {
+            name: values * (1.0 + rounding * noise.normal(size=values.shape))
+            for name, values in content.signals.items()
+        }
+        write_bag(folder / "bag", replace(content, signals=signals))
+    analysis = load(*folders)
+    assert len(analysis.trials) == counted
+    said = [line for lines in analysis.problems.values() for line in lines]
+    assert [line.startswith("counts once: it has the same") for line in said] == [True] * (
+        3 - counted
+    )
+    assert len(load(*folders, apart=True).trials) == 3  # of runs to be compared
+
+
 def test_an_input_that_cannot_be_followed_is_told_from_a_bad_controller(tmp_path: Path) -> None:
     for name, delay in (("prompt", 0.0), ("late", 4e-3)):
         content = copy(seconds=4.0)
