@@ -65,6 +65,23 @@ def test_prints_are_escaped_until_the_end_of_a_command() -> None:
     assert written.getvalue() == f"{ESCAPED} µ\n\tindented\n\x1b[0m"
 
 
+@pytest.mark.parametrize("width", [20, 30, 45, 60, 80, 200])
+def test_no_terminal_is_too_narrow_for_the_numbers_of_a_table(
+    width: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(width))
+    cells = ["66.7 [65.1, 68.2] (69.8)", "77.2 (80.6)", "\N{MINUS SIGN}10.42", "1234567"]
+    headings = ["controller", "plywood", "text", "slope, desired on actual", "messages"]
+    written = io.StringIO()
+    with redirect_stdout(written):
+        print_table(ResultTable(headings, [["constant", *cells], ["/a/long/name", *cells]], "II"))
+    lines = written.getvalue().splitlines()
+    assert max(map(len, lines)) <= width
+    for cell in cells:
+        for number in cell.split():
+            assert sum(line.split().count(number) for line in lines) == 2, number
+
+
 def test_a_table_has_colours_of_its_own_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "200")
