@@ -67,7 +67,8 @@ from haptic_accel.graph.arguments import AVERAGE_GRIP, IdentifyArguments
 from haptic_accel.graph.files import EVERY_NODE
 from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.processes import graph_parameters, rig_parameters
-from haptic_accel.materials.recordings import read_recording
+from haptic_accel.materials.columns import ACCELERATION, FORCE, Column, Wording
+from haptic_accel.materials.recordings import read_columns
 
 LOWEST_COMPARED = 15.0
 """Frequency below which the compensator's high-pass passes nothing (paper), Hz."""
@@ -410,8 +411,8 @@ def model_errors(
 MOST_MISSING = 0.01
 """Largest share of missing samples with which a trial is evaluated (assumed)."""
 
-COLUMNS = ("actuator_force", "handle_acceleration")
-"""Columns of a CSV file, N and m/s^2."""
+COLUMNS = {"actuator_force": FORCE, "handle_acceleration": ACCELERATION}
+"""Columns of a CSV file; without a unit in the title in N and m/s^2."""
 
 
 @dataclass
@@ -463,7 +464,7 @@ def read_recordings(
         Grip and path of each.
     arguments : IdentifyArguments
     recording_rate : float
-        Sampling rate of CSV files, Hz; 0 for the graph's.
+        Sampling rate of CSV files, Hz; 0 for that of their times, or else the graph's.
 
     Raises
     ------
@@ -480,10 +481,14 @@ def read_recordings(
             trials = _trials(bag, arguments, found.left_out)
             ages.append(_force_age(bag))
         else:
-            rate = recording_rate or arguments.rate
-            force, acceleration = (
-                read_recording(str(path), rate, rate, column=column) for column in COLUMNS
+            samples, rate = read_columns(
+                path,
+                recording_rate,
+                [Column((name,), quantity) for name, quantity in COLUMNS.items()],
+                Wording("recording_rate", ""),
+                arguments.rate,
             )
+            force, acceleration = samples.T
             trials = sweeps.find_trials(force, acceleration, arguments.sweep, rate)
         found.trials.setdefault(grip, []).extend(trials)
     every = [trial for trials in found.trials.values() for trial in trials]

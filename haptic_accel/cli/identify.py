@@ -89,7 +89,10 @@ from haptic_accel.graph.supervisor import Supervisor
     f" {' and '.join(COLUMNS)}, to evaluate in place of a run; may be given many times.",
 )
 @click.option(
-    "--recording-rate", default=0.0, metavar="HZ", help="Sampling rate of the CSV files, Hz."
+    "--recording-rate",
+    default=0.0,
+    metavar="HZ",
+    help="Sampling rate of CSV files without a column of times, Hz; by default that of the graph.",
 )
 @click.option(
     "--free",

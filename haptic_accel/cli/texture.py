@@ -38,15 +38,16 @@ from haptic_accel.cli.tables import print_table
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, printable
 from haptic_accel.core.reduction import REDUCTIONS
-from haptic_accel.core.resampling import checked_rate, resampled
+from haptic_accel.core.resampling import resampled
 from haptic_accel.core.surfaces.building import Recording, build
 from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
 from haptic_accel.core.tables import records
 from haptic_accel.core.topics import CONTACT_FORCE, SLAVE, SLAVE_ARM_FORCE
 from haptic_accel.devices.playback import bag_track, is_bag
+from haptic_accel.materials.columns import FORCE, SPEED, Column, Wording
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.foreign import import_texture
-from haptic_accel.materials.recordings import FULL_SCALE, cleaned, read_recording
+from haptic_accel.materials.recordings import COLUMNS, FULL_SCALE, cleaned, read_columns
 from haptic_accel.materials.texture_files import read_texture, write_texture
 
 AXES = 3
@@ -62,7 +63,7 @@ _csv_rate = click.option(
     default=0.0,
     show_default=False,
     metavar="HZ",
-    help="Samples per second of CSV files; others state their own.",
+    help="Samples per second of CSV files without a column of times; others state their own.",
 )
 _new_file = click.option("--out", type=FILE, metavar="FILE", required=True, help="File to write.")
 
@@ -100,12 +101,12 @@ def build_texture(
 ) -> None:
     """Build a texture model from recordings of a tool dragged over a surface.
 
-    A CSV file has columns speed (mm/s), force (N) and acceleration or accel (m/s^2); speed is
-    along the surface and force normal to it; with --axes, the three columns named there are
-    reduced to one signal. In a bag z is normal to the surface, and the force
-    is that of the contact or, where it was not recorded, that of the slave's arm. Glitches of
-    sensors are counted and replaced. Beside the model a plot is written: spectra, measured and
-    modelled, and the plane of speed and force.
+    A CSV file has columns speed (mm/s), force (N) and acceleration or accel (m/s^2), or another
+    unit in the title, such as force [mN]; speed is along the surface and force normal to it; with
+    --axes, the three columns named there are reduced to one signal. In a bag z is normal to the
+    surface, and the force is that of the contact or, where it was not recorded, that of the
+    slave's arm. Glitches of sensors are counted and replaced. Beside the model a plot is written:
+    spectra, measured and modelled, and the plane of speed and force.
     """
     check_writable(out, "out")
     if axes and len(set(axes)) != AXES:
@@ -257,13 +258,12 @@ def _csv(
     path: Path, rate: float, axes: Sequence[str], reduced: Callable[[FloatArray], FloatArray]
 ) -> Recording:
     """Return the recording in a CSV file; three axes are reduced to one."""
-    if not rate:
-        raise ParameterError(f"rate = 0: must be given for a CSV file such as {path}, in Hz")
-    checked_rate("rate", rate)
-    columns = ("speed", "force", *(axes or [""]))
-    speed, force, *found = (read_recording(path, rate, rate, column) for column in columns)
+    columns = [Column(("speed",), SPEED), Column(("force",), FORCE)]
+    columns += [Column((name,)) for name in axes] or [Column(COLUMNS)]
+    samples, own_rate = read_columns(path, rate, columns, Wording("rate", "--axes X,Y,Z"))
+    speed, force, *found = samples.T
     acceleration = reduced(np.column_stack(found)) if axes else found[0]
-    return Recording(str(path), rate, np.abs(speed) * MILLI, force, acceleration)
+    return Recording(str(path), own_rate, np.abs(speed), force, acceleration)
 
 
 def _bag(path: Path) -> Recording:

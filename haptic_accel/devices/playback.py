@@ -54,7 +54,7 @@ class ReplayParameters(Checked):
     file: str = parameter("", "folder or file of a bag, or CSV or WAV file of an acceleration")
     rate: float = parameter(
         0.0,
-        "sampling rate of a CSV file; other files have their own",
+        "sampling rate of a CSV file without a column of times; other files have their own",
         unit="Hz",
         low=0.0,
         high=1e6,

@@ -99,7 +99,11 @@ class RecordingParameters(Checked):
         "", "CSV or WAV file of an acceleration; empty to simulate the surface's texture"
     )
     rate: float = parameter(
-        0.0, "sampling rate of a CSV file; a WAV file has its own", unit="Hz", low=0.0, high=1e6
+        0.0,
+        "sampling rate of a CSV file without a column of times; other files have their own",
+        unit="Hz",
+        low=0.0,
+        high=1e6,
     )
     column: str = parameter(
         "", "column of a CSV or channel of a WAV file; empty for the usual names"

@@ -151,7 +151,7 @@ class ConditionArguments(Checked):
     recording_rate: float = sets(
         "slave_device.simulated.recording.rate",
         *in_devices("replay.rate"),
-        text="rate of a CSV recording; a WAV file has its own",
+        text="rate of a CSV recording without a column of times; other files have their own",
     )
     recording_column: str = sets(
         "slave_device.simulated.recording.column",

@@ -36,8 +36,12 @@ from haptic_accel.core.resampling import HIGHEST_RATE, LOWEST_RATE
 from haptic_accel.core.surfaces.building import FRAME, LARGEST_ORDER, RENDER_RATE
 from haptic_accel.core.surfaces.line_spectrum import from_polynomial, levinson
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
+from haptic_accel.core.warning import warn_once
+from haptic_accel.materials.columns import ACCELERATION, TIME, Wording, factor_of, is_time
+from haptic_accel.materials.csv_files import LARGEST
 from haptic_accel.materials.patterns import read_pattern
-from haptic_accel.materials.recordings import LARGEST, UNCALIBRATED, read_samples
+from haptic_accel.materials.recordings import UNCALIBRATED, check_rate, read_samples
+from haptic_accel.materials.sample_times import rate_of_times
 from haptic_accel.materials.texture_files import read_npz
 
 REFERENCE = np.array([0.08, 1.0])
@@ -49,6 +53,15 @@ PATTERN_RATE = 2000.0
 
 FLOOR = 1e-6
 """Power density relative to its mean below which a spectrum is not modelled: 60 dB."""
+
+MOST_CHANNELS = 64
+"""Maximum number of channels of an NPZ file: 21 sensors with three axes and their times."""
+
+NPZ_ARRAYS = ("data", "sample_rate", "channel_names")
+"""Arrays of an NPZ file that are read."""
+
+WORDING = Wording("rate", "")
+"""Name of the rate in messages; the column has a fixed name."""
 
 MOST_COEFFICIENTS = 1000
 """Maximum number of filter coefficients."""
@@ -70,10 +83,10 @@ def import_texture(
         ``.json``, a filter for unit white noise with sample_rate, b and a; ``.ahap`` or
         ``.haptic``, a pattern.
     rate : float
-        Sampling rate of a CSV file, Hz.
+        Sampling rate of a CSV file without times, Hz; must be 0 or that in any other file.
     calibration : float, optional
         Acceleration in m/s^2 for a value of 1, or for an integer's full scale. Required for
-        patterns and for WAV files with integers; CSV and XML files have units.
+        patterns and WAV files; CSV and XML files have units.
 
     Raises
     ------
@@ -86,47 +99,71 @@ def import_texture(
     if calibration is not None:
         wanted = Specification("calibration", "m/s^2", 0.0, LARGEST, above=True)
         checked("calibration", calibration, 1.0, wanted)
-        if read in (_from_hatt, _from_csv):
+        if path.suffix.lower() in (".xml", ".csv"):
             raise ParameterError(f"calibration = {calibration:g}: {path} has units: leave it out")
     return read(path, rate, calibration)
 
 
-def _from_hatt(path: Path, _rate: float, _calibration: float | None) -> TextureModel:
-    return read_hatt(path)
+def _from_hatt(path: Path, rate: float, _calibration: float | None) -> TextureModel:
+    model = read_hatt(path)
+    check_rate(str(path), model.rate, rate, WORDING)
+    return model
 
 
-def _from_csv(path: Path, rate: float, _calibration: float | None) -> TextureModel:
-    samples, rate = read_samples(path, rate)
-    return _from_signals(path, samples[np.newaxis], rate, None)
-
-
-def _from_wav(path: Path, _rate: float, calibration: float | None) -> TextureModel:
-    samples, rate = read_samples(path, 0.0, full_scale=calibration)
+def _from_recording(path: Path, rate: float, calibration: float | None) -> TextureModel:
+    samples, rate = read_samples(path, rate, full_scale=calibration, wording=WORDING)
     return _from_signals(path, samples[np.newaxis], rate, calibration)
 
 
-def _from_pattern(path: Path, _rate: float, calibration: float | None) -> TextureModel:
+def _from_pattern(path: Path, rate: float, calibration: float | None) -> TextureModel:
+    if rate:
+        raise ParameterError(f"rate = {rate:g}: {path} has no sampling rate: leave it out")
     if calibration is None:
         raise ParameterError(f"{path}: {UNCALIBRATED}")
     wave = calibration * read_pattern(path, PATTERN_RATE)
     return _from_signals(path, wave[np.newaxis], PATTERN_RATE, calibration)
 
 
-def _from_npz(path: Path, _rate: float, calibration: float | None) -> TextureModel:
+def _from_npz(path: Path, rate: float, calibration: float | None) -> TextureModel:
     file = read_npz(path)
-    data, rate = np.atleast_2d(file.at("data").array()), file.at("sample_rate").number(_RATE)
-    names = [str(name) for name in np.atleast_1d(file.at("channel_names").value)]
+    data, names = _channels(path, file)
+    own_rate = file.at("sample_rate").number(_RATE)
+    check_rate(str(path), own_rate, rate, WORDING)
+    if unread := [name for name, _ in file.members() if name not in NPZ_ARRAYS]:
+        warn_once(f"{path}: {shown(', '.join(unread))}: not read")
+    times = [index for index, name in enumerate(names) if is_time(name)]
+    for index in times:
+        place, unit = f"{path}: channel {shown(names[index])}", TIME.parsed(names[index])[1]
+        rate_of_times(place, data[index], "sample {}".format, unit, own_rate, "sample_rate")
+    own = [index for index, name in enumerate(names) if "acc" in name.lower()]
+    own = own or [index for index in range(len(names)) if index not in times]
+    stated = [names[index] for index in own if ACCELERATION.parsed(names[index])[1]]
+    if stated and calibration is not None:
+        raise ParameterError(
+            f"calibration = {calibration:g}: {path} has units, {shown(stated[0])}: leave it out"
+        )
+    factors = np.array([factor_of(str(path), names[index], ACCELERATION) for index in own])
+    signals = (calibration or 1.0) * factors[:, np.newaxis] * data[own]
+    if not (own and np.all(np.abs(signals) <= LARGEST)):
+        raise ParameterError(f"{path}: data: must be numbers from {-LARGEST:g} to {LARGEST:g}")
+    return _from_signals(path, signals, own_rate, calibration)
+
+
+def _channels(path: Path, file: Document) -> tuple[FloatArray, list[str]]:
+    """Return the signals in an NPZ file, a row each, and their names."""
+    signals, titles = file.at("data"), np.atleast_1d(file.at("channel_names").value)
+    if titles.size > MOST_CHANNELS:
+        raise ParameterError(
+            f"{path}: channel_names: {titles.size} channels: must be at most {MOST_CHANNELS}"
+        )
+    data, names = np.atleast_2d(signals.array()), [str(name) for name in titles.tolist()]
     if data.shape[1] == len(names) != data.shape[0]:
         data = data.T
     if data.ndim != 2 or not data.size or len(data) != len(names):
         raise ParameterError(
             f"{path}: data of shape {data.shape}: must be one row per channel_names, {len(names)}"
         )
-    if not np.all(np.abs(data) <= LARGEST):
-        raise ParameterError(f"{path}: data: must be numbers from {-LARGEST:g} to {LARGEST:g}")
-    own = [index for index, name in enumerate(names) if "acc" in name.lower()]
-    signals = (calibration or 1.0) * data[own or range(len(names))]
-    return _from_signals(path, signals, rate, calibration)
+    return data, names
 
 
 def _from_signals(
@@ -139,9 +176,10 @@ def _from_signals(
     return _texture(path, path.stem, power * 2 / (rate * length), rate, calibration)
 
 
-def _from_filter(path: Path, _rate: float, calibration: float | None) -> TextureModel:
+def _from_filter(path: Path, rate: float, calibration: float | None) -> TextureModel:
     file = read_json_document(path)
-    rate = file.at("sample_rate").number(_RATE)
+    own_rate = file.at("sample_rate").number(_RATE)
+    check_rate(str(path), own_rate, rate, WORDING)
     b, a = (_coefficients(path, file, name) for name in ("b", "a"))
     with np.errstate(all="ignore"):  # an overflow is rejected below
         proper = bool(np.isfinite(a / a[0]).all())
@@ -150,7 +188,7 @@ def _from_filter(path: Path, _rate: float, calibration: float | None) -> Texture
     delay = np.exp(-1j * np.linspace(0.0, np.pi, 4097))
     response = (calibration or 1.0) * np.polyval(b[::-1], delay) / np.polyval(a[::-1], delay)
     name = file.at("name").text() if "name" in file else path.stem
-    return _texture(path, name, np.abs(response) ** 2 * 2 / rate, rate, calibration)
+    return _texture(path, name, np.abs(response) ** 2 * 2 / own_rate, own_rate, calibration)
 
 
 def _coefficients(path: Path, file: Document, name: str) -> FloatArray:
@@ -188,8 +226,8 @@ def _texture(
 
 _READERS: dict[str, Callable[[Path, float, float | None], TextureModel]] = {
     ".xml": _from_hatt,
-    ".wav": _from_wav,
-    ".csv": _from_csv,
+    ".wav": _from_recording,
+    ".csv": _from_recording,
     ".npz": _from_npz,
     ".json": _from_filter,
     ".ahap": _from_pattern,

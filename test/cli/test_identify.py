@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -252,6 +252,43 @@ def test_a_csv_recording_has_named_columns(
         metrics = json.loads((here / "metrics.json").read_text())
         assert metrics["parameters"]["m_h"]["value"] == pytest.approx(TABLE_I["m_h"], rel=0.02)
         assert (here / "found" / "index.html").is_file()
+
+
+G = 9.80665
+
+
+@pytest.mark.parametrize(
+    ("header", "force", "acceleration", "words"),
+    [
+        ("actuator_force [mN],handle_acceleration [g]", 1000.0, 1 / G, ()),
+        ("actuator_force,handle_acceleration", 1.0, 1 / G, ("m_h = 1.2", "in another unit")),
+    ],
+)
+def test_units_are_converted_or_a_mass_outside_all_sense_is_doubted(
+    here: Path,
+    header: str,
+    force: float,
+    acceleration: float,
+    words: Sequence[str],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (trial,) = run_identification(parameters=SweepParameters(duration=1.0), rate=1000.0, latency=0)
+    columns = [trial.actuator_force * force, trial.handle_acceleration * acceleration]
+    times = np.arange(len(columns[0])) / 1000.0
+    table = np.column_stack([times, *columns])
+    np.savetxt(here / "bench.csv", table, delimiter=",", header="t," + header, comments="")
+    found = ("identify", "--from", "bench.csv", "--duration", "1", "--json", "metrics.json")
+    assert status_of(*found, "--recording-rate", "2000") == 2
+    assert "column t says 1000 Hz, recording_rate = 2000" in capsys.readouterr().err
+    assert status_of(*found, "--out", "found") == 0
+    told = capsys.readouterr().out
+    metrics = json.loads((here / "metrics.json").read_text())
+    mass = TABLE_I["m_h"] * (1 if "[g]" in header else force / acceleration)
+    assert metrics["parameters"]["m_h"]["value"] == pytest.approx(mass, rel=0.1)
+    for each in words:
+        assert each in told
+        assert any(each in doubt for doubt in metrics["doubts"])
+    assert words or not any("in another unit" in doubt for doubt in metrics["doubts"])
 
 
 def recording(amplitude: float, file: Path) -> None:

@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import signal
+from scipy.io import wavfile
 
 from haptic_accel.bags.trial_bag import write_trial
 from haptic_accel.core.parameters import from_flat
@@ -187,6 +188,23 @@ def test_a_model_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
             ("build", "drag.csv", "--rate", "1000", "--axes", "a,b", "--out", "a.yaml"),
             "axes = a,b: must be 3 different columns",
         ),
+        (
+            ("build", "drag.wav", "--out", "a.yaml"),
+            "is a WAV file, must be a CSV file with columns",
+        ),
+        (
+            ("build", "g.csv", "--rate", "2000", "--out", "a.yaml"),
+            "g.csv: column t [ms] says 1000 Hz, rate = 2000: must agree",
+        ),
+        (
+            ("import", "g.csv", "--out", "a.yaml"),
+            "column = acceleration or accel or acc or a: no such column; there are t [ms], speed,"
+            " force, ax [g]",
+        ),
+        (
+            ("build", "g.csv", "--out", "a.yaml"),
+            "no such column; there are t [ms], speed, force, ax [g]; choose one with --axes X,Y,Z",
+        ),
         (("show", "oak"), "texture = 'oak': must be one of plywood, text, vinyl"),
         (("render", "vinyl", "--speed", "-1", "--force", "1", "--out", "a.wav"), "--speed"),
     ],
@@ -195,6 +213,10 @@ def test_what_cannot_be_is_refused_in_one_line(
     tmp_path: Path, words: tuple[str, ...], named: str
 ) -> None:
     write_drag(tmp_path / "drag.csv", 1.0)
+    rows = "".join(f"{at},60,1,{at % 7}\n" for at in range(2000))
+    acceleration = "accel" if "--rate" in words else "ax [g]"
+    (tmp_path / "g.csv").write_text(f"t [ms],speed,force,{acceleration}\n{rows}")
+    wavfile.write(tmp_path / "drag.wav", 1000, np.zeros(2000))
     assert named in refusal("texture", *words)
 
 

@@ -160,7 +160,7 @@ MODEL = {
 
 def wav(dtype: str) -> bytes:
     file = io.BytesIO()
-    wavfile.write(file, 20, (50 * NOISE).astype(dtype))
+    wavfile.write(file, 20, (50 * NOISE if dtype == "int16" else NOISE / 4).astype(dtype))
     return file.getvalue()
 
 
@@ -212,7 +212,7 @@ KINDS: dict[str, tuple[str, Read, st.SearchStrategy[bytes]]] = {
     "acceleration, CSV": (
         "a.csv",
         imported,
-        text(b"t,acc\n" + b"".join(b"0,%f\n" % value for value in NOISE)),
+        text(b"t,acc\n" + b"".join(b"%g,%f\n" % (i / 20, value) for i, value in enumerate(NOISE))),
     ),
     "acceleration, WAV": (
         "a.wav",

@@ -105,8 +105,64 @@ def test_a_wav_file_is_calibrated(tmp_path: Path) -> None:
         import_texture(path)
     full_scale = np.abs(wave).max() * 32768 / 30000
     assert distance(import_texture(path, calibration=float(full_scale)), theory()) < 1.0
-    wavfile.write(path, 8000, wave.astype(np.float32))
-    assert distance(import_texture(path), theory()) < 1.0
+    wavfile.write(path, 8000, wave.astype(np.float32) / np.abs(wave).max())
+    with pytest.raises(ParameterError, match="calibration = nothing"):
+        import_texture(path)
+    peak = float(np.abs(wave).max())
+    assert distance(import_texture(path, calibration=peak), theory()) < 1.0
+
+
+def three_axes(path: Path, names: list[str], **others: Any) -> Path:
+    axes = [0.6 * noise(2000.0, seed=1), 0.8 * noise(2000.0, seed=2)]
+    data = np.array([*axes, np.arange(len(axes[0])) / 2000.0])
+    np.savez(path, data=data, **{"sample_rate": 2000, "channel_names": names, **others})
+    return path
+
+
+def test_units_of_the_channels_of_an_npz_file_are_converted(tmp_path: Path) -> None:
+    path = three_axes(tmp_path / "drag.npz", ["acc_x [g]", "acc_y [g]", "t"])
+    assert distance(import_texture(path), theory(9.80665)) < 1.0
+    with pytest.raises(ParameterError, match=r"^calibration = 2: .*has units, acc_x \[g\]"):
+        import_texture(path, calibration=2.0)
+    three_axes(path, ["acc_x [V]", "acc_y", "t"])
+    with pytest.raises(ParameterError, match=r"column acc_x \[V\] is in V: must be in"):
+        import_texture(path)
+
+
+def test_times_of_an_npz_file_must_agree_with_its_rate(tmp_path: Path) -> None:
+    path = three_axes(tmp_path / "drag.npz", ["acc_x", "acc_y", "t"], sample_rate=4000)
+    match = "channel t says 2000 Hz, sample_rate = 4000: must agree"
+    with pytest.raises(ParameterError, match=match):
+        import_texture(path)
+
+
+def test_other_arrays_of_an_npz_file_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = three_axes(tmp_path / "drag.npz", ["acc_x", "acc_y", "t"], units="g", gain=3.0)
+    import_texture(path)
+    assert caplog.messages == [f"{path}: units, gain: not read"]
+
+
+def test_a_rate_that_contradicts_that_of_a_file_is_refused(tmp_path: Path) -> None:
+    npz = three_axes(tmp_path / "drag.npz", ["acc_x", "acc_y", "t"])
+    wavfile.write(tmp_path / "drag.wav", 2000, np.zeros(4000, np.int16))
+    xml = written(tmp_path / "slate.xml", hatt_file())
+    json_file = write_filter(tmp_path / "f.json")
+    for path, rate in ((npz, 2000), (tmp_path / "drag.wav", 2000), (xml, 1000), (json_file, 1000)):
+        calibration = 5.0 if path.suffix == ".wav" else None
+        with pytest.raises(ParameterError, match=f"rate = 500: must be 0 or {rate} Hz as {path}"):
+            import_texture(path, 500.0, calibration)
+    with pytest.raises(ParameterError, match="has no sampling rate: leave it out"):
+        import_texture(tmp_path / "buzz.ahap", 500.0, 5.0)
+
+
+def test_the_number_of_channels_of_an_npz_file_is_limited(tmp_path: Path) -> None:
+    path = tmp_path / "wide.npz"
+    names = [f"acc_{number}" for number in range(65)]
+    np.savez(path, data=np.ones((65, 9)), sample_rate=2000, channel_names=names)
+    with pytest.raises(ParameterError, match="channel_names: 65 channels: must be at most 64"):
+        import_texture(path)
 
 
 @pytest.mark.parametrize("turned", [False, True])

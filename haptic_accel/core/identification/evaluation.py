@@ -73,6 +73,11 @@ WIDEST = 0.5
 LARGEST_MISFIT = 0.1
 """Error of the model, relative to the acceleration, above which the fit is doubtful (assumed)."""
 
+USUAL_MASSES = 0.005, 1.0
+"""Range of masses of a handle with hand above and below which units are doubtful, kg: Table I has
+0.128 kg; a stylus alone weighs some grams, and a hand that moves with a handle less than half a
+kilogram."""
+
 DEFAULT_FREE = (*OF_RESPONSES, "friction")
 """Fitted parameters."""
 
@@ -341,7 +346,18 @@ def check_determined(grip: str, fit: HandleFit) -> None:
 
 def fit_doubts(fit: HandleFit) -> list[str]:
     """Return reasons to doubt a fit, one line each; empty if there is none."""
-    return [*_wide(fit), *_misfit(fit)]
+    return [*_unusual(fit), *_wide(fit), *_misfit(fit)]
+
+
+def _unusual(fit: HandleFit) -> Iterator[str]:
+    """Yield a doubt if the handle's mass is that of no handle, as with another unit."""
+    low, high = USUAL_MASSES
+    if not low <= fit.handle.m_h <= high:
+        yield (
+            f"m_h = {fit.handle.m_h:.3g} kg: handles have {low:g} to {high:g} kg; the recording's"
+            " force may be in another unit than N, or its acceleration in another than m/s^2"
+            " (g, mg, mm/s^2)"
+        )
 
 
 def _wide(fit: HandleFit) -> Iterator[str]:
