@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -29,9 +30,10 @@ import numpy as np
 
 from haptic_accel.core.bounded_files import located, read_bytes
 from haptic_accel.core.bounded_work import OutOfBoundsError, run_bounded
-from haptic_accel.core.model import FloatArray, vector
+from haptic_accel.core.model import vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.surfaces.sampled_shapes import DistanceGrid, HeightField
+from haptic_accel.core.warning import warn_once
 from haptic_accel.materials import mesh_baking
 from haptic_accel.materials.array_files import read_array, read_arrays
 
@@ -78,7 +80,8 @@ def read_mesh(path: Path, sampling: Sampling) -> DistanceGrid:
     Parameters
     ----------
     path : Path
-        STL, OBJ or another file readable by trimesh; the mesh must enclose a volume.
+        STL, OBJ or another file readable by trimesh; the mesh must enclose a volume. Bodies that
+        overlap are united.
     sampling : Sampling
         Distance between two samples, at most half of the thinnest part; and the unit.
 
@@ -95,21 +98,23 @@ def read_mesh(path: Path, sampling: Sampling) -> DistanceGrid:
     try:
         found: dict[str, Any] = dict(read_arrays(kept))
         if str(found["source"]) == source:
-            return _grid(found["grid"], found["corner"], sampling)
+            return _grid(path, found, sampling)
     except (OSError, ValueError, KeyError):
         pass  # missing or damaged
     baked = _baked(path, sampling)
     with suppress(OSError):  # in a read-only folder the grid is computed each time
         np.savez_compressed(kept, source=source, **baked)
-    return _grid(baked["grid"], baked["corner"], sampling)
+    return _grid(path, baked, sampling)
 
 
-def _grid(grid: FloatArray, corner: FloatArray, sampling: Sampling) -> DistanceGrid:
-    return DistanceGrid(grid, sampling.spacing, vector(corner))
+def _grid(path: Path, baked: Mapping[str, Any], sampling: Sampling) -> DistanceGrid:
+    if remark := str(baked["remark"]):
+        warn_once(f"{path}: {remark}")
+    return DistanceGrid(baked["grid"], sampling.spacing, vector(baked["corner"]))
 
 
 def _baked(path: Path, sampling: Sampling) -> dict[str, Any]:
-    """Return a mesh's signed distances, and the position of the first distance."""
+    """Return a mesh's signed distances, the position of the first distance, and a remark."""
     try:
         if find_spec("trimesh.proximity") is None:
             raise ImportError

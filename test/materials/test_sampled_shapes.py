@@ -24,6 +24,7 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.surfaces.sampled_shapes import DistanceGrid
 from haptic_accel.core.surfaces.shapes import Box
 from haptic_accel.materials.sampled_shapes import Sampling, read_heights, read_mesh
 from haptic_accel.materials.scenes import read_scene
@@ -34,6 +35,7 @@ FACES = [
     *((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1)),
     *((2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)),
 ]
+TRIANGLES = [triangle for a, b, c, d in FACES for triangle in ((a, b, c), (a, c, d))]
 MILLIMETRES = Sampling(spacing=2e-3, scale=1e-3)
 
 
@@ -114,3 +116,86 @@ def test_wrong_heights_are_refused(tmp_path: Path, damage: bytes | str) -> None:
         np.save(path, np.array([damage]))
     with pytest.raises(ParameterError, match="relief.npy: must be an array of numbers"):
         read_heights(path, Sampling())
+
+
+Body = tuple[list[tuple[float, float, float]], list[tuple[int, int, int]]]
+TINY = Sampling(spacing=1e-3, scale=1e-3)
+
+
+def box_of(low: float, high: float, inwards: bool = False, side: float = 5.0) -> Body:
+    """Return a body from `low` to `high` along x, and from -`side` to `side` along y and z, mm."""
+    corners = [
+        (low if x < 0 else high, side if y > 0 else -side, side if z > 0 else -side)
+        for x, y, z in CORNERS
+    ]
+    return corners, [each[::-1] if inwards else each for each in TRIANGLES]
+
+
+def write_bodies(path: Path, *bodies: Body) -> Path:
+    lines, count = [], 0
+    for corners, triangles in bodies:
+        lines += [f"v {x} {y} {z}" for x, y, z in corners]
+        lines += ["f " + " ".join(str(count + index + 1) for index in each) for each in triangles]
+        count += len(corners)
+    path.write_text("\n".join(lines))
+    return path
+
+
+def is_inside(grid: DistanceGrid, *along_x: float) -> list[bool]:
+    points = np.array([(x * 1e-3, 0.0, 0.0) for x in along_x])
+    return (grid.distances(points) < 0).tolist()
+
+
+def test_bodies_that_overlap_are_united(tmp_path: Path) -> None:
+    pytest.importorskip("trimesh")
+    path = write_bodies(tmp_path / "two.obj", box_of(0, 20), box_of(10, 30), box_of(36, 42))
+    united = read_mesh(path, TINY)
+    assert is_inside(united, 2, 9, 11, 15, 19, 21, 28) == [True] * 7
+    assert is_inside(united, -2, 32, 34, 38, 44) == [False, False, False, True, False]
+
+
+def test_a_body_with_faces_inwards_in_another_is_a_hollow(tmp_path: Path) -> None:
+    pytest.importorskip("trimesh")
+    inner = box_of(6, 24, inwards=True, side=4.0)
+    path = write_bodies(
+        tmp_path / "case.obj", box_of(0, 30, side=10.0), inner, box_of(12, 18, side=2)
+    )
+    found = is_inside(read_mesh(path, TINY), 3, 9, 15, 21, 27)
+    assert found == [True, False, True, False, True]
+
+
+def test_a_mesh_with_all_faces_inwards_is_turned_and_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    pytest.importorskip("trimesh")
+    path = write_bodies(tmp_path / "in.obj", box_of(0, 20, inwards=True))
+    right = write_bodies(tmp_path / "out.obj", box_of(0, 20))
+    turned = read_mesh(path, TINY)
+    assert caplog.messages == [f"{path}: its faces were inwards, and have been turned"]
+    assert turned.grid == pytest.approx(read_mesh(right, TINY).grid, abs=1e-12)
+
+
+def joined(one: Body, other: Body) -> Body:
+    """Return two boxes as one closed surface, joined by a tube between a triangle of each."""
+    first, last = one[1][0], [index + 8 for index in other[1][-1][::-1]]
+    tube = [
+        triangle
+        for a, b, c, d in zip(first, first[1:] + first[:1], last[1:] + last[:1], last, strict=True)
+        for triangle in ((a, b, c), (a, c, d))
+    ]
+    moved = [(a + 8, b + 8, c + 8) for a, b, c in other[1][:-1]]
+    return [*one[0], *other[0]], [*one[1][1:], *moved, *tube]
+
+
+def test_faces_that_contradict_each_other_are_refused(tmp_path: Path) -> None:
+    pytest.importorskip("trimesh")
+    apart = write_bodies(tmp_path / "a.obj", box_of(0, 20), box_of(30, 36, inwards=True))
+    with pytest.raises(ParameterError, match=rf"^{apart}: the faces of a body .* are inwards"):
+        read_mesh(apart, TINY)
+    corners, triangles = box_of(0, 20)
+    mixed = write_bodies(tmp_path / "b.obj", (corners, [triangles[0][::-1], *triangles[1:]]))
+    with pytest.raises(ParameterError, match=rf"^{mixed}: faces beside each other face inwards"):
+        read_mesh(mixed, TINY)
+    crossed = write_bodies(tmp_path / "c.obj", joined(box_of(0, 20), box_of(10, 30)))
+    with pytest.raises(ParameterError, match=rf"^{crossed}: .*the surface intersects itself"):
+        read_mesh(crossed, TINY)
