@@ -45,6 +45,9 @@ BORDER = 2
 """Number of samples around a mesh, so that its surface lies within the grid."""
 
 
+ROUNDING = 1e-4
+"""Part of a spacing by which a mesh in single precision may exceed a whole number of them."""
+
 MOST_BODIES = 1000
 """Maximum number of closed surfaces in a mesh."""
 
@@ -76,7 +79,7 @@ def baked(path: Path, spacing: float, scale: float) -> tuple[FloatArray, FloatAr
     remarks = [_unit_remark(mesh, scale)]
     mesh.apply_scale(scale)
     low, high = mesh.bounds
-    sides = np.ceil((high - low) / spacing) + 1 + 2 * BORDER
+    sides = np.ceil((high - low) / spacing - ROUNDING) + 1 + 2 * BORDER
     if not math.prod(sides.tolist()) <= LARGEST_GRID:
         size = " x ".join(f"{side:g}" for side in high - low)
         raise ParameterError(
