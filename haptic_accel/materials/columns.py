@@ -155,11 +155,15 @@ class Wording:
     rate : str
         Argument or option with the sampling rate.
     column : str
-        Argument or option that chooses a column; empty if the names of the columns are fixed.
+        Argument or option that chooses a column of acceleration; empty if its name is fixed.
     """
 
     rate: str = "recording_rate"
     column: str = "recording_column:=NAME"
+
+
+FIXED = Wording(column="")
+"""Wording for columns whose names no argument changes."""
 
 
 @dataclass(frozen=True)
@@ -190,7 +194,8 @@ def chosen(file: str, column: Column, titles: Sequence[str], wording: Wording) -
                 raise ParameterError(f"{file}: column = {shown(name)}: exists more than once")
             if name in known:
                 return known.index(name)
-    raise missing(file, "column", column.names, titles, wording)
+    chooses = column.quantity is ACCELERATION
+    raise missing(file, "column", column.names, titles, wording if chooses else FIXED)
 
 
 def missing(

@@ -205,6 +205,10 @@ def test_a_model_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
             ("build", "g.csv", "--out", "a.yaml"),
             "no such column; there are t [ms], speed, force, ax [g]; choose one with --axes X,Y,Z",
         ),
+        (
+            ("build", "slow.csv", "--rate", "1000", "--out", "a.yaml"),
+            "slow.csv: column = speed: no such column; there are force, accel",
+        ),
         (("show", "oak"), "texture = 'oak': must be one of plywood, text, vinyl"),
         (("render", "vinyl", "--speed", "-1", "--force", "1", "--out", "a.wav"), "--speed"),
     ],
@@ -217,6 +221,7 @@ def test_what_cannot_be_is_refused_in_one_line(
     acceleration = "accel" if "--rate" in words else "ax [g]"
     (tmp_path / "g.csv").write_text(f"t [ms],speed,force,{acceleration}\n{rows}")
     wavfile.write(tmp_path / "drag.wav", 1000, np.zeros(2000))
+    (tmp_path / "slow.csv").write_text("force,accel\n1,2\n")
     assert named in refusal("texture", *words)
 
 
