@@ -22,10 +22,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.options import FILE, arguments, verb
+from haptic_accel.cli.options import arguments, update_option, verb
 from haptic_accel.cli.output import check_writable, next_command
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import NAMES
@@ -97,13 +95,7 @@ class CalibrateArguments(PortParameters):
     name="calibrate",
 )
 @arguments(CalibrateArguments)
-@click.option(
-    "--update",
-    type=FILE,
-    metavar="FILE",
-    help="Parameter file, such as that of the rig, to write device, port and calibration into; the"
-    " rest of it remains.",
-)
+@update_option("device, port and calibration")
 def calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None:
     """Measure an accelerometer behind a serial board with one axis up, then down.
 

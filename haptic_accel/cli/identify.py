@@ -101,13 +101,7 @@ from haptic_accel.graph.supervisor import Supervisor
     metavar="NAME,NAME,...",
     help="Parameters of the model to fit.",
 )
-@click.option(
-    "--update",
-    type=options.FILE,
-    metavar="FILE",
-    help="Parameter file, such as that of the rig, to write device, rate and handle into; the rest"
-    " of it remains.",
-)
+@options.update_option("device, rate and handle")
 @options.word_options([*schema(SweepParameters), "trials", "rig"])
 @options.workers_options
 @options.json_option

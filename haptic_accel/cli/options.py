@@ -206,6 +206,18 @@ def listed_numbers(text: str) -> list[float]:
 FILE = click.Path(path_type=Path)
 """A path that need not exist."""
 
+
+def update_option(content: str) -> Callable[[F], F]:
+    """Add the option for an existing parameter file; a name mistyped would make another one."""
+    return click.option(
+        "--update",
+        type=click.Path(exists=True, dir_okay=False, path_type=Path),
+        metavar="FILE",
+        help=f"Existing parameter file, such as that of the rig, to write {content} into; the rest"
+        " of it remains.",
+    )
+
+
 json_option = click.option(
     "--json", "json_file", type=FILE, metavar="FILE", help="Write the results as JSON."
 )

@@ -99,6 +99,7 @@ def test_keys_turn_the_boards_over_for_a_calibration(
     emulate = ("-m", "haptic_accel.cli.main", "emulate", "serial", "folder:=boards")
     boards = terminals(*emulate, f"rig:={rig}")
     boards.wait_for("keys: u, d")
+    (tmp_path / "rig.yaml").write_text("/**: {ros__parameters: {rate: 1000.0}}\n")
     words = [
         "calibrate",
         "port:=boards/master",
