@@ -17,6 +17,8 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import json
 import os
 import shlex
@@ -34,24 +36,70 @@ from haptic_accel.core.parameters import ParameterError, printable
 LINE_ENDS = "\n\t"
 """Controls that lines for a terminal have."""
 
+UNABLE = ("strict", "surrogateescape")
+"""Error handlers of streams that refuse characters which the encoding lacks: Python's default, and
+that of the locale C."""
+
+GONE = (errno.EPIPE, errno.EIO)
+"""Errors of output whose reader has gone, or whose terminal was closed: an end like any other."""
+
 
 @contextmanager
 def printable_output() -> Iterator[None]:
-    """Escape control characters on the standard streams, as names in files may hold some.
+    """Let no text, and no reader that has gone, end a verb before it has written its files.
 
-    The streams stay the same objects. Coloured output of `rich`, escaped by `print_table`, is not
-    changed.
+    Control characters are escaped, as names in files may hold some, and characters that the
+    terminal's encoding lacks. Output that cannot be written is dropped. The streams stay the same
+    objects. Coloured output of `rich`, escaped by `print_table`, is not changed.
+
+    Raises
+    ------
+    OSError
+        At the end, if output was dropped for another reason than that its reader has gone.
     """
+    lost: list[OSError] = []
     with ExitStack() as stack:
-        for stream in (sys.stdout, sys.stderr):
-            if stream is not None and not hasattr(stream, "rich_proxied_file"):
-                write = stream.write
+        streams = [stream for stream in (sys.stdout, sys.stderr) if stream is not None]
+        for stream in streams:
+            if isinstance(stream, io.TextIOWrapper) and stream.errors in UNABLE:
+                stack.callback(stream.reconfigure, errors=stream.errors)
+                stream.reconfigure(errors="backslashreplace")
+            if not hasattr(stream, "rich_proxied_file"):
+                write = _dropping(stream, stream.write, lost)
                 # By this name rich looks for the stream behind another.
                 setattr(stream, "rich_proxied_file", _Unescaped(stream, write))  # noqa: B010
                 setattr(stream, "write", _escaping(write))  # noqa: B010
-                stack.callback(delattr, stream, "rich_proxied_file")
-                stack.callback(delattr, stream, "write")
+                setattr(stream, "flush", _dropping(stream, stream.flush, lost))  # noqa: B010
+                for name in ("rich_proxied_file", "write", "flush"):
+                    stack.callback(delattr, stream, name)
         yield
+        for stream in streams:
+            stream.flush()
+    if lost and lost[0].errno not in GONE:
+        raise lost[0]
+
+
+def _dropping(stream: Any, act: Callable[..., Any], lost: list[OSError]) -> Callable[..., Any]:
+    """Return a stream's write or flush that notes an error, and then drops output."""
+
+    def call(*text: str) -> Any:
+        try:
+            return act(*text)
+        except BlockingIOError:  # as of a terminal of another program, whose flag may change
+            raise
+        except OSError as error:
+            lost.append(error)
+            drop_output(stream)
+            return len("".join(text))
+
+    return call
+
+
+def drop_output(stream: Any) -> None:
+    """Redirect a standard stream to nowhere: Python would try again what it cannot write."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, stream.fileno())
+    os.close(null)
 
 
 def _escaping(write: Callable[[str], int]) -> Callable[[str], int]:

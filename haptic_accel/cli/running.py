@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import re
 import select
@@ -33,7 +32,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.output import next_command
+from haptic_accel.cli.output import GONE, next_command
 from haptic_accel.core.parameters import printable
 from haptic_accel.core.process import ENDING, FAILED, INTERRUPTED, REALTIME, WRONG_ARGUMENTS
 from haptic_accel.graph.locks import sole_graph
@@ -48,9 +47,6 @@ SUMMARY = re.compile(r"([^\[].*): \d+ messages, \d+ dropped")
 
 ENGAGED = "coupler]: engaged"
 """End of the line by which the coupler, in any namespace, tells that the arms are coupled."""
-
-GONE = (errno.EPIPE, errno.EIO)
-"""Errors of output whose reader has gone, or whose terminal was closed: an end like any other."""
 
 STOPPED_BY_KEY = (
     "space: emergency stop, no force until you type in another terminal:"

@@ -435,6 +435,40 @@ def test_a_machine_short_of_something_is_answered_in_one_line(
         assert status == 0
 
 
+@pytest.mark.parametrize("setting", ["PYTHONIOENCODING=ascii", "LC_ALL=C PYTHONUTF8=0"])
+def test_what_the_terminal_cannot_show_is_replaced(here: Path, setting: str) -> None:
+    words = ["analyze", DATA / "text", "--out", "report"]
+    assert limited(f"export PYTHONCOERCECLOCALE=0 {setting}", *words, output="shown") == (0, "")
+    shown = (here / "shown").read_bytes()
+    assert rb"R\xb2" in shown, "the square of the correlation"
+    assert shown.isascii()
+
+
+@pytest.mark.parametrize(
+    ("output", "end"),
+    [(">(head -1 > /dev/null)", (0, "")), ("/dev/full", (1, "No space left on device"))],
+)
+def test_a_report_is_complete_without_a_reader(
+    here: Path, output: str, end: tuple[int, str]
+) -> None:
+    words = ["analyze", DATA / "text", "--json", "found.json", "--out"]
+    assert limited("true", *words, "read") == (0, "")
+    before = (here / "found.json").read_text()
+    status, said = limited("true", *words, "unread", output=output)
+    assert (status, said.strip().rpartition(": ")[2]) == end
+    assert (here / "found.json").read_text() == before
+    assert {each.name for each in (here / "read").iterdir()} == {
+        each.name for each in (here / "unread").iterdir()
+    }
+
+
+@pytest.mark.parametrize("words", ["identify --lockstep", "calibrate port:=/dev/null"])
+def test_a_file_to_update_must_exist(here: Path, words: str) -> None:
+    said = refusal(*words.split(), "--update", "no.yaml")
+    assert said == "Invalid value for '--update': File 'no.yaml' does not exist."
+    assert not list(here.iterdir())
+
+
 def test_a_reader_that_has_gone_is_no_error_to_tell(here: Path) -> None:
     status, said = limited("true", "teleop", "--help", output=">(true)")
     assert said == ""
