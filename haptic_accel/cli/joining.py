@@ -28,7 +28,7 @@ from contextlib import contextmanager
 import rclpy
 
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.graph.middleware import middleware_defaults
+from haptic_accel.graph.middleware import check_middleware, middleware_defaults
 from haptic_accel.nodes.service_client import RequestError, ServiceClient
 
 TIMEOUT = 5.0
@@ -51,7 +51,10 @@ def connected(
     ------
     StoppedError
         A node does not answer, or refuses.
+    ParameterError
+        The environment does not fit the middleware.
     """
+    check_middleware(os.environ)
     os.environ.update(middleware_defaults(os.environ))
     rclpy.init(args=[])
     node = rclpy.create_node(

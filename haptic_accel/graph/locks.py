@@ -23,6 +23,7 @@ within its network namespace.
 from __future__ import annotations
 
 import errno
+import os
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,6 +31,7 @@ from itertools import takewhile
 from pathlib import Path
 
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.graph.middleware import check_middleware
 from haptic_accel.graph.ros_packages import check_ros
 from haptic_accel.graph.stop_signal import (
     DOMAIN,
@@ -76,11 +78,13 @@ def sole_graph(namespace: str) -> Iterator[None]:
     Raises
     ------
     ParameterError
-        A graph, or a single node that sends one of its signals, runs in it already.
+        A graph, or a single node that sends one of its signals, runs in it already; or the
+        environment lets no nodes start or find each other.
     ModuleNotFoundError
         ROS 2 is not installed.
     """
     check_ros()
+    check_middleware(os.environ)
     domain = own_domain()
     with _lock(domain, f"graph in {namespace}" if namespace else "graph"):
         for name in signals(namespace):

@@ -13,15 +13,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Default settings of the middleware: a graph stays on its machine, without shared memory."""
+"""Settings of the middleware: a graph stays on its machine, without shared memory."""
 
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.materials.folders import config_folder
 
 DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
@@ -43,6 +45,39 @@ NETWORK_PROFILE = config_folder() / "fastdds_network.xml"
 
 LOG_FOLDERS = ("ROS_LOG_DIR", "ROS_HOME", "HOME")
 """Variables by one of which rclpy finds the folder of its log; without, no node starts."""
+
+
+MIDDLEWARE = "RMW_IMPLEMENTATION"
+"""Variable that names the middleware."""
+
+
+def check_middleware(environment: Mapping[str, str]) -> None:
+    """Refuse an environment with which no node starts, or none finds another.
+
+    Raises
+    ------
+    ParameterError
+        The line names the variable, its value and what is allowed.
+    """
+    if environment.get(DISCOVERY_RANGE) == "OFF":
+        raise ParameterError(
+            f"{DISCOVERY_RANGE} = 'OFF': must be LOCALHOST, SUBNET or SYSTEM_DEFAULT, or unset:"
+            " with OFF no node finds another"
+        )
+    wanted, known = environment.get(MIDDLEWARE, ""), _middlewares(environment)
+    if wanted and known and wanted not in known:
+        raise ParameterError(
+            f"{MIDDLEWARE} = '{wanted}': must be {' or '.join(sorted(known))}, which"
+            f" {'is' if len(known) == 1 else 'are'} installed, or unset"
+        )
+
+
+def _middlewares(environment: Mapping[str, str]) -> set[str]:
+    """Return the names of the installed middlewares, from the index of ROS' packages."""
+    prefixes = [*environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
+    folders = [Path(each, "share/ament_index/resource_index/rmw_typesupport") for each in prefixes]
+    found = {path.name for folder in folders if folder.is_dir() for path in folder.iterdir()}
+    return found - {"rmw_implementation"}  # which loads one of them
 
 
 def middleware_defaults(environment: Mapping[str, str]) -> dict[str, str]:

@@ -33,7 +33,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from haptic_accel.core.topics import DEVICES
-from haptic_accel.graph.middleware import middleware_defaults
+from haptic_accel.graph.middleware import check_middleware, middleware_defaults
 from haptic_accel.nodes import graph_requests
 from haptic_accel.nodes.graph_view import GraphView
 from haptic_accel.nodes.scheduling import LOOK_ROUND, EventsExecutor
@@ -143,6 +143,7 @@ def joined_view(
     begin : callable
         Called with the node before it is spun.
     """
+    check_middleware(os.environ)
     os.environ.update(middleware_defaults(os.environ))
     words = ["--ros-args", "-r", f"__node:={name}", "-r", f"__ns:={namespace or '/'}"]
     rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)

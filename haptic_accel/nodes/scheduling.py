@@ -52,7 +52,7 @@ from haptic_accel.core.process import (
     shortage,
 )
 from haptic_accel.devices import DeviceError
-from haptic_accel.graph.middleware import middleware_defaults
+from haptic_accel.graph.middleware import check_middleware, middleware_defaults
 from haptic_accel.nodes.standard_streams import NodeLogger, unblock_standard_streams
 from haptic_accel.nodes.wires import WIRES
 
@@ -357,8 +357,9 @@ def take_arguments(domain: int | None = None) -> None:
     Raises
     ------
     ParameterError
-        A word is not for ROS.
+        A word is not for ROS, or the environment does not fit the middleware.
     """
+    check_middleware(os.environ)
     unknown = remove_ros_args(sys.argv)[1:]
     if unknown:
         raise ParameterError(f"{unknown[0]}: no such argument; use --ros-args -p name:=value")

@@ -25,6 +25,7 @@ from pathlib import Path
 
 import pytest
 
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.middleware import (
     DISCOVERY_RANGE,
     LOOPBACK_PROFILE,
@@ -32,10 +33,12 @@ from haptic_accel.graph.middleware import (
     PROFILES_FILES,
     STATIC_PEERS,
     VARIABLES,
+    check_middleware,
     middleware_defaults,
 )
 from observing import Observer
 from running import Command
+from verbs import refusal
 
 HOME = {"HOME": "/home/user"}
 
@@ -118,3 +121,41 @@ def test_every_socket_is_bound_to_the_machine_where_plain_ros_nodes_find_the_gra
             plain.status("coupler")
         finally:
             plain.close()
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "allowed"),
+    [
+        (DISCOVERY_RANGE, "OFF", "LOCALHOST, SUBNET or SYSTEM_DEFAULT, or unset"),
+        ("RMW_IMPLEMENTATION", "rmw_none_cpp", "rmw_fastrtps_cpp, which is installed, or unset"),
+    ],
+)
+def test_an_environment_without_nodes_is_refused_in_a_line_that_names_the_variable(
+    domain: int,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    variable: str,
+    value: str,
+    allowed: str,
+) -> None:
+    index = tmp_path / "share" / "ament_index" / "resource_index" / "rmw_typesupport"
+    index.mkdir(parents=True)
+    (index / "rmw_fastrtps_cpp").touch()
+    monkeypatch.setattr("sys.prefix", str(tmp_path))
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    check_middleware({})
+    monkeypatch.setenv(variable, value)
+    expected = f"{variable} = '{value}': must be {allowed}"
+    for words in (("teleop",), ("control", "engage:=true"), ("record", "status")):
+        assert refusal(*words).startswith(expected)
+    with pytest.raises(ParameterError, match=f"^{variable} = '{value}': must be "):
+        check_middleware(os.environ)
+
+
+def test_a_node_of_its_own_refuses_such_an_environment(
+    start: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(DISCOVERY_RANGE, "OFF")
+    command = start("-m", "haptic_accel.nodes.coupler")
+    assert command.end() == 2
+    assert command.lines[-1].startswith(f"coupler: {DISCOVERY_RANGE} = 'OFF': must be LOCALHOST")
