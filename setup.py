@@ -203,5 +203,5 @@ setup(
             "twine",
         ],
     },
-    entry_points={"console_scripts": [f"haptic-accel = {NAME}.cli.main:main", *node_scripts()]},
+    entry_points={"console_scripts": [f"haptic-accel = {NAME}.cli.start:main", *node_scripts()]},
 )

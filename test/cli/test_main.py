@@ -19,6 +19,7 @@ import io
 import itertools
 import re
 import shlex
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -402,6 +403,41 @@ def limited(limit: str, *words: object, output: str = "/dev/null") -> tuple[int,
         text=True,
     )
     return done.returncode, done.stderr
+
+
+INTERRUPTING = """
+import os, signal, sys
+class Interrupting:
+    def find_spec(self, name, *_):
+        if name == MODULE:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interrupting())
+from haptic_accel.cli.start import main
+sys.argv += "analyze nowhere".split()
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    "module",
+    ["haptic_accel.cli.main", "haptic_accel.graph.stop_signal", "click", "haptic_accel.bags"],
+)
+@pytest.mark.parametrize(("ignored", "status"), [(False, 130), (True, 2)])
+def test_an_interrupt_during_an_import_is_quiet_unless_a_script_ignores_it(
+    module: str, ignored: bool, status: int
+) -> None:
+    code = INTERRUPTING.replace("MODULE", repr(module))
+    handling = signal.SIG_IGN if ignored else signal.SIG_DFL
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, handling),
+    )
+    assert done.returncode == status, done.stderr
+    # Below the terminal's ^C a verb begins a new line.
+    assert len(done.stderr.split()) > 0 if ignored else done.stderr in ("", "\n")
+    assert "Traceback" not in done.stderr
 
 
 SOME_VERBS = [
