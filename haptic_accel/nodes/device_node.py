@@ -247,6 +247,8 @@ class DeviceNode(ManagedNode):
             **self.side.diagnostics(),
             **self.safety.diagnostics(),
         }
+        if self.device.problem:  # as of a board that has disarmed, and applies no command
+            values["forces allowed"] = "false"
         counts = {name: str(count) for name, count in self.device.counters().items()}
         return self._warning(), {**values, **counts}
 

@@ -392,6 +392,18 @@ def test_where_recovery_is_manual_a_service_arms(bench: Bench) -> None:
     assert (answer.success, answer.message) == (False, "emergency stop")
 
 
+def test_no_forces_are_allowed_while_the_device_applies_none(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.driven()
+    assert bench.node.diagnostics()[1]["forces allowed"] == "true"
+    disarmed = property(lambda _: "board: not armed since it was gone")
+    monkeypatch.setattr(type(bench.node.device), "problem", disarmed)
+    warning, values = bench.node.diagnostics()
+    assert "board: not armed" in warning
+    assert values["forces allowed"] == "false"
+
+
 def test_a_report_has_the_counts_up_to_now(bench: Bench) -> None:
     bench.driven()
     counts = [
