@@ -447,10 +447,24 @@ def run_lockstep(arguments: IdentifyArguments) -> list[sweeps.IdentificationTria
 
 
 def named(sources: Sequence[str], grip: str) -> Iterator[tuple[str, Path]]:
-    """Yield grip and path of each source, ``GRIP=PATH``, or ``PATH`` with the grip given."""
+    """Yield grip and path of each source, ``GRIP=PATH``, or ``PATH`` with the grip given.
+
+    A path may hold a = itself: in its folders, or as the only one of both that exists.
+
+    Raises
+    ------
+    ParameterError
+        Both exist.
+    """
     for source in sources:
         name, separator, path = source.partition("=")
-        yield (name, Path(path)) if separator else (grip, Path(source))
+        whole = os.path.lexists(source)
+        if separator and whole and os.path.lexists(path):
+            raise ParameterError(
+                f"from = '{source}': must be './{source}' or '{name}=./{path}': both files exist"
+            )
+        is_path = not separator or whole or "/" in name
+        yield (grip, Path(source)) if is_path else (name, Path(path))
 
 
 def read_recordings(

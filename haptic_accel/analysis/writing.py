@@ -113,7 +113,9 @@ def write_analysis(
     for name, table in tables.items():
         named = table.index.name is not None
         # Cells of undefined numbers are empty.
-        table.to_csv(folder / name, index=named, float_format="%.9g", lineterminator="\n")
+        # Names of bags may be no text.
+        text = table.to_csv(index=named, float_format="%.9g", lineterminator="\n")
+        (folder / name).write_text(text, encoding="utf-8", errors="backslashreplace")
     if setting:
         vectors = {name: f"{surface}: {PATHS}" for name, surface in _polarised(analysis).items()}
         captions = {f"{name}.png": text for name, text in (PICTURES | vectors).items()}

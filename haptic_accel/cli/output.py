@@ -125,7 +125,23 @@ def next_command(*words: str, host: str = "") -> str:
     >>> next_command("analyze", "my bags")
     "next: haptic-accel analyze 'my bags'"
     """
-    return f"next{f' on {host}' if host else ''}: {shlex.join(['haptic-accel', *words])}"
+    line = " ".join(map(quoted, ["haptic-accel", *words]))
+    return f"next{f' on {host}' if host else ''}: {line}"
+
+
+def quoted(word: str) -> str:
+    r"""Return a word for a shell, also where it cannot be shown as it is.
+
+    Examples
+    --------
+    >>> print(quoted("my bags"), quoted("caf\udce9"), quoted("a\nb's"))
+    'my bags' $'caf\xe9' $'a\nb\'s'
+    """
+    if word.isprintable():
+        return shlex.quote(word)
+    # Bash's form; other bytes than of ASCII, which the locale may not know, by number.
+    escaped = repr(os.fsencode(word) + b'"').removesuffix("\"'")[2:]
+    return f"$'{escaped}'"
 
 
 def save(metrics: Any, json_file: Path | None) -> None:

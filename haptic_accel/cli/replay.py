@@ -47,6 +47,7 @@ from haptic_accel.graph.replay import (
     play_command,
     replay_arguments,
 )
+from haptic_accel.graph.words import is_argument
 
 
 @options.verb(
@@ -85,9 +86,9 @@ def replay(
     that of the bag. With --lockstep any number of bags may be given; those in which nothing was
     recorded are named and skipped.
     """
-    names = [word for word in words if ":=" not in word]
+    names = [word for word in words if not is_argument(word)]
     bags = [f"bag:={name}" for name in names]
-    arguments = [word for word in words if ":=" in word]
+    arguments = [word for word in words if is_argument(word)]
     if lockstep:
         each = [[bag, *arguments] for bag in bags] or [arguments]
         _play(_planned(each), controllers, workers, json_file, out)

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
@@ -158,12 +159,21 @@ def _locate_model(path: Path, values: Values) -> None:
 def parameter_paths(params_file: str) -> list[Path]:
     """Return the absolute paths of the files in an argument `params_file`.
 
+    A path may hold the separator itself: the longest name that exists is taken.
+
     Examples
     --------
     >>> [path.name for path in parameter_paths("board.yaml,handle.yaml")]
     ['board.yaml', 'handle.yaml']
     """
-    return [Path(word).absolute() for word in params_file.split(SEPARATOR) if word]
+    words = [word for word in params_file.split(SEPARATOR) if word]
+    found = []
+    while words:
+        joined = (SEPARATOR.join(words[:count]) for count in range(len(words), 1, -1))
+        path = next(filter(os.path.exists, joined), words[0])
+        del words[: path.count(SEPARATOR) + 1]
+        found.append(Path(path).absolute())
+    return found
 
 
 def read_parameter_files(

@@ -67,6 +67,12 @@ def parse_words(words: Iterable[str], kind: type[A]) -> A:
     return build(**values)
 
 
+def is_argument(word: str) -> bool:
+    """Return whether a word has the form ``key:=value``; a key has no slash, as folders do."""
+    key, separator, _ = word.partition(":=")
+    return bool(separator) and "/" not in key
+
+
 def given_keys(words: Iterable[str]) -> list[str]:
     """Return the keys of the words that have the form ``key:=value``."""
     return [word.partition(":=")[0] for word in words if ":=" in word]

@@ -20,10 +20,12 @@ uPlot (MIT) draws the plots, and is included because a page must not need the ne
 
 from __future__ import annotations
 
+import os
 import re
 from datetime import datetime
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import jinja2
 
@@ -66,6 +68,8 @@ def script(name: str) -> str:
 def template(name: str) -> jinja2.Template:
     """Return the template of a page; values are escaped unless marked as safe.
 
+    The filter ``link`` makes an address of the name of a file beside the page.
+
     Parameters
     ----------
     name : str
@@ -79,6 +83,8 @@ def template(name: str) -> jinja2.Template:
         lstrip_blocks=True,
     )
     environment.globals["script"] = script
+    # Autoescape leaves # and %, which mean something else in an address.
+    environment.filters["link"] = lambda name: quote(os.fsencode(name))
     return environment.get_template(name)
 
 

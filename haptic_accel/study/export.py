@@ -85,7 +85,7 @@ def export_study(
     for name, text in FORMS[form](protocol, tables(protocol, begun)).items():
         file = folder / name
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8")
+        file.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def csv_text(frame: pd.DataFrame) -> str:

@@ -1,0 +1,165 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Verbs in folders whose names mean something to a shell, an address, a parser or an encoding."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote_to_bytes
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from haptic_accel.bags.reading import read_bag
+from haptic_accel.graph.files import parameter_paths
+from verbs import refusal, status_of
+
+DATA = Path(__file__).parents[1] / "data"
+
+ODD = ("a#b?c%20d", 'grip=hook, it\'s "$x" `y` a:=b', "caf\udce9")
+"""Names of folders; the last one is Latin-1, hence no UTF-8."""
+
+
+@pytest.fixture(params=ODD)
+def odd(request: pytest.FixtureRequest, here: Path) -> Path:
+    """Make a folder of an odd name."""
+    folder = here / str(request.param)
+    folder.mkdir()
+    return folder
+
+
+def next_words(text: str) -> list[bytes]:
+    """Return the words of the last command that a text advises, as Bash splits them."""
+    line = [line for line in text.splitlines() if line.startswith("next")][-1]
+    command = line.partition(": haptic-accel ")[2]
+    done = subprocess.run(["bash", "-c", rf"printf '%s\0' {command}"], stdout=subprocess.PIPE)
+    return done.stdout.split(b"\0")[:-1]
+
+
+def without_paths(file: Path) -> Any:
+    """Return a JSON file's numbers in order."""
+    return re.findall(r"(?<![\w.])-?\d+\.\d+(?!\w)", json.dumps(json.loads(file.read_text())))
+
+
+def check_links(page: Path) -> None:
+    """Check that the links of a page lead to files beside it."""
+    links = re.findall(r'(?:href|src)="([^"#]+)"', page.read_text())
+    assert links
+    for link in links:
+        if not link.startswith(("data:", "http")):
+            assert os.path.exists(os.fsencode(page.parent) + b"/" + unquote_to_bytes(link)), link
+
+
+def test_bags_are_read_repaired_replayed_and_analysed(
+    odd: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = odd / "text"
+    shutil.copytree(DATA / "text", bag)
+    (bag / "metadata.yaml").unlink()
+    assert status_of("bag", "repair", bag, "--json", odd / "repair.json") == 0
+    assert next_words(capsys.readouterr().out) == [b"analyze", os.fsencode(bag)]
+    assert status_of("bag", "info", bag, "--json", odd / "info.json") == 0
+    assert json.loads((odd / "info.json").read_text())["path"] == str(bag)
+    assert status_of("analyze", bag, "--out", odd / "report", "--json", odd / "found.json") == 0
+    check_links(odd / "report" / "index.html")
+    capsys.readouterr()
+    out = odd / "played"
+    assert status_of("replay", bag, "--lockstep", "duration:=0.5", "--out", out) == 0
+    assert next_words(capsys.readouterr().out) == [b"analyze", os.fsencode(out)]
+    reference = odd / "reference.json"
+    assert status_of("analyze", DATA / "text", "--out", odd / "r", "--json", reference) == 0
+    assert without_paths(odd / "found.json") == without_paths(reference)
+
+
+def test_a_bag_of_the_other_storage_is_read(odd: Path) -> None:
+    bag = odd / odd.name
+    store = get_typestore(Stores.ROS2_JAZZY)
+    here = odd.parent / "bag"
+    with (
+        Reader(DATA / "text") as reader,
+        Writer(here, version=8, storage_plugin=StoragePlugin.SQLITE3) as writer,
+    ):
+        topics = {
+            each.id: writer.add_connection(each.topic, each.msgtype, typestore=store)
+            for each in reader.connections
+        }
+        for connection, received, data in reader.messages():
+            writer.write(topics[connection.id], received, data)
+    before = read_bag(here)
+    shutil.move(here, bag)
+    found = read_bag(bag)
+    assert not found.problems
+    assert found.counts == before.counts
+    for name, signal in before.signals.items():
+        np.testing.assert_array_equal(found.signals[name].stamps, signal.stamps)
+        np.testing.assert_array_equal(found.signals[name].values, signal.values)
+
+
+def test_models_pages_and_parameter_files_are_written_and_read(
+    odd: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = odd / "identified"
+    short = ("--trials", "1", "--duration", "1")
+    assert status_of("identify", "--lockstep", "rig:=ideal", *short, "--out", out) == 0
+    words = next_words(capsys.readouterr().out)
+    assert words[1] == os.fsencode(f"params_file:={out / 'handle.yaml'}")
+    check_links(out / "index.html")
+    again = odd / "again"
+    given = f"params_file:={out / 'handle.yaml'}"
+    assert status_of("identify", "--lockstep", given, *short, "--out", again) == 0
+    render = ("texture", "render", "plywood", "--speed", "80", "--force", "1")
+    assert status_of(*render, "--out", odd / "wood.wav") == 0
+    assert (odd / "wood.wav").stat().st_size
+    assert status_of("study", "new", "--template", "preference", odd / "study") == 0
+    words = next_words(capsys.readouterr().out)
+    assert words == [b"study", b"check", os.fsencode(odd / "study")]
+    assert status_of("design", "rig:=ideal", "--json", odd / "design.json") == 0
+    assert json.loads((odd / "design.json").read_text())
+
+
+def test_a_path_with_an_equals_sign_is_no_grip(here: Path) -> None:
+    (here / "grip=hook").mkdir()
+    (here / "grip=hook" / "bench.csv").write_text("force,acceleration\n1,2\n")
+    for source in (
+        "grip=hook/bench.csv",
+        "pinch=grip=hook/bench.csv",
+        here / "grip=hook/bench.csv",
+    ):
+        said = refusal("identify", "--from", source, "--recording-rate", "1000", "--out", "found")
+        assert "bench.csv" in said
+        assert "actuator_force" in said, "the file is read, and its columns are named"
+        shutil.rmtree("found", ignore_errors=True)
+    (here / "hook=a.csv").touch()
+    (here / "a.csv").touch()
+    said = refusal("identify", "--from", "hook=a.csv")
+    assert (
+        said == "from = 'hook=a.csv': must be './hook=a.csv' or 'hook=./a.csv': both files exist"
+    )
+
+
+def test_a_parameter_file_may_hold_a_comma(here: Path) -> None:
+    for name in ("a,b.yaml", "c.yaml"):
+        (here / name).touch()
+    assert parameter_paths("a,b.yaml,c.yaml") == [here / "a,b.yaml", here / "c.yaml"]
+    assert parameter_paths("c.yaml,d.yaml") == [here / "c.yaml", here / "d.yaml"]
