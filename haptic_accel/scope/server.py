@@ -31,6 +31,7 @@ from collections.abc import Awaitable, Callable, Collection, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import urlsplit
@@ -42,6 +43,7 @@ from haptic_accel.core.decimals import defined
 from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.pages import asset, modules, template
 from haptic_accel.scope.access import TOKEN_LETTERS, Access, is_token
+from haptic_accel.scope.connections import Connections
 from haptic_accel.scope.frames import EVERYTHING, ON_DEMAND, SCENE, SOUND, Cursor, plots_frame
 from haptic_accel.scope.windows import Windows, live_rate
 
@@ -63,12 +65,9 @@ HEARTBEAT = 10.0
 LONGEST_COMMAND = 4096
 """Largest size of a command and of a WebSocket message, bytes."""
 
-MOST_CONNECTIONS = 64
-"""Connections served at the same time: `MOST_CLIENTS` browsers, which open up to seven each."""
-
 REQUEST_TIME = 10.0
-"""Time that a connection has for the headers of a request, and again for its body, s: ample for a
-slow network, and short for a connection that sends nothing."""
+"""Time that a connection with access has for the headers of its next request, and again for a
+body, s: ample for a slow network, and short for a connection that sends nothing."""
 
 GARBAGE_PERIOD = 10.0
 """Interval between garbage collections, s. Nodes disable collection, as pauses disturb forces;
@@ -109,6 +108,8 @@ FARTHEST = 10.0
 
 FAILURE = "the scope failed to serve this page; its log says why"
 """Reason for which a page is disconnected, or a request is not answered."""
+
+NO_TOKEN = "token: open the address that the scope printed when it started"
 
 READ_ONLY = "this scope is read-only: it was started without control"
 
@@ -260,7 +261,6 @@ class ScopeServer:
         self._pages = _pages(page, content)
         self._version = hashlib.sha256(b"".join(b for b, _ in self._pages.values())).hexdigest()
         self._clients: dict[web.WebSocketResponse, Cursor] = {}
-        self._silent: dict[asyncio.BaseProtocol, asyncio.TimerHandle] = {}
         self._leader: tuple[web.WebSocketResponse | None, float] = None, 0.0
         self._updates: dict[Windows, tuple[str | bytes, ...]] = {}
         self._updated = float("-inf")
@@ -330,9 +330,9 @@ class ScopeServer:
         await runner.setup()
         assert runner.server is not None
         loop, stopped = asyncio.get_running_loop(), asyncio.Event()
-        connect = partial(self._connect, runner.server)
+        self._connections = Connections(runner.server, self._access.token, _plain(403, NO_TOKEN))
         try:
-            listener = await loop.create_server(connect, self._host, self._port)
+            listener = await self._connections.listen(self._host, self._port)
         except OSError as error:
             bound.set_exception(error)
         else:
@@ -341,35 +341,22 @@ class ScopeServer:
             bound.set_result(int(listener.sockets[0].getsockname()[1]))
             await stopped.wait()
             listener.close()
+            self._connections.close()
             collecting.cancel()
             closing = [client.close(code=WSCloseCode.GOING_AWAY) for client in self._clients]
             await asyncio.gather(*closing, return_exceptions=True)
         await runner.cleanup()
 
-    def _connect(self, server: web.Server) -> asyncio.Protocol:
-        """Return the protocol of a new connection."""
-        if len(server.connections) >= MOST_CONNECTIONS:
-            return _Refusal()
-        connection = server()
-        # aiohttp limits the time to the first request only since 3.14.
-        loop = asyncio.get_running_loop()
-        self._silent[connection] = loop.call_later(REQUEST_TIME, self._drop, connection)
-        return connection
-
-    def _drop(self, connection: web.RequestHandler) -> None:
-        """Close a connection that has sent no request."""
-        del self._silent[connection]
-        connection.force_close()
-
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Refuse requests without access, and add the headers to every answer."""
-        if waiting := self._silent.pop(request.protocol, None):
-            waiting.cancel()
         try:
             response = self._refusal(request)
             if response is None:  # not by truth: up to aiohttp 3.9, a response is false
+                self._connections.admit(request.transport)
                 response = await handler(request)
+            elif response.status != 303:
+                response.force_close()
         except web.HTTPException as error:
             error.headers.update(HEADERS)
             raise
@@ -406,7 +393,7 @@ class ScopeServer:
             response.set_cookie(cookie, query, httponly=True, samesite="Lax", path="/")
             return response
         if not self._access.admits_token(bearer or request.cookies.get(cookie)):
-            return _text(403, "token: open the address that the scope printed when it started")
+            return _text(403, NO_TOKEN)
         return None
 
     async def _page(self, request: web.Request) -> web.Response:
@@ -447,6 +434,7 @@ class ScopeServer:
             heartbeat=HEARTBEAT, compress=False, max_msg_size=LONGEST_COMMAND
         )
         await page.prepare(request)
+        self._connections.keep(request.transport)
         cursor = self._clients[page] = Cursor(self._source.windows, self._kind.admitted)
         acts = self._send(page, cursor), self._receive(page, cursor)
         tasks = [asyncio.create_task(act) for act in acts]
@@ -552,14 +540,6 @@ class ScopeServer:
         return as_json(state | {"metrics": metrics.values}), plots_frame(metrics)
 
 
-class _Refusal(asyncio.Protocol):
-    """A connection that is closed at once."""
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Close the connection."""
-        transport.close()
-
-
 async def _body(request: web.Request) -> bytes:
     """Return the body of a request; nothing if incomplete or late."""
     try:
@@ -612,6 +592,19 @@ def _reason(error: OSError) -> str:
 
 def _text(status: int, text: str) -> web.Response:
     return web.Response(status=status, text=text + "\n")
+
+
+def _plain(status: int, text: str) -> bytes:
+    """Return a text as the bytes of a whole answer, after which the connection is closed."""
+    body = f"{text}\n".encode()
+    fields = {
+        "Content-Type": "text/plain; charset=utf-8",
+        "Content-Length": str(len(body)),
+        "Connection": "close",
+        **HEADERS,
+    }
+    head = [f"HTTP/1.1 {status} {HTTPStatus(status).phrase}", *map(": ".join, fields.items())]
+    return "\r\n".join((*head, "", "")).encode() + body
 
 
 def _message(status: int, message: str) -> web.Response:

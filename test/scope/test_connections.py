@@ -1,0 +1,185 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Strangers and others at a page's server: real sockets, without a graph."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
+
+import pytest
+from hostile_connections import HOST, KINDS, TOKEN, UPGRADE, Nothing, confirm, request, stop
+
+from haptic_accel.scope import connections
+from haptic_accel.scope.access import Access
+from haptic_accel.scope.server import ScopeServer
+from running import wait_until
+
+STOPS = 5
+
+HOSTILE = connections.MOST_CONNECTIONS + 44
+"""Hostile connections at a time: more than are held."""
+
+RENEWAL = 0.3
+"""Pause before a connection is renewed, s, that leaves others of this process their turns."""
+
+bearer = f"Authorization: Bearer {TOKEN}"
+
+
+@pytest.fixture(params=[TOKEN, ""], ids=["token", "no token"])
+def token(request: pytest.FixtureRequest) -> str:
+    found: str = request.param
+    return found
+
+
+@pytest.fixture
+def server(token: str) -> Iterator[ScopeServer]:
+    serving = ScopeServer(Nothing(), Access(HOST, token), HOST, 0, confirm)
+    yield serving
+    serving.stop()
+
+
+@pytest.fixture
+def port(server: ScopeServer) -> int:
+    return int(server.start().split(":")[2].split("/")[0])
+
+
+def connected(port: int, sent: bytes) -> socket.socket:
+    opened = socket.create_connection((HOST, port), timeout=30)
+    opened.sendall(sent)
+    return opened
+
+
+def rest(opened: socket.socket) -> bytes:
+    """Return what comes until the connection is closed."""
+    found = b""
+    with suppress(ConnectionError):
+        while got := opened.recv(2**16):
+            found += got
+    return found
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_stop_comes_through_beside_more_connections_than_are_held(
+    port: int, token: str, kind: str
+) -> None:
+    opened = 0
+
+    async def renew() -> None:
+        nonlocal opened
+        while True:
+            reader, writer = await asyncio.open_connection(HOST, port)
+            opened += 1
+            with suppress(OSError):
+                await KINDS[kind](reader, writer)
+            writer.close()
+            await asyncio.sleep(RENEWAL)
+
+    async def attack() -> None:
+        attacking = [asyncio.create_task(renew()) for _ in range(HOSTILE)]
+        while opened < HOSTILE:
+            await asyncio.sleep(0.01)
+        for _ in range(STOPS):
+            await asyncio.to_thread(stop, port, token)  # raises an error unless confirmed
+        for each in attacking:
+            each.cancel()
+        for ended in await asyncio.gather(*attacking, return_exceptions=True):
+            assert isinstance(ended, asyncio.CancelledError | ConnectionError)
+
+    asyncio.run(attack())
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\nHost: local", b"POST / HTTP/1.1\r\n"])
+def test_half_a_header_is_dropped_and_a_page_is_not(
+    server: ScopeServer, port: int, sent: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with connected(port, request("GET /live HTTP/1.1", bearer, *UPGRADE)) as page:
+        wait_until(lambda: server.clients == 1, "the page is there")
+        monkeypatch.setattr(connections, "STRANGER_TIME", 0.1)
+        with connected(port, sent) as stranger:
+            assert stranger.recv(1) == b""
+        page.setblocking(True)
+        assert page.recv(1) != b""
+        assert server.clients == 1
+
+
+def test_who_shows_no_token_is_told_and_closed() -> None:
+    serving = ScopeServer(Nothing(), Access(HOST, TOKEN), HOST, 0, confirm)
+    port = int(serving.start().split(":")[2].split("/")[0])
+    try:
+        for method in ("GET", "HEAD"):
+            with connected(port, request(f"{method} / HTTP/1.1")) as stranger:
+                answer, _, body = rest(stranger).partition(b"\r\n\r\n")
+            assert answer.startswith(b"HTTP/1.1 403 ")
+            assert b"Content-Security-Policy: " in answer
+            assert (b"open the address" in body) == (method == "GET")
+        with connected(port, request("GET / HTTP/1.1", f"{bearer}x")) as stranger:
+            assert rest(stranger).startswith(b"HTTP/1.1 403 ")
+    finally:
+        serving.stop()
+
+
+def test_of_too_many_strangers_the_oldest_is_closed_and_no_page(
+    server: ScopeServer, port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "MOST_CONNECTIONS", 3)
+    monkeypatch.setattr(connections, "STRANGER_TIME", 1e3)
+    with ExitStack() as closing:
+        page = connected(port, request("GET /live HTTP/1.1", bearer, *UPGRADE))
+        closing.enter_context(page)
+        wait_until(lambda: server.clients == 1, "the page is there")
+        first, *others = [closing.enter_context(connected(port, b"GET /")) for _ in range(4)]
+        assert rest(first) == b""
+        for each in others:
+            each.setblocking(False)
+            with pytest.raises(BlockingIOError):
+                each.recv(1)
+        assert server.clients == 1
+
+
+def test_of_too_many_idle_connections_with_access_the_oldest_is_closed(
+    port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "MOST_CONNECTIONS", 2)
+    asked = request("GET /scene HTTP/1.1", bearer)
+    with ExitStack() as closing:
+        opened = [closing.enter_context(connected(port, b"")) for _ in range(2)]
+        for each in opened:
+            each.sendall(asked)
+            assert each.recv(12) == b"HTTP/1.1 200"
+        opened[0].sendall(asked)  # in use again: no longer the oldest
+        third = closing.enter_context(connected(port, asked))
+        assert third.recv(12) == b"HTTP/1.1 200"
+        rest(opened[1])  # ends only when closed
+
+
+def test_commands_pass_before_other_requests(port: int, token: str) -> None:
+    others = [connected(port, b"") for _ in range(30)]
+    for each in others:
+        each.sendall(request("GET /scene HTTP/1.1", bearer))
+    stop(port, token)
+    for each in others:
+        assert each.recv(12) == b"HTTP/1.1 200"
+        each.close()
+
+
+def test_a_server_that_stops_closes_strangers(server: ScopeServer, port: int, token: str) -> None:
+    with connected(port, b"GET /") as stranger:
+        stop(port, token)  # a later connection: the stranger's is there
+        server.stop()
+        assert rest(stranger) == b""
