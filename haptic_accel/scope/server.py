@@ -579,6 +579,7 @@ def _pages(name: str, content: Mapping[str, Any]) -> dict[str, tuple[bytes, str]
         "/": (page.encode(), "text/html"),
         "/scope.css": ("\n".join(styles).encode(), "text/css"),
         "/uPlot.js": (asset("uPlot.iife.min.js").encode(), "text/javascript"),
+        "/stop_request.js": (asset("stop_request.js").encode(), "text/javascript"),
         **{f"/{k}": (v.encode(), "text/javascript") for k, v in modules(f"{name}.js").items()},
     }
 

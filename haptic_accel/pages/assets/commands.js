@@ -35,8 +35,7 @@ export async function command(action, value) {
     if (message) tell(message, answer.ok ? "OK" : "error");
     return answer.ok;
   } catch {
-    const urgent = "The stop did not reach the scope. Use the hardware, or haptic-accel estop.";
-    tell(action === "estop" && value ? urgent : `${action}: the scope does not answer`, "error");
+    tell(`${action}: the scope does not answer`, "error");
     return false;
   }
 }

@@ -5,6 +5,7 @@
 import { command, control, graph, tell } from "./commands.js";
 import { byId, setState, setText } from "./elements.js";
 
+const request = window.hapticStop; // of `stop_request.js`, where this page may stop a graph
 const UNHEARD = new Set(["absent", "silent"]); // states of nodes that report nothing
 
 /**
@@ -32,25 +33,18 @@ export function showStop({ stop, engaged, nodes, metrics }) {
     : "Emergency stop: not confirmed by every device.";
   setText(byId("alarm"), stopped ? text : "");
   byId("alarm").hidden = !stopped;
-  if (control && graph) byId("release").hidden = !stopped;
+  if (control && graph) byId("release").hidden = !(stopped || request.pending);
 }
 
-/** Let the button and Escape stop the graph, and a dialog release the stop. */
+/** Show how a request for the stop stands, and let a dialog release the stop. */
 export function listenToStop() {
   const confirm = byId("confirm");
-  const stop = () => {
-    tell("stopping", "waiting");
-    command("estop", true);
-  };
-  byId("stop").addEventListener("click", stop);
+  request.show = tell;
   byId("release").addEventListener("click", () => confirm.showModal());
   byId("keep").addEventListener("click", () => confirm.close());
   byId("really").addEventListener("click", () => {
     confirm.close();
+    request.drop();
     command("estop", false);
-  });
-  document.addEventListener("keydown", (event) => {
-    // In the dialog, Escape closes the dialog and everything stays stopped.
-    if (event.key === "Escape" && !event.repeat && !confirm.open) stop();
   });
 }
