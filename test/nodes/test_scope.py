@@ -428,9 +428,9 @@ def test_the_mouse_leads_the_hand_over_the_surface(shared: Shared) -> None:
     scale = min(box["width"] / 0.3, box["height"] / 0.1)  # pixels per m
     page.mouse.move(x, y)
     page.mouse.down()
-    page.mouse.move(x, y + 0.015 * scale, steps=10)
+    page.mouse.move(x, y + 0.035 * scale, steps=10)  # 5 mm below the surface
     shared.wait("hapticScene.here.tool[1] < 1e-3 && hapticScene.here.force[1] > 0.3", "contact")
-    page.mouse.move(x + 0.04 * scale, y + 0.015 * scale, steps=20)
+    page.mouse.move(x + 0.04 * scale, y + 0.035 * scale, steps=20)
     shared.wait("hapticScene.here.tool[0] > 0.03", "the tool has gone along")
     page.mouse.up()
     shared.press("grip", "hook")

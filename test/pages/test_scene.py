@@ -98,18 +98,20 @@ def middle(page: Page) -> tuple[float, float, float]:
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, scale
 
 
-def test_the_hand_goes_along_with_the_mouse_wherever_it_is_grabbed(
-    page: Page, bench: Bench
-) -> None:
-    x, y, scale = middle(page)
-    page.mouse.move(x + 40, y - 30)
+def test_the_hand_is_where_the_mouse_is_pressed(page: Page, bench: Bench) -> None:
+    x, y, scale = middle(page)  # 30 mm above the surface, the hand 10 mm
+    page.mouse.move(x - 0.03 * scale, y + 0.033 * scale)
     assert not bench.led, "a mouse that is not pressed leads nothing"
     page.mouse.down()
-    page.mouse.move(x + 40 + 0.02 * scale, y - 30 + 0.013 * scale, steps=5)
-    wait_until(lambda: len(bench.led) > 3, "points come")
+    wait_until(
+        lambda: len(bench.led) > 0 and np.allclose(bench.led[-1], (-0.03, -0.003), atol=2 / scale),
+        "a press below the surface is in contact",
+    )
+    page.mouse.move(x + 0.02 * scale, y + 0.033 * scale, steps=5)
     wait_until(
         lambda: np.allclose(bench.led[-1], (0.02, -0.003), atol=2 / scale), "the hand is there"
     )
+    assert all(z < 0 for _, z in bench.led), "a stroke sideways stays in contact"
     # A point for each picture, also while the mouse rests, and none beyond its reach.
     count = len(bench.led)
     wait_until(lambda: len(bench.led) > count + 5, "more points")
@@ -123,7 +125,7 @@ def test_the_hand_goes_along_with_the_mouse_wherever_it_is_grabbed(
 
 
 def test_the_pressure_of_a_pen_lowers_the_hand(page: Page, bench: Bench) -> None:
-    x, y, _ = middle(page)
+    x, y, scale = middle(page)
     press = """([x, y, pressure]) => {
       const view = document.querySelector('#scene');
       view.setPointerCapture = () => {};
@@ -133,18 +135,31 @@ def test_the_pressure_of_a_pen_lowers_the_hand(page: Page, bench: Bench) -> None
     }"""
     page.evaluate(press, [x, y, 0.5])
     wait_until(lambda: bool(bench.led), "points come")
-    assert bench.led[0] == pytest.approx((0.0, 0.01 - 0.005), abs=1e-6)
+    assert bench.led[0] == pytest.approx((0.0, 0.03 - 0.005), abs=1 / scale)
     page.evaluate(press, [x, y, 0.0])
 
 
 def test_arrow_keys_move_the_hand_too(page: Page, bench: Bench) -> None:
-    page.locator("#scene").focus()
+    assert page.evaluate("document.activeElement.id") == "scene", "the keys work at once"
     page.keyboard.press("ArrowDown")
     wait_until(lambda: bool(bench.led), "a point comes")
     # The same point for each picture, so that the hand arrives, and then no more.
     wait_until(lambda: not page.evaluate("hapticScene.isGripped()"), "the key lets go")
     points = list(bench.led)
     assert points == [pytest.approx((0.0, 0.008), abs=1e-6)] * len(points)
+
+
+def test_the_scene_is_the_first_in_the_page_for_keys_and_eyes(page: Page, bench: Bench) -> None:
+    first = """() => [...document.querySelectorAll('main [tabindex="0"], main button, main input')]
+      .find((one) => one.checkVisibility()).id"""
+    assert page.evaluate(first) == "scene"
+    page.focus("#hold")
+    bench.SHOWN = {**bench.SHOWN, "scene": "another"}  # type: ignore[misc]
+    drawn = page.evaluate("hapticScope.counters.states")
+    wait_until(lambda: page.evaluate("hapticScope.counters.states") > drawn + 1, "another scene")
+    assert page.evaluate("document.activeElement.id") == "hold", "the keyboard stays with the user"
+    bench.SHOWN = {"scene": None}  # type: ignore[misc]
+    wait_until(lambda: page.evaluate(first) != "scene", "the signals are first")
 
 
 def test_a_hand_that_may_not_be_led_is_let_go_with_the_reason(page: Page, bench: Bench) -> None:

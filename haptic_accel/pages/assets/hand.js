@@ -4,7 +4,7 @@
 // The pointer that leads the simulated hand: mouse, pen, finger or arrow keys in the side view.
 import { send } from "./connection.js";
 import { clamp, counters, here, isKnown } from "./places.js";
-import { mapping, view } from "./side_view.js";
+import { pointAt, view } from "./side_view.js";
 
 const PRESSED = 0.01; // m by which the full pressure of a pen lowers the hand
 const KEY_STEP = 0.002; // m that an arrow key moves the hand
@@ -14,7 +14,7 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowD
 
 let drawing = null; // in which the hand may be led; null if it may not
 let ending = 0; // timer that ends the lead of keys
-let grip = null; // the pointer that leads, where it began and where the hand is to be
+let grip = null; // the pointer that leads, and where the hand is to be
 
 /** Let the hand be led within a drawing of the scene, or with null not at all. */
 export function leadWithin(given) {
@@ -28,19 +28,16 @@ const mayBegin = () => drawing && !grip && isKnown(here.handle);
 
 const reached = (place) => place.map((value, axis) => clamp(value, drawing.view[axis]));
 
-/** Where a pointer wants the hand, m in the master's base frame. */
+/** Where a pointer wants the hand, m in the master's base frame: its ring at the pointer. */
 function wanted(event) {
-  const { scale } = mapping(drawing);
-  const moved = [event.clientX - grip.began[0], grip.began[1] - event.clientY];
-  const [x, z] = moved.map((pixels, axis) => grip.hand[axis] + (pixels * devicePixelRatio) / scale);
+  const [x, z] = pointAt(drawing, event).map((value, axis) => value - drawing.offset[axis]);
   return reached([x, z - (event.pointerType === "pen" ? PRESSED * event.pressure : 0)]);
 }
 
 function grab(event) {
   if (!mayBegin() || event.button) return;
   view.setPointerCapture(event.pointerId);
-  grip = { id: event.pointerId, began: [event.clientX, event.clientY], hand: here.handle };
-  grip.point = wanted(event);
+  grip = { id: event.pointerId, point: wanted(event) };
   lead();
 }
 

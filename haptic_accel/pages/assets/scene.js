@@ -46,15 +46,20 @@ export const scene = {
 
   /** Follow the graph's state. */
   async show(state) {
-    led = Boolean(state.led);
+    if (led !== Boolean(state.led)) {
+      led = !led;
+      byId("page").prepend(led ? cards[0] : byId("time-card")); // first for eyes and keys
+    }
     leadWithin(led ? drawing : null);
-    for (const part of [document.querySelector("main"), view]) part.classList.toggle("led", led);
+    for (const part of [byId("page"), view]) part.classList.toggle("led", led);
     view.tabIndex = led ? 0 : -1;
     const shown = state.scene ?? (led ? "" : null); // a hand can be led wherever the tool is
     if (shown === name) return;
     name = shown;
     for (const card of cards) card.hidden = name === null;
     if (name === null) return;
+    // The arrow keys lead the hand at once, unless the user has the keyboard somewhere else.
+    if (led && document.activeElement === document.body) view.focus({ preventScroll: true });
     makePlane();
     try {
       const answer = await fetch("/scene");

@@ -15,13 +15,20 @@ export const view = byId("scene");
 const sheet = sheetOver(view);
 
 /** Return pixels per metre, and functions from metres to device pixels of the canvas. */
-export function mapping(drawing) {
+function mapping(drawing) {
   const [[left, right], [low, high]] = drawing.view;
   const { width, height } = sheet.canvas;
   const scale = Math.min(width / (right - left), height / (high - low));
   const x = (value) => width / 2 + (value - (left + right) / 2) * scale;
   const z = (value) => height / 2 - (value - (low + high) / 2) * scale;
   return { scale, x, z };
+}
+
+/** Return the point of a drawing at a place in the window, in m. */
+export function pointAt(drawing, { clientX, clientY }) {
+  const { left, top } = sheet.canvas.getBoundingClientRect();
+  const { scale, x, z } = mapping(drawing);
+  return [((clientX - left) * devicePixelRatio - x(0)) / scale, (z(0) - (clientY - top) * devicePixelRatio) / scale];
 }
 
 /** Draw the objects, and tool and handle if they are known. */

@@ -25,7 +25,7 @@ export function showStop({ stop, engaged, nodes, metrics }) {
   setState(byId("stop-state"), ...(stopped ? ["error", "emergency stop"] : free));
   // Without vibration of the tool there is nothing to compare.
   const idle = metrics.rms_desired !== undefined && metrics.nrmse_percent === undefined;
-  const coupled = idle ? ["warning", "arms engaged, no contact"] : ["OK", "arms engaged"];
+  const coupled = idle ? ["warning", "arms engaged, no vibration"] : ["OK", "arms engaged"];
   const arms = engaged ? coupled : ["warning", "arms disengaged"];
   setState(byId("arms"), ...(engaged === null ? ["absent", "arms: unknown"] : arms));
   const text = answers.every((answer) => answer === true)
