@@ -30,6 +30,8 @@ from rclpy.serialization import deserialize_message
 from haptic_accel.core import topics
 from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
 from haptic_accel.core.cdr import unpack_stamped_vector
+from haptic_accel.core.control.compensation import PLANT
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
@@ -61,7 +63,7 @@ WANTED = {
         name
         for name in node_schema("compensator")
         if name in ("axes", "controller", "high_pass_frequency", "latency")
-        or name.startswith(f"{ACTUATOR}.")
+        or name.startswith((f"{ACTUATOR}.", f"{PLANT}."))
     ),
     "slave_device": ("device", f"{SURFACE}name", SCENE_FILE),
     "master_device": ("device", POSTURE),
@@ -231,8 +233,11 @@ class GraphView(GraphNode):
             if known:
                 axes = Axes.parsed(str(known.get("axes", "z")))
                 own, options = node_parameters("compensator", known)
+                plant: Plant = options[PLANT]
                 settings = GraphSettings(
-                    own.high_pass_frequency, options[ACTUATOR], own.latency, assumed=False
+                    *(own.high_pass_frequency, options[ACTUATOR], own.latency),
+                    plant=plant.coupled() if len(axes.names) == 1 else None,
+                    assumed=False,
                 )
         self.windows.show_axes(axes)
         for windows in self.windows.by_axis.values():

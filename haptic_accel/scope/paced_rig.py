@@ -31,7 +31,7 @@ from haptic_accel.core.control.building import build_compensation
 from haptic_accel.core.loop.compensation import CompensationPart
 from haptic_accel.core.loop.device_side import ARM, rig_side
 from haptic_accel.core.loop.wiring import MASTER, SLAVE
-from haptic_accel.core.model import ACTUATOR
+from haptic_accel.core.model import ACTUATOR, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.trial import one_host
@@ -135,11 +135,24 @@ class PacedRig:
         self._axes = [
             (NAMES.index(axis), windows) for axis, windows in self.windows.by_axis.items()
         ]
+        settings = GraphSettings(
+            *(around.high_pass_frequency, controllers[ACTUATOR], latency),
+            noise=rig.master.accelerometer.noise,
+            assumed=False,
+        )
         for _, windows in self._axes:
-            windows.settings = GraphSettings(
-                around.high_pass_frequency, controllers[ACTUATOR], latency, assumed=False
-            )
+            windows.settings = settings
+        self._rig = rig
+        self._show_plant()
         self._tick = 0
+
+    def _show_plant(self) -> None:
+        """Tell the window of a rig with one axis the plant with the handle as it is held."""
+        (_, windows), *others = self._axes
+        if others:
+            return
+        handle = held(self._rig.master.handle, self._master_parameters.grip, self._arguments.seed)
+        windows.settings = replace(windows.settings, plant=self._rig.plant(handle))
 
     # What a page shows
 
@@ -261,7 +274,9 @@ class PacedRig:
     def _set_grip(self, posture: str) -> None:
         parameters = self._master_parameters
         grip = replace(parameters.grip, posture=posture)
-        self._master.change(replace(parameters, grip=grip))
+        self._master_parameters = replace(parameters, grip=grip)
+        self._master.change(self._master_parameters)
+        self._show_plant()
         self._values["master_device"][POSTURE] = posture
 
     def _report(self, now: float) -> None:

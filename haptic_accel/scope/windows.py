@@ -30,8 +30,10 @@ from haptic_accel.core.control import filters
 from haptic_accel.core.control.compensation import FADING, LISTENING
 from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import Spectra, evaluate, spectra
+from haptic_accel.core.handle.plant import Dynamics
 from haptic_accel.core.model import FloatArray, Vector
 from haptic_accel.core.sampling import LATENCY, NANOSECONDS, IntArray, half_period, places
+from haptic_accel.scope.lowest_error import LowestError
 
 LONGEST_WINDOW = 5.0
 """Longest time that a page can show, s."""
@@ -155,6 +157,10 @@ class GraphSettings:
         Limits of the actuator, and the suspension of its moving mass.
     latency : int
         Samples from the cause of a force to the tick at which the force takes effect.
+    plant : Plant or None
+        Plant along one axis, from which the lowest possible error follows; None if unknown.
+    noise : float
+        Standard deviation of a sample of the handle's accelerometer, if known, m/s^2.
     assumed : bool
         True for defaults, used until a compensator has reported its own parameters.
     """
@@ -162,6 +168,8 @@ class GraphSettings:
     high_pass_frequency: float = filters.HIGH_PASS_FREQUENCY
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
     latency: int = LATENCY
+    plant: Dynamics | None = None
+    noise: float = 0.0
     assumed: bool = True
 
 
@@ -175,8 +183,9 @@ class Metrics:
         Finite numbers by name, without metrics of too few samples. ``rate``: samples of the handle
         acceleration per second. ``nrmse_percent``, ``slope`` (desired on actual) and ``r2``:
         comparison with the handle acceleration shifted back by the latency and one sample, missing
-        where the tool touches nothing. ``indistinguishable_percent``: share of their vibration
-        whose strength a hand could not tell, missing where it would feel neither.
+        where the tool touches nothing. ``lowest_percent``: lowest ``nrmse_percent`` of any filter
+        for such an input, where a plant is known. ``indistinguishable_percent``: share of their
+        vibration whose strength a hand could not tell, missing where it would feel neither.
         ``rms_desired``, ``rms_actual``: m/s^2. ``age_p50``, ``age_p99``: time from the tool's
         sample to the arrival of the actuator force here, s. ``peak_force``, ``peak_travel``:
         largest magnitudes, N and m.
@@ -227,6 +236,7 @@ class Windows:
         self._derivation: Derivation | None = None
         self._derived = 0
         self._compared_from = 0
+        self._lowest = LowestError()
 
     @property
     def by_axis(self) -> dict[str, Windows]:
@@ -299,6 +309,15 @@ class Windows:
             values["nrmse_percent"] = evaluation.nrmse_percent
             values["slope"] = evaluation.slope_desired_on_actual
             values["r2"] = evaluation.r2
+            settings = self.settings
+            if settings.plant and (
+                lowest := self._lowest.follow(
+                    desired, rate, settings.plant, settings.actuator, settings.noise
+                )
+            ):
+                values["lowest_percent"] = lowest
+        else:
+            self._lowest.forget()
         step = len(desired) // CLOUD_POINTS + 1
         return Metrics(_finite(values), found, desired[::step], actual[::step])
 

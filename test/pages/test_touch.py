@@ -65,6 +65,8 @@ def test_before_and_after_are_seen_by_one_press(page: Page) -> None:
     wait_until(lambda: error(page) > 90.0, "nothing drives the motor")
     page.click(".switch [data-value=adaptive]")
     wait_until(lambda: error(page) < 40.0, "compensated again")
+    lowest = page.locator(".result [data-metric=lowest_percent]")
+    wait_until(lambda: lowest.inner_text().isdecimal(), "the lowest error possible is told")
     told = page.locator("#touch-said")
     wait_until(lambda: told.inner_text().startswith("adaptive: error "), "told to screen readers")
 

@@ -52,7 +52,12 @@ from running import wait_until
 
 START = 1_800_000_000 * NANOSECONDS
 TOKEN = "a-token_of.a~test"
-ASSETS = ("/scope.css", "/uPlot.js", "/stop_request.js", *(f"/{name}" for name in modules("scope.js")))
+ASSETS = (
+    "/scope.css",
+    "/uPlot.js",
+    "/stop_request.js",
+    *(f"/{name}" for name in modules("scope.js")),
+)
 
 
 class Source:

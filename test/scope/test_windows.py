@@ -30,6 +30,7 @@ from scipy import signal
 from fuzzing import fuzz
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.filters import high_pass, without_hand_motion
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import Suspension
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope import windows
@@ -53,6 +54,7 @@ from haptic_accel.scope.windows import (
     live_rate,
     paired,
 )
+from running import wait_until
 
 START = 1_800_000_000 * NANOSECONDS
 RATE = 1000.0
@@ -451,3 +453,24 @@ def test_of_samples_with_any_stamps_frames_and_metrics_are_made(
             assert np.isfinite(list(metrics.values.values())).all()
             plots_frame(metrics)
     assert time.monotonic() - begun < LONGEST_CASE
+
+
+def test_an_input_that_no_motor_can_follow_has_a_high_lowest_error() -> None:
+    def lowest(amplitude: float) -> float:
+        made, _, _ = filled(4.0, amplitude=amplitude)
+        made.settings = GraphSettings(plant=Plant(), assumed=False)
+        wait_until(lambda: "lowest_percent" in made.metrics().values, "the lowest error")
+        return made.metrics().values["lowest_percent"]
+
+    # At 1000 times the motor's acceleration almost all of the vibration is missing.
+    gentle, violent = lowest(1.0), lowest(1e4)
+    assert 0.0 < gentle < violent
+    assert violent == pytest.approx(100.0, abs=1.0)
+
+
+def test_without_a_plant_or_a_contact_there_is_no_lowest_error() -> None:
+    made, _, _ = filled(4.0)
+    assert "lowest_percent" not in made.metrics().values
+    silent, _, _ = filled(4.0, amplitude=0.06)
+    silent.settings = GraphSettings(plant=Plant(), assumed=False)
+    assert "lowest_percent" not in silent.metrics().values
