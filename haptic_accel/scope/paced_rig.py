@@ -205,7 +205,9 @@ class PacedRig:
             if left_out > 0:
                 self._left_out += left_out
                 begun += left_out / self._rate
-                origin += round(left_out * NANOSECONDS / self._rate)
+                origin += (missing := round(left_out * NANOSECONDS / self._rate))
+                for _, windows in self._axes:
+                    windows.leave_out(missing)
                 due -= left_out
             self._follow_hand()
             for _ in range(due - self._tick):

@@ -257,6 +257,11 @@ class Windows:
         """Restrict the comparison to samples after a change of controller that begins now."""
         self._compared_from = self.handle.newest + int(CHANGING * NANOSECONDS)
 
+    def leave_out(self, duration: int) -> None:
+        """Postpone a comparison that has not begun by a time that the stamps leave out, ns."""
+        if self._compared_from > self.handle.newest:
+            self._compared_from += duration
+
     def advance(self) -> None:
         """Derive signals from the newest handle samples."""
         rate, settings = live_rate(self.handle), self.settings

@@ -474,3 +474,21 @@ def test_without_a_plant_or_a_contact_there_is_no_lowest_error() -> None:
     silent, _, _ = filled(4.0, amplitude=0.06)
     silent.settings = GraphSettings(plant=Plant(), assumed=False)
     assert "lowest_percent" not in silent.metrics().values
+
+
+def test_time_that_is_left_out_is_no_time_for_a_new_controller() -> None:
+    made, _, _ = filled(4.0)
+    made.compare_anew()
+    made.leave_out(5 * NANOSECONDS)
+
+    def feed(first: int, last: int) -> None:
+        for index in range(first, last):
+            for ring in (made.desired, made.handle, made.force):
+                ring.put(START + index * MILLISECOND, np.sin(index))
+
+    feed(9000, 9500)  # the stamps go on 5 s later, while the new controller only listens
+    assert "rms_desired" not in made.metrics().values
+    feed(9500, 10500)
+    assert "rms_desired" in made.metrics().values
+    made.leave_out(5 * NANOSECONDS)  # the comparison has begun
+    assert "rms_desired" in made.metrics().values
