@@ -26,6 +26,7 @@ import scipy.signal  # noqa: F401
 from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
+from haptic_accel.core.cdr import unpack_orientation
 from haptic_accel.core.control.building import build_compensation
 from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.control.controllers import CONTROLLERS
@@ -108,8 +109,8 @@ class Compensator(GraphNode):
 
     def _follow_orientation(self) -> None:
         """Take the handle's orientation, for the next samples: no force waits for it."""
-        if self._poses and self._poses.senders < 2:
-            for orientation in self._poses.drain_orientations():
+        if self._poses:
+            for orientation in self._poses.drain_sole(unpack_orientation):
                 self._orientation.put(orientation)
                 self.part.orientation = self._orientation.newest
 

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from importlib.util import find_spec
 from typing import Any
 
@@ -183,9 +183,17 @@ class MotionCommands:
         inboxes = self.positions, self._holds, self._frees
         self.expected = any(inbox.senders for inbox in inboxes)
 
-    def receive(self, position: Vector) -> bool:
-        """Process commands at an arm position, m; return True if the arm is freed."""
-        for stamp, goal in self.positions.drain_vectors():
+    def receive(self, position: Vector, goals: Iterable[tuple[int, Vector]]) -> bool:
+        """Process commands at an arm position, m; return True if the arm is freed.
+
+        Parameters
+        ----------
+        position : tuple of float
+            Present position, m.
+        goals : iterable of tuple
+            Stamps, system time in ns, and commanded positions, m.
+        """
+        for stamp, goal in goals:
             if self._valid(stamp, goal):
                 self.servo.set_point = goal
             else:

@@ -27,7 +27,9 @@ from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import STOPPED, SafetyLayer
+from haptic_accel.core.cdr import unpack_stamped_vector
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, Taken
+from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ArmTopics
@@ -104,7 +106,7 @@ class DeviceNode(ManagedNode):
         self.offset = 0
         self._used = self._starting = self._warned = self._settled = False
         self._failure: Exception | None = None
-        self._reported_unread = 0
+        self._reported_unread = self._reported_contested = self._crossed = 0
         self._reported_deadlines = 0, 0
         self._acceleration, self._position, self._velocity = (
             # The input of the felt force is first.
@@ -118,7 +120,6 @@ class DeviceNode(ManagedNode):
         self._inboxes = {ARM: self.inbox(arm.arm_force)}
         if arm.actuator_force:
             self._inboxes[ACTUATOR] = self.inbox(arm.actuator_force)
-        self._senders = dict.fromkeys(self._inboxes, 0)
         # The newest set-point is enough; others may not delay a tick.
         self._points = (
             self.inbox(topics.HAND_SET_POINT, depth=1) if self._kind.description.pointed else None
@@ -243,6 +244,7 @@ class DeviceNode(ManagedNode):
             "missed ticks": str(keeper.missed),
             "ticks without a sample": str(self.side.unread),
             "positions refused": str(self._motions.refused),
+            "commands of several senders": str(self._contested),
             **keeper.lateness.diagnostics("tick lateness"),
             **self.side.diagnostics(),
             **self.safety.diagnostics(),
@@ -255,12 +257,14 @@ class DeviceNode(ManagedNode):
     def _warning(self) -> str:
         """Return current problems and those since the last report."""
         stall = self.rate_keeper.pop_longest_gap(self.arm)
-        unread = self.side.unread
+        unread, contested = self.side.unread, self._contested
         new, self._reported_unread = unread - self._reported_unread, unread
+        crossed, self._reported_contested = contested - self._reported_contested, contested
         warnings = [
             *self.safety.warnings(),
             self.device.problem,
             "no sample" if new else "",
+            "commands of several senders" if crossed else "",
             self._missed_deadlines(),
             f"stalled for {stall * 1e3:.0f} ms" if stall >= STALL else "",
         ]
@@ -363,27 +367,51 @@ class DeviceNode(ManagedNode):
 
     def _receive(self) -> None:
         """Process the commands of other processes."""
+        forces = {kind: self._taken(kind) for kind in self._inboxes}
         newest = self.side.newest
-        if self._motions.expected and newest and self._motions.receive(newest.position):
-            self.side.free()
+        if self._motions.expected and newest:
+            goals = self._motions.positions.drain_sole(unpack_stamped_vector)
+            if self._may_cross():
+                self._crossed += len(goals) + len(forces[ARM])
+                goals, forces[ARM] = [], []
+                self._note_rivals(ARM)
+            if self._motions.receive(newest.position, goals):
+                self.side.free()
         if self._points:
             for _, position in self._points.drain_vectors():
                 self.device.point(position)
-        for kind, inbox in self._inboxes.items():
-            if inbox.fed:
-                continue
-            taken = inbox.drain_vectors()
-            # Checked after taking messages, whose senders are known by now.
-            if inbox.senders != self._senders[kind]:
-                self._note_rivals(kind)
-            if self._senders[kind] > 1:
-                continue
+        for kind, taken in forces.items():
             for stamp, force in taken:
                 self.side.command(kind, (stamp or self._unstamped(kind)) - self.offset, force)
 
+    def _taken(self, kind: str) -> list[tuple[int, Vector]]:
+        """Return received forces of a kind with their stamps, system time in ns."""
+        inbox = self._inboxes[kind]
+        if inbox.fed:
+            return []
+        taken = inbox.drain_sole(unpack_stamped_vector)
+        if not inbox.sole:
+            self.side.refuse(kind)
+        if inbox.changed:
+            self._note_rivals(kind)
+        return taken
+
+    @property
+    def _contested(self) -> int:
+        """Number of commands that were dropped, as several publishers may have sent them."""
+        inboxes = *self._inboxes.values(), self._motions.positions
+        return self._crossed + sum(each.contested for each in inboxes)
+
+    def _may_cross(self) -> bool:
+        """Return whether forces and positions of the arm may come from two nodes.
+
+        Publishers that stay are compared by name in `_note_rivals`.
+        """
+        pair = self._inboxes[ARM], self._motions.positions
+        return any(each.changed for each in pair) and all(each.contenders for each in pair)
+
     def _note_rivals(self, kind: str) -> None:
         """Refuse commands, waiting ones included, while several publishers send them."""
-        self._senders[kind] = self._inboxes[kind].senders
         inboxes = [self._inboxes[kind], *([self._motions.positions] if kind == ARM else [])]
         rivals = self.rivals(*inboxes)
         self.safety.note_rivals(kind.replace("_", " "), rivals)

@@ -141,15 +141,14 @@ class GraphNode(TopicNode):
         senders = [inbox.senders for inbox in inboxes]
         if sum(senders) < 2:
             return ""
-        found = rivals(
-            [
-                Endpoint(name, _full_name(each), participant(each))
-                for name in (inbox.name for inbox in inboxes)
-                for each in self.get_publishers_info_by_topic(name)
-            ]
-        )
-        # A publisher that is matched already may not be listed yet.
-        return found or (f"{max(senders)} publishers" if max(senders) > 1 else "")
+        listed = [
+            Endpoint(name, _full_name(each), participant(each))
+            for name in (inbox.name for inbox in inboxes)
+            for each in self.get_publishers_info_by_topic(name)
+        ]
+        found = rivals(listed)
+        # Publishers that are matched already may not be listed yet.
+        return found or (f"{sum(senders)} publishers" if len(listed) < sum(senders) else "")
 
     @property
     def contested(self) -> set[str]:
@@ -166,7 +165,7 @@ class GraphNode(TopicNode):
 
         A played recording may stop the graph, but must not release the stop.
         """
-        return [state for state in inbox.drain_states() if state or inbox.senders < 2]
+        return [state for state in inbox.drain_states() if state or inbox.sole]
 
     def start_anew(self) -> None:
         """Discard the waiting samples: after a change of the clock, stamps begin anew."""

@@ -26,15 +26,12 @@ from typing import Any, TypeVar
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 
-from haptic_accel.core.cdr import (
-    StampedVector,
-    unpack_orientation,
-    unpack_stamped_vector,
-    unpack_state,
-)
+from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector, unpack_state
 from haptic_accel.core.model import IDENTITY, Quaternion, Vector
 from haptic_accel.core.sequence_check import SequenceCheck
+from haptic_accel.core.sole_publisher import SolePublisher
 from haptic_accel.core.topics import Topic
+from haptic_accel.devices.matched import MatchedPublishers
 from haptic_accel.nodes.bundling import BundleSender, owner
 from haptic_accel.nodes.callbacks import CallbackGuard
 from haptic_accel.nodes.topic_node import TopicNode
@@ -161,6 +158,15 @@ class Inbox:
         Full name of the topic.
     subscription : Subscription or None
         None while the signal is sent in this process.
+    sole : bool
+        The messages of the last drain come from a single publisher.
+    contested : int
+        Number of messages that `drain_sole` dropped.
+    changed : bool
+        Publishers came or left between the last two drains.
+    contenders : int
+        Number of publishers that may have sent the messages of the last drain; 1 if the signal is
+        sent in this process.
     """
 
     def __init__(self, node: TopicNode, topic: Topic, depth: int) -> None:
@@ -169,6 +175,7 @@ class Inbox:
         self.name = node.resolve_topic_name(topic.name)
         self.subscription: Subscription | None = None
         self._counted, self._senders = -math.inf, 1
+        self.sole, self.changed, self.contenders, self.contested = True, False, 1, 0
         self._wire = node.wire(topic)
         self._wire.join(self._connect)
 
@@ -208,13 +215,17 @@ class Inbox:
         """Return stamps, system time in ns, and vectors of a signal."""
         return [vector for _, _, vector in self._unpacked(unpack_stamped_vector)]
 
-    def drain_orientations(self) -> list[tuple[float, ...]]:
-        """Return the orientations (x, y, z, w) of poses."""
-        return [orientation for _, _, orientation in self._unpacked(unpack_orientation)]
+    def drain_sole(self, unpack: Callable[[bytes], Value]) -> list[Value]:
+        """Return unpacked messages; none if several publishers may have sent them."""
+        values = self._judged(unpack)
+        if self.sole:
+            return values
+        self.contested += len(values)
+        return []
 
     def drain_states(self) -> list[bool]:
-        """Return the values of a state."""
-        return [state for _, _, state in self._unpacked(unpack_state)]
+        """Return the values of a state, from any publishers."""
+        return self._judged(unpack_state)
 
     def _connect(self, here: bool) -> None:
         """Leave the signal to the loop of this process, or subscribe to it."""
@@ -229,12 +240,28 @@ class Inbox:
         self._take: Any = self.subscription.handle.take_message
         self._count: Any = self.subscription.handle.get_publisher_count
         self._type = self.subscription.msg_type
+        matched = MatchedPublishers(self._node, self.subscription)
+        self._publisher = SolePublisher(matched.counts)
 
     def _unsubscribe(self) -> None:
         if self.subscription:
             self._node.unserved.discard(self.subscription)
             self._node.destroy_subscription(self.subscription)
             self.subscription = None
+            self.sole, self.changed, self.contenders = True, False, 1
+
+    def _judged(self, unpack: Callable[[bytes], Value]) -> list[Value]:
+        """Return unpacked messages, and decide whether all have a single publisher."""
+        found = list(self._unpacked(unpack))
+        if self.subscription:
+            # After taking messages, whose publishers are known by now.
+            numbers = [facts["publication_sequence_number"] for _, facts, _ in found]
+            publisher = self._publisher
+            self.sole = publisher.sole(numbers)
+            self.changed, self.contenders = publisher.changed, publisher.contenders
+            if not self.sole:
+                found += self._unpacked(unpack)
+        return [value for _, _, value in found]
 
     def _unpacked(
         self, unpack: Callable[[bytes], Value]
@@ -282,8 +309,7 @@ class Requests:
 class Samples:
     """Samples of one signal that a `SequenceCheck` admits: in order and in time.
 
-    There are no samples while the signal has several publishers: a message does not name its
-    publisher.
+    There are no samples while the signal has several publishers (`Inbox.drain_sole`).
 
     Parameters
     ----------
@@ -296,26 +322,23 @@ class Samples:
     Attributes
     ----------
     sequence : SequenceCheck
-    contested : int
-        Samples refused because the signal had several publishers.
     """
 
     def __init__(self, inbox: Inbox, rate: float, jumped: Callable[[Samples], None]) -> None:
         self._inbox = inbox
-        self.contested = 0
         self._jumped = jumped
         self._first = True
         self.sequence = SequenceCheck(rate)
 
+    @property
+    def contested(self) -> int:
+        """Number of samples refused because the signal had several publishers."""
+        return self._inbox.contested
+
     def drain(self) -> Iterator[tuple[int, Vector]]:
         """Yield stamps, system time in ns, and vectors."""
         now, steady = time.time_ns(), time.monotonic_ns()
-        taken = self._inbox.drain_vectors()
-        # Counted after taking the samples, whose senders are known by now.
-        if taken and self._inbox.senders > 1:
-            self.contested += len(taken)
-            taken = []
-        for stamp, vector in taken:
+        for stamp, vector in self._inbox.drain_sole(unpack_stamped_vector):
             if self.sequence.admits(stamp, now, steady):
                 if self.sequence.jump:
                     self._jumped(self)

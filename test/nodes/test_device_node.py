@@ -32,6 +32,7 @@ import rclpy
 from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -41,6 +42,7 @@ from haptic_accel.core import emergency_stop, topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import ARM_PEAK_FORCE, ARM_TIMEOUT, MAX_AGE
 from haptic_accel.core.axes import along_actuator
+from haptic_accel.core.cdr import StampedVector
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import MASTERS, DeviceError, Sample
@@ -322,6 +324,50 @@ def test_a_command_that_a_second_node_publishes_too_is_refused_meanwhile(bench: 
     second.destroy_publisher(publisher)
     bench.driven()
     second.destroy_node()
+
+
+RIVAL = (0.0, 0.7, -0.5)
+"""Force in N, or position in m, that nobody else sends."""
+
+POSITION_COMMAND = topics.MASTER.beside("servo_cp", topics.MASTER_POSITION.type)
+
+
+@pytest.mark.parametrize("seen", [False, True])
+@pytest.mark.parametrize(
+    "command",
+    [topics.ACTUATOR_FORCE, topics.MASTER_ARM_FORCE, POSITION_COMMAND],
+    ids=lambda topic: topic.name,
+)
+def test_no_message_of_a_publisher_that_has_left_is_applied(
+    bench: Bench, command: topics.Topic, *, seen: bool
+) -> None:
+    rival = rclpy.create_node("rival")
+    try:
+        for _ in range(5):
+            bench.driven()
+            before = len(bench.written)
+            _burst(bench, rival, command, turns=20 if seen else 0)
+            bench.driven()
+            for forces in bench.written[before:]:
+                assert forces.get("arm_force", ZERO) in (ZERO, (0.1, 0.0, 0.2))
+                assert forces.get("actuator_force", ZERO) in (ZERO, along_actuator(0.3))
+        dropped = int(bench.node.diagnostics()[1]["commands of several senders"])
+        # Nobody has looked for an unseen publisher of positions yet.
+        assert dropped > 0 or (command is POSITION_COMMAND and not seen)
+    finally:
+        rival.destroy_node()
+
+
+def _burst(bench: Bench, rival: Node, command: topics.Topic, turns: int) -> None:
+    """Send a few messages from a new publisher, which has left when the device next looks."""
+    publisher = rival.create_publisher(message_type(command), command.name, quality(command))
+    wait_until(lambda: publisher.get_subscription_count() > 0, "the device's subscription")
+    for _ in range(turns):
+        bench.turn(0.001)
+    for _ in range(3):
+        publisher.handle.publish_raw(StampedVector(command).pack(time.time_ns(), RIVAL))
+    rival.destroy_publisher(publisher)
+    wait_until(lambda: bench.node.count_publishers(command.name) < 2, "the rival has left")
 
 
 def test_a_stopped_coupler_stops_and_releases_first(bench: Bench) -> None:

@@ -19,6 +19,8 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
+from collections.abc import Iterator
 from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
@@ -35,8 +37,10 @@ from haptic_accel.core.cdr import StampedVector, unpack_orientation, unpack_stam
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.operating_state import MESSAGES
 from haptic_accel.core.orientation import Orientation
+from haptic_accel.core.sole_publisher import SolePublisher
 from haptic_accel.core.topics import SLAVE
 from haptic_accel.devices.crtk.parameters import CrtkParameters
+from haptic_accel.devices.matched import MatchedPublishers
 
 NODE = "haptic_accel_client"
 """Name of the node."""
@@ -67,9 +71,10 @@ class Signal:
         Newest orientation, of a topic of poses.
     """
 
-    def __init__(self, subscription: Any) -> None:
+    def __init__(self, node: Any, subscription: Any) -> None:
         self._take = subscription.handle.take_message
         self._count = subscription.handle.get_publisher_count
+        self._publisher = SolePublisher(MatchedPublishers(node, subscription).counts)
         self._type = subscription.msg_type
         self._has_orientation = self._type is PoseStamped
         self._vector, self._seen = ZERO, -math.inf
@@ -85,16 +90,28 @@ class Signal:
 
         Also None while the topic has several publishers, which are indistinguishable.
         """
-        while taken := self._take(self._type, True):
-            with suppress(ValueError):  # malformed
-                _, vector = unpack_stamped_vector(taken[0])
-                if math.isfinite(sum(vector)):
-                    self._vector, self._seen = vector, time.monotonic()
-                    if self._has_orientation:
-                        self.orientation.put(unpack_orientation(taken[0]))
-        if self.senders > 1:
+        taken = list(self._waiting())
+        if self._publisher.sole([facts["publication_sequence_number"] for _, facts in taken]):
+            for data, _ in taken:
+                self._put(data)
+        else:
+            deque(self._waiting(), maxlen=0)  # dropped, as they may have another publisher
             self._seen = -math.inf
         return self._vector if time.monotonic() - self._seen <= timeout else None
+
+    def _waiting(self) -> Iterator[tuple[bytes, dict[str, int]]]:
+        """Yield received messages with their facts."""
+        while taken := self._take(self._type, True):
+            yield taken
+
+    def _put(self, data: bytes) -> None:
+        """Store a vector; ignore a malformed one."""
+        with suppress(ValueError):
+            _, vector = unpack_stamped_vector(data)
+            if math.isfinite(sum(vector)):
+                self._vector, self._seen = vector, time.monotonic()
+                if self._has_orientation:
+                    self.orientation.put(unpack_orientation(data))
 
 
 class ArmClient:
@@ -122,8 +139,10 @@ class ArmClient:
             enable_rosout=False,
             start_parameter_services=False,
         )
-        self.position = Signal(self._subscription(PoseStamped, "measured_cp", _SENSOR))
-        self.velocity = Signal(self._subscription(TwistStamped, "measured_cv", _SENSOR))
+        self.position = Signal(self._node, self._subscription(PoseStamped, "measured_cp", _SENSOR))
+        self.velocity = Signal(
+            self._node, self._subscription(TwistStamped, "measured_cv", _SENSOR)
+        )
         self._force = self._publisher(WrenchStamped, parameters.force, QoSProfile(depth=1))
         self._pack = StampedVector(SLAVE.arm_force).pack
         subframe, _, _ = parameters.force.strip("/").rpartition("/")

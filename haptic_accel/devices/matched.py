@@ -1,0 +1,58 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Numbers of publishers that a subscription is matched with; imports ROS, so import it late."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.event_handler import EventHandler, QoSSubscriptionEventType
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+from haptic_accel.core.sole_publisher import Matched
+
+
+class MatchedPublishers(EventHandler):  # type: ignore[misc]  # rclpy leaves it untyped
+    """Event of a subscription, from which counts can be taken without an executor.
+
+    Node and subscription own it: it ends with the subscription.
+
+    Parameters
+    ----------
+    node : Node
+    subscription : Subscription
+    """
+
+    def __init__(self, node: Node, subscription: Subscription) -> None:
+        super().__init__(
+            callback_group=node.default_callback_group,
+            callback=_ignore,
+            event_type=QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED,
+            parent_impl=subscription.handle,
+        )
+        subscription.event_handlers.append(self)
+        node.add_waitable(self)
+
+    def counts(self) -> Matched | None:
+        """Return the present and the total number of publishers; a call takes 1 us."""
+        self._ready_to_take_data = True
+        counts: Matched | None = self.take_data()
+        return counts
+
+
+def _ignore(event: Any) -> None:
+    """Do nothing when an executor serves the event."""
