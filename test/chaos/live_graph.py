@@ -219,6 +219,10 @@ class LiveGraph:
         for force in FORCES:
             self._held(force).times.clear()
 
+    def given(self, force: Force) -> list[float]:
+        """Return the steady times at which a force was given since `forget`, s."""
+        return self._held(force).times
+
     def _held(self, force: Force) -> Held:
         device, kind = force
         return self._traces[device].held[kind]

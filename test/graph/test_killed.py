@@ -13,17 +13,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Each process of a graph killed while forces flow: the others are left without force."""
+"""Each process of a graph killed while forces flow, or stopped for a while."""
 
 from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
+from chaos.live_graph import FORCES as DEVICE_FORCES
+from chaos.live_graph import SEPARATE, LiveGraph
+from chaos.traced_node import ARM
+from haptic_accel.core.coupling.engagement import FREE_TIME
 from haptic_accel.core.topics import ACTUATOR_FORCE, MASTER_ARM_FORCE, SLAVE_ARM_FORCE, Topic
+from haptic_accel.graph.processes import COMPOSED
 from observing import Observer
 from running import Command
 
@@ -83,3 +90,27 @@ def test_forces_whose_sender_was_killed_are_taken_off(
             graph[device].lines.clear()
     for name in ("slave_device", "compensator", "coupler"):
         assert graph[name].end(signal.SIGINT) == 0, graph[name].text
+
+
+ARMS = [force for force in DEVICE_FORCES if force[1] == ARM]
+
+
+@pytest.mark.parametrize(("arrangement", "stopped"), [(COMPOSED, COMPOSED), (SEPARATE, "coupler")])
+def test_a_process_that_was_stopped_engages_the_arms_again_where_they_are_then(
+    observer: Observer, tmp_path: Path, arrangement: str, stopped: str
+) -> None:
+    graph = LiveGraph(tmp_path, observer, "constant", arrangement)
+    try:
+        graph.wait_for(graph.flow(), "forces flow")
+        graph.nodes[stopped].process.send_signal(signal.SIGSTOP)
+        graph.pause(FREE_TIME)
+        graph.forget()
+        continued = time.monotonic()
+        graph.nodes[stopped].process.send_signal(signal.SIGCONT)
+        graph.wait_for(graph.flow(), "forces flow again")
+        for force in ARMS:
+            assert graph.given(force)[0] >= continued + FREE_TIME, force
+        graph.nodes[stopped].wait_for("let go: (no|waiting for the) position of ")
+        graph.end_all()
+    finally:
+        graph.kill_all()

@@ -125,6 +125,8 @@ class Engagement:
         Stop of the coupler; a long disagreement with a device stops all nodes.
     compensated : bool
         A force of the compensator was received, or none is required.
+    interrupted : str
+        Silence that ends the engagement at the next `decide`; empty for none.
     arms : tuple of str
     """
 
@@ -134,6 +136,7 @@ class Engagement:
         self._parameters = parameters
         self.arms = tuple(arms)
         self.engaged = False
+        self.interrupted = ""
         self.compensated = not parameters.compensated
         self._received = dict.fromkeys(arms, -math.inf)
         self._freed = ""  # why the arms stay free until a request
@@ -146,7 +149,13 @@ class Engagement:
         self._step_due = now
 
     def position_received(self, arm: str, now: float) -> None:
-        """Record the time of an arm's position."""
+        """Record the time of an arm's position; a silence before it ends the engagement.
+
+        A process that stood still finds the next positions before it looks for missing ones.
+        """
+        silence = now - self._received[arm]
+        if self.engaged and silence > self._parameters.timeout:
+            self.interrupted = f"no position of {arm} for {silence:.3g} s"
         self._received[arm] = now
 
     def force_received(self) -> None:
@@ -189,7 +198,7 @@ class Engagement:
         if silent:
             return f"waiting for the position of {' and '.join(silent)}"
         if self.engaged:
-            return ""
+            return self.interrupted
         unknown = [arm for arm in self._received if arm not in self._arms_stopped]
         if unknown:
             return f"waiting for {' and '.join(f'{arm}/stopped' for arm in unknown)}"
@@ -216,6 +225,7 @@ class Engagement:
             self._first_engaged = min(self._first_engaged, now)
         if release:
             self._released = now
+            self.interrupted = ""
         return Decision(
             engage=engage,
             release=release,

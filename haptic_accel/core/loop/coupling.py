@@ -113,7 +113,7 @@ class CouplingPart:
             if self._engaging:
                 self._engaging = False
                 self._coupling.engage(master.position, slave.position)
-            if not self._coupling.engaged:
+            if not self._coupling.engaged or self.engagement.interrupted:
                 continue
             motions = master.position, slave.position, master.velocity, slave.velocity
             if isinstance(self._coupling, PassivePair):

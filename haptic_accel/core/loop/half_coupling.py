@@ -102,7 +102,7 @@ class HalfCouplingPart:
             return
         self.engagement.position_received(arm, now)
         self._motion = motion
-        if self.end.engaged:
+        if self.end.engaged and not self.engagement.interrupted:
             force = self.end.force(motion.position, motion.velocity, now, motion.work)
             self._pulls.append(Pull(arm, motion.stamp, force))
 

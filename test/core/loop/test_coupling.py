@@ -15,6 +15,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 
 from haptic_accel.core.coupling.engagement import STEP_PERIOD, Engagement, EngagementParameters
@@ -85,6 +87,25 @@ def test_arms_are_free_again_when_one_falls_silent(part: CouplingPart) -> None:
     put(part, 150, MASTER, 0.0)
     put(part, 150, SLAVE, 0.0)
     assert list(part.pulls()) == []
+
+
+def test_a_silence_that_nobody_looked_at_ends_the_engagement(part: CouplingPart) -> None:
+    put(part, 1, MASTER, 0.0)
+    put(part, 1, SLAVE, 0.0)
+    part.poll(0.001, listeners=1)
+    list(part.pulls())
+    for tick in range(8001, 8021):
+        put(part, tick, MASTER, 0.05)  # moved by 50 mm meanwhile: 5 N
+        put(part, tick, SLAVE, 0.0)
+        assert list(part.pulls()) == []
+    decision = part.poll(8.02, listeners=1)
+    assert decision.release
+    assert decision.warning == "let go: no position of slave for 8 s"
+    ticks = itertools.count(8021)
+    while not part.poll((tick := next(ticks)) / RATE, listeners=1).engage:
+        put(part, tick, MASTER, 0.05)
+        put(part, tick, SLAVE, 0.0)
+    assert {pull.force for pull in part.pulls()} == {ZERO}
 
 
 def test_the_tools_samples_are_passed_on_once(part: CouplingPart) -> None:
