@@ -49,11 +49,27 @@ NO_WATCHDOG = (
 )
 """Problem of a drive that would keep its last torque forever."""
 
+JUMP = 0.02
+"""Change of a motor's position beyond what its speed explains that counts as a jump, turns."""
+
+LARGEST_ACCELERATION = 3000.0
+"""Largest acceleration of a motor, turns/s^2: ten times that of a hand that shakes a light arm."""
+
+FASTER_BETWEEN = 1.5
+"""Largest speed between two estimates relative to the speeds that they report."""
+
+LONGEST_QUEUED = 20e-3
+"""Longest period of estimates, s. Those that have waited in a queue arrive at the same time."""
+
+UNDECIDED = 1.0
+"""Time after a jump for which nobody knows whose estimates arrive, s."""
+
 ON_REQUEST = "disarmed on request"
 """Reason why there are no torques after `DrivenArm.disarm`."""
 
 COUNTED = (
     "foreign_frames",
+    "position_jumps",
     "samples_missing",
     "limited_torques",
     "withheld_forces",
@@ -91,6 +107,10 @@ class Axis:
         Error and state in the last heartbeat.
     reported : float
         Time of the last heartbeat.
+    jumped : float
+        Time of the last estimates that contradicted those before.
+    jump : str
+        Their contradiction.
     """
 
     name: str
@@ -101,6 +121,8 @@ class Axis:
     error: int = 0
     state: int = AxisState.UNDEFINED
     reported: float = -math.inf
+    jumped: float = -math.inf
+    jump: str = ""
 
 
 class DrivenArm:
@@ -161,7 +183,12 @@ class DrivenArm:
         if report is None or axis is None:
             self._counts["foreign_frames"] += 1
         elif isinstance(report, protocol.Estimates):
-            axis.turns, axis.speed, axis.estimated = report.position, report.velocity, now
+            if jump := _jump(axis, report, now):
+                self._counts["position_jumps"] += 1
+                axis.jump, axis.jumped = jump, now
+                self._disarm_for(jump)
+            else:
+                axis.turns, axis.speed, axis.estimated = report.position, report.velocity, now
         elif isinstance(report, protocol.Heartbeat):
             axis.error, axis.state, axis.reported = report.error, report.state, now
             self._react(axis)
@@ -310,7 +337,8 @@ class DrivenArm:
         return now - axis.reported > self._p.heartbeat_timeout
 
     def _stale(self, axis: Axis, now: float) -> bool:
-        return now - axis.estimated > self._p.estimates_timeout
+        silent = now - axis.estimated > self._p.estimates_timeout
+        return silent or now - axis.jumped < UNDECIDED
 
     def _react(self, axis: Axis) -> None:
         """Disarm if an axis reports a problem; stop axes that should be idle."""
@@ -334,6 +362,8 @@ class DrivenArm:
         """Return an axis' overdue report; empty if none is."""
         if self._silent(axis, now):
             return f"{axis.name}: no heartbeat for {self._p.heartbeat_timeout:g} s"
+        if now - axis.jumped < UNDECIDED:
+            return axis.jump
         if self._stale(axis, now):
             return f"{axis.name}: no estimates for {self._p.estimates_timeout:g} s"
         return ""
@@ -395,6 +425,24 @@ class DrivenArm:
         """Return True if all lost reports are back, and arming without a request is allowed."""
         back = (not self._fault(a) and not self._overdue(a, now) for a in self._axes)
         return self._recovers and self._p.rearm == AUTO and all(back)
+
+
+def _jump(axis: Axis, report: protocol.Estimates, now: float) -> str:
+    """Return the contradiction of new estimates to the last ones; empty for none.
+
+    Two drives with one node id report the positions of two motors in turns.
+    """
+    seconds = now - axis.estimated
+    speed = max(abs(axis.speed), abs(report.velocity))
+    explained = FASTER_BETWEEN * speed * max(seconds, LONGEST_QUEUED)
+    explained += LARGEST_ACCELERATION * seconds**2 / 4  # from rest to rest
+    change = report.position - axis.turns
+    if not abs(change) > JUMP + explained:
+        return ""
+    return (
+        f"{axis.name}: jumped by {change:.3g} turns in {seconds * 1e3:.2g} ms at"
+        f" {speed:.2g} turns/s: do two drives have this node id?"
+    )
 
 
 def _idle(nodes: Sequence[int]) -> list[protocol.Message]:

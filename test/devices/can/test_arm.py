@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -28,7 +29,7 @@ from hypothesis import strategies as st
 from fuzzing import fuzz, mutated
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import from_flat
-from haptic_accel.devices.can.arm import REPEAT_PERIOD, DrivenArm, State
+from haptic_accel.devices.can.arm import LONGEST_QUEUED, REPEAT_PERIOD, DrivenArm, State
 from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.devices.can.protocol import (
     WATCHDOG_TIMER_EXPIRED,
@@ -234,6 +235,7 @@ def test_gear_direction_and_offset_count() -> None:
         [-torque / 5 for torque in plain.push(0.0, 0.0, 2.0)]
     )
     for bench, turns in ((plain, 1.0), (geared, -5.0)):
+        bench.now += 1.0  # turned there meanwhile
         bench.arm.receive(Estimates(0, turns, turns).frame(), bench.now)
         sample = bench.arm.read(bench.now)
         assert sample.position == pytest.approx((0.0, 0.0, 0.04))
@@ -446,6 +448,68 @@ def test_without_estimates_there_is_no_sample_which_is_counted() -> None:
     bench.go_on(0.2)
     assert bench.arm.read(bench.now) is None
     assert bench.arm.counters()["samples_missing"] == 1
+
+
+OWN, OTHER = (False,), (True,)
+"""Estimates of the arm's own drive, and of another."""
+
+PERIODS = st.sampled_from((1e-3, 5e-3, LONGEST_QUEUED))
+
+
+@given(
+    periods=st.lists(PERIODS, min_size=2, max_size=50),
+    late=st.lists(st.booleans(), min_size=50, max_size=50),
+    amplitude=st.floats(0.0, 2.0),
+    frequency=st.floats(0.1, 5.0),
+)
+def test_no_motion_of_one_motor_is_a_jump(
+    periods: list[float], late: list[bool], amplitude: float, frequency: float
+) -> None:
+    bench = Bench().armed()
+    turn = 2 * math.pi * frequency
+    bench.arm.receive(Estimates(0, 0.0, amplitude * turn).frame(), bench.now)
+    moved = received = bench.now
+    for period, waits in zip(periods, late, strict=False):
+        moved += period
+        # Frames that wait while this process stands still come at one time.
+        received = received if waits else max(received, moved)
+        phase = turn * (moved - bench.now)
+        motion = amplitude * math.sin(phase), amplitude * turn * math.cos(phase)
+        bench.arm.receive(Estimates(0, *motion).frame(), received)
+    assert bench.arm.counters()["position_jumps"] == 0
+
+
+@given(
+    between=st.floats(0.1, 10.0),
+    order=st.lists(st.sampled_from((OWN, OTHER + OWN, OTHER * 2 + OWN)), min_size=1),
+    period=st.sampled_from((0.5e-3, 1e-3, 5e-3)),
+)
+def test_two_drives_with_one_node_id_are_refused_and_named(
+    between: float, order: list[tuple[bool, ...]], period: float
+) -> None:
+    bench = Bench().armed()
+    at_rest = bench.arm.read(bench.now)
+    others = [*itertools.chain(*order), *OTHER, *OWN]
+    for jumps, other in zip(itertools.accumulate(others), others, strict=True):
+        bench.now += period
+        bench.arm.receive(Estimates(0, between * other, 0.0).frame(), bench.now)
+        assert bench.arm.read(bench.now) == (None if jumps else at_rest)
+    assert bench.arm.state is State.DISARMED
+    assert bench.released()
+    assert bench.push(0.2, 0.0, 0.1) == []
+    assert bench.arm.fault.startswith("joint1 (node 0): jumped by")
+    assert bench.arm.fault.endswith("do two drives have this node id?")
+    assert bench.arm.counters()["position_jumps"] == sum(others)
+    bench.arm.arm(bench.now)
+    bench.now += period
+    bench.arm.receive(Estimates(0, between, 0.0).frame(), bench.now)
+    assert bench.arm.state is State.DISARMED
+
+
+def test_a_motor_that_was_turned_while_it_was_silent_is_no_jump() -> None:
+    bench = Bench().armed()
+    bench.arm.receive(Estimates(0, 3.0, 0.0).frame(), bench.now + 0.1)
+    assert bench.arm.state is State.ARMED
 
 
 def test_an_axis_that_did_not_hear_is_told_again() -> None:

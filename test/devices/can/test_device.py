@@ -19,12 +19,14 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 import signal
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +34,10 @@ import pytest
 
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import ParameterError, from_flat
-from haptic_accel.devices.can.bus import bus_configuration, open_bus
+from haptic_accel.devices.can.bus import bus_configuration, message_of, open_bus
 from haptic_accel.devices.can.device import CanSlave
 from haptic_accel.devices.can.parameters import CanParameters
+from haptic_accel.devices.can.protocol import AxisState, Estimates, Heartbeat
 from haptic_accel.devices.interface import DeviceError
 from haptic_accel.devices.simulated import SimulatedSlave, SimulatedSlaveParameters
 from haptic_accel.emulators.can_arm import EmulatedArm
@@ -163,6 +166,50 @@ def test_a_force_moves_the_tip_and_closing_takes_it_off(
     assert status["connected"] == status["armed"] == 0
     assert status["frames_received"] > 0
     assert status["bus_losses"] == status["frames_garbled"] == 0
+
+
+@contextmanager
+def another_drive(plugged: Plugged) -> Iterator[None]:
+    """Let a drive half a turn away report with the id of the arm's first, as from the factory."""
+    bus = open_bus(bus_configuration(plugged.parameters), [])
+    over = threading.Event()
+
+    def report() -> None:
+        while not over.wait(1 / RATE):
+            for frame in (Estimates(0, 0.5, 0.0), Heartbeat(0, 0, AxisState.CLOSED_LOOP_CONTROL)):
+                bus.send(message_of(frame.frame()))
+
+    thread = threading.Thread(target=report)
+    thread.start()
+    yield
+    over.set()
+    thread.join()
+    bus.shutdown()
+
+
+TWO_DRIVES = r"joint1 \(node 0\): jumped by .* turns .*: do two drives have this node id\?"
+
+
+def test_a_second_drive_with_the_id_of_an_axis_ends_all_torques(plug: Plug) -> None:
+    plugged = plug("virtual")
+    device = plugged.device
+    with another_drive(plugged):
+        plugged.pushed_until(lambda: not device.counters()["armed"], "let go")
+        assert re.fullmatch(TWO_DRIVES, device.problem)
+        assert device.counters()["position_jumps"] > 0
+        assert device.read(0.0) is None
+        plugged.pushed_until(lambda: not plugged.exerted, "no torque")
+        assert device.arm() is None
+        plugged.pushed_until(lambda: device.counters()["disarmed"] > 1, "refused again")
+        assert device.read(0.0) is None
+    wait_until(lambda: device.read(0.0) is not None, "one drive is left")
+
+
+def test_an_arm_with_a_second_drive_of_an_id_cannot_be_opened(plug: Plug) -> None:
+    plugged = plug("virtual", opened=False)
+    with another_drive(plugged), pytest.raises(DeviceError, match=TWO_DRIVES):
+        plugged.open()
+    assert not plugged.exerted
 
 
 def test_an_axis_error_takes_all_torques_off_until_it_is_armed_again(plug: Plug) -> None:
