@@ -17,14 +17,14 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import re
 import subprocess
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -37,7 +37,7 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.bring_up import Check
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR
-from haptic_accel.core.parameters import Checked, like, parameter
+from haptic_accel.core.parameters import Checked, like, parameter, shown
 from haptic_accel.core.process import module_command
 from haptic_accel.core.topics import ARMS
 from haptic_accel.core.trial import DEFAULT_RATE
@@ -132,7 +132,7 @@ LATE = "actuator forces took effect late"
 SKIP = "s"
 """Answer that goes on without what is asked."""
 
-PASSED, NOT_PASSED = "ok: ", "NOT PASSED: "
+PASSED, NOT_PASSED, SKIPPED = "ok: ", "NOT PASSED: ", "SKIPPED: "
 """Beginnings of the lines that tell a check's result."""
 
 
@@ -273,7 +273,7 @@ class BringUp:
             return
         if self._device_name(MASTER).endswith(SERIAL):
             self._measure_current()
-        self._ask("hold the handle as in use, with the coil connected, then press Enter")
+        self._goes_on("hold the handle as in use, with the coil connected, then press Enter")
         self._settle(self._probed)
         self._settle(self._stopped)
         if self._device_name(MASTER).endswith(SERIAL):
@@ -293,21 +293,21 @@ class BringUp:
 
     def _identified(self) -> list[str]:
         """Identify the handle, with less force where the travel is short; return the lines."""
-        self._ask("hold the handle as in use, without moving it, then press Enter")
+        self._goes_on("hold the handle as in use, without moving it, then press Enter")
         share = 1.0
         words = ["params_file:=" + str(self._path), "--update", str(self._path)]
         while True:
-            with tempfile.TemporaryDirectory() as folder:
-                out = Path(folder) / "identify"
-                lines, status = self._command(
-                    "identify", *words, *_amplitudes(share), "--out", str(out)
-                )
+            out = self._report_folder("identify")
+            lines, status = self._command(
+                "identify", *words, *_amplitudes(share), "--out", str(out)
+            )
             if status == 0:
+                self._keep(out)
                 return lines
             share /= 2
             if not any("smaller amplitude" in line for line in lines) or share < SMALLEST_SHARE:
                 reason = _last(lines).partition("; next: ")[0]  # this is the next command
-                if self._ask(f"{reason}; press Enter to try again, or type s to stop") == SKIP:
+                if not self._goes_on(f"{reason}; press Enter to try again, or type s to stop"):
                     raise BringUpError(reason)
                 share = 1.0
             else:
@@ -317,7 +317,7 @@ class BringUp:
         if not {self._device_name(side) for side in ARMS}.isdisjoint(ARMS_ALONE):
             self._settle(lambda: [Check(True, "no accelerometer on both arms: not compared")])
             return
-        self._ask(
+        self._goes_on(
             f"take the handle, and stroke the surface once the arms engage, {TRIAL} s without"
             f" and {TRIAL} s with compensation; press Enter to begin"
         )
@@ -394,14 +394,14 @@ class BringUp:
                 return
             if self._device_name(side).startswith(ARM):
                 x, y, z = 1e3 * np.nanmean(device.observe(REST).position, axis=0)
-                self._ask(
+                self._goes_on(
                     f"the {held} is at x {x:.0f}, y {y:.0f}, z {z:.0f} mm: move it away, to the"
                     " left and up, where x, y and z grow; press Enter, or correct direction and"
                     " offset of its joints and begin again"
                 )
             if self._device_name(side) in ARMS_ALONE:
                 return
-            self._ask(f"let go of the {held}, so that it lies still, then press Enter")
+            self._goes_on(f"let go of the {held}, so that it lies still, then press Enter")
             self._settle(lambda: checks.rest_checks(device.observe(REST).acceleration))
             noise = float(np.nanstd(device.observe(REST).acceleration))
             self._settle(
@@ -429,7 +429,7 @@ class BringUp:
             gain = board.identity.nominal_gain
             for pose in ("upwards", "downwards"):
                 place = f"with the coil's axis {pose}, firm and still"
-                self._ask(f"hold the {HELD[side]} {place}, then press Enter")
+                self._goes_on(f"hold the {HELD[side]} {place}, then press Enter")
                 poses.append(board.collect(POSE))
             number = board.identity.serial_number
         axis = vertical(*poses)
@@ -454,11 +454,12 @@ class BringUp:
 
     def _measure_current(self) -> None:
         """Compare the amplifier's current through a resistor with what is commanded."""
-        if self._ask(
+        if not self._goes_on(
             "disconnect the coil; put a resistor of 4 to 10 ohms and a meter for current in its"
             " place, then press Enter; or type s to skip"
         ):
-            self._settle(lambda: [Check(True, "current not measured")])
+            self._said.append(f"{SKIPPED}current not measured")
+            self._person.tell(self._said[-1])
             return
         _, options = self._parameters(MASTER)
         constant = options[SERIAL].actuator.force_constant
@@ -571,16 +572,18 @@ class BringUp:
 
     def _compared(self) -> list[Check]:
         """Run the graph without compensation and with `adaptive`, and compare the errors."""
-        with tempfile.TemporaryDirectory() as folder:
-            out, results = Path(folder) / "prove", Path(folder) / "prove.json"
-            lines, status = self._command(
-                *("experiment", "--controllers", "none,adaptive"),
-                *(f"params_file:={self._path}", "surface:=plywood", f"duration:={TRIAL}"),
-                *("--out", str(out), "--json", str(results)),
-            )
-            if status:
-                return [Check(False, _last(lines), "haptic-accel doctor checks the machine")]
-            conditions = json.loads(results.read_text(encoding="utf-8"))["conditions"]
+        out = self._report_folder("prove")
+        results = out.with_suffix(".json")
+        out.parent.mkdir(parents=True, exist_ok=True)
+        lines, status = self._command(
+            *("experiment", "--controllers", "none,adaptive"),
+            *(f"params_file:={self._path}", "surface:=plywood", f"duration:={TRIAL}"),
+            *("--out", str(out), "--json", str(results)),
+        )
+        if status:
+            return [Check(False, _last(lines), "haptic-accel doctor checks the machine")]
+        self._keep(out)
+        conditions = json.loads(results.read_text(encoding="utf-8"))["conditions"]
         none, adaptive = sorted(conditions, key=lambda each: each["controller"], reverse=True)
         without, error = none["nrmse_percent"], adaptive["nrmse_percent"]
         if without is None or error is None:
@@ -614,8 +617,8 @@ class BringUp:
             for check in found:
                 self._tell(check)
             passed = all(check.passed for check in found)
-            skip = " or type s to go on all the same" if can_skip else ""
-            if passed or (self._ask(f"press Enter to try again{skip}") == SKIP and can_skip):
+            skip = f" or type {SKIP} to go on all the same" if can_skip else ""
+            if passed or not self._goes_on(f"press Enter to try again{skip}"):
                 self._said += [("" if each.passed else NOT_PASSED) + each.text for each in found]
                 return
 
@@ -626,15 +629,32 @@ class BringUp:
             self._person.tell(NOT_PASSED + check.text)
             self._person.tell(f"  {check.advice}")
 
-    def _ask(self, request: str) -> str:
-        return self._person.ask(request).strip().lower()
+    def _goes_on(self, request: str) -> bool:
+        """Ask until the answer is empty, or `SKIP` where offered; return whether it is empty."""
+        allowed = {"": "Enter", SKIP: f"{SKIP} and Enter"}
+        if f"type {SKIP} " not in request:
+            del allowed[SKIP]
+        while (answer := self._person.ask(request).strip().lower()) not in allowed:
+            self._person.tell(f"{shown(answer)}: must be {' or '.join(allowed.values())}")
+        return not answer
 
     def _number(self, request: str) -> float:
         while True:
-            try:
-                return float(self._ask(request))
-            except ValueError:
-                self._person.tell("must be a number, such as 0.1")
+            with suppress(ValueError):
+                if math.isfinite(number := float(self._person.ask(request))):
+                    return number
+            self._person.tell("must be a number, such as 0.1")
+
+    def _report_folder(self, step: str) -> Path:
+        """Return the path of a new folder beside the rig's file."""
+        beside = self._path.with_name(f"{self._path.stem}_reports")
+        free = (beside / f"{step}_{n}" for n in itertools.count(1))
+        return next(folder for folder in free if not folder.exists())
+
+    def _keep(self, report: Path) -> None:
+        """Tell and note where a report is."""
+        self._said.append(f"report in {report}")
+        self._person.tell(self._said[-1])
 
     def _awaits(self, request: str, happened: Callable[[], bool]) -> bool:
         """Ask for an action, and return whether it happens in time."""
