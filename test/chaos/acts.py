@@ -17,14 +17,18 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
 import signal
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
+from http import HTTPStatus
 from random import Random
 from typing import Any
 
@@ -42,7 +46,7 @@ from chaos.traced_node import ACTUATOR, ARM, TELEOP
 from haptic_accel.core import topics
 from haptic_accel.core.cdr import StampedVector
 from haptic_accel.core.topics import DEVICES, EMERGENCY_STOP, SIGNALS, Topic
-from haptic_accel.graph.processes import COMPOSED, RECORDER
+from haptic_accel.graph.processes import COMPOSED, RECORDER, SCOPE
 from haptic_accel.graph.stop_signal import stop_senders
 from haptic_accel.nodes.topic_node import message_type, quality
 from running import PATIENCE, Command, limit_size, processes_of
@@ -53,6 +57,7 @@ WITHOUT: dict[str, tuple[Force, ...]] = {
     "slave_device": (("master_device", ARM), ("master_device", ACTUATOR)),
     "master_device": (("slave_device", ARM),),
     RECORDER: (),
+    SCOPE: (),
 }
 """Per node with a process of its own the forces that end with it."""
 
@@ -60,7 +65,7 @@ WHOLE: dict[str, tuple[Force, ...]] = {COMPOSED: (), TELEOP: FORCES}
 """Per process with all nodes in it, or below it, the forces that end in order where it is killed.
 Nobody is left then who knows of an emergency stop."""
 
-ALONG = (RECORDER, TELEOP)
+ALONG = (RECORDER, SCOPE, TELEOP)
 """Processes that no force needs while they stand still."""
 
 RECEIVERS = {
@@ -112,6 +117,12 @@ ATTEMPTS = 12
 """Requests that may be needed. A call is lost to a node that was killed just before, whose service
 is known until its lease ends; a device accepts no release in its first second, and where one came
 up meanwhile, all may be stopped again."""
+
+WAYS, ASKED = ("topic", "service", "signal", "page"), ("service", "page")
+"""Ways to stop, and those that may need several requests."""
+
+PAGE_TIME = 2.0
+"""Time for the page to answer, s."""
 
 RECORDING = "recording to"
 """Begin of the recorder's line once there is a bag."""
@@ -165,7 +176,7 @@ class Acts:
         self.kinds = [
             *self._surprises,
             *(partial(self._kill, name) for name in graph.nodes if name in WHOLE),
-            *(partial(self._stop, way) for way in ("topic", "service", "signal")),
+            *(partial(self._stop, way) for way in WAYS),
             self._leave_log_unread,
         ]
         if RECORDER in graph.nodes:
@@ -176,7 +187,7 @@ class Acts:
         self._tell(f"SIGKILL to {name}")
         self._graph.end(name, signal.SIGKILL, -signal.SIGKILL)
         self._graph.wait_without((WITHOUT | WHOLE)[name])
-        if name == RECORDER:
+        if name in (RECORDER, SCOPE):
             self._expect_forces()
         if name == TELEOP:
             self._graph.wait_for(lambda: not any(processes_of(self._domain)), "no process is left")
@@ -333,7 +344,7 @@ class Acts:
     def _stop(self, way: str) -> None:
         self._tell(f"emergency stop by {way}")
         self._graph.stopped.clear()
-        self._request(way, True, self._both_stopped, ATTEMPTS if way == "service" else 1)
+        self._request(way, True, self._both_stopped, ATTEMPTS if way in ASKED else 1)
         since, self._stopped = time.monotonic(), True
         for surprise in self._random.sample(self._surprises, 2):
             surprise()
@@ -377,10 +388,32 @@ class Acts:
             client.call_async(SetBool.Request(data=stop))
             yield
             self._graph.observer.node.destroy_client(client)
+        elif way == "page":
+            self._command_by_page({"action": "estop", "value": stop})
+            yield
         else:
             with self._publishing(EMERGENCY_STOP) as ((_, send),):
                 send(serialize_message(Bool(data=True)))
                 yield
+
+    def _command_by_page(self, command: dict[str, Any]) -> None:
+        """Send a command as the live page does, once the page is there."""
+        request = urllib.request.Request(
+            f"{self._graph.page}/command",
+            data=json.dumps(command).encode(),
+            headers={"Content-Type": "application/json", "Origin": self._graph.page},
+        )
+
+        def arrives() -> bool:
+            try:
+                urllib.request.urlopen(request, timeout=PAGE_TIME).close()
+            except urllib.error.HTTPError as refusal:  # the page is there
+                return refusal.code != HTTPStatus.SERVICE_UNAVAILABLE
+            except OSError:
+                return False
+            return True
+
+        self._graph.wait_for(arrives, "the page answers")
 
     def _fail_recorder(self, damage: Callable[[], str]) -> None:
         """Let the recorder fail, which no force needs to know, and start it anew."""

@@ -28,10 +28,10 @@ from chaos.traced_node import ACTUATOR, ARM, CLOCK, CLOCK_FILE, TELEOP
 from haptic_accel.core.process import CUT_SHORT, DONE
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
 from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.processes import COMPOSED, RECORDER, graph
+from haptic_accel.graph.processes import COMPOSED, RECORDER, SCOPE, graph
 from haptic_accel.nodes.topic_node import message_type, quality
 from observing import Observer
-from running import PATIENCE, Command
+from running import PATIENCE, Command, free_port
 
 RATE = 200.0
 """Samples per second, Hz: few enough for a machine that is busy with other things, too."""
@@ -41,6 +41,29 @@ FLOWING = 10
 
 LOOK_PERIOD = 0.02
 """Interval between looks at the graph, s."""
+
+VIEWER = """
+import asyncio
+import sys
+import aiohttp
+
+async def look(page):
+    while True:
+        try:
+            async with (
+                aiohttp.ClientSession(headers={"Origin": page}) as session,
+                session.ws_connect(f"{page}/live") as live,
+            ):
+                print("looks", flush=True)
+                async for message in live:
+                    pass
+        except (aiohttp.ClientError, OSError):
+            pass
+        await asyncio.sleep(0.1)
+
+asyncio.run(look(sys.argv[1]))
+"""
+"""A page that stays open, and connects again when the scope is back."""
 
 Force = tuple[str, int]
 """A device and a kind of force."""
@@ -75,6 +98,8 @@ class LiveGraph:
         What each device said last about the emergency stop.
     lead : int
         Time by which the clock was set, ns.
+    page : str
+        Address of the live page.
     """
 
     def __init__(
@@ -91,15 +116,19 @@ class LiveGraph:
             controller=controller,
             composed=arrangement == COMPOSED,
             bag=str(folder / "bag"),
+            scope=True,
+            scope_control=True,
+            scope_port=free_port(),
         )
+        self.page = f"http://127.0.0.1:{arguments.scope_port}"
         self._processes = {process.executable: process for process in graph(arguments)}
         self._homes = {
             node: TELEOP if arrangement == TELEOP else process.executable
             for process in self._processes.values()
             for node in process.parameters
         }
-        said = ("rate", "surface", "controller")
-        self._words = [f"{name}:={getattr(arguments, name)}" for name in said]
+        said = ("rate", "surface", "controller", "scope", "scope_control", "scope_port")
+        self._words = [f"{name}:={str(getattr(arguments, name)).lower()}" for name in said]
         self._bags = 0
         self._traces = {name: DeviceTrace(folder / name, RATE) for name, _ in FORCES}
         for topic, device in ((MASTER_STOPPED, "master_device"), (SLAVE_STOPPED, "slave_device")):
@@ -112,11 +141,17 @@ class LiveGraph:
         (folder / CLOCK_FILE).write_bytes(CLOCK.pack(0))
         for executable in dict.fromkeys(self._homes.values()):
             self.start(executable)
+        self._viewer = Command(["-c", VIEWER, self.page], folder)
 
     @property
     def bag(self) -> Path:
         """File that the recorder writes."""
         return self.folder / f"bag{self._bags}" / f"bag{self._bags}_0.mcap"
+
+    @property
+    def viewed(self) -> bool:
+        """True if the live page has been seen."""
+        return bool(self._viewer.lines)
 
     @property
     def now(self) -> int:
@@ -155,12 +190,12 @@ class LiveGraph:
 
     def end_all(self) -> None:
         """End all processes as the supervisor does, also one that has just been started."""
-        for executable in sorted(self.nodes, key=RECORDER.__eq__):
+        for executable in sorted(self.nodes, key=(SCOPE, RECORDER).__contains__):
             self.end(executable, signal.SIGTERM, DONE, -signal.SIGTERM, *CUT_SHORT)
 
     def kill_all(self) -> None:
         """Leave nothing behind."""
-        for node in self.nodes.values():
+        for node in (*self.nodes.values(), self._viewer):
             node.process.kill()
             node.end()
 
