@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -45,6 +46,10 @@ STIMULUS, OVER = "stimulus", ("stopped", "end")
 UNSEEN = 1.5
 """Longest time without a sign of the page during a stimulus, s; pages give four a second, and one
 a second where the browser saves power."""
+
+CLOCKS, PACES = 1.0, 0.01
+"""Time, s, and share by which a response time by the page's clock may exceed the time since the
+question began by this machine's."""
 
 ACTIONS: dict[str, list[str]] = {"open": [], "seen": [], "answer": [], "stop": []}
 """Actions of the page; their values are JSON lists."""
@@ -220,7 +225,7 @@ class ParticipantPage:
             return ""
         try:
             await getattr(self, f"_{action}")(*json.loads(value))
-        except (TypeError, ValueError, RecursionError):
+        except (TypeError, ValueError, OverflowError, RecursionError):
             raise CommandError(f"{action} = {shown(str(value))}: must be its list", 400) from None
         return ""
 
@@ -236,4 +241,11 @@ class ParticipantPage:
                 self._questions.changed.notify_all()
 
     async def _answer(self, screen: str, value: str, seconds: float) -> None:
+        """Take an answer with its response time, s, which cannot be longer than the question."""
+        with self._questions.changed:
+            asked = screen == self._questions.id
+            longest = (time.monotonic() - self._begun) * (1 + PACES) + CLOCKS
+        if isinstance(seconds, bool) or not 0 <= seconds < (longest if asked else math.inf):
+            allowed = f"must be from 0 to {longest:.3g} s, as long as the question is there"
+            raise CommandError(f"response time = {shown(str(seconds))}: {allowed}", 400)
         await self._questions.take(screen, value, Answer(value, float(seconds)))

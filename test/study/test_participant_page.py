@@ -52,6 +52,19 @@ def test_what_is_no_answer_is_refused_in_one_line(page: ParticipantPage, value: 
     assert "\n" not in str(told.value)
 
 
+@pytest.mark.parametrize(
+    "seconds", ["NaN", "Infinity", "-Infinity", "-0.001", "1e999", "1" + "0" * 400, "60", "true"]
+)
+def test_a_response_time_that_cannot_be_is_refused(page: ParticipantPage, seconds: str) -> None:
+    page.show(Screen("", "question", "", ("1", "2")))
+    identity = page.state()["screen"]["id"]
+    with pytest.raises(CommandError, match="must be") as told:
+        asyncio.run(page._act("answer", f'["{identity}", "1", {seconds}]'))
+    assert told.value.status == 400
+    assert "\n" not in str(told.value)
+    assert page._questions.answer is None
+
+
 def test_a_stop_reaches_the_session_and_the_rig_once_and_for_all() -> None:
     rig = PageRig()
     page = ParticipantPage(ENGLISH, rig)
