@@ -87,6 +87,7 @@ STUDY = LazyGroup(
             "run": "run the session of a new participant",
             "resume": "go on with a session that was stopped or interrupted",
             "status": "show participants, progress and safety, without conditions",
+            "verify": "compare logs with the journal and the notebook",
             "delete-participant": "delete a participant's log, bags and results",
         },
         "After": {

@@ -42,6 +42,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import FAILED, INTERRUPTED
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tables import Column, ResultTable, Row
+from haptic_accel.study.authenticity import noted
 from haptic_accel.study.conditions import check_deliverable
 from haptic_accel.study.export import FORMS, export_study
 from haptic_accel.study.folder import ANALYSIS, EXPORT, UNBLINDING, Study
@@ -81,6 +82,7 @@ def study_argument(verb: F) -> F:
 participant_option = click.option(
     "--participant", required=True, metavar="PSEUDONYM", help="Pseudonym, such as P07; no name."
 )
+yes_option = click.option("--yes", is_flag=True, help="Do not ask.")
 port_option = click.option(
     "--port", default=0, type=click.IntRange(0, 65535), metavar="PORT", help="Port; 0 for any."
 )
@@ -188,6 +190,9 @@ def simulate(
 def run(study: Study, *, participant: str, port: int, opened: bool) -> None:
     """Run the session of a new participant, who answers on a page of their own.
 
+    A run that is refused, or whose graph does not start, leaves no participant. At the end, the
+    head of the log is printed: note it on paper, and compare it with that of verify.
+
     The terminal shows progress and safety alone. Space sets all forces to zero and stops; Ctrl-C
     stops after the present stimulus; the participant stops with a button or Esc. A session that
     was stopped or interrupted goes on with resume.
@@ -222,19 +227,41 @@ def status(study: Study, json_file: Path | None) -> None:
     print(f"{complete} of {planned} participants complete")
     unblinded = _unblinded(study)
     print(f"unblinded on {unblinded}" if unblinded else "conditions are sealed")
+    _print_missing(study)
     save({"participants": rows, "planned": planned, "sealed": study.sealed}, json_file)
+
+
+@verb("haptic-accel study verify my_study")
+@study_argument
+def verify(study: Study) -> None:
+    """Compare all logs with the journal, and print their heads to compare with the notebook.
+
+    A log that contradicts the journal is refused. Who can write both files can forge both: only
+    the heads on paper show that.
+    """
+    ends = study.ends
+    rows = [{**asdict(each), "at": _date(each.at)} for each in ends]
+    print_table(ResultTable.of(ENDS, rows, title=study.protocol.title))
+    _print_missing(study)
+    print(f"{len(study.sessions)} logs agree with the journal")
 
 
 @verb("haptic-accel study unblind my_study --reason 'all participants are complete'")
 @study_argument
 @click.option("--reason", required=True, metavar="TEXT", help="Reason, kept in the journal.")
-def unblind(study: Study, reason: str) -> None:
+@yes_option
+def unblind(study: Study, *, reason: str, yes: bool) -> None:
     """Let conditions be analysed and exported, once and for all.
 
-    The journal of the study keeps the time, the reason, and how many participants are complete.
+    Asks before all planned participants have completed the study. The journal of the study keeps
+    the time, the reason, and how many participants are complete.
     """
     if not study.sealed:
         raise ParameterError(f"{study.folder}: is unblinded already")
+    included, planned = _included(study), study.protocol.rules.participants
+    if included < planned and not yes:
+        state = f"{included} of {planned} participants have completed the study."
+        click.confirm(f"{state} Unblind for ever, before its end?", abort=True)
     study.unblind(reason)
     print(next_command("study", "analyze", str(study.folder)))
 
@@ -247,6 +274,7 @@ def analyze(study: Study) -> None:
     The planned tests come first; participants who are excluded are named with the rule.
     """
     sessions = _unsealed(study)
+    _print_missing(study)
     from haptic_accel.study.report import analyse_study, write_report
 
     result = analyse_study(study.protocol, sessions)
@@ -269,8 +297,9 @@ def analyze(study: Study) -> None:
 )
 def export(study: Study, form: str) -> None:
     """Write the data of an unblinded study to its folder export, without dates or names."""
-    folder = study.folder / EXPORT / form
-    export_study(study.protocol, _unsealed(study), _emptied(folder), form, unblinded=True)
+    folder, sessions = study.folder / EXPORT / form, _unsealed(study)
+    _print_missing(study)
+    export_study(study.protocol, sessions, _emptied(folder), form, unblinded=True)
     print(f"{form}: {folder}")
 
 
@@ -279,17 +308,24 @@ def export(study: Study, form: str) -> None:
 )
 @study_argument
 @participant_option
-@click.option("--yes", is_flag=True, help="Do not ask.")
+@yes_option
 def delete_participant(study: Study, *, participant: str, yes: bool) -> None:
     """Delete a participant's log and bags, and all results in the study's folder.
+
+    Lists all that is deleted, and asks. No link is followed but bags in the participant's folder;
+    there, the recorder's bags alone are deleted.
 
     Results hold all participants; analyze and export write them again. The journal keeps that
     somebody was deleted, and when. Copies elsewhere, such as backups, are yours to delete.
     """
+    deletion = study.deletion(participant)
+    print("to be deleted:", *deletion.removed, sep="\n  ")
+    if deletion.left:
+        print("left, as links lead there:", *deletion.left, sep="\n  ")
     if not yes:
         click.confirm(f"Delete all data of {participant} for ever?", abort=True)
     study.delete(participant)
-    print(f"{participant} is deleted, with {study.folder / ANALYSIS} and {study.folder / EXPORT}")
+    print(f"{participant} is deleted")
 
 
 PLANNED = (
@@ -321,6 +357,15 @@ STATUS = (
     Column("exposure", "A(8)", "m/s^2", 2),
 )
 """Columns of a participant that an operator may see."""
+
+ENDS = (
+    Column("participant", "participant"),
+    Column("at", "end of a sitting"),
+    Column("line", "line"),
+    Column("head", "head"),
+    Column("in_journal", "in the journal", value=lambda row: "yes" if row["in_journal"] else "no"),
+)
+"""Columns of the heads of logs."""
 
 
 def _status(study: Study, session: SessionRecord) -> Row:
@@ -372,15 +417,30 @@ def _unsealed(study: Study) -> list[SessionRecord]:
 
 def _check_stopping_rule(study: Study) -> None:
     """Refuse a participant after the last one that the protocol plans."""
-    sessions, planned = study.sessions, study.protocol.rules.participants
-    if len(sessions) - len(exclusions(study.protocol, sessions)) >= planned:
+    planned = study.protocol.rules.participants
+    if _included(study) >= planned:
         raise ParameterError(
             f"{study.folder}: {planned} participants have completed it, as rules.participants says"
         )
 
 
+def _included(study: Study) -> int:
+    """Return the number of participants who are complete and not excluded."""
+    sessions = study.sessions
+    return len(sessions) - len(exclusions(study.protocol, sessions))
+
+
+def _print_missing(study: Study) -> None:
+    """Say that the journal has sessions without a log."""
+    if missing := study.missing:
+        print(f"{missing} sessions of the journal have no log, and were not deleted")
+
+
 def _emptied(folder: Path) -> Path:
     """Return a folder of results, without those of before."""
+    for each in (folder, folder.parent):
+        if each.name in (ANALYSIS, EXPORT, *FORMS) and each.is_symlink():
+            raise ParameterError(f"{each}: is a link: must be a folder, or nothing")
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     return folder
@@ -411,8 +471,14 @@ def _run_session(study: Study, log: Log, port: int, *, opened: bool) -> None:
     """Run a session on the live graph with a participant at a page, and show how it ended."""
     with log:
         begun = log.record
-        ended = _ended(study, log, begun, port, opened=opened)
+        try:
+            ended = _ended(study, log, begun, port, opened=opened)
+        except BaseException:
+            study.withdraw(log)
+            raise
+        head = study.note_end(log)
     print(f"{begun.participant}: {ended}")
+    print(f"for the notebook: {begun.participant}, line {len(log.heads)}, {noted(head)}")
     if ended != COMPLETE:
         again = ("study", "resume", str(study.folder), "--participant", begun.participant)
         print(next_command(*again))

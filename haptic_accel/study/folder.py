@@ -19,26 +19,50 @@
 
     study.yaml            protocol; a changed one is another version for new participants
     versions/DIGEST.yaml  versions with which participants began, and go on
-    journal.jsonl         versions, unblinding, and deletions, without names
+    journal.jsonl         versions, heads of the logs, unblinding, deletions, without names
     participants/P07/     log.jsonl, bags/
     analysis/, export/    results, which a deletion removes
 """
 
 from __future__ import annotations
 
+import hashlib
 import io
 import os
 import re
 import secrets
 import shutil
-from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
+from haptic_accel.core.bounded_files import located, opened
 from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.core.safe_writing import replace_file
-from haptic_accel.study.log import LOG, SESSION, Entry, Log, lock, read_entries, read_session
+from haptic_accel.study.authenticity import (
+    DELETION,
+    HEAD,
+    Logs,
+    SittingEnd,
+    check_folders,
+    check_heads,
+    check_journal,
+    head_entry,
+    missing_sessions,
+    sitting_ends,
+)
+from haptic_accel.study.deletion import BAGS, Deletion, plan_deletion
+from haptic_accel.study.log import (
+    LARGEST,
+    LOG,
+    SESSION,
+    Entry,
+    Log,
+    lock,
+    read_chain,
+    read_log,
+    read_session,
+)
 from haptic_accel.study.protocol import Protocol
 from haptic_accel.study.reading import read_protocol
 from haptic_accel.study.session import COMPLETE
@@ -49,8 +73,11 @@ JOURNAL, PARTICIPANTS, VERSIONS = "journal.jsonl", "participants", "versions"
 ANALYSIS, EXPORT = "analysis", "export"
 """Names in a study's folder, beside `templates.PROTOCOL`."""
 
-VERSION, UNBLINDING, DELETION = "version", "unblinding", "deletion"
-"""Kinds of lines of the journal."""
+VERSION, UNBLINDING = "version", "unblinding"
+"""Kinds of lines of the journal, beside those of `authenticity`."""
+
+JOURNAL_TIME = 30.0
+"""Longest time to wait for other processes that write to the journal, s."""
 
 PSEUDONYM = re.compile(r"(?=.*[0-9])(?!.*[0-9]{6})[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 """Form of a pseudonym. Names have no digit; dates of birth, telephone numbers and numbers of
@@ -85,15 +112,42 @@ class Study:
 
     @property
     def sessions(self) -> list[SessionRecord]:
-        """Sessions of all participants, by pseudonym."""
-        folders = sorted(file.parent for file in self.folder.glob(f"{PARTICIPANTS}/*/{LOG}"))
-        return [read_session(each) for each in folders if read_entries(each / LOG)]
+        """Sessions of all participants, by pseudonym.
+
+        Raises
+        ------
+        ParameterError
+            A log cannot be read, is there twice, is in a wrong folder, or contradicts the journal.
+        """
+        return [session for _, session in self._logs().values()]
+
+    @property
+    def ends(self) -> list[SittingEnd]:
+        """Ends of all sittings; raises as `sessions` does."""
+        return sitting_ends(self._logs(), self.journal)
+
+    @property
+    def missing(self) -> int:
+        """Number of sessions in the journal whose logs are gone without a deletion."""
+        return missing_sessions(self._logs(), self.journal)
 
     @property
     def journal(self) -> list[Entry]:
-        """Lines of the journal."""
+        """Lines of the journal.
+
+        Raises
+        ------
+        ParameterError
+            It cannot be read, was changed, or there are two.
+        """
+        found = sorted(each.name for each in self.folder.glob("journal*.jsonl"))
+        if any(name != JOURNAL for name in found):
+            raise ParameterError(f"{self.folder}: has {', '.join(found)}: must be {JOURNAL} alone")
         file = self.folder / JOURNAL
-        return read_entries(file) if file.is_file() else []
+        entries = read_chain(file).entries if found else []
+        with located(file, "must be a journal"):
+            check_journal(entries)
+        return entries
 
     @property
     def sealed(self) -> bool:
@@ -129,18 +183,24 @@ class Study:
             raise ParameterError(f"{file}: was changed: its content has another digest")
         return replace(protocol, source=self.folder / PROTOCOL)
 
-    def begin(self, participant: str, seed: int | None = None) -> Log:
+    def begin(self, participant: str, seed: int | None = None, *, simulated: bool = False) -> Log:
         """Return the log of a new participant, with the least row that no other one has.
 
         Raises
         ------
         ParameterError
-            The participant has begun already.
+            The participant has begun already, or the study has simulated observers and this is
+            none, or the reverse.
         """
         folder, protocol = self.place(participant), self.protocol
         (self.folder / PARTICIPANTS).mkdir(mode=0o700, exist_ok=True)
-        with Log(self.folder / JOURNAL) as journal:  # one at a time, as rows must differ
+        with self._open_journal() as journal:  # one at a time, as rows must differ
             others = self.sessions
+            if any(each.simulated != simulated for each in others):
+                raise ParameterError(
+                    f"{self.folder}: must have people or simulated observers, not both;"
+                    " haptic-accel study new begins another study"
+                )
             if participant.lower() in (each.participant.lower() for each in others):
                 raise ParameterError(
                     f"participant = {participant!r}: has begun already; haptic-accel study resume"
@@ -155,8 +215,31 @@ class Study:
                 digest=protocol.digest,
                 seed=secrets.randbits(32) if seed is None else seed,
                 row=next(row for row in range(len(rows) + 1) if row not in rows),
+                **{"simulated": True} if simulated else {},
             )
         return log
+
+    def withdraw(self, log: Log) -> None:
+        """Remove an open log in which nothing has happened since `begin`, with its bags.
+
+        The output of a graph that did not start remains in the folder.
+        """
+        if len(log.entries) > 1:
+            return
+        folder = log.file.parent
+        bags = folder / BAGS
+        if bags.is_dir() and not bags.is_symlink():
+            shutil.rmtree(bags)
+        log.file.unlink()
+        if not any(folder.iterdir()):
+            folder.rmdir()
+
+    def note_end(self, log: Log) -> str:
+        """Keep the head of a log in the journal, at the end of a sitting; return it."""
+        chain = read_chain(log.file)
+        with self._open_journal() as journal:
+            journal.add(HEAD, **head_entry(chain))
+        return chain.head
 
     def resume(self, participant: str) -> Log:
         """Return the log of a participant whose session is not complete.
@@ -169,13 +252,36 @@ class Study:
         folder = self._existing(participant)
         if read_session(folder).ended == COMPLETE:
             raise ParameterError(f"participant = {participant!r}: the session is complete")
+        self._logs()  # refuses a log that was changed or is there twice
         return Log(folder / LOG)
 
     def unblind(self, reason: str) -> None:
         """Let conditions be analysed from now on; the journal keeps when, and why."""
         complete = sum(each.ended == COMPLETE for each in self.sessions)
-        with Log(self.folder / JOURNAL) as journal:
+        with self._open_journal() as journal:
             journal.add(UNBLINDING, reason=reason, complete=complete)
+
+    def deletion(self, participant: str) -> Deletion:
+        """Return what `delete` removes, and what it leaves.
+
+        Raises
+        ------
+        ParameterError
+            There is no such participant, the log is there twice, or what is to be deleted is
+            behind a link.
+        """
+        folder = self._existing(participant)
+        copies = [
+            each.parent.name
+            for each in folder.parent.glob(f"*/{LOG}")
+            if each.parent != folder and _same_first_line(each, folder / LOG)
+        ]
+        if copies:
+            raise ParameterError(
+                f"{folder}: has the same session as {' and '.join(sorted(copies))}: must be one"
+                " folder: delete the copies by hand first"
+            )
+        return plan_deletion(folder, tuple(self.folder / each for each in (ANALYSIS, EXPORT)))
 
     def delete(self, participant: str) -> None:
         """Delete a participant's log and bags, and all results, which may hold them.
@@ -183,32 +289,37 @@ class Study:
         Raises
         ------
         ParameterError
-            There is no such participant, or the session is running.
+            As for `deletion`, or the session is running.
         """
-        folder = self._existing(participant)
+        deletion, file = self.deletion(participant), self.place(participant) / LOG
         # The log need not be readable.
-        with io.FileIO(folder / LOG) as held, Log(self.folder / JOURNAL) as journal:
-            lock(held, folder / LOG)
-            for name in (ANALYSIS, EXPORT):
-                with suppress(FileNotFoundError):
-                    shutil.rmtree(self.folder / name)
-            for each in folder.iterdir():
-                if each.is_dir():
-                    shutil.rmtree(each)
-                elif each.name != LOG:
-                    each.unlink()
-            (folder / LOG).unlink()  # last, so that an interrupted deletion can be repeated
-            folder.rmdir()
-            journal.add(DELETION)
+        with io.FileIO(file) as held, self._open_journal() as journal:
+            lock(held, file)
+            session = hashlib.sha256(held.readline()).hexdigest()
+            deletion.carry_out()
+            journal.add(DELETION, session=session)
 
     def _existing(self, participant: str) -> Path:
         folder = self.place(participant)
         if not (folder / LOG).is_file():
-            known = ", ".join(sorted(each.name for each in folder.parent.glob("*"))) or "none"
+            logs = folder.parent.glob(f"*/{LOG}")
+            known = ", ".join(sorted(each.parent.name for each in logs)) or "none"
             raise ParameterError(
                 f"participant = {participant!r}: has no session; there are {known}"
             )
         return folder
+
+    def _logs(self) -> Logs:
+        """Return all logs with a complete line, unless they contradict each other."""
+        participants, journal = self.folder / PARTICIPANTS, self.journal
+        folders = sorted(file.parent for file in participants.glob(f"*/{LOG}"))
+        logs = {each: log for each in folders if (log := read_log(each))}
+        check_folders(participants, logs)
+        check_heads(logs, journal)
+        return logs
+
+    def _open_journal(self) -> Log:
+        return Log(self.folder / JOURNAL, JOURNAL_TIME)
 
     def _keep_version(self, journal: Log) -> None:
         file = self.folder / VERSIONS / f"{self.protocol.digest}.yaml"
@@ -216,3 +327,10 @@ class Study:
             file.parent.mkdir(exist_ok=True)
             replace_file(file, self.protocol.content.encode())
             journal.add(VERSION, digest=self.protocol.digest)
+
+
+def _same_first_line(one: Path, other: Path) -> bool:
+    """Return whether two logs, which need not be readable, are of the same session."""
+    with located(one), opened(one, LARGEST) as first, opened(other, LARGEST) as second:
+        line = first.readline()
+        return line.endswith(b"\n") and line == second.readline()

@@ -16,8 +16,9 @@
 """Append-only log of a session: a line of JSON for each event, on the disk before the next one.
 
 Each line has the SHA-256 of the line before it, so that a line that was changed, removed or put
-in is found; that lines are missing at the end is not. What names conditions is sealed, in base64:
-an envelope against reading by accident, not a lock.
+in before others is found. The SHA-256 of the last line, the head, stands for the whole log: who
+kept it elsewhere finds a changed or missing end, and a log that was hashed anew. What names
+conditions is sealed, in base64: an envelope against reading by accident, not a lock.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ import os
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -68,8 +69,41 @@ SESSION, CONSENT, SITTING, TRIAL, END = "session", "consent", "sitting", "trial"
 """Kinds of a session's lines: its start, the answer to the consent's text, the start of a sitting,
 a trial, and the end of a sitting."""
 
+RUNNING = "running"
+"""End of a session that a process runs at present."""
+
+LOCKING_TIME = 0.5
+"""Longest time for which a log is tried to be locked, s: readers lock it for an instant."""
+
+LOOK = 0.01
+"""Interval between two attempts to lock a log, s."""
+
 OPEN = ("asked", "answered", "asked_steady", "answered_steady", "attempt")
 """Fields of a trial that are not sealed."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Complete lines of a log.
+
+    Attributes
+    ----------
+    entries : list of dict
+    heads : list of str
+        SHA-256 of each line, in hexadecimal digits. The first one tells sessions apart, as their
+        first lines have the time and a random number.
+    size : int
+        Size of all lines, bytes.
+    """
+
+    entries: list[Entry]
+    heads: list[str]
+    size: int
+
+    @property
+    def head(self) -> str:
+        """SHA-256 of the last line; empty without one."""
+        return self.heads[-1] if self.heads else ""
 
 
 class Entries:
@@ -106,6 +140,8 @@ class Log(Entries):
     ----------
     file : Path
         Made if it does not exist, with its folders.
+    patience : float
+        Longest time for which another process may have it, s.
 
     Raises
     ------
@@ -115,14 +151,15 @@ class Log(Entries):
         The disk is full; raised by `add`, too.
     """
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file: Path, patience: float = LOCKING_TIME) -> None:
         super().__init__()
         self.file = file
         file.parent.mkdir(parents=True, exist_ok=True)
         self._end = io.FileIO(file, "ab", opener=partial(os.open, mode=PRIVATE))
         try:
-            lock(self._end, file)
-            self.entries, self._digest, self._size = _read(file)
+            lock(self._end, file, patience)
+            chain = read_chain(file)
+            self.entries, self.heads, self._size = chain.entries, chain.heads, chain.size
             self._end.truncate(self._size)
             sync_folder(file.parent)
         except BaseException:
@@ -150,7 +187,8 @@ class Log(Entries):
             It cannot be written; the file ends with the line before it.
         """
         entry = self._entry(kind, content)
-        line = json.dumps({"before": self._digest, **entry}).encode() + b"\n"
+        before = self.heads[-1] if self.heads else ""
+        line = json.dumps({"before": before, **entry}).encode() + b"\n"
         try:
             if (self._end.write(line) or 0) < len(line):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -161,24 +199,43 @@ class Log(Entries):
             error.filename = str(self.file)
             raise
         self._size += len(line)
-        self._digest = hashlib.sha256(line).hexdigest()
+        self.heads.append(hashlib.sha256(line).hexdigest())
         self.entries.append(entry)
 
 
-def lock(end: io.FileIO, file: Path) -> None:
+def lock(end: io.FileIO, file: Path, patience: float = LOCKING_TIME) -> None:
     """Keep other processes from running the session of an open log, until it is closed.
 
     Raises
     ------
     ParameterError
-        Another process runs it.
+        Another process runs it, also after `patience` s.
     """
     import fcntl  # here, as Windows, which runs no session, has none
 
+    due = time.monotonic() + patience
+    while True:
+        try:
+            fcntl.flock(end.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:
+            if time.monotonic() > due:
+                raise ParameterError(f"{file}: another process runs this session") from None
+        time.sleep(LOOK)
+
+
+def is_running(file: Path) -> bool:
+    """Return whether a process runs the session of a log."""
     try:
-        fcntl.flock(end.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise ParameterError(f"{file}: another process runs this session") from None
+        import fcntl
+    except ModuleNotFoundError:
+        return False
+    with located(file), opened(file, LARGEST) as lines:
+        try:
+            fcntl.flock(lines.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
 
 
 def read_session(folder: Path) -> SessionRecord:
@@ -189,23 +246,51 @@ def read_session(folder: Path) -> SessionRecord:
     ParameterError
         The log cannot be read, was changed, or is of another version.
     """
-    entries = read_entries(folder / LOG)
-    with located(folder / LOG, "must be a session's log"):
-        try:
-            return session_of(entries)
-        except (KeyError, TypeError, AttributeError) as error:
-            raise ValueError(f"{type(error).__name__} {error}") from None
+    if (found := read_log(folder)) is None:
+        raise ParameterError(f"{folder / LOG}: must be a session's log: it has no session")
+    return found[1]
 
 
-def read_entries(file: Path) -> list[Entry]:
-    """Return the entries of a log.
+def read_log(folder: Path) -> tuple[Chain, SessionRecord] | None:
+    """Return the lines of the log in a participant's folder, and the session that they hold.
+
+    Without a complete line there is none.
 
     Raises
     ------
     ParameterError
         As for `read_session`.
     """
-    return _read(file)[0]
+    file = folder / LOG
+    running = is_running(file)  # before its lines are read, the last of which may end it
+    chain = read_chain(file)
+    if not chain.entries:
+        return None
+    with located(file, "must be a session's log"):
+        try:
+            session = session_of(chain.entries)
+        except (KeyError, TypeError, AttributeError) as error:
+            raise ValueError(f"{type(error).__name__} {error}") from None
+    return chain, replace(session, ended=RUNNING) if running else session
+
+
+def read_chain(file: Path) -> Chain:
+    """Return the complete lines of a log.
+
+    Raises
+    ------
+    ParameterError
+        As for `read_session`.
+    """
+    entries, heads, size = list[Entry](), list[str](), 0
+    with located(file), opened(file, LARGEST) as lines:
+        for number, line in enumerate(lines, 1):
+            if not line.endswith(b"\n"):
+                break
+            entries.append(_entry(line, heads[-1] if heads else "", number))
+            heads.append(hashlib.sha256(line).hexdigest())
+            size += len(line)
+    return Chain(entries, heads, size)
 
 
 def session_of(entries: list[Entry]) -> SessionRecord:
@@ -222,6 +307,7 @@ def session_of(entries: list[Entry]) -> SessionRecord:
         records=tuple(trial_of(each) for each in entries if each["kind"] == TRIAL),
         ended=ends[-1] if ends else "",
         exposure=math.fsum(each.get("dose", 0) for each in entries),
+        simulated=first.get("simulated") is True,
     )
 
 
@@ -259,20 +345,6 @@ def unseal(text: str) -> dict[str, Any]:
 
 def _condition(settings: list[list[Any]]) -> Condition:
     return Condition(tuple((factor, value) for factor, value in settings))
-
-
-def _read(file: Path) -> tuple[list[Entry], str, int]:
-    """Return entries, digest of the last complete line, and size up to its end, bytes."""
-    entries, before, size = [], "", 0
-    with located(file), opened(file, LARGEST) as lines:
-        for number, line in enumerate(lines, 1):
-            if not line.endswith(b"\n"):
-                break
-            entry = _entry(line, before, number)
-            before = hashlib.sha256(line).hexdigest()
-            size += len(line)
-            entries.append(entry)
-    return entries, before, size
 
 
 def _entry(line: bytes, before: str, number: int) -> Entry:

@@ -47,7 +47,8 @@ def simulate_study(protocol: Protocol, participants: int, seed: int) -> list[Ses
     for row, own in enumerate(seeds(participants, seed)):
         log = Entries()
         name = pseudonym(row)
-        log.add(SESSION, participant=name, digest=protocol.digest, seed=own, row=row)
+        own_line = {"participant": name, "digest": protocol.digest, "seed": own, "row": row}
+        log.add(SESSION, **own_line, simulated=True)
         found.append(simulate_session(protocol, log))
     return found
 
@@ -55,8 +56,10 @@ def simulate_study(protocol: Protocol, participants: int, seed: int) -> list[Ses
 def write_simulated(study: Study, participants: int, seed: int) -> Iterator[SessionRecord]:
     """Write sessions of simulated observers to a study's folder, and yield them."""
     for row, own in enumerate(seeds(participants, seed)):
-        with study.begin(pseudonym(row), own) as log:
-            yield simulate_session(study.protocol, log)
+        with study.begin(pseudonym(row), own, simulated=True) as log:
+            session = simulate_session(study.protocol, log)
+            study.note_end(log)
+            yield session
 
 
 def seeds(participants: int, seed: int) -> list[int]:

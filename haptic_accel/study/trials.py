@@ -180,9 +180,12 @@ class SessionRecord:
     records : tuple of TrialRecord
         All attempts in order.
     ended : str
-        ``complete``, the reason of a stop, or empty if interrupted.
+        ``complete``, the reason of a stop, ``running`` while a process runs it, or empty if
+        interrupted.
     exposure : float
         Vibration dose of all sittings, m^2/s^3.
+    simulated : bool
+        True if an observer of `observers` took part, and no person.
     """
 
     participant: str
@@ -194,6 +197,7 @@ class SessionRecord:
     records: tuple[TrialRecord, ...]
     ended: str = ""
     exposure: float = 0.0
+    simulated: bool = False
 
     @property
     def counted(self) -> tuple[TrialRecord, ...]:

@@ -124,19 +124,48 @@ def test_a_simulated_study_says_that_it_is_one(
 
 
 def test_conditions_stay_sealed_until_a_reason_is_given(
-    study: Study, capsys: pytest.CaptureFixture[str]
+    study: Study, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run_session(study, study.begin("P01"))
     for verb in ("analyze", "export"):
         message = refusal("study", verb, study.folder)
         assert message.startswith(f"{study.folder}: conditions are sealed")
     assert "--reason" in refusal("study", "unblind", study.folder)
-    assert status_of("study", "unblind", study.folder, "--reason", "done") == 0
+    words = "study", "unblind", study.folder, "--reason", "done"
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    assert status_of(*words) == 130  # one of twelve is complete, and nobody answers
+    assert "1 of 12 participants have completed the study" in capsys.readouterr().out
+    assert study.sealed
+    assert status_of(*words, "--yes") == 0
     assert next_command(capsys.readouterr().out) == ["study", "analyze", str(study.folder)]
     message = refusal("study", "unblind", study.folder, "--reason", "again")
     assert message == f"{study.folder}: is unblinded already"
     assert status_of("study", "export", study.folder, "--form", "csv") == 0
     assert (study.folder / "export" / "csv" / "trials.csv").is_file()
+
+
+def test_nothing_asks_once_all_are_complete(tmp_path: Path) -> None:
+    study = write_study(tmp_path / "study", f"{TEXT}rules: {{participants: 1}}\n")
+    run_session(study, study.begin("P01"))
+    assert status_of("study", "unblind", study.folder, "--reason", "done") == 0
+
+
+def test_a_study_that_runs_is_not_called_interrupted(
+    study: Study, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study.unblind("a look")
+    with study.begin("P01"):
+        assert status_of("study", "status", study.folder) == 0
+        assert "running" in capsys.readouterr().out
+        assert status_of("study", "analyze", study.folder) == 0
+        assert "P01 is excluded: session not complete (running)" in capsys.readouterr().out
+
+
+def test_results_are_not_written_through_a_link(simulated: Study, tmp_path: Path) -> None:
+    for verb, name in (("analyze", "analysis"), ("export", "export")):
+        (simulated.folder / name).symlink_to(tmp_path)
+        message = refusal("study", verb, simulated.folder)
+        assert message == f"{simulated.folder / name}: is a link: must be a folder, or nothing"
 
 
 def test_a_study_without_participants_has_no_results(study: Study) -> None:
@@ -161,6 +190,7 @@ def test_a_participant_is_deleted_when_confirmed(
     words = "study", "delete-participant", simulated.folder, "--participant", "S02"
     assert status_of(*words) == 130  # nobody answers the question
     assert len(simulated.sessions) == 3
+    assert str(simulated.place("S02") / "log.jsonl") in capsys.readouterr().out
     assert status_of(*words, "--yes") == 0
     assert "S02 is deleted" in capsys.readouterr().out
     assert [each.participant for each in simulated.sessions] == ["S01", "S03"]

@@ -21,6 +21,7 @@ import asyncio
 import json
 import os
 import signal
+import socket
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -197,7 +198,7 @@ def test_ctrl_c_ends_a_sitting(study: Study, visitor: Callable[..., Visitor]) ->
     assert study.sessions[0].ended == "stopped by the operator"
 
 
-def test_a_graph_that_does_not_start_is_told_in_one_line(
+def test_a_run_that_is_refused_leaves_no_participant(
     study: Study,
     visitor: Callable[..., Visitor],
     capsys: pytest.CaptureFixture[str],
@@ -207,5 +208,25 @@ def test_a_graph_that_does_not_start_is_told_in_one_line(
     monkeypatch.setattr(StandIn, "trouble", "graph: its arms are not engaged after 60 s")
     assert status_of(*words(study)) == 1
     assert capsys.readouterr().err == f"haptic-accel: {StandIn.trouble}\n"
+    assert study.sessions == []
+    assert not study.place("P07").exists()
     monkeypatch.setattr(StandIn, "trouble", "")
-    assert status_of(*words(study, "resume")) == 0
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        assert status_of(*words(study), "--port", taken.getsockname()[1]) == 1
+    assert not study.place("P07").exists()
+    assert status_of(*words(study)) == 0
+    assert study.sessions[0].ended == COMPLETE
+
+
+def test_the_head_of_the_log_is_printed_and_verified(
+    study: Study, visitor: Callable[..., Visitor], capsys: pytest.CaptureFixture[str]
+) -> None:
+    visitor()
+    assert status_of(*words(study)) == 0
+    noted = capsys.readouterr().out.partition("for the notebook: P07, line ")[2]
+    line, _, head = noted.strip().partition(", ")
+    assert status_of("study", "verify", study.folder) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert head in shown
+    assert f"│ {line} │" in shown
+    assert "1 logs agree with the journal" in shown
