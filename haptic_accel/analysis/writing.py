@@ -29,6 +29,7 @@ from matplotlib.figure import Figure
 
 from haptic_accel.analysis import frames, plots
 from haptic_accel.analysis.comparison import Comparison
+from haptic_accel.analysis.csv_tables import csv_text
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import actual_acceleration
 from haptic_accel.analysis.page import Setting, write_page
@@ -111,11 +112,8 @@ def write_analysis(
     tables = {name: table for name, table in tables.items() if len(table)} | dict(files or {})
     written = [*plots.save(_plots(analysis), folder), *tables]
     for name, table in tables.items():
-        named = table.index.name is not None
-        # Cells of undefined numbers are empty.
         # Names of bags may be no text.
-        text = table.to_csv(index=named, float_format="%.9g", lineterminator="\n")
-        (folder / name).write_text(text, encoding="utf-8", errors="backslashreplace")
+        (folder / name).write_text(csv_text(table), encoding="utf-8", errors="backslashreplace")
     if setting:
         vectors = {name: f"{surface}: {PATHS}" for name, surface in _polarised(analysis).items()}
         captions = {f"{name}.png": text for name, text in (PICTURES | vectors).items()}

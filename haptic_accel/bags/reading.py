@@ -353,7 +353,7 @@ def _foreign_blocks(source: Path) -> Iterator[Block]:
             for topic, kind, *message in database.execute(_IN_ORDER):
                 time, place, data = message
                 rows[str(topic), str(kind)].append((int(time), int(place), bytes(data)))
-    except (sqlite3.Error, TypeError, ValueError, OverflowError) as error:  # of cells, too
+    except sqlite3.Error as error:
         raise ValueError(" ".join(str(error).split())) from None
     for (topic, kind), messages in rows.items():
         times, places, contents = zip(*messages, strict=True)

@@ -32,6 +32,7 @@ from typing import Any, TypeAlias
 import pandas as pd
 
 import haptic_accel
+from haptic_accel.analysis.csv_tables import csv_text
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.study.protocol import Protocol
 from haptic_accel.study.tables import Tables, tables
@@ -86,11 +87,6 @@ def export_study(
         file = folder / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8", errors="backslashreplace")
-
-
-def csv_text(frame: pd.DataFrame) -> str:
-    """Return a table as CSV; unknown values are empty."""
-    return str(frame.to_csv(index=False, float_format="%.9g", lineterminator="\n"))
 
 
 def _csv(protocol: Protocol, found: Tables) -> Files:
@@ -162,8 +158,7 @@ def _tsv(frame: pd.DataFrame) -> str:
     """Return a table as BIDS has them: the times of events first, n/a for unknown values."""
     first = [name for name in _FIRST if name in frame]
     ordered = frame[[*first, *frame.columns.drop(first)]].rename(columns=_BIDS_NAMES)
-    cells = ordered.astype(object).map(_cell)
-    return str(cells.to_csv(sep="\t", index=False, na_rep="n/a", lineterminator="\n"))
+    return csv_text(ordered.astype(object).map(_cell), "\t", "n/a")
 
 
 def _cell(value: Any) -> Any:
@@ -208,9 +203,9 @@ def _summary(protocol: Protocol) -> str:
 
 def _readme(protocol: Protocol, found: Tables) -> str:
     excluded = int((found.sessions["excluded"] != "").sum())
-    return f"""# {protocol.title}
+    return f"""# {_literal(protocol.title)}
 
-{_summary(protocol)}
+{_literal(_summary(protocol))}
 
 {len(found.sessions)} participants, of whom {excluded} are excluded by the rules of the protocol:
 the tables have them, too, with the reason. Participants have pseudonyms; times count from the
@@ -219,8 +214,19 @@ study.yaml.
 
 Instructions to the participants:
 
-{protocol.instructions.strip()}
+{_paragraphs(protocol.instructions)}
 """
+
+
+def _paragraphs(text: str) -> str:
+    """Return the paragraphs of a text, each in one line without markup."""
+    return "\n\n".join(_literal(each) for each in re.split(r"\n\s*\n", text.strip()))
+
+
+def _literal(text: str) -> str:
+    """Return a text in one line, which Markdown shows as it is, without markup, HTML or links."""
+    line = re.sub(r"[\\`*_\[\]<>&#~|]", r"\\\g<0>", " ".join(text.split()))
+    return re.sub(r"^(\d*)([-+=.)])", r"\1\\\2", line)
 
 
 def _changes() -> str:

@@ -26,12 +26,12 @@ from typing import Any
 import pandas as pd
 
 from haptic_accel.analysis import plots
+from haptic_accel.analysis.csv_tables import csv_text
 from haptic_accel.analysis.identification_report import pictures
 from haptic_accel.analysis.provenance import provenance
 from haptic_accel.core.decimals import defined
 from haptic_accel.core.evaluation.statistics import CONFIDENCE
 from haptic_accel.pages import write
-from haptic_accel.study.export import csv_text
 from haptic_accel.study.planned_tests import PlannedResult, counted, planned_tests
 from haptic_accel.study.protocol import Protocol
 from haptic_accel.study.results import (

@@ -23,10 +23,14 @@ import re
 import subprocess
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from markdown_it import MarkdownIt
 from study_sessions import condition, often_right, paired, protocol, session, single
 
 from haptic_accel.core.parameters import ParameterError
@@ -138,6 +142,50 @@ def test_bids_has_a_folder_for_each_participant(tmp_path: Path) -> None:
     for suffix, row in (("beh", trials[0]), ("events", events[0])):
         meanings = read_json(out / f"task-oddoneout_{suffix}.json")
         assert set(row) <= set(meanings)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_no_cell_of_an_export_is_a_formula(form: str, tmp_path: Path) -> None:
+    found = [replace(each, ended="=cmd|' /C calc'!A0", consent="@1") for each in sessions()]
+    flawed = replace(found[0].records[0], flaw="-2+3")
+    found[0] = replace(found[0], records=(flawed, *found[0].records[1:]))
+    export_study(STUDY, found, tmp_path / "out", form, unblinded=True)
+    cells = [
+        cell
+        for suffix, separator in ((".csv", ","), (".tsv", "\t"))
+        for file in (tmp_path / "out").rglob(f"*{suffix}")
+        for row in rows(file, separator)
+        for cell in row.values()
+    ]
+    assert {"'=cmd|' /C calc'!A0", "'@1", "'-2+3"} <= set(cells)
+    assert not [each for each in cells if each[:1] in ("=", "@", "+")]
+
+
+@given(
+    st.text(st.sampled_from("<script>&;*_`[]()!#-+=1. \n\t~|\\ax:'\"{}$^"), max_size=40),
+    st.sampled_from(["psych-ds", "bids"]),
+)
+@example("<script>alert(1)</script>", "psych-ds")
+@example('![x](javascript:alert(1)) <img src="x" onerror="y">', "bids")
+def test_a_readme_shows_texts_as_they_are(text: str, form: str) -> None:
+    words = text.split() or ["text"]
+    study = replace(STUDY, title=" ".join(words), instructions=text)
+    with TemporaryDirectory() as folder:
+        export_study(study, sessions(study), Path(folder) / "out", form, unblinded=True)
+        readme = (Path(folder) / "out" / "README.md").read_text(encoding="utf-8")
+    heading, *others = MarkdownIt("commonmark", {"html": True}).parse(readme)
+    inline = [token for token in (heading, *others) if token.type == "inline"]
+    kinds = {child.type for token in inline for child in token.children or ()}
+    assert kinds <= {"text", "text_special", "softbreak"}
+    assert {token.type.partition("_")[0] for token in (heading, *others)} <= {
+        "heading",
+        "paragraph",
+        "inline",
+    }
+    shown = ["".join(each.content or " " for each in token.children or ()) for token in inline]
+    assert shown[0].split() == words
+    after = shown[shown.index("Instructions to the participants:") + 1 :]
+    assert " ".join(after).split() == text.split()
 
 
 @pytest.mark.parametrize("form", FORMS)
