@@ -67,5 +67,7 @@ def csv_text(frame: pd.DataFrame, separator: str = ",", unknown: str = "") -> st
     for name in cells.columns:
         if not is_numeric_dtype(cells[name]):
             cells[name] = cells[name].map(inert)
-    form = {"float_format": "%.9g", "lineterminator": "\n", "na_rep": unknown}
-    return str(cells.to_csv(sep=separator, index=False, **form))
+    text = cells.to_csv(
+        sep=separator, index=False, float_format="%.9g", lineterminator="\n", na_rep=unknown
+    )
+    return str(text)

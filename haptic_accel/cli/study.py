@@ -43,7 +43,7 @@ from haptic_accel.core.process import FAILED, INTERRUPTED
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tables import Column, ResultTable, Row
 from haptic_accel.study.authenticity import noted
-from haptic_accel.study.conditions import check_deliverable
+from haptic_accel.study.conditions import check_blanks, check_deliverable
 from haptic_accel.study.export import FORMS, export_study
 from haptic_accel.study.folder import ANALYSIS, EXPORT, UNBLINDING, Study
 from haptic_accel.study.log import Log
@@ -52,7 +52,7 @@ from haptic_accel.study.plan import Plan
 from haptic_accel.study.protocol import Protocol
 from haptic_accel.study.session import COMPLETE, Session
 from haptic_accel.study.simulation import power, simulate_study, write_simulated
-from haptic_accel.study.tables import exclusions
+from haptic_accel.study.tables import exclusions, titled
 from haptic_accel.study.templates import PROTOCOL, templates, write_template
 from haptic_accel.study.trials import SessionRecord, UndeliveredError
 
@@ -111,12 +111,14 @@ def new(template: str, folder: Path) -> None:
 def check(study: Study) -> None:
     """Check that a study can be run as it is written, and describe what it asks.
 
-    Reads all its files, and checks each condition against the arguments of the graph.
+    Reads all its files, and checks each condition against the arguments of the graph. Refuses
+    blanks of the template, which simulate does not mind.
     """
     check_deliverable(study.protocol)
     Plan(study.protocol, 0, 0)
     print(*describe(study.protocol), sep="\n")
     print(next_command("study", "simulate", str(study.folder)))
+    check_blanks(study.protocol)
 
 
 @verb(
@@ -176,7 +178,7 @@ def simulate(
     by_test = zip(protocol.tests, zip(*outcomes, strict=True), strict=bool(outcomes))
     powers = [power(test.name, significant) for test, significant in by_test]
     print(f"{len(outcomes)} simulated studies with {count} participants")
-    print_table(ResultTable.of(POWER, powers))
+    print_table(ResultTable.of(POWER, powers, title=titled(protocol, simulated=True).title))
     save([asdict(each) for each in powers], json_file)
     if end:
         raise end
@@ -198,6 +200,7 @@ def run(study: Study, *, participant: str, port: int, opened: bool) -> None:
     was stopped or interrupted goes on with resume.
     """
     check_deliverable(study.protocol)
+    check_blanks(study.protocol)
     _check_stopping_rule(study)
     _run_session(study, study.begin(participant), port, opened=opened)
 
@@ -220,10 +223,11 @@ def resume(study: Study, *, participant: str, port: int, opened: bool) -> None:
 @json_option
 def status(study: Study, json_file: Path | None) -> None:
     """Show the participants' progress and exposure, without conditions and answers."""
-    rows = [_status(study, session) for session in study.sessions]
+    sessions = study.sessions
+    rows = [_status(study, session) for session in sessions]
     complete = sum(row["state"] == COMPLETE for row in rows)
     planned = study.protocol.rules.participants
-    print_table(ResultTable.of(STATUS, rows, title=study.protocol.title))
+    print_table(ResultTable.of(STATUS, rows, title=titled(study.protocol, sessions).title))
     print(f"{complete} of {planned} participants complete")
     unblinded = _unblinded(study)
     print(f"unblinded on {unblinded}" if unblinded else "conditions are sealed")
@@ -241,9 +245,10 @@ def verify(study: Study) -> None:
     """
     ends = study.ends
     rows = [{**asdict(each), "at": _date(each.at)} for each in ends]
-    print_table(ResultTable.of(ENDS, rows, title=study.protocol.title))
+    sessions = study.sessions
+    print_table(ResultTable.of(ENDS, rows, title=titled(study.protocol, sessions).title))
     _print_missing(study)
-    print(f"{len(study.sessions)} logs agree with the journal")
+    print(f"{len(sessions)} logs agree with the journal")
 
 
 @verb("haptic-accel study unblind my_study --reason 'all participants are complete'")
@@ -282,7 +287,7 @@ def analyze(study: Study) -> None:
     for participant, rule in result.excluded.items():
         print(f"{participant} is excluded: {rule}")
     if result.planned:
-        print_table(ResultTable.of(PLANNED, result.planned, title=study.protocol.title))
+        print_table(ResultTable.of(PLANNED, result.planned, title=result.protocol.title))
     print(f"report: {page}")
 
 

@@ -35,7 +35,7 @@ from haptic_accel.graph.processes import graph
 from haptic_accel.materials.folders import is_recording, preset_file
 from haptic_accel.study.outline import expected_minutes
 from haptic_accel.study.protocol import Condition, Protocol, Value
-from haptic_accel.study.reading import ARGUMENTS, GAIN, NETWORK, word
+from haptic_accel.study.reading import ARGUMENTS, GAIN, NETWORK, TEXTS, word
 
 LIVE = ("controller", GAIN, "surface", "grip", "reduction", NETWORK)
 """Factors that change while a graph runs; a surface only if it is no recording."""
@@ -53,6 +53,9 @@ DEVICES: Mapping[str, tuple[str, tuple[str, ...]]] = {
 
 BYTES_PER_TICK = 1800
 """Size of a bag per tick of the graph, bytes: 1.8 MB/s at 1 kHz, a third more than measured."""
+
+BLANK = re.compile(r"\[\[\s*blank\b:?\s*([^\]]*)", re.IGNORECASE)
+"""Blank of a template's text, and what is to be written there."""
 
 _CHANNEL = re.compile(r"(\d+(?:\.\d+)?)(?:\+-(\d+(?:\.\d+)?))?(?:,(\d+(?:\.\d+)?)%)?")
 
@@ -123,7 +126,7 @@ def check_deliverable(protocol: Protocol) -> None:
         A condition needs a file, a device or a value that is not there, or the session is longer
         than its limit.
     """
-    file = Document(protocol.source, load_yaml(protocol.content, exponents=True), protocol.content)
+    file = _document(protocol)
     with file.located("language"):
         preset_file("studies/language", protocol.language, protocol.source.parent)
     done = set()
@@ -140,6 +143,26 @@ def check_deliverable(protocol: Protocol) -> None:
         allowed = f"must be at least {math.ceil(minutes)}, the expected duration"
         file.get("limits", {}).get("minutes", limit).wrong(allowed)
     _check_room(protocol, minutes)
+
+
+def check_blanks(protocol: Protocol) -> None:
+    """Refuse texts for the participant with blanks of a template, ``[[ blank: ... ]]``.
+
+    Raises
+    ------
+    ParameterError
+        With the line of the text, and all its blanks.
+    """
+    file = _document(protocol)
+    for place, name in (*(((), text) for text in TEXTS), (("consent",), "text")):
+        section = file.at(*place)
+        if blanks := BLANK.findall(section.at(name).text()):
+            told = "; ".join(" ".join(each.split()) for each in blanks)
+            section.refuse(f"{name}: must have its {len(blanks)} blanks filled in: {told}", name)
+
+
+def _document(protocol: Protocol) -> Document:
+    return Document(protocol.source, load_yaml(protocol.content, exponents=True), protocol.content)
 
 
 def _check_room(protocol: Protocol, minutes: float) -> None:

@@ -35,7 +35,7 @@ import haptic_accel
 from haptic_accel.analysis.csv_tables import csv_text
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.study.protocol import Protocol
-from haptic_accel.study.tables import Tables, tables
+from haptic_accel.study.tables import Tables, tables, titled
 from haptic_accel.study.trials import SessionRecord
 
 Files: TypeAlias = dict[str, str]
@@ -83,7 +83,8 @@ def export_study(
         raise ParameterError(f"{protocol.title}: no participant has begun a trial")
     if folder.exists() and any(folder.iterdir()):
         raise ParameterError(f"{folder}: must be a new or empty folder")
-    for name, text in FORMS[form](protocol, tables(protocol, begun)).items():
+    named = titled(protocol, begun)
+    for name, text in FORMS[form](named, tables(protocol, begun)).items():
         file = folder / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8", errors="backslashreplace")

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -42,13 +42,13 @@ from haptic_accel.study.results import (
     planned_results,
     reading_table,
 )
-from haptic_accel.study.tables import Tables, exclusions, tables
+from haptic_accel.study.tables import SIMULATED, Tables, exclusions, tables, titled
 from haptic_accel.study.trials import SessionRecord
 
 PAGE = "index.html"
 
 PEOPLE = (
-    *("participant", "ended", "main_trials", "counted_trials", "left_out_percent"),
+    *("participant", "observer", "ended", "main_trials", "counted_trials", "left_out_percent"),
     *("catch_correct_percent", "exposure_m_s2"),
 )
 """Columns of the sessions on the page."""
@@ -78,7 +78,8 @@ class StudyResult:
 
 
 def analyse_study(protocol: Protocol, sessions: Sequence[SessionRecord]) -> StudyResult:
-    """Analyse the sessions of a study by its protocol."""
+    """Analyse the sessions of a study by its protocol; titles name simulated observers."""
+    protocol = titled(protocol, sessions)
     found, trials = tables(protocol, sessions), counted(protocol, sessions)
     planned = tuple(planned_tests(protocol, sessions))
     results = (
@@ -86,6 +87,15 @@ def analyse_study(protocol: Protocol, sessions: Sequence[SessionRecord]) -> Stud
         *exploratory_results(protocol, trials),
         *delivered_results(found),
     )
+    if any(each.simulated for each in sessions):
+        results = tuple(
+            replace(
+                each,
+                title=f"{each.title} (simulated observers)",
+                rows=[row | {"observer": SIMULATED} for row in each.rows],
+            )
+            for each in results
+        )
     return StudyResult(protocol, found, exclusions(protocol, sessions), planned, results)
 
 

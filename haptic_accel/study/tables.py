@@ -24,7 +24,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pandas as pd
 
@@ -45,6 +45,7 @@ COLUMNS = {
     each.key: each
     for each in (
         Column("participant", "pseudonym of the participant"),
+        Column("observer", "person, or simulated"),
         Column("version", "start of the digest of the protocol"),
         Column("consent", "version of the consent text that the participant agreed to"),
         Column("order_seed", "seed of the order and of all random choices"),
@@ -93,6 +94,9 @@ MEASURED = (
 )
 """Columns that were measured of a stimulus."""
 
+SIMULATED, PERSON = "simulated", "person"
+"""Kinds of observers, in the column `observer`."""
+
 _PERCENT = 100.0
 
 
@@ -117,6 +121,20 @@ class Tables:
         """Return the tables that have rows."""
         frames = {"sessions": self.sessions, "trials": self.trials, "stimuli": self.stimuli}
         return {name: frame for name, frame in frames.items() if len(frame)}
+
+
+def titled(
+    protocol: Protocol, sessions: Sequence[SessionRecord] = (), *, simulated: bool = False
+) -> Protocol:
+    """Return a protocol whose title says that observers are simulated, if any is."""
+    if not (simulated or any(each.simulated for each in sessions)):
+        return protocol
+    return replace(protocol, title=f"{protocol.title} (simulated observers)")
+
+
+def observer(session: SessionRecord) -> str:
+    """Return the kind of the observer of a session."""
+    return SIMULATED if session.simulated else PERSON
 
 
 def tables(protocol: Protocol, sessions: Sequence[SessionRecord]) -> Tables:
@@ -177,6 +195,7 @@ def _main(session: SessionRecord) -> int:
 def _session(session: SessionRecord, excluded: dict[str, str]) -> Row:
     return {
         "participant": session.participant,
+        "observer": observer(session),
         "version": session.digest[:8],
         "consent": session.consent,
         "order_seed": session.seed,
@@ -195,6 +214,7 @@ def _trial(session: SessionRecord, record: TrialRecord) -> Row:
     trial, answer = record.trial, record.answer
     return {
         "participant": session.participant,
+        "observer": observer(session),
         "trial": trial.number,
         "attempt": record.attempt,
         "kind": trial.kind,
@@ -218,6 +238,7 @@ def _stimulus(
     condition = record.trial.stimuli[interval - 1]
     return {
         "participant": session.participant,
+        "observer": observer(session),
         "trial": record.trial.number,
         "attempt": record.attempt,
         "interval": interval,

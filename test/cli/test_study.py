@@ -21,7 +21,9 @@ import io
 import json
 from pathlib import Path
 
+import pandas as pd
 import pytest
+from page_content import Page
 
 from haptic_accel.study.export import FORMS
 from haptic_accel.study.folder import Study
@@ -52,7 +54,9 @@ def test_a_study_begins_from_a_template(
     assert status_of("study", "new", "--template", "compensated_or_not", folder) == 0
     text = capsys.readouterr().out
     assert next_command(text) == ["study", "check", str(folder)]
-    assert status_of(*next_command(text)) == 0
+    message = refusal(*next_command(text))  # describes the study, and refuses its blanks
+    assert message.startswith(f"{folder / 'study.yaml'}:")
+    assert "consent.text: must have its" in message
     shown = capsys.readouterr().out
     assert "controller=none against controller=adaptive" in shown
     assert next_command(shown) == ["study", "simulate", str(folder)]
@@ -64,6 +68,53 @@ def test_an_unknown_template_is_refused(tmp_path: Path) -> None:
     message = refusal("study", "new", "--template", "gain", tmp_path / "mine")
     assert ", ".join(templates()) in message
     assert not (tmp_path / "mine").exists()
+
+
+BLANK = '"[[ blank: purpose ]] I agree."'
+
+
+def test_nobody_takes_part_before_the_blanks_are_filled_in(tmp_path: Path) -> None:
+    study = write_study(tmp_path, TEXT.replace("I agree to take part.", BLANK))
+    message = refusal("study", "run", study.folder, "--participant", "P07")
+    assert message.endswith(
+        "study.yaml:5: consent.text: must have its 1 blanks filled in: purpose"
+    )
+    assert [*tmp_path.iterdir()] == [tmp_path / "study.yaml"]
+    written = tmp_path / "tried"
+    words = "study", "simulate", study.folder, "--write", written, "--participants", 1
+    assert status_of(*words) == 0
+
+
+def test_simulated_observers_are_named_wherever_results_are(
+    simulated: Study, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for verb in ("status", "verify", "analyze", "export"):
+        assert status_of("study", verb, simulated.folder) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert shown.count("Compensated or not (simulated observers)") == 3
+    analysis = simulated.folder / "analysis"
+    page = Page(analysis / "index.html")
+    assert "Compensated or not (simulated observers): results" in page.text
+    results = [
+        table for table in page.tables if "participants" in table[0] or "stimuli" in table[0]
+    ]
+    assert len(results) >= 2
+    assert all("observer" in table[0] for table in results)
+    data = simulated.folder / "export" / "psych-ds" / "data"
+    tables = [*analysis.glob("*.csv"), *data.glob("*.csv")]
+    assert len(tables) >= 8
+    for file in tables:
+        assert set(pd.read_csv(file)["observer"]) == {"simulated"}, file
+    assert "(simulated observers)" in (data.parent / "README.md").read_text()
+
+
+def test_people_are_not_called_simulated(study: Study) -> None:
+    run_session(study, study.begin("P01"))
+    study.unblind("a look")
+    assert status_of("study", "analyze", study.folder) == 0
+    text = Page(study.folder / "analysis" / "index.html").text
+    assert "simulated observers" not in text
+    assert set(pd.read_csv(study.folder / "analysis" / "trials.csv")["observer"]) == {"person"}
 
 
 def test_check_names_the_line(tmp_path: Path) -> None:
