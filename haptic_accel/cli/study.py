@@ -231,7 +231,7 @@ def status(study: Study, json_file: Path | None) -> None:
     print(f"{complete} of {planned} participants complete")
     unblinded = _unblinded(study)
     print(f"unblinded on {unblinded}" if unblinded else "conditions are sealed")
-    _print_missing(study)
+    _print_doubts(study)
     save({"participants": rows, "planned": planned, "sealed": study.sealed}, json_file)
 
 
@@ -240,15 +240,15 @@ def status(study: Study, json_file: Path | None) -> None:
 def verify(study: Study) -> None:
     """Compare all logs with the journal, and print their heads to compare with the notebook.
 
-    A log that contradicts the journal is refused. Who can write both files can forge both: only
-    the heads on paper show that.
+    A log that contradicts the journal is refused, and what one of them has alone is named. Who can
+    write both files can forge both: only the heads on paper show that.
     """
     ends = study.ends
     rows = [{**asdict(each), "at": _date(each.at)} for each in ends]
     sessions = study.sessions
     print_table(ResultTable.of(ENDS, rows, title=titled(study.protocol, sessions).title))
-    _print_missing(study)
-    print(f"{len(sessions)} logs agree with the journal")
+    _print_doubts(study)
+    print(f"{len(sessions)} logs do not contradict the journal")
 
 
 @verb("haptic-accel study unblind my_study --reason 'all participants are complete'")
@@ -279,7 +279,7 @@ def analyze(study: Study) -> None:
     The planned tests come first; participants who are excluded are named with the rule.
     """
     sessions = _unsealed(study)
-    _print_missing(study)
+    _print_doubts(study)
     from haptic_accel.study.report import analyse_study, write_report
 
     result = analyse_study(study.protocol, sessions)
@@ -303,7 +303,7 @@ def analyze(study: Study) -> None:
 def export(study: Study, form: str) -> None:
     """Write the data of an unblinded study to its folder export, without dates or names."""
     folder, sessions = study.folder / EXPORT / form, _unsealed(study)
-    _print_missing(study)
+    _print_doubts(study)
     export_study(study.protocol, sessions, _emptied(folder), form, unblinded=True)
     print(f"{form}: {folder}")
 
@@ -435,10 +435,10 @@ def _included(study: Study) -> int:
     return len(sessions) - len(exclusions(study.protocol, sessions))
 
 
-def _print_missing(study: Study) -> None:
-    """Say that the journal has sessions without a log."""
-    if missing := study.missing:
-        print(f"{missing} sessions of the journal have no log, and were not deleted")
+def _print_doubts(study: Study) -> None:
+    """Say what the journal or the logs have alone."""
+    for line in study.doubts:
+        print(line)
 
 
 def _emptied(folder: Path) -> Path:

@@ -97,11 +97,17 @@ def sitting_ends(logs: Logs, journal: Sequence[Entry]) -> list[SittingEnd]:
     ]
 
 
-def missing_sessions(logs: Logs, journal: Sequence[Entry]) -> int:
-    """Return the number of sessions that the journal has, and whose logs are gone undeleted."""
+def doubts(logs: Logs, journal: Sequence[Entry]) -> list[str]:
+    """Return lines on what is in the journal or in the logs alone, but was not deleted."""
     there = {chain.heads[0] for chain, _ in logs.values()}
     deleted = {entry.get("session") for entry in journal if entry["kind"] == DELETION}
-    return len({entry["session"] for entry in journal if entry["kind"] == HEAD} - there - deleted)
+    heads = {entry["session"] for entry in journal if entry["kind"] == HEAD}
+    lost = len(heads - there - deleted)
+    own = [each.participant for each in sitting_ends(logs, journal) if not each.in_journal]
+    return [
+        *[f"{lost} sessions of the journal have no log, and were not deleted"] * bool(lost),
+        *[f"not in the journal: ends of sittings of {', '.join(dict.fromkeys(own))}"] * bool(own),
+    ]
 
 
 def check_folders(participants: Path, logs: Logs) -> None:

@@ -47,8 +47,8 @@ from haptic_accel.study.authenticity import (
     check_folders,
     check_heads,
     check_journal,
+    doubts,
     head_entry,
-    missing_sessions,
     sitting_ends,
 )
 from haptic_accel.study.deletion import BAGS, Deletion, plan_deletion
@@ -127,9 +127,9 @@ class Study:
         return sitting_ends(self._logs(), self.journal)
 
     @property
-    def missing(self) -> int:
-        """Number of sessions in the journal whose logs are gone without a deletion."""
-        return missing_sessions(self._logs(), self.journal)
+    def doubts(self) -> list[str]:
+        """Lines on sessions that the journal or the logs have alone; raises as `sessions` does."""
+        return doubts(self._logs(), self.journal)
 
     @property
     def journal(self) -> list[Entry]:

@@ -229,4 +229,4 @@ def test_the_head_of_the_log_is_printed_and_verified(
     shown = " ".join(capsys.readouterr().out.split())
     assert head in shown
     assert f"│ {line} │" in shown
-    assert "1 logs agree with the journal" in shown
+    assert "1 logs do not contradict the journal" in shown

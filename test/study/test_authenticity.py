@@ -31,6 +31,8 @@ from haptic_accel.study.log import LOG, RUNNING, Log
 from haptic_accel.study.simulation import write_simulated
 from studies import run_session, write_study
 
+LOST = "1 sessions of the journal have no log, and were not deleted"
+
 
 @pytest.fixture
 def study(tmp_path: Path) -> Study:
@@ -142,7 +144,7 @@ def test_who_changes_the_first_line_leaves_a_session_without_a_log(study: Study)
     file = study.place("S01") / LOG
     first, *rest = lines_of(file)
     file.write_bytes(hashed_anew([first.replace(b'"row": 0', b'"row": 7'), *rest]))
-    assert study.missing == 1
+    assert study.doubts == [LOST, "not in the journal: ends of sittings of S01"]
     assert [each.in_journal for each in study.ends] == [False, True]
 
 
@@ -173,9 +175,9 @@ def test_the_printed_head_is_that_of_the_end(study: Study) -> None:
 
 def test_a_deleted_session_is_not_missing_and_a_lost_one_is(study: Study) -> None:
     study.delete("S01")
-    assert study.missing == 0
+    assert study.doubts == []
     shutil.rmtree(study.place("S02"))
-    assert study.missing == 1
+    assert study.doubts == [LOST]
 
 
 def test_a_journal_whose_head_is_none_is_refused_in_one_line(study: Study) -> None:
