@@ -381,7 +381,7 @@ def test_messages_that_are_malformed_are_refused_and_counted_and_the_graph_goes_
     haptic_accel: Callable[..., Command], observer: Observer, domain: int, tmp_path: Path
 ) -> None:
     # A process takes no messages of signals that its own nodes send.
-    graph = haptic_accel("teleop", "bag:=bag", "composed:=false")
+    graph = haptic_accel("teleop", "rate:=250", "bag:=bag", "composed:=false")
     graph.wait_for("engaged")
     nodes = ("master_device", "slave_device", "compensator", "coupler", "recorder")
     assert set(nodes_of(domain)) == set(nodes)
