@@ -30,6 +30,7 @@ from page_content import Page
 from PIL import Image
 
 from bag_maker import of_trial, write_bag
+from browsing import chromium
 from haptic_accel import __version__
 from haptic_accel.analysis import load
 from haptic_accel.analysis.loading import Analysis
@@ -112,6 +113,23 @@ def test_texts_of_a_setting_stay_text(report: Path) -> None:
     assert platform.node() in told["machine"]
     assert Path(sys.argv[0]).name in told["command line"]
     assert ("commit" in told) == (Path(__file__).parents[2] / ".git").exists()
+
+
+def test_a_wide_table_is_not_cut(report: Path) -> None:
+    sizes = """[...document.querySelectorAll(".scroll")].map(each => [
+        each.scrollWidth > each.clientWidth,
+        getComputedStyle(each).overflowX,
+        getComputedStyle(each).backgroundImage.includes("gradient")])"""
+    with chromium() as browser:
+        page = browser.new_page(viewport={"width": 1200, "height": 800})
+        page.goto((report / "index.html").as_uri())
+        found = page.evaluate(sizes)
+        # Hidden columns can be reached, and a shadow shows that there are some.
+        assert [True, "auto", True] in found
+        assert all(shown == ["auto", True] for _, *shown in found)
+        assert page.evaluate("document.documentElement.scrollWidth") <= 1200
+        page.set_viewport_size({"width": 2000, "height": 800})
+        assert not any(is_wide for is_wide, *_ in page.evaluate(sizes))
 
 
 def test_every_link_leads_to_a_section_or_a_file_of_the_report(report: Path) -> None:
