@@ -49,7 +49,7 @@ from haptic_accel.core.topics import DEVICES, EMERGENCY_STOP, SIGNALS, Topic
 from haptic_accel.graph.processes import COMPOSED, RECORDER, SCOPE
 from haptic_accel.graph.stop_signal import stop_senders
 from haptic_accel.nodes.topic_node import message_type, quality
-from running import PATIENCE, Command, limit_size, processes_of
+from running import PATIENCE, Command, limit_size
 
 WITHOUT: dict[str, tuple[Force, ...]] = {
     "compensator": (("master_device", ACTUATOR),),
@@ -190,7 +190,7 @@ class Acts:
         if name in (RECORDER, SCOPE):
             self._expect_forces()
         if name == TELEOP:
-            self._graph.wait_for(lambda: not any(processes_of(self._domain)), "no process is left")
+            self._graph.wait_for(lambda: not self._graph.left(self._domain), "no process is left")
         self._graph.pause(self._random.uniform(0.0, 0.5))
         self._graph.start(name)
 

@@ -31,7 +31,7 @@ from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.processes import COMPOSED, RECORDER, SCOPE, graph
 from haptic_accel.nodes.topic_node import message_type, quality
 from observing import Observer
-from running import PATIENCE, Command, free_port
+from running import PATIENCE, Command, free_port, processes_of
 
 RATE = 200.0
 """Samples per second, Hz: few enough for a machine that is busy with other things, too."""
@@ -152,6 +152,10 @@ class LiveGraph:
     def viewed(self) -> bool:
         """True if the live page has been seen."""
         return bool(self._viewer.lines)
+
+    def left(self, domain: int) -> set[int]:
+        """Return the processes in a ROS domain that belong to the graph."""
+        return {number for number, _ in processes_of(domain)} - {self._viewer.process.pid}
 
     @property
     def now(self) -> int:
