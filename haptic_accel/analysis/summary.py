@@ -76,9 +76,7 @@ def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[st
     if comparison:
         sentences.append(difference(comparison))
     if analysis.problems:
-        sentences.append(
-            f"{_many(len(analysis.problems), 'bag')} could not be analysed in full: see below."
-        )
+        sentences.append(f"Remarks on {_many(len(analysis.problems), 'bag')}: see below.")
     return sentences
 
 

@@ -118,7 +118,7 @@ def test_the_page_needs_nothing_but_itself(report: Path) -> None:
     assert len(page) < 3e6
     for heading in (
         "Table II",
-        "What could not be determined",
+        "Remarks on the bags",
         "Lost samples",
         "inverse against constant",
     ):
