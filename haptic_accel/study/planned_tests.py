@@ -39,6 +39,9 @@ from haptic_accel.study.trials import SessionRecord, TrialRecord
 Values: TypeAlias = dict[str, float]
 """Value of each participant."""
 
+RANGES = {"correct": (0.0, 1.0), "preferred": (0.0, 1.0), "threshold": (0.0, math.inf)}
+"""Possible values of a measure; any for other measures."""
+
 
 @dataclass(frozen=True)
 class Counted:
@@ -205,6 +208,8 @@ class PlannedResult:
         Number that the values are tested against; 0 for differences.
     outcome : MeanTest
         Its mean is that of the values minus `against`.
+    within : tuple of float
+        Ends of the range of possible values.
     """
 
     test: PlannedTest
@@ -212,12 +217,15 @@ class PlannedResult:
     measured: str
     against: float
     outcome: MeanTest
+    within: tuple[float, float]
 
     @property
     def mean(self) -> Interval:
-        """Mean of the values with the interval of the test."""
+        """Mean of the values with the possible part of the test's interval."""
         mean, at = self.outcome.mean, self.against
-        return replace(mean, value=mean.value + at, low=mean.low + at, high=mean.high + at)
+        # In this order, an unknown end stays unknown.
+        low, high = max(mean.low + at, self.within[0]), min(mean.high + at, self.within[1])
+        return replace(mean, value=mean.value + at, low=low, high=high)
 
 
 def planned_tests(protocol: Protocol, sessions: Sequence[SessionRecord]) -> list[PlannedResult]:
@@ -230,6 +238,7 @@ def _result(protocol: Protocol, trials: Trials, test: PlannedTest) -> PlannedRes
     found, measured = values(protocol, trials, test, test.condition), NAMES[test.measure]
     if protocol.levels and test.measure == "threshold":
         measured = f"{measured}: {distance_name(protocol.levels)}"
+    within = RANGES.get(test.measure, (-math.inf, math.inf))
     against = _number(test.against) if test.against else chance(protocol, test.measure)
     if against is None and test.measure == "preferred":
         against = chance(protocol, test.measure)
@@ -237,10 +246,11 @@ def _result(protocol: Protocol, trials: Trials, test: PlannedTest) -> PlannedRes
         other = values(protocol, trials, test, test.against)
         found = {name: value - other[name] for name, value in found.items() if name in other}
         against, measured = 0.0, f"difference of {measured}"
+        within = within[0] - within[1], within[1] - within[0]
     alternative = cast("Alternative", test.alternative)
     numbers = list(found.values())
     outcome = mean_test(numbers, against, alternative, test.margin, test.alpha)
-    return PlannedResult(test, found, measured, against, outcome)
+    return PlannedResult(test, found, measured, against, outcome, within)
 
 
 def chance(protocol: Protocol, measure: str) -> float:

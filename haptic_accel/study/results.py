@@ -61,6 +61,13 @@ PLANNED, EXPLORATORY, DELIVERED = "planned", "exploratory", "delivered"
 LEAST_P = 0.001
 """Probability below which a table for readers states no number."""
 
+_RANGES = {
+    "share_of_preference": (0.0, 1.0),
+    "bits": (0.0, math.inf),
+    "rms": (0.0, math.inf),
+}
+"""Possible values of what strips show; any for other values."""
+
 UNITS = {"_m_s2": " (m/s²)", "_percent": " (%)", "_s": " (s)"}
 """Ends of the names of values, and their units for readers."""
 
@@ -199,7 +206,8 @@ def _strips(rows: Sequence[Row], name: str) -> dict[str, Strip]:
     for row in rows:
         value = row[name].value if isinstance(row[name], Interval) else row[name]
         found.setdefault(row["analysed"], []).append(value)
-    return {each: Strip(own, mean_interval(own)) for each, own in found.items()}
+    within = _RANGES.get(name, (-math.inf, math.inf))
+    return {each: Strip(own, mean_interval(own, within=within)) for each, own in found.items()}
 
 
 def _sensitivities(protocol: Protocol, trials: Trials) -> Iterator[Result]:

@@ -83,6 +83,15 @@ def test_each_participant_has_one_value_whatever_the_number_of_trials() -> None:
     assert result.outcome.significant
 
 
+def test_the_interval_of_a_share_ends_at_one() -> None:
+    study = with_test(protocol("2ifc"), "correct")
+    (result,) = planned_tests(
+        study, sessions(study, wrong_at(1, 2, 3, 4, 5), wrong_at(), wrong_at())
+    )
+    assert result.outcome.mean.high + result.against > 1.0, "Student's own"
+    assert (result.mean.low < result.mean.value, result.mean.high) == (True, 1.0)
+
+
 def test_a_test_of_a_condition_has_the_trials_whose_comparison_it_is() -> None:
     # Odd trials compare adaptive, even ones mass, both with none.
     study = with_test(protocol("2ifc"), "correct", "controller=mass")
