@@ -43,6 +43,9 @@ ESTIMATE_NOISE = 1e-5
 MOTOR_ERROR = {"0.5": 0x40, "0.6": 0x20}
 """Injected error bit by firmware: MOTOR_FAILED, DRV_FAULT."""
 
+HAND_SPEED = 0.5
+"""Speed at which a hand puts an arm back that was let go, m/s: slow enough for every joint."""
+
 DAMPING = 1e-3
 """Damping of the inverse of a Jacobian, m/rad: near a singularity the arm does not follow."""
 
@@ -185,6 +188,8 @@ class EmulatedArm:
         self._random = random.Random(seed)
         self._device = device
         self._torques = [0.0] * len(self.axes)
+        self._tip = np.array(self._home, dtype=float)
+        self._moved = 0.0
 
     @property
     def driven(self) -> bool:
@@ -217,12 +222,22 @@ class EmulatedArm:
             self._device.write(now, arm_force=vector(self._inverse.T @ of_joints))
 
     def _move(self, now: float) -> None:
-        """Set the motors' position and speed from the simulated arm."""
+        """Set the motors' position and speed from the simulated arm.
+
+        The simulated arm is put back at once; these motors are turned there.
+        """
         sample = self._device.read(now)
-        x, y, z = (a + b for a, b in zip(self._home, sample.position, strict=True))
+        velocity, passed = np.array(sample.velocity), now - self._moved
+        way = np.add(self._home, sample.position) - self._tip
+        possible = (np.linalg.norm(velocity) + HAND_SPEED) * passed
+        if np.linalg.norm(way) > possible > 0.0:
+            way *= possible / np.linalg.norm(way)
+            velocity = way / passed
+        self._tip, self._moved = self._tip + way, now
+        x, y, z = self._tip.tolist()
         angles = self._kinematics.angles((x, y, z))
         self._inverse = _damped_inverse(self._kinematics.jacobian(angles))
-        speeds = (self._inverse @ sample.velocity).tolist()
+        speeds = (self._inverse @ velocity).tolist()
         for axis, joint, angle, speed in zip(self.axes, self._joints, angles, speeds, strict=True):
             axis.turns = joint.turns(angle) + self._random.gauss(0.0, ESTIMATE_NOISE)
             axis.speed = speed / joint.angle_per_turn
