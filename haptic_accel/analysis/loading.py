@@ -33,6 +33,7 @@ from haptic_accel.bags.folder import find_bags
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import shortage
 from haptic_accel.core.trial import RigParameters
 
 
@@ -193,6 +194,8 @@ def _measured(task: _Task) -> _Measured:
     except ParameterError:
         raise  # an argument is wrong
     except Exception as error:
+        if shortage(error):  # that is of the machine, not of the bag
+            raise
         # No content of one bag may cost the others their report.
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         lines = [*recorded.problems, f"cannot be analysed: {reason}"]
