@@ -376,7 +376,7 @@ def test_without_a_file_nothing_is_played() -> None:
 
 @pytest.mark.parametrize(
     ("file", "rate", "column"),
-    [("missing.csv", 500.0, "z"), ("recording.csv", 0.0, "z"), ("recording.csv", 500.0, "y")],
+    [("missing.csv", 500.0, "z"), ("recording.csv", 250.0, "z"), ("recording.csv", 500.0, "y")],
 )
 def test_an_unusable_recording_is_refused_in_one_line(
     recording: Path, file: str, rate: float, column: str

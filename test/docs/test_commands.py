@@ -223,6 +223,14 @@ def services() -> dict[str, str]:
     return {name: kind for names, kind in rows for name in re.findall(r"`([^`]+)`", names)}
 
 
+@pytest.fixture
+def rig_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work in a folder with the file that a command updates."""
+    (tmp_path / "rig.yaml").write_text("")
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.usefixtures("rig_file")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_what_a_page_tells_to_type_is_accepted(page: Path) -> None:
     for words in [*in_blocks(page), *in_sentences(page)]:
@@ -239,6 +247,7 @@ def every_verb(group: LazyGroup) -> Iterator[click.Command]:
             yield from every_verb(command)
 
 
+@pytest.mark.usefixtures("rig_file")
 @pytest.mark.parametrize(
     "command", [command_line, *every_verb(command_line)], ids=lambda command: command.name
 )

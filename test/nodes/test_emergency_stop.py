@@ -34,6 +34,9 @@ from haptic_accel.nodes.emergency_stop import CouplerStop, DeviceStop, release
 from haptic_accel.nodes.service_client import RequestError
 from service_double import Answer, Graph, accept, refuse
 
+NOBODYS_DOMAIN = 9999
+"""ROS domain above all possible ones, whose pending stops are no graph's."""
+
 
 class StoppedNode:
     """Node whose topics and services are lists."""
@@ -47,6 +50,13 @@ class StoppedNode:
 
     def resolve_topic_name(self, name: str) -> str:
         return name
+
+    @property
+    def context(self) -> Any:
+        return SimpleNamespace(get_domain_id=lambda: NOBODYS_DOMAIN)
+
+    def get_namespace(self) -> str:
+        return "/"
 
     def inbox(self, topic: Topic) -> Any:
         return SimpleNamespace(drain_states=lambda: _taken(self.words))
