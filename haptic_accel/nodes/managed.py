@@ -20,7 +20,12 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Any
 
-from lifecycle_msgs.srv import ChangeState
+from lifecycle_msgs.srv import (
+    ChangeState,
+    GetAvailableStates,
+    GetAvailableTransitions,
+    GetState,
+)
 from rclpy.lifecycle import LifecycleNodeMixin
 
 from haptic_accel.core.parameters import shown
@@ -29,9 +34,21 @@ from haptic_accel.nodes.graph_node import GraphNode
 UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
 """Stable states of a managed node, by ROS' names."""
 
+SERVICES = {
+    "change_state": ChangeState,
+    "get_state": GetState,
+    "get_available_states": GetAvailableStates,
+    "get_available_transitions": GetAvailableTransitions,
+    "get_transition_graph": GetAvailableTransitions,
+}
+"""Types of a managed node's services by name."""
+
 
 class ManagedNode(LifecycleNodeMixin, GraphNode):
     """Graph node with the states and services of ROS 2's lifecycle.
+
+    It makes the services of rclpy's node itself: the queue of rclpy's own is short, and what it
+    drops gets no answer.
 
     Parameters
     ----------
@@ -41,9 +58,12 @@ class ManagedNode(LifecycleNodeMixin, GraphNode):
 
     def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
         GraphNode.__init__(self, executable, changeable)
-        LifecycleNodeMixin.__init__(self)
-        self._unguarded = self._service_change_state.callback
-        self._service_change_state.callback = self._serve_transition
+        LifecycleNodeMixin.__init__(self, enable_communication_interface=False)
+        for name, kind in SERVICES.items():
+            callback = getattr(self, f"_LifecycleNodeMixin__on_{name}")
+            if kind is ChangeState:
+                self._unguarded, callback = callback, self._serve_transition
+            self.create_service(kind, f"~/{name}", callback)
 
     @property
     def state(self) -> str:

@@ -26,7 +26,12 @@ from typing import Any, TypeVar
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_profile_parameters,
+)
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
@@ -117,6 +122,28 @@ class TopicNode(ParameterNode):
             As for rclpy's own.
         """
         return super().create_timer(period, callback, clock=self._steady, **given)
+
+    def create_service(
+        self,
+        kind: Any,
+        name: str,
+        callback: Callable[..., Any],
+        *,
+        qos_profile: QoSProfile = qos_profile_parameters,
+        **given: Any,
+    ) -> Service:
+        """Create a service whose requests wait, as do those to the services of parameters.
+
+        Of usual services ten requests wait, and the older ones get no answer.
+
+        Parameters
+        ----------
+        kind
+            Type of the service.
+        name, callback, qos_profile, **given
+            As for rclpy's own; by default 1000 requests wait.
+        """
+        return super().create_service(kind, name, callback, qos_profile=qos_profile, **given)
 
     # An executor gets all that it serves from these four, including rclpy's own services, so every
     # callback is guarded.

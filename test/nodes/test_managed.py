@@ -15,9 +15,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import Any
 
-from running import Command
+import pytest
+import rclpy
+from lifecycle_msgs.msg import TransitionEvent
+from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
+from rclpy.qos import QoSProfile
+
+from haptic_accel.nodes.managed import ManagedNode
+from haptic_accel.nodes.scheduling import EventsExecutor
+from observing import Observer
+from running import Command, wait_until
+
+MANY = 400
+"""Requests at once."""
 
 DESTROYED = """
 import os
@@ -45,3 +58,63 @@ def test_no_thread_of_the_middleware_outlives_a_managed_node(
     assert command.end() == 0, command.text
     _, plain, managed = command.lines[-1].split()
     assert managed == plain
+
+
+class Managed(ManagedNode):
+    """A managed node that does nothing."""
+
+    task = "nothing"
+
+
+@pytest.fixture
+def executor(domain: int) -> Iterator[EventsExecutor]:
+    """Give the executor of a managed node, not spinning yet."""
+    rclpy.init()
+    node = Managed("slave_device")
+    executor = EventsExecutor()
+    executor.add_node(node)
+    yield executor
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def test_every_request_that_comes_at_once_is_answered(
+    executor: EventsExecutor, observer: Observer
+) -> None:
+    events: list[tuple[str, str]] = []
+    heard = observer.node.create_subscription(
+        TransitionEvent,
+        "/slave_device/transition_event",
+        lambda event: events.append((event.start_state.label, event.goal_state.label)),
+        10,
+    )
+    wait_until(lambda: heard.handle.get_publisher_count() == 1, "the publisher of changes")
+
+    def answered(kind: type, name: str, request: object) -> list[Any]:
+        """Send a request many times at once; return the responses."""
+        quality = QoSProfile(depth=MANY)
+        client = observer.node.create_client(kind, f"/slave_device/{name}", qos_profile=quality)
+        assert client.wait_for_service()
+        answers = [client.call_async(request) for _ in range(MANY)]
+
+        def complete() -> bool:
+            for _ in range(MANY):
+                executor.spin_once(timeout_sec=0.0)
+                observer.executor.spin_once(timeout_sec=0.0)
+            return all(answer.done() for answer in answers)
+
+        wait_until(complete, f"all of {name} are answered")
+        return [answer.result() for answer in answers]
+
+    request = ChangeState.Request()
+    request.transition.label = "configure"
+    outcomes = answered(ChangeState, "change_state", request)
+    assert sum(each.success for each in outcomes) == 1, "only the first is from its state"
+    for state in answered(GetState, "get_state", GetState.Request()):
+        assert state.current_state.label == "inactive"
+    request = GetAvailableTransitions.Request()
+    for found in answered(GetAvailableTransitions, "get_available_transitions", request):
+        labels = [each.transition.label for each in found.available_transitions]
+        assert labels == ["cleanup", "activate", "shutdown"]
+    assert events == [("unconfigured", "configuring"), ("configuring", "inactive")]
