@@ -28,7 +28,7 @@ from pathlib import Path
 from rosbags.interfaces import Connection
 
 from haptic_accel.bags.chunked_writer import ChunkedWriter, MisplacedError
-from haptic_accel.bags.folder import MCAP
+from haptic_accel.bags.folder import MCAP, listed_name
 from haptic_accel.bags.mcap_format import Tally
 from haptic_accel.bags.metadata import Metadata, file_entry, topic_entry
 from haptic_accel.bags.recording_options import ZSTD_FAST, RecordingOptions
@@ -232,7 +232,8 @@ class BagFiles:
 
     def _open(self, number: int) -> ChunkedWriter:
         compressed = self._options.storage_preset_profile == ZSTD_FAST
-        return ChunkedWriter(self.path / f"{self.path.name}_{number}{MCAP}", compressed=compressed)
+        name = f"{listed_name(self.path.name)}_{number}{MCAP}"
+        return ChunkedWriter(self.path / name, compressed=compressed)
 
     def _close_file(self, file: ChunkedWriter) -> None:
         """Finish the file and add it to the list of finished files."""

@@ -105,6 +105,11 @@ def free_name(path: Path) -> Path:
     return found
 
 
+def listed_name(name: str) -> str:
+    """Return a file's name as a text in UTF-8 can list it: other bytes are replaced."""
+    return os.fsencode(name).decode(errors="replace")
+
+
 def _numbers(path: Path) -> list[tuple[int, str]]:
     """Return the parts of a name with their numbers, wherever the counter is."""
     parts = re.split("([0-9]+)", path.name)

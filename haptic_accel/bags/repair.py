@@ -32,6 +32,7 @@ from haptic_accel.bags.folder import (
     MUST_BE,
     free_name,
     is_being_written,
+    listed_name,
     storage_files,
 )
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, McapFile
@@ -114,7 +115,8 @@ def repair(path: Path) -> Repair:
     Raises
     ------
     ParameterError
-        The path is no bag, the bag's files are no MCAP files, or one is still being written.
+        The path is no bag, the bag's files are no MCAP files, or one is still being written or has
+        a name that is not UTF-8.
     OSError
         A file cannot be written.
     """
@@ -128,6 +130,10 @@ def repair(path: Path) -> Repair:
     if writing := [file.name for file in files if is_being_written(file)]:
         raise ParameterError(
             f"{path}: {writing[0]} is still being written: stop the recording before the repair"
+        )
+    if odd := [file.name for file in files if listed_name(file.name) != file.name]:
+        raise ParameterError(
+            f"{path}: {odd[0]}: must have a name in UTF-8, which {METADATA} can list: rename it"
         )
     done = Repair(path)
     try:

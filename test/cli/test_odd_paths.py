@@ -31,6 +31,7 @@ import pytest
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.graph.files import parameter_paths
 from verbs import refusal, status_of
@@ -114,6 +115,33 @@ def test_a_bag_of_the_other_storage_is_read(odd: Path) -> None:
     for name, signal in before.signals.items():
         np.testing.assert_array_equal(found.signals[name].stamps, signal.stamps)
         np.testing.assert_array_equal(found.signals[name].values, signal.values)
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_a_bag_of_an_odd_name_is_replayed_into_another(
+    here: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    shutil.copytree(DATA / "text", here / name)
+    assert status_of("replay", here / name, "--lockstep", "duration:=0.5", "--out", "played") == 0
+    (out,) = (here / "played").iterdir()
+    assert out.name.startswith(Path(name).stem), "named after its source"
+    assert not read_bag(out).problems
+    (file,) = out.glob("*.mcap")
+    assert [entry.name for entry in read_metadata(out).files] == [file.name]
+    assert status_of("bag", "repair", out) == 0
+    assert " is whole: " in capsys.readouterr().out
+
+
+def test_a_file_that_no_metadata_can_list_is_refused_by_name(here: Path) -> None:
+    bag = here / "bag"
+    shutil.copytree(DATA / "text", bag)
+    (file,) = bag.glob("*.mcap")
+    file.rename(bag / f"{ODD[-1]}_0.mcap")
+    (bag / "metadata.yaml").unlink()
+    line = refusal("bag", "repair", bag)
+    assert "_0.mcap: must have a name in UTF-8, which metadata.yaml can list: rename it" in line
+    assert len(list(bag.iterdir())) == 1
+    assert read_bag(bag).signals, "still read without metadata.yaml"
 
 
 def test_models_pages_and_parameter_files_are_written_and_read(
