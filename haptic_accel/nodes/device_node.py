@@ -247,10 +247,8 @@ class DeviceNode(ManagedNode):
             "commands of several senders": str(self._contested),
             **keeper.lateness.diagnostics("tick lateness"),
             **self.side.diagnostics(),
-            **self.safety.diagnostics(),
+            **self.safety.diagnostics(self.device.problem),
         }
-        if self.device.problem:  # as of a board that has disarmed, and applies no command
-            values["forces allowed"] = "false"
         counts = {name: str(count) for name, count in self.device.counters().items()}
         return self._warning(), {**values, **counts}
 

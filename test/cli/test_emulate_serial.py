@@ -89,6 +89,22 @@ def test_the_graph_runs_through_serial_ports(
     assert boards.end(signal.SIGINT) == 0, boards.text
 
 
+def test_no_force_is_called_held_while_a_board_is_disarmed(
+    haptic_accel: Start, observer: Observer
+) -> None:
+    faults = ("faults:=unplug@1", "fault_seconds:=0.5")
+    boards = haptic_accel("emulate", "serial", "folder:=boards", "surface:=text", *faults)
+    line = boards.wait_for("teleop master:=serial")
+    words = [word for word in shlex.split(line) if ":=" in word]
+    graph = haptic_accel("teleop", *words, "controller:=constant")
+    # A board that comes back is not armed until somebody arms it; the commands go on.
+    found = observer.status("master_device", "not armed", **{"forces allowed": "false"})
+    assert "actuator force last given (N)" in found
+    assert not any("held (N)" in key for key in found)
+    assert graph.end(signal.SIGINT) == 0, graph.text
+    assert boards.end(signal.SIGINT) == 0, boards.text
+
+
 @pytest.mark.quiet
 @pytest.mark.parametrize(
     ("rig", "axis", "keys"), [("paper", "z", "ud"), ("three_axis", "xyz", "123456")]

@@ -441,13 +441,24 @@ def test_where_recovery_is_manual_a_service_arms(bench: Bench) -> None:
 def test_no_forces_are_allowed_while_the_device_applies_none(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bench.driven()
+    def shown(name: str) -> list[float]:
+        values = bench.node.diagnostics()[1]
+        return [float(value) for key, value in values.items() if key.endswith(f" {name} (N)")]
+
+    def driven() -> bool:
+        bench.command((0.1, 0.0, 0.2), 0.3)
+        return all(shown("held"))
+
+    bench.until(driven)
     assert bench.node.diagnostics()[1]["forces allowed"] == "true"
     disarmed = property(lambda _: "board: not armed since it was gone")
     monkeypatch.setattr(type(bench.node.device), "problem", disarmed)
     warning, values = bench.node.diagnostics()
     assert "board: not armed" in warning
     assert values["forces allowed"] == "false"
+    assert not shown("held")
+    assert len(shown("last given")) == 2
+    assert all(shown("last given"))
 
 
 def test_a_report_has_the_counts_up_to_now(bench: Bench) -> None:

@@ -61,6 +61,10 @@ LASTING = 0.5
 ROUNDING = 1e-9
 """Relative excess of a force over its limit that counts as a rounding error."""
 
+HELD, LAST = "held (N)", "last given (N)"
+"""Present force in diagnostics, after the name of its command; of a faulty device, the force that
+it was last given, applied or not."""
+
 Force = TypeVar("Force", Vector, float)
 
 AUTOMATIC, MANUAL = "automatic", "manual"
@@ -282,9 +286,9 @@ class _Channel(ABC, Generic[Force]):
         return "" if self.contested else news
 
     def values(self) -> dict[str, str]:
-        """Return counts for diagnostics."""
+        """Return the present force and counts for diagnostics."""
         return {
-            "held (N)": f"{self._magnitude(self._held):.3f}",
+            HELD: f"{self._magnitude(self._held):.3f}",
             "rejected": str(self.rejected),
             "timeouts": str(self.watchdog.timeouts),
             "outdated": str(self.watchdog.outdated),
@@ -668,16 +672,22 @@ class SafetyLayer:
             found += new
         return found
 
-    def diagnostics(self) -> dict[str, str]:
-        """Return counts and the state of the actuator's limits for diagnostics."""
-        return {
-            "forces allowed": str(not (self.refusal or self.disarmed or self.contested)).lower(),
-            **{
-                f"{c.name} {name}": value
-                for c in self._channels
-                for name, value in c.values().items()
-            },
-        }
+    def diagnostics(self, fault: str = "") -> dict[str, str]:
+        """Return counts and the state of the actuator's limits for diagnostics.
+
+        Parameters
+        ----------
+        fault : str
+            Reason for which a part of the device applies no command, as of a board that has
+            disarmed; empty for none. No force is then called held.
+        """
+        refused = fault or self.refusal or self.disarmed or self.contested
+        values = {"forces allowed": str(not refused).lower()}
+        for channel in self._channels:
+            for name, value in channel.values().items():
+                told = LAST if fault and name == HELD else name
+                values[f"{channel.name} {told}"] = value
+        return values
 
     def _let_go(self, now: float) -> None:
         """Set all forces to zero after a change of the conditions for forces."""
