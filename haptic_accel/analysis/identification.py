@@ -32,7 +32,7 @@ from haptic_accel.analysis import identification_report as report
 from haptic_accel.analysis.identification_report import ModelError
 from haptic_accel.analysis.identification_three_axes import ThreeAxisResult
 from haptic_accel.bags.delivery import AGE_OF, durations
-from haptic_accel.bags.reading import Bag, Signal, read_bag
+from haptic_accel.bags.reading import Bag, Signal, read_bag_with_warnings
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, Axes
@@ -491,7 +491,7 @@ def read_recordings(
     ages = []
     for grip, path in places:
         if os.path.isdir(path):
-            bag = read_bag(path)
+            bag = read_bag_with_warnings(path)
             trials = _trials(bag, arguments, found.left_out)
             ages.append(_force_age(bag))
         else:

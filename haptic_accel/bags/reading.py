@@ -81,6 +81,7 @@ from haptic_accel.core.topics import (
     ArmTopics,
     reporter,
 )
+from haptic_accel.core.warning import warn_once
 
 _EVENTS = "parameter_events"
 _EVENTS_TYPE = "rcl_interfaces/msg/ParameterEvent"
@@ -286,6 +287,14 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
     bag.problems.extend([*contradictions(metadata, files), *used.notes])
     bag.facts.update(collected.facts(used) | facts_of(used.custom))
     collected.arrange(used)
+    return bag
+
+
+def read_bag_with_warnings(path: Path | str) -> Bag:
+    """Read all of a bag as `read_bag` does, and log its problems as warnings."""
+    bag = read_bag(path)
+    for problem in bag.problems:
+        warn_once(f"{bag.path.absolute()}: {problem}")
     return bag
 
 

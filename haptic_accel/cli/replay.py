@@ -100,7 +100,6 @@ def replay(
         raise ParameterError(f"bag = {' '.join(names)}: must be one, without --lockstep")
     asked = replay_arguments([*bags, *arguments])
     processes = graph(asked.graph)
-    _tell(asked)
     if asked.inherited:
         shown = " ".join(f"{name}:={value}" for name, value in asked.inherited.items())
         print(f"as in the bag: {shown}", flush=True)
@@ -156,9 +155,7 @@ def _planned(each: Sequence[Sequence[str]]) -> list[Replay]:
     empty: list[NothingRecordedError] = []
     for words in each:
         try:
-            asked = in_lockstep(replay_arguments(words))
-            _tell(asked)
-            plan.append(touching(asked))
+            plan.append(touching(in_lockstep(replay_arguments(words))))
         except NothingRecordedError as error:
             empty.append(error)
     if not plan:
@@ -166,12 +163,6 @@ def _planned(each: Sequence[Sequence[str]]) -> list[Replay]:
     for none in empty:
         print(f"skipped: {none}", file=sys.stderr)
     return plan
-
-
-def _tell(asked: Replay) -> None:
-    """Print what contradicts itself in a bag, or cannot be read."""
-    for problem in asked.bag.problems if asked.bag else ():
-        print(f"{asked.own.bag}: {problem}", file=sys.stderr)
 
 
 def _name(asked: Replay, controller: str) -> str:

@@ -109,6 +109,10 @@ def build_texture(
     spectra, measured and modelled, and the plane of speed and force.
     """
     check_writable(out, "out")
+    if all(is_bag(str(path)) for path in recordings):
+        for name, given in (("rate", f"{rate:g}" if rate else ""), ("axes", ",".join(axes))):
+            if given:
+                raise ParameterError(f"{name} = {given}: a bag states its own: leave it out")
     if axes and len(set(axes)) != AXES:
         raise ParameterError(f"axes = {','.join(axes)}: must be {AXES} different columns")
     reduced = REDUCTIONS[reduction]
@@ -268,9 +272,9 @@ def _csv(
 
 def _bag(path: Path) -> Recording:
     """Return the slave's recording in a bag, with contact force or else arm force."""
-    from haptic_accel.bags.reading import read_bag
+    from haptic_accel.bags.reading import read_bag_with_warnings
 
-    bag = read_bag(path)
+    bag = read_bag_with_warnings(path)
     contact = CONTACT_FORCE.name in bag.signals
     # On the grid of its samples, as its position would be.
     track = bag_track(bag, replace(SLAVE, position=CONTACT_FORCE if contact else SLAVE_ARM_FORCE))

@@ -145,9 +145,9 @@ def read_track(parameters: ReplayParameters, arm: ArmTopics, rate: float) -> tra
     if not parameters.file:
         raise ParameterError("replay.file = '': must be a bag, or a CSV or WAV file")
     if is_bag(parameters.file):
-        from haptic_accel.bags.reading import read_bag
+        from haptic_accel.bags.reading import read_bag_with_warnings
 
-        found = bag_track(read_bag(Path(parameters.file)), arm)
+        found = bag_track(read_bag_with_warnings(Path(parameters.file)), arm)
     else:
         if not os.path.exists(parameters.file):
             raise ParameterError(f"{parameters.file}: no such bag or file")

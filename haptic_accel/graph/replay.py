@@ -132,9 +132,9 @@ def replay_arguments(words: Iterable[str]) -> Replay:
     own, given = _parsed(words)
     bag = None
     if is_bag(own.bag):
-        from haptic_accel.bags.reading import read_bag
+        from haptic_accel.bags.reading import read_bag_with_warnings
 
-        bag = read_bag(Path(own.bag))
+        bag = read_bag_with_warnings(Path(own.bag))
     given = {"slave": PLAYED_TOPICS if own.source == PLAYED_TOPICS else REPLAY, **given}
     given = GraphArguments.filled(given)
     inherited = _inherited(bag, given) if bag else {}

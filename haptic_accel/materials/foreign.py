@@ -136,7 +136,7 @@ def _from_npz(path: Path, rate: float, calibration: float | None) -> TextureMode
         place, unit = f"{path}: channel {shown(names[index])}", TIME.parsed(names[index])[1]
         rate_of_times(place, data[index], "sample {}".format, unit, own_rate, "sample_rate")
     own = [index for index, name in enumerate(names) if "acc" in name.lower()]
-    own = own or [index for index in range(len(names)) if index not in times]
+    own = own or _only_channel(path, [n for i, n in enumerate(names) if i not in times], names)
     stated = [names[index] for index in own if ACCELERATION.parsed(names[index])[1]]
     if stated and calibration is not None:
         raise ParameterError(
@@ -147,6 +147,18 @@ def _from_npz(path: Path, rate: float, calibration: float | None) -> TextureMode
     if not (own and np.all(np.abs(signals) <= LARGEST)):
         raise ParameterError(f"{path}: data: must be numbers from {-LARGEST:g} to {LARGEST:g}")
     return _from_signals(path, signals, own_rate, calibration)
+
+
+def _only_channel(path: Path, left: list[str], names: list[str]) -> list[int]:
+    """Return the index of the one channel beside the times, where none is named acceleration."""
+    if len(left) > 1:
+        raise ParameterError(
+            f"{path}: channel_names {shown(', '.join(left))}: must be one channel beside times, or"
+            " have acc in the name of each acceleration"
+        )
+    for name in left:
+        warn_once(f"{path}: channel {shown(name)}: taken as the acceleration")
+    return [names.index(name) for name in left]
 
 
 def _channels(path: Path, file: Document) -> tuple[FloatArray, list[str]]:

@@ -229,6 +229,9 @@ def test_a_bag_is_a_recording(tmp_path: Path) -> None:
     surface = from_flat(SurfaceParameters, surface_parameters("plywood"), "simulated.surface.")
     rig = RigParameters(slave=SlaveRigParameters(surface=surface))
     write_trial(tmp_path / "ply", run_trial("none", rig, duration=4.0), {}, 0)
+    for words in (("--rate", "500"), ("--axes", "x,y,z")):
+        said = refusal("texture", "build", "ply", "--out", "ply.yaml", *words)
+        assert said == f"{words[0][2:]} = {words[1]}: a bag states its own: leave it out"
     assert status_of("texture", "build", "ply", "--out", "ply.yaml", "--json", "ply.json") == 0
     model, built = read_texture(tmp_path / "ply.yaml"), read_texture(SHIPPED / "plywood.yaml")
     # The scripted hand strokes at 0.1 m/s.

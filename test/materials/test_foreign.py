@@ -175,6 +175,17 @@ def test_the_axes_of_an_npz_file_add(tmp_path: Path, turned: bool) -> None:
     assert distance(import_texture(path), theory()) < 1.0
 
 
+def test_only_one_channel_of_an_npz_file_is_acceleration_without_its_name(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = three_axes(tmp_path / "drag.npz", ["speed", "load", "t"])
+    with pytest.raises(ParameterError, match="channel_names speed, load: must be one channel"):
+        import_texture(path)
+    np.savez(path, data=noise(2000.0), sample_rate=2000, channel_names=["x"])
+    assert distance(import_texture(path), theory()) < 1.0
+    assert caplog.messages == [f"{path}: channel x: taken as the acceleration"]
+
+
 def test_a_pattern_becomes_a_texture_of_its_frequency_and_strength(tmp_path: Path) -> None:
     parameters = [{"ParameterID": "HapticSharpness", "ParameterValue": 1.0}]
     event = {"Time": 0.0, "EventType": "HapticContinuous", "EventDuration": 1.0}
