@@ -139,7 +139,7 @@ def timeline(topics: Mapping[str, Arrivals], rate: float | None = None) -> Timel
     longest = max(arrived.values(), key=lambda given: len(given.stamps), default=None)
     if longest is None:
         return found
-    is_shuffled = bool(np.mean(np.diff(longest.stamps) < 0) > SHUFFLED)
+    is_shuffled = np.sum(np.diff(longest.stamps) < 0) > SHUFFLED * (len(longest.stamps) - 1)
     period = _period(np.sort(longest.stamps) if is_shuffled else longest.stamps)
     near = 0.0 if is_shuffled else period
     taken = {name: ~strays for name, strays in _strays(arrived, near)}
@@ -279,6 +279,8 @@ def _parts(
         ]
         borders = [step.place for step in matched]
         parts[name] = np.searchsorted(borders, given.places, side="right")
+        # The clock of reception was set before the first message of any topic with the new time.
+        found._places = [min(pair) for pair in zip(found._places, borders, strict=True)]
         cuts[name] = matched if all(step in own for step in matched) else []
         # A message sent again, or overtaken by another one, is no step of a clock.
         faults = [step for step in own if step not in matched and step.by < -_RELEASED]

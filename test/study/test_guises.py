@@ -203,9 +203,8 @@ CHANGES: st.SearchStrategy[Change] = st.one_of(
         st.one_of(st.none(), numbers),
     ),
     st.builds(lambda *given_: lambda folder: renamed(folder, *given_), names, st.just("S10")),
-    st.builds(
-        lambda name: lambda folder: shutil.rmtree(folder / PARTICIPANTS / name, True), names
-    ),
+    # Not the last one: with the journal's last line that would leave a whole smaller study.
+    st.just(lambda folder: shutil.rmtree(folder / PARTICIPANTS / NAMES[0], True)),
     st.builds(
         lambda file, form: (
             lambda folder: (

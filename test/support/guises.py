@@ -16,28 +16,49 @@
 """One truth in many guises: a right input whose form is changed, but not its content.
 
 A kind has a right form, changes of the form, and figures. For a bag, the form is its messages and
-how they are written. Another kind adds changes and a function for the figures.
+how they are written. Another kind adds changes and a function for the figures; `Kind.check` holds
+for any changes that hypothesis draws.
 """
 
 from __future__ import annotations
 
 import itertools
+import json
 import shutil
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Generic, TypeVar
+from tempfile import TemporaryDirectory
+from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
+from hypothesis import strategies as st
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from bag_maker import Message, write_messages
+from bag_maker import (
+    CHANGED,
+    START,
+    STRING,
+    Message,
+    change_bytes,
+    diagnostics_bytes,
+    facts,
+    vector_bytes,
+    write_messages,
+)
+from haptic_accel.bags.facts import PREFIX
+from haptic_accel.core import topics
+from haptic_accel.core.parameters import ParameterError
 
 Form = TypeVar("Form")
 
 Change = Callable[[Form, float, float], Form]
 """Change of a form, with two numbers from 0 to 1 that choose where and how much."""
+
+Made: TypeAlias = Sequence[tuple[str, float, float]]
+"""Changes by name, each with its two numbers."""
 
 
 @dataclass(frozen=True)
@@ -47,24 +68,53 @@ class Kind(Generic[Form]):
     Attributes
     ----------
     right : callable
-        Maker of the right form.
+        Function from an empty folder to the right form.
     changes : mapping
         Changes by name.
     figures : callable
-        Function from a form and an empty folder to all figures, and to the lines on what was left
-        out or contradicts itself.
+        Function from a form and the folder to all figures, and to the lines on what was left out
+        or contradicts itself; a refusal is a `ParameterError` of one line.
     """
 
-    right: Callable[[], Form]
+    right: Callable[[Path], Form]
     changes: Mapping[str, Change[Form]]
     figures: Callable[[Form, Path], tuple[object, list[str]]]
 
-    def changed(self, choices: Sequence[tuple[str, float, float]]) -> Form:
+    def changed(self, made: Made, folder: Path) -> Form:
         """Return the right form after some changes."""
-        form = self.right()
-        for name, where, much in choices:
+        form = self.right(folder)
+        for name, where, much in made:
             form = self.changes[name](form, where, much)
         return form
+
+    @cached_property
+    def truth(self) -> object:
+        """Figures of the right form, which has no lines."""
+        found, lines = self.found([])
+        assert lines == []
+        return found
+
+    def found(self, made: Made) -> tuple[object, list[str]]:
+        """Return figures, or None if the input is refused, and lines after some changes."""
+        with TemporaryDirectory() as folder:
+            form = self.changed(made, Path(folder))
+            try:
+                return self.figures(form, Path(folder))
+            except ParameterError as error:
+                return None, [str(error)]
+
+    def check(self, made: Made) -> None:
+        """Require the same figures, or lines that say why not."""
+        found, lines = self.found(made)
+        assert found == self.truth or lines
+        assert all(len(line.splitlines()) == 1 for line in lines), lines
+
+    @property
+    def any_changes(self) -> st.SearchStrategy[Made]:
+        """Up to four changes."""
+        shares = st.floats(0, 1)
+        change = st.tuples(st.sampled_from(sorted(self.changes)), shares, shares)
+        return st.lists(change, min_size=1, max_size=4)
 
 
 @dataclass(frozen=True)
@@ -156,7 +206,9 @@ def _write_metadata(bag: Path, entries: list[tuple[str, Path]], form: BagForm) -
 
 
 def restamped(message: Message, moved: Callable[[int], int]) -> Message:
-    """Return a message with another stamp and time of reception."""
+    """Return a message with another stamp, if it has one, and time of reception."""
+    if message.kind == STRING:
+        return message._replace(received=moved(message.received))
     seconds, rest = struct.unpack_from("<iI", message.data, 4)
     data = bytearray(message.data)
     struct.pack_into("<iI", data, 4, *divmod(moved(seconds * 10**9 + rest), 10**9))
@@ -170,6 +222,8 @@ def _moved(form: BagForm, moved: Callable[[int], int]) -> BagForm:
 
 def _stepped(form: BagForm, where: float, by: int) -> BagForm:
     """Set the clock at a share of the messages; samples of one time stay together."""
+    if any(b.received < a.received for a, b in itertools.pairwise(form.messages)):
+        return form  # written in another order, after the clock was set
     chosen = form.messages[round((0.1 + 0.8 * where) * (len(form.messages) - 1))].received
     is_after = False
     found = []
@@ -211,13 +265,23 @@ def _twice(form: BagForm, where: float, much: float) -> BagForm:
 def _stray(form: BagForm, where: float, much: float) -> BagForm:
     messages = list(form.messages)
     at = round(where * (len(messages) - 1))
-    messages[at] = restamped(messages[at], lambda time: round(much) * (time + 10**17))
+    stray = restamped(messages[at], lambda time: round(much) * (time + 10**17))
+    messages[at] = stray._replace(received=messages[at].received)
     return replace(form, messages=tuple(messages))
 
 
 def _below(form: BagForm, where: float, much: float) -> BagForm:
-    moved = tuple(m._replace(topic=f"/lab{round(9 * much)}{m.topic}") for m in form.messages)
-    return replace(form, messages=moved)
+    below = f"/lab{round(9 * much)}"
+    if any(message.topic.startswith("/lab") for message in form.messages):
+        return form
+
+    def renamed(message: Message) -> Message:
+        if message.kind != CHANGED:
+            return message._replace(topic=f"{below}{message.topic}")
+        data = change_bytes(message.received, f"{below}/{SET[0]}", *SET[1:])
+        return message._replace(data=data)
+
+    return replace(form, messages=tuple(map(renamed, form.messages)))
 
 
 OTHER = 200_400_000
@@ -258,6 +322,56 @@ BAG_CHANGES: Mapping[str, Change[BagForm]] = {
     "some messages twice": _twice,
     "a stray stamp": _stray,
     "other names of topics": _below,
-    "cut off": lambda form, where, much: replace(form, cut_off=0.01 + 0.4 * much),
+    "cut off": lambda form, where, much: replace(form, cut_off=much),
+    "no data of the recorder": lambda form, where, much: replace(form, custom={}),
 }
 """Changes of a bag's form."""
+
+
+RATE, SAMPLES, GAIN = 250.0, 375, 0.8
+"""Sampling rate, Hz; number of samples; handle's acceleration relative to the desired one."""
+
+SET = "compensator", "controller", "adaptive"
+"""Node, parameter and value that a bag's parameter event sets."""
+
+
+@cache
+def _right_bag() -> BagForm:
+    # Differences of white noise have hardly any power below the high-pass of the comparison.
+    desired = np.diff(np.random.default_rng(3).normal(size=SAMPLES + 1))
+    actual = GAIN * np.concatenate([[0.0], desired[:-1]])
+    along = {
+        topics.TOOL_ACCELERATION: desired,
+        topics.DESIRED_ACCELERATION: desired,
+        topics.HANDLE_ACCELERATION: actual,
+        topics.ACTUATOR_FORCE: 0.1 * actual,
+        topics.MASTER_ARM_FORCE: np.ones(SAMPLES),
+    }
+    stated = facts("constant", "vinyl", rate=RATE)
+    text = json.dumps(stated).encode() + b"\0"
+    described = b"\0\1\0\0" + struct.pack("<I", len(text)) + text
+    messages = [Message(f"/{topics.DESCRIPTION.name}", STRING, START, described)]
+    for place in range(SAMPLES):
+        stamp = START + round(place * 1e9 / RATE)
+        for topic, values in along.items():
+            data = vector_bytes(topic.type, stamp, "", (0.0, 0.0, float(values[place])))
+            messages.append(Message(f"/{topic.name}", topic.type, stamp, data))
+        if place % 100 == 50:
+            data = diagnostics_bytes(stamp, "compensator", "OK", {"samples": str(place)})
+            messages.append(Message("/diagnostics", topics.DIAGNOSTICS.type, stamp, data))
+        if place == SAMPLES - 1:
+            data = change_bytes(stamp, f"/{SET[0]}", *SET[1:])
+            messages.append(Message("/parameter_events", CHANGED, stamp, data))
+    custom = {
+        PREFIX + name: value if isinstance(value, str) else json.dumps(value)
+        for name, value in stated.items()
+    }
+    return BagForm(tuple(messages), custom)
+
+
+def right_bag(_folder: Path) -> BagForm:
+    """Return a bag whose handle repeats 0.8 of the desired acceleration one sample later.
+
+    The error is thus 20 % by theory: RMS of 0.2 times the signal over RMS of the signal.
+    """
+    return _right_bag()
