@@ -203,8 +203,9 @@ CHANGES: st.SearchStrategy[Change] = st.one_of(
         st.one_of(st.none(), numbers),
     ),
     st.builds(lambda *given_: lambda folder: renamed(folder, *given_), names, st.just("S10")),
-    # Not the last one: with the journal's last line that would leave a whole smaller study.
-    st.just(lambda folder: shutil.rmtree(folder / PARTICIPANTS / NAMES[0], True)),
+    st.builds(
+        lambda name: lambda folder: shutil.rmtree(folder / PARTICIPANTS / name, True), names
+    ),
     st.builds(
         lambda file, form: (
             lambda folder: (
@@ -228,6 +229,17 @@ CHANGES: st.SearchStrategy[Change] = st.one_of(
 )
 
 
+def is_smaller(study: Study) -> bool:
+    """Return whether the last participants are in no log and not in the journal, as never there.
+
+    Only the heads in the operator's notebook tell this from a smaller study.
+    """
+    logs = (study.folder / PARTICIPANTS).glob(f"*/{LOG}")
+    written = sum(b"\n" in each.read_bytes() for each in logs)
+    ends = sum(entry["kind"] == "head" for entry in study.journal)
+    return written == ends == len(study.sessions) < len(NAMES)
+
+
 @fuzz_few
 @given(st.lists(CHANGES, min_size=1, max_size=3))
 def test_any_guise_has_the_same_figures_or_a_line(right: Path, changes: list[Change]) -> None:
@@ -242,5 +254,5 @@ def test_any_guise_has_the_same_figures_or_a_line(right: Path, changes: list[Cha
             said = [*study.doubts, *exclusions(study.protocol, study.sessions).values()]
         except ParameterError as error:
             same, said = False, [str(error)]
-        assert same or said
+        assert same or said or is_smaller(study)
         assert all(len(line.splitlines()) == 1 for line in said)
