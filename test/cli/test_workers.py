@@ -196,4 +196,9 @@ def test_an_experiment_on_a_cluster_is_analysed_as_any(
     )
     assert command.end() == 0, command.text
     conditions = json.loads((tmp_path / "table.json").read_text())["conditions"]
-    assert [each["controller"] for each in conditions] == ["none", "constant", "dynamic"]
+    assert [each["controller"] for each in conditions] == [
+        "none",
+        "constant",
+        "dynamic",
+        "adaptive",
+    ]

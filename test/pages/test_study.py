@@ -72,7 +72,9 @@ def shows(page: Page, text: str) -> None:
 
 
 def asked(page: Page, question: str = QUESTION) -> None:
-    """Wait until a page asks a question, and takes an answer."""
+    """Wait until a page asks a question that is not answered yet, and takes an answer."""
+    shows(page, question)
+    page.wait_for_selector("#screen:not(.answered)")
     shows(page, question)
     page.wait_for_timeout(500)  # until another press is no double click
 
