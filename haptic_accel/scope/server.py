@@ -433,7 +433,10 @@ class ScopeServer:
         page = web.WebSocketResponse(
             heartbeat=HEARTBEAT, compress=False, max_msg_size=LONGEST_COMMAND
         )
-        await page.prepare(request)
+        try:
+            await page.prepare(request)
+        except ValueError:
+            return _text(400, "Sec-WebSocket-Key, Sec-WebSocket-Protocol: must be ASCII")
         self._connections.keep(request.transport)
         cursor = self._clients[page] = Cursor(self._source.windows, self._kind.admitted)
         acts = self._send(page, cursor), self._receive(page, cursor)

@@ -885,6 +885,18 @@ def controlled(started: Started) -> Controlled:
     return server, acting, url
 
 
+@pytest.mark.parametrize(
+    "key", [b"MDEyMzQ1Njc4OWFiY2RlZg=\xff", "MDEyMzQ1Njc4OWFiY2R\u20ac==".encode()]
+)
+def test_a_handshake_that_is_no_text_is_the_clients_fault(
+    controlled: Controlled, caplog: pytest.LogCaptureFixture, key: bytes
+) -> None:
+    *_, url = controlled
+    wire = "\r\n".join((*LIVE[:-1], "")).encode() + b"Sec-WebSocket-Key: " + key + b"\r\n\r\n"
+    assert status(url, wire.replace(b"{host}", url.authority.encode())) == 400
+    assert caplog.records == []
+
+
 @fuzz
 @given(requests() | mutated(requests(), pieces))
 def test_no_request_is_the_servers_fault_or_gets_past_the_token(
