@@ -413,6 +413,16 @@ def _joined(
     return Block(topic, kind, received, joined, ends - lengths, ends, places)
 
 
+def _news(changes: Sequence[Change]) -> Iterator[Change]:
+    """Yield the changes that are not there already, as nodes also repeat their parameters."""
+    known: dict[tuple[str, str], str] = {}
+    for change in changes:
+        key, value = (change.node, change.parameter), repr(change.value)
+        if known.get(key) != value:
+            known[key] = value
+            yield change
+
+
 class _Collected:
     """Messages read so far."""
 
@@ -477,7 +487,7 @@ class _Collected:
                 vectors = vectors.reshape(-1, 3)[chosen]
             bag.signals[name] = Signal(found.stamps[name], times, vectors.reshape(-1, 3))
         bag.diagnostics.extend(self._in_time(self._diagnostics, used, found))
-        bag.changes.extend(self._in_time(self._changes, used, found))
+        bag.changes.extend(_news(self._in_time(self._changes, used, found)))
 
     def facts(self, used: UsedFiles) -> dict[str, Any]:
         """Return the graph's metadata as its nodes first described or declared them."""

@@ -29,7 +29,8 @@ from haptic_accel.core.sole_publisher import Matched
 class MatchedPublishers(EventHandler):  # type: ignore[misc]  # rclpy leaves it untyped
     """Event of a subscription, from which counts can be taken without an executor.
 
-    Node and subscription own it: it ends with the subscription.
+    No executor sees it, as it would fail for the event of a subscription that was destroyed. To be
+    destroyed before the subscription.
 
     Parameters
     ----------
@@ -44,8 +45,6 @@ class MatchedPublishers(EventHandler):  # type: ignore[misc]  # rclpy leaves it 
             event_type=QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED,
             parent_impl=subscription.handle,
         )
-        subscription.event_handlers.append(self)
-        node.add_waitable(self)
 
     def counts(self) -> Matched | None:
         """Return the present and the total number of publishers; a call takes 1 us."""
@@ -55,4 +54,4 @@ class MatchedPublishers(EventHandler):  # type: ignore[misc]  # rclpy leaves it 
 
 
 def _ignore(event: Any) -> None:
-    """Do nothing when an executor serves the event."""
+    """Do nothing: nobody serves the event."""

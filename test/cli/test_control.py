@@ -121,7 +121,8 @@ def test_surface_grip_and_engagement_change_while_the_graph_runs(
         name = force.name
         wait_until(lambda name=name: not observer.node.count_publishers(name), "the arms are left")
     so_far = len(graph.lines)
-    assert ask("control", "engage:=true")[0] == 0
+    status, said = ask("control", "engage:=true")
+    assert status == 0, said + graph.text
     graph.wait_for("engaged", after=so_far)
     assert ask("control", "arm:=true") == (0, "slave_device: armed\nmaster_device: armed")
     # One by one, as `ros2 param set` does.
