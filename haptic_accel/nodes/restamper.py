@@ -173,6 +173,10 @@ only on a busy machine. Nobody feels it, as no force acts on replayed arms."""
 PACE_TIME = 1_000_000_000
 """Time after which stamps that advance at another pace than arrivals are refused, ns."""
 
+FASTEST = 20.0
+"""Speed, or its inverse, beyond which nobody plays a bag: such stamps are nonsense, and compared
+anew."""
+
 PACE = 0.2
 """Maximum difference of the stamps' pace from 1: a busy machine delays arrivals by 0.1 s."""
 
@@ -215,6 +219,7 @@ class StampShift:
         self._until: int | None = None
         self._quickest = 0
         self._begin: tuple[int, int] | None = None
+        self._last = 0
         self._offset: int | None = None
         self.anchored = 0
 
@@ -234,9 +239,10 @@ class StampShift:
             The samples are played at another speed.
         """
         if self._offset is None:
-            if self._begin is None or self._until is None:
+            if self._begin is None or self._until is None or stamp < self._last:
                 self._until, self._quickest = now + LISTENING, now - stamp
                 self._begin = stamp, now
+            self._last = stamp
             self._quickest = min(self._quickest, now - stamp)
             if now < self._until or not self._keeps_pace(
                 stamp - self._begin[0], now - self._begin[1]
@@ -262,6 +268,9 @@ class StampShift:
         if abs(pace - 1) <= PACE:
             return True
         if elapsed < PACE_TIME:
+            return False
+        if not 1 / FASTEST <= pace <= FASTEST:
+            self._begin = None
             return False
         raise PaceError(
             f"stamps advance by {pace:.2g} s per second: must be played at their original rate,"

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import signal
 from collections.abc import Callable
@@ -266,6 +267,14 @@ def test_another_speed_is_refused_before_any_sample_is_used(speed: float) -> Non
     assert not any(moved(place) for place in range(first))
     with pytest.raises(PaceError, match=f"advance by {speed:.2g} s per second: must be played"):
         moved(first)
+
+
+@pytest.mark.parametrize("advance", [[2600 * PERIOD], [0], [PERIOD, -PERIOD, 10 * PERIOD]])
+def test_stamps_that_no_player_sends_end_no_node(advance: list[int]) -> None:
+    shifted = shift()
+    stamps = itertools.accumulate(itertools.cycle(advance), initial=THEN)
+    times = range(NOW, NOW + 3 * PACE_TIME, PERIOD)
+    assert not any(shifted.moved(stamp, now) for stamp, now in zip(stamps, times, strict=False))
 
 
 def test_samples_that_come_early_move_no_stamp_back() -> None:
