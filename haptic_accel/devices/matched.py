@@ -29,8 +29,7 @@ from haptic_accel.core.sole_publisher import Matched
 class MatchedPublishers(EventHandler):  # type: ignore[misc]  # rclpy leaves it untyped
     """Event of a subscription, from which counts can be taken without an executor.
 
-    No executor sees it, as it would fail for the event of a subscription that was destroyed. To be
-    destroyed before the subscription.
+    Node and subscription own it: it ends with the subscription.
 
     Parameters
     ----------
@@ -45,6 +44,8 @@ class MatchedPublishers(EventHandler):  # type: ignore[misc]  # rclpy leaves it 
             event_type=QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED,
             parent_impl=subscription.handle,
         )
+        subscription.event_handlers.append(self)
+        node.add_waitable(self)
 
     def counts(self) -> Matched | None:
         """Return the present and the total number of publishers; a call takes 1 us."""
@@ -54,4 +55,4 @@ class MatchedPublishers(EventHandler):  # type: ignore[misc]  # rclpy leaves it 
 
 
 def _ignore(event: Any) -> None:
-    """Do nothing: nobody serves the event."""
+    """Do nothing when an executor serves the event."""

@@ -240,13 +240,12 @@ class Inbox:
         self._take: Any = self.subscription.handle.take_message
         self._count: Any = self.subscription.handle.get_publisher_count
         self._type = self.subscription.msg_type
-        self._matched = MatchedPublishers(self._node, self.subscription)
-        self._publisher = SolePublisher(self._matched.counts)
+        matched = MatchedPublishers(self._node, self.subscription)
+        self._publisher = SolePublisher(matched.counts)
 
     def _unsubscribe(self) -> None:
         if self.subscription:
             self._node.unserved.discard(self.subscription)
-            self._matched.destroy()
             self._node.destroy_subscription(self.subscription)
             self.subscription = None
             self.sole, self.changed, self.contenders = True, False, 1

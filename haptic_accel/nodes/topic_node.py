@@ -41,6 +41,7 @@ from haptic_accel.core.cdr import unpack_stamped_vector, unpack_state
 from haptic_accel.core.model import Vector
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import Topic
+from haptic_accel.devices.matched import MatchedPublishers
 from haptic_accel.nodes.parameters import ParameterNode
 from haptic_accel.nodes.wires import WIRES, Wire
 
@@ -172,10 +173,15 @@ class TopicNode(ParameterNode):
 
     @property
     def waitables(self) -> Iterator[Waitable]:
-        """Events of publishers and subscriptions, which wake the executor."""
+        """Events of publishers and subscriptions, which wake the executor.
+
+        The counts of a polled subscription do not: the executor fails for their event once the
+        subscription is destroyed.
+        """
         return (
             self._guard.guarded(each, "event of a topic") if hasattr(each, "callback") else each
             for each in super().waitables
+            if not isinstance(each, MatchedPublishers)
         )
 
     def callback_failed(self, error: Exception) -> None:
