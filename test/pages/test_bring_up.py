@@ -129,7 +129,7 @@ def focused(page: Page) -> str:
 def test_keys_alone_lead_through_all_steps(page: Page, rig: TwoSteps) -> None:
     for request, text in zip(REQUESTS, ("", "", "0.2", "s"), strict=True):
         ready(page, request)
-        assert focused(page) == "answer"
+        wait_until(lambda: focused(page) == "answer", "the field of the answer has the focus")
         page.keyboard.type(text)
         page.keyboard.press("Enter")
     ready(page, NEXT)

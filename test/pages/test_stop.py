@@ -63,9 +63,17 @@ def server(devices: Devices) -> Iterator[ScopeServer]:
 def page(browser: Browser, server: ScopeServer) -> Iterator[Page]:
     opened = browser.new_page()
     opened.goto(server.start())
-    opened.wait_for_function("window.hapticScope?.state")
+    connected(opened)
     yield opened
     opened.close()
+
+
+def connected(page: Page) -> None:
+    """Wait until a page has the state of the graph.
+
+    `wait_for_function` evaluates a text in the page, which the page's policy forbids.
+    """
+    wait_until(lambda: bool(page.evaluate("!!window.hapticScope?.state")), "the page is connected")
 
 
 def told(page: Page, text: str) -> None:
@@ -116,7 +124,7 @@ def test_a_stop_that_is_not_confirmed_outlives_a_reload(page: Page, devices: Dev
     devices.ready = True
     told(page, "without force")
     page.reload()
-    page.wait_for_function("window.hapticScope?.state")
+    connected(page)
     assert not page.evaluate("hapticStop.pending")
 
 

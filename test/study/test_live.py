@@ -206,7 +206,7 @@ def test_the_network_between_the_arms_changes_while_the_graph_runs(tmp_path: Pat
     delays = [
         float(each.values["one-way delay (ms)"])
         for each in read_bag(bag).diagnostics
-        if each.node == "coupler" and "one-way delay (ms)" in each.values
+        if each.node == "coupler" and each.values.get("one-way delay (ms)")  # empty: not known yet
     ]
     assert delays[-1] - delays[0] == pytest.approx(30.0, rel=0.5)
     assert [each.read_back["network"] for each in presented] == [0.0, 30.0]
