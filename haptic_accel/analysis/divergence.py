@@ -55,6 +55,7 @@ CAUSES = {
     "missed ticks": "ticks were left out",
     "ticks without a sample": "a sample was not taken",
     "without the handle's sample": "the handle's sample came too late for the compensator",
+    "withheld": "the compensator did not know yet that the device applies forces",
     "positions held": "an arm's position was missing",
     "lost": "samples were lost",
     "timeouts": "commands stopped",

@@ -35,8 +35,8 @@ LEAST = 2 * RATE
 """Least number of samples that must be compared: two seconds."""
 
 
-STOOD_STILL = (PAST_TICK, "missed ticks")
-"""Counts of a device whose machine stood still: a late force, or ticks left out."""
+STOOD_STILL = (PAST_TICK, "missed ticks", "withheld")
+"""Counts of nodes whose machine stood still: a late force, ticks left out, a late release."""
 
 LIMITS = """
 /**/master_device:

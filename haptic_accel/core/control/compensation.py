@@ -169,6 +169,8 @@ class Compensation:
         samples count as missing.
     untrusted : int
         Number of handle samples that were missing or saturated.
+    withheld : int
+        Number of forces that were not computed, or faded in, because the device applied none.
     asleep : bool
         True in the idle state.
 
@@ -214,7 +216,7 @@ class Compensation:
         self._rest = self._handle = 0.0
         self._fall_asleep()
         self._listening, self._fading = round(LISTENING * rate), max(1, round(FADING * rate))
-        self.rejected = self.untrusted = 0
+        self.rejected = self.untrusted = self.withheld = 0
         self._muted, self._share = False, 1.0
 
     @property
@@ -403,6 +405,7 @@ class Compensation:
             "travel (mm)": f"{1e3 * guard.travel:.2f}",
             "rejected": str(self.rejected),
             "handle not trusted": str(self.untrusted),
+            "withheld": str(self.withheld),
             **controller.diagnostics(),
         }
 
@@ -470,6 +473,7 @@ class Compensation:
             self._share = 0.0
         elif self._share < 1.0:
             self._share = min(1.0, self._share + 1.0 / self._fading)
+        self.withheld += self._share < 1.0
         return self._share * force
 
     def _listen(self, channel: _Channel) -> None:

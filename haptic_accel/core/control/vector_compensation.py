@@ -276,7 +276,11 @@ class VectorCompensation:
         reduced = ""
         if self._authority.reduced:
             reduced = f"{self._judged} is worse than no compensation: its force is reduced"
-        counts = {"rejected": str(self.rejected), "handle not trusted": str(self.untrusted)}
+        counts = {
+            "rejected": str(self.rejected),
+            "handle not trusted": str(self.untrusted),
+            "withheld": str(self._axes[0].withheld),
+        }
         return ", ".join(
             filter(None, (self._alignment.warning, reduced, *warnings))
         ), values | counts
@@ -351,5 +355,5 @@ class VectorCompensation:
         return guard_x.within(x, felt_x), guard_y.within(y, felt_y), guard_z.within(z, felt_z)
 
 
-_COMMON = ("controller", "rejected", "handle not trusted")
+_COMMON = ("controller", "rejected", "handle not trusted", "withheld")
 """Diagnostics that are the same for all axes."""

@@ -590,6 +590,7 @@ def test_the_status_says_who_is_in_use_and_what_was_limited() -> None:
         "travel (mm)",
         "rejected",
         "handle not trusted",
+        "withheld",
     }
     stream.process(100.0, None)
     stream.process(math.nan, 0.0)
@@ -633,6 +634,19 @@ def test_who_was_muted_comes_back_no_louder_than_who_was_not(controller: str) ->
     np.testing.assert_array_equal(muted[:1000], heard[:1000])
     # A controller that took its forces for acting would push three times as much.
     assert np.abs(muted[2000:]).max() <= 1.3 * np.abs(heard[500:]).max()
+
+
+def test_samples_whose_force_was_withheld_are_counted() -> None:
+    stream = compensation("constant")
+    stream.mute(True)
+    answers(stream, texture(0.1))
+    while_muted = int(stream.diagnostics()[1]["withheld"])
+    assert while_muted == len(texture(0.1))
+    stream.mute(False)
+    answers(stream, texture(1.0))
+    faded_in = int(stream.diagnostics()[1]["withheld"]) - while_muted
+    assert 0 < faded_in <= FADING * RATE
+    assert not int(compensation("constant").diagnostics()[1]["withheld"])
 
 
 def test_muting_changes_nothing_for_who_is_asleep() -> None:

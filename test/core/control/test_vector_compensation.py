@@ -490,6 +490,7 @@ def test_while_muted_there_is_no_force() -> None:
     stream = compensation("inverse")
     stream.mute(True)
     assert {stream.process(vector(each), ZERO)[1] for each in textures(0.1)} == {ZERO}
+    assert int(stream.diagnostics()[1]["withheld"]) > 0
     stream.mute(False)
     assert stream.process((5.0, 5.0, 5.0), ZERO)[1] != ZERO
 
