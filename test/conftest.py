@@ -50,9 +50,8 @@ if TYPE_CHECKING:
 settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")
 
-FUZZ_CASES = 1000
-"""Cases of a property of generated damage, unless told how many."""
-
+FUZZ_CASES = {"fuzz": (100, 1000), "fuzz few": (25, 100), "fuzz fewest": (5, 10)}
+"""Cases of a property of generated damage by profile, without and with ``--slow``."""
 
 RERUN_REASONS = ("^MachineStoodStillError: ", "samples are missing")
 """Failures after which a live test is run once more: the machine was not there for the graph."""
@@ -73,8 +72,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Set the number of cases of `fuzzing.fuzz`, before the tests that it decorates are read."""
     cases = config.getoption("--fuzz")
-    shares = {"fuzz": 1, "fuzz few": 10, "fuzz fewest": 100}
-    for name, usual in ((name, FUZZ_CASES // share) for name, share in shares.items()):
+    for name, (quick, thorough) in FUZZ_CASES.items():
+        usual = thorough if config.getoption("--slow") else quick
         settings.register_profile(
             name,
             settings.get_profile("project"),

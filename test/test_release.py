@@ -57,6 +57,15 @@ def test_the_workflow_runs_the_same_checks_on_the_same_pythons() -> None:
     assert all((SOURCE / file).is_file() for file in files)
 
 
+def test_a_release_and_every_night_pass_the_whole_suite() -> None:
+    workflow = yaml.safe_load((SOURCE / ".github/workflows/full.yml").read_text())
+    # YAML reads the word "on" as true.
+    assert {"schedule", "push"} <= set(workflow[True])
+    assert workflow["jobs"]["linux"]["steps"][-1]["run"].endswith(".ci/full")
+    full = (SOURCE / ".ci/full").read_text()
+    assert {".ci/run", ".ci/pythons"} <= set(full.split())
+
+
 def test_links_to_other_sites_are_checked_on_the_site_of_make_docs() -> None:
     jobs = yaml.safe_load((SOURCE / ".github/workflows/linkcheck.yml").read_text())["jobs"]
     commands = [step["run"] for step in jobs["linkcheck"]["steps"] if "run" in step]

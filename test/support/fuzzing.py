@@ -83,12 +83,12 @@ def fuzz(test: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def fuzz_few(test: Callable[..., Any]) -> Callable[..., Any]:
-    """Apply `fuzz` with a tenth of the default cases, for slow cases."""
+    """Apply `fuzz` with fewer default cases, for slow cases."""
     return pytest.mark.fuzz(settings.get_profile("fuzz few")(test))
 
 
 def fuzz_fewest(test: Callable[..., Any]) -> Callable[..., Any]:
-    """Apply `fuzz` with a hundredth of the default cases, for cases of a second."""
+    """Apply `fuzz` with the fewest default cases, for cases of a second."""
     return pytest.mark.fuzz(settings.get_profile("fuzz fewest")(test))
 
 
