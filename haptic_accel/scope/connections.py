@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import socket
 from collections import deque
 from collections.abc import Callable
@@ -34,7 +35,7 @@ STRANGER_TIME = 1.0
 complete in one or two packets, and a packet that is lost once comes 0.2 s later."""
 
 LONGEST_HEADER = 2**14
-"""Most bytes of a stranger's header that are kept: twice aiohttp's limit for one of its fields."""
+"""Most bytes of a stranger's request that are kept: twice aiohttp's limit for a header's field."""
 
 QUEUE = 4096
 """Connections that the system holds until they are accepted, its default limit; in a shorter queue
@@ -50,7 +51,10 @@ OTHERS_AT_ONCE = 2
 accepted connections."""
 
 COMMAND = b"POST /command "
-"""Start of a header that is passed on before all others."""
+"""Start of a request that is passed on before all others, once it is complete."""
+
+LENGTH_OF_BODY = re.compile(rb"\r\ncontent-length: *(\d{1,5}) *(?:\r\n|$)", re.IGNORECASE)
+"""Field of a header: a body longer than `LONGEST_HEADER` is not waited for (RFC 9110, 8.6)."""
 
 
 class Connections:
@@ -144,6 +148,17 @@ class Connections:
         """Return true unless a header lacks the token."""
         return self._token in header
 
+    def awaits(self, header: bytes, body: bytes) -> bool:
+        """Return true for a stranger's command of which a part of the body is still to come.
+
+        Here it costs a small part of what it costs in the server. Who has shown the token is no
+        stranger.
+        """
+        if self._token or not header.startswith(COMMAND):
+            return False
+        length = LENGTH_OF_BODY.search(header)
+        return length is not None and len(body) < int(length[1])
+
     def _expire(self, transport: asyncio.BaseTransport) -> None:
         if transport in self._strangers:
             del self._strangers[transport]
@@ -166,13 +181,15 @@ class _Stranger(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Pass a complete header, and what follows it, to the server, or refuse it."""
         self._header += data
-        header, end, _ = self._header.partition(b"\r\n\r\n")
+        header, end, body = self._header.partition(b"\r\n\r\n")
         if not end and len(self._header) <= LONGEST_HEADER:
             return
         if not self._connections.may_enter(header):
-            answer, _, body = self._connections.refusal.partition(b"\r\n\r\n")
-            self._transport.write(answer + b"\r\n\r\n" + (b"" if header[:5] == b"HEAD " else body))
+            answer, _, text = self._connections.refusal.partition(b"\r\n\r\n")
+            self._transport.write(answer + b"\r\n\r\n" + (b"" if header[:5] == b"HEAD " else text))
             self._transport.close()
+            return
+        if len(self._header) <= LONGEST_HEADER and self._connections.awaits(header, body):
             return
         self._transport.pause_reading()
         self._connections.enter(header, self._pass)

@@ -584,9 +584,33 @@ def test_a_command_that_never_ends_is_refused(
     started: Started, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(served, "REQUEST_TIME", 0.1)
+    _, url = started(Acting(), token=TOKEN)
+    asked = command_of(url, b'{"action"', length=100)
+    shown = f"\r\nAuthorization: Bearer {TOKEN}\r\nContent-Type".encode()
+    assert status(url, asked.replace(b"\r\nContent-Type", shown)) == 400
+
+
+def test_where_no_token_is_needed_a_command_that_never_ends_is_dropped(
+    started: Started, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "STRANGER_TIME", 0.1)
     acting = Acting()
     _, url = started(acting)
-    assert status(url, command_of(url, b'{"action"', length=100)) == 400
+    with connected(url, command_of(url, b'{"action"', length=100)) as opened:
+        assert opened.recv(1) == b""
+    assert not acting.done
+
+
+def test_a_command_in_pieces_arrives(started: Started) -> None:
+    acting = Acting()
+    _, url = started(acting)
+    body = b'{"action": "estop", "value": true}'
+    asked = command_of(url, body, length=len(body))
+    with connected(url, asked[:-20]) as opened, opened.makefile("rb") as answer:
+        time.sleep(0.05)  # in a packet of its own
+        opened.sendall(asked[-20:])
+        assert answer.readline().split()[1] == b"200"
+    assert acting.done == [("estop", True)]
 
 
 def test_a_page_outlives_the_time_for_its_request(
