@@ -38,12 +38,15 @@ class Held:
 
     Attributes
     ----------
+    given : float
+        Steady time of its last command, s.
     times : list of float
         Steady times at which it was given, s, zero excepted.
     """
 
     force: float = 0.0
     since: float = 0.0
+    given: float = 0.0
     times: list[float] = field(default_factory=list)
 
 
@@ -51,14 +54,15 @@ class DeviceTrace:
     """Follows the trace of one device, and fails where it breaks a promise.
 
     Silence is counted in the times of ticks, which the safety layer sees, also where a process
-    catches up with ticks it missed: so no promise is broken where the machine stands still.
+    catches up with ticks it missed: so no promise is broken where the machine stands still. The
+    layer times a force that came late by the clock, so it must be silent by the clock as well.
     """
 
     def __init__(self, path: Path, rate: float) -> None:
         self._path = path
         self._period = 1 / rate
         self._read = 0
-        self._ticked = self._now = 0.0
+        self._ticked = self._ticked_at = self._now = 0.0
         self.held = {kind: Held() for kind in PEAKS}
         """Forces that the device holds, by kind."""
 
@@ -79,14 +83,14 @@ class DeviceTrace:
             self._now = max(self._now, time)
             if kind == TICK:
                 self._check_silence()
-                self._ticked = self._now
+                self._ticked, self._ticked_at = self._now, moment
             else:
                 self._take(kind, moment, math.hypot(*force))
 
     def _take(self, kind: int, moment: float, force: float) -> None:
         assert force <= PEAKS[kind] * (1 + safety.ROUNDING), (self._path.name, kind, force)
         held = self.held[kind]
-        held.force, held.since = force, self._now
+        held.force, held.since, held.given = force, self._now, moment
         if force:
             held.times.append(moment)
 
@@ -94,7 +98,7 @@ class DeviceTrace:
         """Look whether a force without commands ended with the tick before, at the latest."""
         for kind, held in self.held.items():
             allowed = max(TIMEOUTS[kind], safety.LEAST_PERIODS * self._period)
-            silence = self._ticked - held.since
+            silence = min(self._ticked - held.since, self._ticked_at - held.given)
             assert not held.force or silence <= allowed + GRACE * self._period, (
                 f"{self._path.name}: force of kind {kind}, {held.force} N, held for"
                 f" {silence * 1e3:.1f} ms from {held.since:.4f} s, given at {held.times[-1:]} s"
