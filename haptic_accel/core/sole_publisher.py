@@ -24,6 +24,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
+CONFIRMING_LOOKS = 5
+"""Looks for which nothing is taken after a number that is not above all earlier ones.
+
+Its publisher is either the present one, which has just replaced another, or one that the
+middleware has not counted yet: by then it has.
+"""
+
 
 class Matched(Protocol):
     """Publishers matched with a subscription, as the middleware counts them."""
@@ -37,7 +44,8 @@ class SolePublisher:
 
     Three facts exclude it: a publisher that came, or left, while there was another one, and a
     number of a message that is not above all earlier ones of the publisher. The last closes the
-    moment between a publisher's first message and the middleware's count.
+    moment between a publisher's first message and the middleware's count; so the numbers of a
+    publisher are remembered while others come and go.
 
     Parameters
     ----------
@@ -58,14 +66,16 @@ class SolePublisher:
     >>> publisher = SolePublisher(lambda: counts)
     >>> publisher.sole([1, 2]), publisher.sole([1, 3])
     (True, False)
+    >>> [publisher.sole([number]) for number in range(4, 10)]
+    [False, False, False, False, True, True]
     >>> counts.total_count = 2  # one has come and gone
-    >>> publisher.sole([4]), publisher.sole([5])
+    >>> publisher.sole([10]), publisher.sole([11])
     (False, True)
     """
 
     def __init__(self, matched: Callable[[], Matched | None]) -> None:
         self._matched = matched
-        self._total = self._current = self._last = 0
+        self._total = self._current = self._last = self._doubted = 0
         self.contenders, self.changed = 0, False
 
     def sole(self, numbers: Sequence[int | None]) -> bool:
@@ -85,13 +95,14 @@ class SolePublisher:
         current, total = before
         self.changed = before != (self._current, self._total)
         self.contenders = current + self._total - total
-        if not current or self.contenders > 1:  # numbers of an earlier publisher
-            self._last = 0
         if self.contenders > 1:
             return False
+        if not current:  # numbers of an earlier publisher
+            self._last = 0
+        self._doubted = max(0, self._doubted - 1)
         for number in numbers:
             if number is not None:
                 if number <= self._last:
-                    return False
+                    self._doubted = CONFIRMING_LOOKS
                 self._last = number
-        return True
+        return not self._doubted

@@ -22,7 +22,7 @@ from types import SimpleNamespace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.sole_publisher import SolePublisher
+from haptic_accel.core.sole_publisher import CONFIRMING_LOOKS, SolePublisher
 
 COMES, GOES, SENDS, LOOK = "comes", "goes", "sends", "look"
 
@@ -61,6 +61,11 @@ class Queue:
             self.numbers[name] += 1
             self.waiting.append((name, self.numbers[name]))
 
+    def confirm(self) -> None:
+        """Look as often as a publisher whose numbers start again is doubted."""
+        for _ in range(CONFIRMING_LOOKS):
+            assert self.look() == []
+
     def look(self) -> list[int]:
         """Return the publishers of the messages that are taken."""
         taken, self.waiting = self.waiting, []
@@ -74,7 +79,7 @@ class Queue:
 def test_nothing_is_taken_of_a_time_with_two_publishers_and_all_of_a_sole_one(
     events: list[tuple[str, int]],
 ) -> None:
-    queue, possible, sent = Queue(), 0, 0
+    queue, possible, sent, contended = Queue(), 0, 0, False
     for event, name in events:
         if event == COMES and name not in queue.numbers:
             queue.comes(name)
@@ -86,8 +91,16 @@ def test_nothing_is_taken_of_a_time_with_two_publishers_and_all_of_a_sole_one(
             sent += 1
         elif event == LOOK:
             taken = queue.look()
-            assert len(taken) == (sent if possible <= 1 else 0)
+            contended = contended or possible > 1
+            # After that, who remains is taken once it is confirmed.
+            assert len(taken) in ((0 if contended else sent), (sent if possible <= 1 else 0))
             possible, sent = len(queue.numbers), 0
+    if len(queue.numbers) == 1:
+        (name,) = queue.numbers
+        for _ in range(CONFIRMING_LOOKS + 2):
+            queue.sends(name)
+            taken = queue.look()
+        assert taken == [name]
 
 
 def test_a_publisher_that_comes_and_goes_between_two_looks_is_noticed() -> None:
@@ -115,10 +128,46 @@ def test_messages_that_precede_the_count_of_their_publisher_are_known_by_their_n
     queue.sends(1)
     assert queue.look() == []
     queue.sends(0)
-    assert queue.look() == [0]
-    queue.sends(0)
     queue.count(1)
     assert queue.look() == []
+
+
+def test_numbers_are_remembered_while_a_rival_comes_and_goes() -> None:
+    queue = Queue()
+    queue.comes(0)
+    queue.sends(0, 5)
+    assert queue.look() == [0] * 5
+    queue.comes(1)
+    assert queue.look() == []
+    queue.goes(1)
+    assert queue.look() == []
+    queue.comes(1, counted=False)
+    queue.sends(1)
+    assert queue.look() == []
+    queue.sends(1)
+    assert queue.look() == []
+    queue.count(1)
+    assert queue.look() == []
+    queue.goes(1)
+    queue.sends(0)
+    assert queue.look() == []
+    queue.confirm()
+    queue.sends(0)
+    assert queue.look() == [0]
+
+
+def test_who_replaces_another_beside_a_rival_is_taken_once_it_is_confirmed() -> None:
+    queue = Queue()
+    queue.comes(0)
+    queue.sends(0, 5)
+    assert queue.look() == [0] * 5
+    queue.comes(1)
+    queue.goes(0)
+    assert queue.look() == []
+    queue.sends(1)
+    queue.confirm()
+    queue.sends(1)
+    assert queue.look() == [1]
 
 
 def test_a_successor_counts_its_messages_anew() -> None:
