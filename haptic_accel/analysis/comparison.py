@@ -100,8 +100,8 @@ def check_comparison(wanted: str, places: Sequence[Path]) -> None:
     right = wanted.startswith(CONTROLLERS) and len(names) == 2 and all(names)
     if not right or names[0] == names[1]:
         raise ParameterError(
-            f"compare = {wanted!r}: must be nothing, for two bags or folders, or"
-            f" {CONTROLLERS}A,B with two controllers"
+            f"compare = {wanted!r}: leave out to compare two bags or folders, or give two"
+            f" controllers: {CONTROLLERS}A,B"
         )
 
 

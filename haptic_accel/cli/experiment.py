@@ -183,7 +183,7 @@ def _checked(
             f"duration = {arguments.duration:g}: must be at least 1 s in an experiment"
         )
     if seeds > 1 and not lockstep:
-        raise ParameterError(f"seeds = {seeds}: more than one only with --lockstep")
+        raise ParameterError(f"seeds = {seeds}: must be 1 without --lockstep")
     if lockstep:
         check_lockstep(arguments, "with --lockstep")
     for key in given:

@@ -379,7 +379,7 @@ class BringUp:
         }
 
     def _look_at(self, side: str) -> None:
-        """Check a side's signal at rest, and that it is this side's."""
+        """Check a side's signal at rest, and that the sensor belongs to this side."""
         held = HELD[side]
         is_simulated = self._is_simulated(side)
         if is_simulated:

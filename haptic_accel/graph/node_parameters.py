@@ -323,8 +323,8 @@ def check_clock(use_sim_time: object) -> None:
     """
     if use_sim_time is not False:
         raise ParameterError(
-            f"{USE_SIM_TIME} = {shown(str(use_sim_time))}: must be false: samples are stamped, and"
-            " forces timed, by this machine's clock"
+            f"{USE_SIM_TIME} = {shown(str(use_sim_time))}: must be false: simulated time is not"
+            " supported; samples and forces use this machine's clock"
         )
 
 

@@ -100,7 +100,7 @@ class Restamper(GraphNode):
         self._publish_stopped(Bool(data=self._stopped))
 
     def _follow(self, stopped: bool) -> None:
-        """Confirm the emergency stop as a device does; there are no forces here."""
+        """Acknowledge the emergency stop as a device would; this node outputs no forces."""
         self._stopped = stopped
         self.report()
 

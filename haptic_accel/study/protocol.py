@@ -179,7 +179,7 @@ class Bounds(Checked):
     late: float = parameter(2.0, "largest share of time with a late force", "%", 0, 100)
     lost: float = parameter(1.0, "largest share of missing samples", "%", 0, 100)
     repeats: int = parameter(
-        2, "repetitions of a trial that was not delivered; then it is left out", "", 0, 20
+        2, "how often an undelivered trial is repeated before it is dropped", "", 0, 20
     )
 
 

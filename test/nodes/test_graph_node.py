@@ -211,7 +211,7 @@ def test_what_is_dumped_can_be_loaded(slave: Node, tmp_path: Path) -> None:
 
 
 def test_only_this_machines_clock_is_taken(slave: Node, start: Callable[..., Command]) -> None:
-    reason = "use_sim_time = True: must be false: samples are stamped"
+    reason = "use_sim_time = True: must be false: simulated time is not supported"
     assert slave.set("use_sim_time", False) == ""
     assert slave.set("use_sim_time", True).startswith(reason)
     assert not slave.values()["use_sim_time"]

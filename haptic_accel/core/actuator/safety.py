@@ -571,7 +571,7 @@ class SafetyLayer:
 
     @property
     def disarmed(self) -> str:
-        """Forces that wait for `arm`, with the reason; empty if there are none."""
+        """Why forces are blocked until `arm` is called; empty if they are not blocked."""
         waiting = [c for c in self._channels if not c.watchdog.armed]
         return ", ".join(f"{c.name}: {c.watchdog.tripped}" for c in waiting)
 

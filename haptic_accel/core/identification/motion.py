@@ -48,9 +48,9 @@ from haptic_accel.core.model import ComplexArray, FloatArray
 # scipy.optimize is slow to import: only a fit needs it.
 
 STEPS = (1e-3, 250e-6)
-"""Maximum steps of the simulation in the first and the last search, s. Friction is held over a
-step; all else is exact. A quarter of the last step changes the motion by a third of the
-accelerometer's noise."""
+"""Maximum steps of the simulation in the first and the last search, s. Friction is constant
+within a step; all else is integrated exactly. A quarter of the last step changes the motion by a
+third of the accelerometer's noise."""
 
 HIGHEST_HARMONIC = 3.0
 """Ratio of the highest compared frequency to the sweep's: dry friction has a third harmonic."""
@@ -366,7 +366,7 @@ class _Problem:
         most: float,
         bounds: tuple[FloatArray, FloatArray],
     ) -> float:
-        """Return the farthest value of a variable with a limited cost, from a first guess."""
+        """Return the most distant value of a variable whose cost stays below the limit."""
         rise = most - self.cost(minimum)
         inside = minimum
         for _ in range(_MOST_STEPS):

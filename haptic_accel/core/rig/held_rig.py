@@ -189,7 +189,7 @@ class HeldRig(ABC):
         """Advance the mechanics by at most a number of steps; return how many."""
 
     def advance(self, time: float) -> None:
-        """Integrate the physics until a time in s; a past time changes nothing."""
+        """Integrate the physics up to `time`, s. Times in the past are ignored."""
         due = round(time / self._step) - self._now
         longest = self._stall if self._started else 0
         if due > longest:

@@ -164,7 +164,7 @@ class SlaveRig:
         return mass * (x - free_x), 0.0, mass * (z - free_z)
 
     def advance(self, time: float) -> None:
-        """Integrate the physics until a time in s; a past time changes nothing."""
+        """Integrate the physics up to `time`, s. Times in the past are ignored."""
         passed = round(time / self._clock_step) - self._now
         if passed <= 0:
             return

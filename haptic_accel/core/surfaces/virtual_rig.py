@@ -144,7 +144,7 @@ class VirtualRig:
         return self.contact.force if self.contact else ZERO
 
     def advance(self, time: float) -> None:
-        """Integrate all samples until a time in s; a past time changes nothing."""
+        """Integrate all samples up to `time`, s. Times in the past are ignored."""
         passed = math.floor(time * self._rate + _WHOLE) - self._now
         if passed <= 0:
             return

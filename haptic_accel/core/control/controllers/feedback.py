@@ -46,8 +46,8 @@ REGAINED = 20e-3
 """Time of uninterrupted valid handle samples before the feedback is faded in again, s."""
 
 FITTING = 2.0
-"""Time for which the response must fit the plant before the feedback returns after saturation of
-the sensor, s of excitation. An unstable loop saturates it repeatedly."""
+"""Duration, in s of excitation, for which the response must match the plant model before feedback
+is switched on again after sensor saturation. An unstable loop saturates the sensor repeatedly."""
 
 INVERSE = "inverse"
 """Name of the feedforward with feedback of deviations from the model only."""
