@@ -1,0 +1,85 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The size of each part of the package, which grows only for a stated need of its users."""
+
+from __future__ import annotations
+
+import ast
+import io
+import tokenize
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
+
+BUDGETS = {
+    "core": 15_150,
+    "analysis": 5_040,
+    "nodes": 4_270,
+    "cli": 3_970,
+    "devices": 3_390,
+    "study": 3_080,
+    "graph": 3_040,
+    "bags": 2_630,
+    "materials": 1_710,
+    "scope": 1_530,
+    "emulators": 830,
+    "links": 700,
+    "pages": 40,
+}
+"""Most lines of code of each folder. Lower a budget with its code; raise it only in a commit that
+says what need of a user it pays for."""
+
+SLACK = 100
+"""Lines by which a folder may be smaller than its budget before the budget must be lowered."""
+
+LAYOUT = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
+
+
+def lines_of_code(source: str) -> int:
+    """Return the number of lines that are not blank, comment or docstring."""
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    lines = {
+        line
+        for token in tokens
+        if token.type not in LAYOUT and token.string
+        for line in range(token.start[0], token.end[0] + 1)
+    }
+    for node in ast.walk(ast.parse(source)):
+        # A text that is a statement documents a module, class, function or constant.
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            lines -= set(range(node.lineno, (node.end_lineno or 0) + 1))
+    return len(lines)
+
+
+def test_every_folder_has_a_budget() -> None:
+    folders = {file.relative_to(PACKAGE).parts[0] for file in PACKAGE.glob("*/**/*.py")}
+    assert folders == BUDGETS.keys()
+
+
+@pytest.mark.parametrize("folder", BUDGETS)
+def test_a_folder_stays_within_its_budget(folder: str) -> None:
+    files = (PACKAGE / folder).rglob("*.py")
+    size = sum(lines_of_code(file.read_text(encoding="utf-8")) for file in files)
+    budget = BUDGETS[folder]
+    assert budget - SLACK <= size <= budget, f"{folder} has {size} lines, its budget is {budget}"
+
+
+def test_blank_lines_comments_and_docstrings_are_no_code() -> None:
+    source = '"""Module."""\n\n# Comment\nA = (\n    1,\n)\n"""Constant."""\n'
+    source += '\ndef f():\n    """Function."""\n    return """\ntext\n"""\n'
+    assert lines_of_code(source) == 7
