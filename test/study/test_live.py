@@ -46,6 +46,10 @@ SECONDS = 2.0
 """Duration of a stimulus, s: the hand is in the air for at most 1.5 s."""
 
 
+MOMENT = 0.5
+"""Duration of a stimulus of which nothing is measured, s."""
+
+
 def condition(**settings: Value) -> Condition:
     return Condition(tuple(settings.items()))
 
@@ -54,6 +58,11 @@ NOTHING = condition(controller="none", gain=1.0)
 WHOLE = condition(controller="inverse", gain=1.0)
 HALF = condition(controller="inverse", gain=0.5)
 ON_VINYL = condition(controller="adaptive", surface="vinyl", grip="hook")
+CANNOT_BE_SET = (
+    condition(controller="inverse", gain=5.0),
+    condition(controller="inverse", surface="nowhere"),
+    condition(controller="inverse", seed=-1.0),
+)
 SEEDS = condition(controller="none", seed=1.0), condition(controller="none", seed=2.0)
 
 
@@ -82,16 +91,31 @@ def rig(
         yield live
 
 
-@pytest.mark.usefixtures("domain")
-def test_conditions_are_presented_in_turn_and_measured(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+def test_conditions_are_presented_in_turn_and_measured_until_an_emergency_stop(
+    tmp_path: Path, observer: Observer, capfd: pytest.CaptureFixture[str]
 ) -> None:
     with rig(tmp_path, NOTHING) as live:
+        with (
+            pytest.raises(ParameterError, match="has a graph already"),
+            rig(tmp_path, WHOLE),
+        ):
+            pass
         nothing, whole, half, vinyl = (
             live.present(each, SECONDS) for each in (NOTHING, WHOLE, HALF, ON_VINYL)
         )
         assert live.exposure > 0.0
         assert not live.is_led
+        for wrong in CANNOT_BE_SET:
+            with pytest.raises(UndeliveredError, match=r"gain|nowhere|seed"):
+                live.present(wrong, SECONDS)
+        stop = observer.node.create_publisher(Bool, EMERGENCY_STOP.name, LATCHED)
+        stop.publish(Bool(data=True))
+        for _ in range(2):
+            with pytest.raises(StoppedError, match="emergency stop"):
+                live.present(WHOLE, 60.0)
+        live.stop()
+        with pytest.raises(StoppedError, match="forces are off"):
+            live.present(WHOLE, SECONDS)
     assert nothing.error == pytest.approx(100.0, abs=5.0)
     assert nothing.rms < 0.2 * nothing.desired_rms
     for each in (whole, half, vinyl):
@@ -123,63 +147,33 @@ def test_conditions_are_presented_in_turn_and_measured(
         assert not desired.values[near].any()
 
 
-@pytest.mark.usefixtures("domain")
-def test_other_arguments_of_the_graph_start_another_one(tmp_path: Path) -> None:
-    begun: list[int] = []
-    with rig(tmp_path, *SEEDS) as live:
-        presented = [
-            live.present(each, SECONDS, lambda: begun.append(time.time_ns()))
-            for each in (*SEEDS, SEEDS[1])
-        ]
-    assert all(at < each.begin for at, each in zip(begun, presented, strict=True))
-    assert [each.bag for each in presented] == ["bags/000", "bags/001", "bags/001"]
-    assert all(read_bag(tmp_path / "P07" / each.bag).signals for each in presented)
-
-
-def test_a_node_that_dies_costs_a_stimulus_and_dying_again_ends_the_session(
+def test_other_arguments_start_another_graph_and_one_that_dies_twice_ends_the_session(
     tmp_path: Path, domain: int
 ) -> None:
     def kill() -> None:
-        os.kill(nodes_of(domain)["compensator"], signal.SIGKILL)
+        os.kill(nodes_of(domain)["composed"], signal.SIGKILL)
 
-    with rig(tmp_path, WHOLE, composed="false") as live:
+    begun: list[int] = []
+    with rig(tmp_path, *SEEDS) as live:
+        presented = [
+            live.present(each, MOMENT, lambda: begun.append(time.time_ns()))
+            for each in (*SEEDS, SEEDS[1])
+        ]
         kill()
-        with pytest.raises(UndeliveredError, match=r"compensator.*graph.log"):
-            live.present(WHOLE, 60.0)
-        assert live.present(WHOLE, SECONDS).bag == "bags/001"
+        with pytest.raises(UndeliveredError, match=r"composed.*graph.log"):
+            live.present(SEEDS[1], 60.0)
+        presented.append(live.present(SEEDS[1], MOMENT))
         kill()
-        with pytest.raises(UndeliveredError, match=r"compensator.*graph.log"):
-            live.present(WHOLE, 60.0)
-        with pytest.raises(UndeliveredError, match=r"compensator.*graph.log"):
-            live.present(WHOLE, 60.0, kill)
+        with pytest.raises(UndeliveredError, match=r"composed.*graph.log"):
+            live.present(SEEDS[1], 60.0)
+        with pytest.raises(UndeliveredError, match=r"composed.*graph.log"):
+            live.present(SEEDS[1], 60.0, kill)
         with pytest.raises(StoppedError, match="twice"):
-            live.present(WHOLE, 60.0)
-
-
-def test_an_emergency_stop_ends_a_stimulus_and_the_session(
-    tmp_path: Path, observer: Observer
-) -> None:
-    with rig(tmp_path, WHOLE) as live:
-        stop = observer.node.create_publisher(Bool, EMERGENCY_STOP.name, LATCHED)
-        stop.publish(Bool(data=True))
-        for _ in range(2):
-            with pytest.raises(StoppedError, match="emergency stop"):
-                live.present(WHOLE, 60.0)
-
-
-@pytest.mark.usefixtures("domain")
-def test_what_cannot_be_set_is_not_presented(tmp_path: Path) -> None:
-    with rig(tmp_path, WHOLE) as live:
-        for wrong in (
-            condition(controller="inverse", gain=5.0),
-            condition(controller="inverse", surface="nowhere"),
-            condition(controller="inverse", seed=-1.0),
-        ):
-            with pytest.raises(UndeliveredError, match=r"gain|nowhere|seed"):
-                live.present(wrong, SECONDS)
-        live.stop()
-        with pytest.raises(StoppedError, match="forces are off"):
-            live.present(WHOLE, SECONDS)
+            live.present(SEEDS[1], 60.0)
+    assert all(at < each.begin for at, each in zip(begun, presented, strict=False))
+    bags = ["bags/000", "bags/001", "bags/001", "bags/002"]
+    assert [each.bag for each in presented] == bags
+    assert all(read_bag(tmp_path / "P07" / bag).signals for bag in bags[:2])
 
 
 @pytest.mark.usefixtures("domain")
@@ -192,7 +186,7 @@ def test_a_page_leads_the_hand_and_sees_the_scene(tmp_path: Path) -> None:
             wait_until(
                 lambda x=x: abs(live.windows.places["handle"][0] - x) < 5e-3, "the hand is there"
             )
-        presented = live.present(WHOLE, SECONDS)
+        presented = live.present(WHOLE, MOMENT)
     assert presented.desired_rms < 0.2  # in the air
     assert presented.error is None
 
@@ -212,13 +206,3 @@ def test_the_network_between_the_arms_changes_while_the_graph_runs(tmp_path: Pat
     assert [each.read_back["network"] for each in presented] == [0.0, 30.0]
     assert {each.bag for each in presented} == {"bags/000"}
     assert all(each.error is not None and each.error < 50.0 for each in presented)
-
-
-@pytest.mark.usefixtures("domain")
-def test_two_rigs_in_one_domain_are_refused(tmp_path: Path) -> None:
-    with (
-        rig(tmp_path, WHOLE),
-        pytest.raises(ParameterError, match="has a graph already"),
-        rig(tmp_path, WHOLE),
-    ):
-        pass
