@@ -48,27 +48,8 @@ from verbs import refusal
 Start = Callable[..., Command]
 Ask = Callable[..., tuple[int, str]]
 
-
-def test_another_controller_takes_over_without_a_jump(
-    haptic_accel: Start, observer: Observer, ask: Ask, tmp_path: Path
-) -> None:
-    graph = haptic_accel("teleop", "rig:=ideal", "controller:=none", "bag:=bag")
-    graph.wait_for("engaged")
-    change = haptic_accel("control", "controller:=adaptive", "reset:=true")
-    assert change.end() == 0, change.text
-    assert change.lines == ["compensator: controller none -> adaptive", "compensator: reset done"]
-    frozen = "compensator: adaptive.frozen False -> True"
-    assert ask("control", "frozen:=true") == (0, frozen)
-    observer.status("compensator", frozen="true")
-    assert graph.end(signal.SIGINT) == 0, graph.text
-    values = read_delivery(tmp_path / "bag", 1000.0).nodes["compensator"]
-    assert values["controller"] == "adaptive"
-    assert values["frozen"] == "true"
-    force = read_bag(tmp_path / "bag").signals[ACTUATOR_FORCE.name].values[:, 2]
-    at = int(np.argmax(force != 0.0))
-    assert 0 < at < len(force) - 100, "no change within the recording"
-    # Faded in: the first of some five samples is a fifth of what follows, at most.
-    assert abs(force[at]) < 3.0
+RATE = 1000.0
+"""Hz."""
 
 
 def test_an_arm_is_armed_beside_a_peer_that_has_the_other(
@@ -85,9 +66,31 @@ def test_an_arm_is_armed_beside_a_peer_that_has_the_other(
     assert graph.lines[-1] == f"next: haptic-accel analyze {tmp_path / 'bag'} PEERS_BAG"
 
 
-def test_surface_grip_and_engagement_change_while_the_graph_runs(
-    haptic_accel: Start, observer: Observer, ask: Ask
-) -> None:
+def take_over(observer: Observer, haptic_accel: Start, ask: Ask) -> None:
+    """Let another controller take over, and freeze it."""
+    change = haptic_accel("control", "controller:=adaptive", "reset:=true")
+    assert change.end() == 0, change.text
+    assert change.lines == ["compensator: controller none -> adaptive", "compensator: reset done"]
+    frozen = "compensator: adaptive.frozen False -> True"
+    assert ask("control", "frozen:=true") == (0, frozen)
+    observer.status("compensator", frozen="true")
+
+
+def check_taken_over(bag: Path) -> None:
+    """Check that the forces of the other controller began without a jump."""
+    values = read_delivery(bag, RATE).nodes["compensator"]
+    assert values["controller"] == "adaptive"
+    assert values["frozen"] == "true"
+    force = read_bag(bag).signals[ACTUATOR_FORCE.name].values[:, 2]
+    at = int(np.argmax(force != 0.0))
+    assert 0 < at < len(force) - 100, "no change within the recording"
+    # Faded in: the first of some five samples is a fifth of what follows, at most.
+    assert abs(force[at]) < 3.0
+
+
+def change_rig(graph: Command, observer: Observer, ask: Ask) -> None:
+    """Change surface, grip and engagement of a graph; what is wrong is refused."""
+
     def value(node: str, name: str) -> Any:
         request = GetParameters.Request(names=[name])
         (found,) = observer.call(GetParameters, f"{node}/get_parameters", request).values
@@ -102,8 +105,6 @@ def test_surface_grip_and_engagement_change_while_the_graph_runs(
         service = f"{node}/set_parameters_atomically"
         return str(observer.call(SetParametersAtomically, service, request).result.reason)
 
-    graph = haptic_accel("teleop", "rate:=250", "record:=false", "surface:=plywood")
-    graph.wait_for("engaged")
     status, said = ask("control", "surface:=vinyl", "grip:=hook", "engage:=false")
     surface, grip, arms = said.splitlines()
     assert (status, arms) == (0, "coupler: let go on request")
@@ -142,7 +143,18 @@ def test_surface_grip_and_engagement_change_while_the_graph_runs(
         felt = np.array([message.accel.linear.z for message in messages])
         assert np.all(np.isfinite(felt))
         assert np.any(felt)
+
+
+def test_controller_surface_grip_and_engagement_change_while_the_graph_runs(
+    haptic_accel: Start, observer: Observer, ask: Ask, tmp_path: Path
+) -> None:
+    words = "rig:=ideal", "controller:=none", "surface:=plywood", f"rate:={RATE:g}", "bag:=bag"
+    graph = haptic_accel("teleop", *words)
+    graph.wait_for("engaged")
+    take_over(observer, haptic_accel, ask)
+    change_rig(graph, observer, ask)
     assert graph.end(signal.SIGINT) == 0, graph.text
+    check_taken_over(tmp_path / "bag")
 
 
 MAT = """materials: {rubber: {stiffness: 800.0}}
