@@ -29,17 +29,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+from sharing import own_domain
 
 from haptic_accel.core.process import module_command
-from running import (
-    Command,
-    MachineStoodStillError,
-    StallWatch,
-    open_ports,
-    reserved_domain,
-    use_domain,
-    wait_until,
-)
+from running import Command, MachineStoodStillError, StallWatch
 from terminals import Terminal
 from verbs import status_of
 
@@ -163,13 +156,10 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+def domain() -> Iterator[int]:
     """Give a test, and every process it starts, a ROS domain of its own on this machine."""
-    with reserved_domain() as number:
-        use_domain(monkeypatch, number)
+    with own_domain() as number:
         yield number
-    # What a test leaves open in its own process would send in the domain of a later one.
-    wait_until(lambda: not any(open_ports(number)), f"nobody is left in ROS domain {number}")
 
 
 @pytest.fixture

@@ -27,16 +27,17 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from sharing import LookAtOneGraph, SharedGraph
 
 from haptic_accel.analysis import load
 from haptic_accel.analysis.summary import summary
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.axes import ALL_AXES
-from haptic_accel.core.process import CUT_SHORT, module_command
+from haptic_accel.core.process import CUT_SHORT, REALTIME, module_command
 from haptic_accel.core.topics import DIAGNOSTICS, MASTER_STOPPED, SIGNALS, TOPICS, reporter
 from haptic_accel.nodes.device_node import STALL
 from observing import Observer
@@ -64,6 +65,9 @@ def stamp_of(message: Any) -> int:
 
 GRAPH_RATE = 1000.0
 """Samples per second of a graph that is not asked for another rate, Hz."""
+
+SECONDS = 2.5
+"""Duration of a graph that ends by itself, s."""
 
 LEAST_TAKEN = 1 / 10
 """Share of the grid that the busiest host for these tests lets a device sample."""
@@ -123,7 +127,7 @@ def check_reported_evenly(bag: Path) -> None:
 def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
     haptic_accel: Start, tmp_path: Path, domain: int, rig: str
 ) -> None:
-    words = ("duration:=4", "bag:=bag", "controller:=constant", "surface:=text")
+    words = (f"duration:={SECONDS:g}", "bag:=bag", "controller:=constant", "surface:=text")
     command = haptic_accel("teleop", f"rig:={rig}", *words)
     assert command.end() == 0, command.text
     messages = deserialised(tmp_path / "bag")
@@ -134,7 +138,7 @@ def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
         *(f"/{topic.name.lstrip('/')}" for topic in TOPICS),
     }
     assert messages[DIAGNOSTICS.name]
-    check_complete(messages, 4.0)
+    check_complete(messages, SECONDS)
     check_followed(messages)
     check_reported_evenly(tmp_path / "bag")
     for topic in SIGNALS:
@@ -160,60 +164,69 @@ def test_a_handle_with_three_coils_follows_the_tool_in_all_axes(
     assert trial.metrics["direction_error_deg"] < 10.0
 
 
-def test_every_topic_comes_at_the_rate_asked_for(haptic_accel: Start, observer: Observer) -> None:
-    command = haptic_accel("teleop", "rate:=400", "record:=false")
-    command.wait_for("engaged")
-    messages = observer.collect(SIGNALS, 200)
-    for topic in SIGNALS:
-        periods = np.diff([stamp_of(message) for message in messages[topic.name]])
-        # Stamps lie on the sampling grid, whatever the machine's load.
-        assert np.median(periods) == pytest.approx(1e9 / 400, rel=0.01), topic
-    assert command.end(signal.SIGINT) == 0, command.text
+class TestGraphAsStarted(LookAtOneGraph):
+    """A graph with a bag, real-time where that is allowed."""
 
+    RATE = 400.0
+    WORDS = ("teleop", "bag:=bag", f"rate:={RATE:g}")
+    VARIABLES: ClassVar = {REALTIME: "yes"}
 
-def test_diagnostics_come_from_every_node(haptic_accel: Start, observer: Observer) -> None:
-    command = haptic_accel("teleop", "bag:=bag")
-    names: set[str] = set()
-    values: dict[str, dict[str, str]] = {}
-    while names != EXECUTABLES:
-        for message in observer.collect((DIAGNOSTICS,), 5)[DIAGNOSTICS.name]:
-            for status in message.status:
-                node = reporter(status.name)[1]
-                names.add(node)
-                values[node] = {pair.key: pair.value for pair in status.values}
-    assert float(values["master_device"]["rate (Hz)"]) == 1000
-    assert int(values["recorder"]["dropped"]) == 0
-    assert values["compensator"]["controller"] == "dynamic"
-    assert command.end(signal.SIGINT) == 0, command.text
+    def test_every_topic_comes_at_the_rate_asked_for(
+        self, graph: SharedGraph, observer: Observer
+    ) -> None:
+        assert graph.command.process.poll() is None
+        messages = observer.collect(SIGNALS, 200)
+        for topic in SIGNALS:
+            periods = np.diff([stamp_of(message) for message in messages[topic.name]])
+            # Stamps lie on the sampling grid, whatever the machine's load.
+            assert np.median(periods) == pytest.approx(1e9 / self.RATE, rel=0.01), topic
 
+    @pytest.mark.usefixtures("graph")
+    def test_diagnostics_come_from_every_node(self, observer: Observer) -> None:
+        names: set[str] = set()
+        values: dict[str, dict[str, str]] = {}
+        while names != EXECUTABLES:
+            for message in observer.collect((DIAGNOSTICS,), 5)[DIAGNOSTICS.name]:
+                for status in message.status:
+                    node = reporter(status.name)[1]
+                    names.add(node)
+                    values[node] = {pair.key: pair.value for pair in status.values}
+        assert float(values["master_device"]["rate (Hz)"]) == self.RATE
+        assert int(values["recorder"]["dropped"]) == 0
+        assert values["compensator"]["controller"] == "dynamic"
 
-def test_ctrl_c_ends_cleanly_and_the_bag_is_whole(
-    haptic_accel: Start, tmp_path: Path, domain: int
-) -> None:
-    command = haptic_accel("teleop", "bag:=bag")
-    command.wait_for("engaged")
-    wait_until(lambda: set(nodes_of(domain)) == JOINT, "all processes of the graph", command)
-    assert command.end(signal.SIGINT) == 0, command.text
-    assert nodes_of(domain) == {}
-    assert "Traceback" not in command.text
-    assert "0 dropped" in command.wait_for("messages")
-    arrangement, stop, *_ = command.lines
-    assert arrangement.startswith("one process for master_device, slave_device, coupler and comp")
-    assert stop.startswith("emergency stop: haptic-accel estop in another terminal;")
-    assert command.lines[-1] == f"next: haptic-accel analyze {tmp_path / 'bag'}"
-    for device in ("master_device", "slave_device"):
-        command.wait_for(rf"\[{device}\].* \d+ of \d+ forces missed their deadline")
-    assert deserialised(tmp_path / "bag")
+    def test_what_makes_forces_is_real_time_where_that_is_allowed(
+        self, graph: SharedGraph
+    ) -> None:
+        wait_for_scheduling(
+            graph.domain, os.SCHED_FIFO if realtime_is_allowed() else os.SCHED_OTHER
+        )
+
+    def test_ctrl_c_ends_cleanly_and_the_bag_is_whole(self, graph: SharedGraph) -> None:
+        command, bag = graph.command, graph.folder / "bag"
+        wait_until(lambda: set(nodes_of(graph.domain)) == JOINT, "all processes", command)
+        graph.end()
+        assert "Traceback" not in command.text
+        assert "0 dropped" in command.wait_for("messages")
+        arrangement, stop, *_ = command.lines
+        assert arrangement.startswith(
+            "one process for master_device, slave_device, coupler and comp"
+        )
+        assert stop.startswith("emergency stop: haptic-accel estop in another terminal;")
+        assert command.lines[-1] == f"next: haptic-accel analyze {bag}"
+        for device in ("master_device", "slave_device"):
+            command.wait_for(rf"\[{device}\].* \d+ of \d+ forces missed their deadline")
+        assert deserialised(bag)
 
 
 def test_a_pause_of_a_simulated_world_counts_as_a_real_handle_would_feel_it(
     haptic_accel: Start, tmp_path: Path, domain: int
 ) -> None:
     pause, latest = 0.09, 0.07  # arms let go after 0.1 s
-    command = haptic_accel("teleop", "bag:=bag", "duration:=4")
+    command = haptic_accel("teleop", "bag:=bag", f"duration:={SECONDS:g}")
     command.wait_for("engaged")
     process = nodes_of(domain)["composed"]
-    time.sleep(1.0)
+    time.sleep(0.5)
     os.kill(process, signal.SIGSTOP)
     time.sleep(pause)
     os.kill(process, signal.SIGCONT)
@@ -235,17 +248,19 @@ def test_a_pause_of_a_simulated_world_counts_as_a_real_handle_would_feel_it(
 
 @pytest.mark.parametrize(
     ("process", "words"),
-    [
-        ("composed", []),
-        pytest.param("recorder", [], marks=pytest.mark.slow),
-        *(pytest.param(n, [APART], marks=pytest.mark.slow) for n in sorted(EXECUTABLES)),
-    ],
+    [("recorder", []), *((name, [APART]) for name in sorted(EXECUTABLES))],
 )
+@pytest.mark.slow
 def test_a_process_that_dies_ends_the_graph_and_is_named(
     haptic_accel: Start, domain: int, process: str, words: list[str]
 ) -> None:
     command = haptic_accel("teleop", "bag:=bag", *words)
     command.wait_for("engaged")
+    check_named_when_killed(command, domain, process)
+
+
+def check_named_when_killed(command: Command, domain: int, process: str) -> None:
+    """Kill a process of a graph, which ends the graph and is named."""
     os.kill(nodes_of(domain)[process], signal.SIGKILL)
     assert command.end() == 1, command.text
     assert f"{process} ended with status -9" in command.text
@@ -292,8 +307,8 @@ def test_middleware_that_aborts_after_a_failure_hides_none(
     assert command.end() == -signal.SIGABRT, command.text
 
 
-def test_a_node_that_stalls_is_named_in_diagnostics(
-    haptic_accel: Start, observer: Observer, domain: int
+def test_a_node_that_stalls_is_named_in_diagnostics_and_a_process_that_dies_ends_the_graph(
+    haptic_accel: Start, observer: Observer, domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def says(node: str, text: str) -> Callable[[Any], bool]:
         return lambda message: any(
@@ -301,8 +316,10 @@ def test_a_node_that_stalls_is_named_in_diagnostics(
             for status in message.status
         )
 
-    command = haptic_accel("teleop", "record:=false")
+    monkeypatch.setenv(REALTIME, "no")
+    command = haptic_accel("teleop", "bag:=bag")
     command.wait_for("engaged")
+    wait_for_scheduling(domain, os.SCHED_OTHER)
     with observer.watching(DIAGNOSTICS) as wait_for:
         wait_for(says("slave_device", ""))
         process = nodes_of(domain)["composed"]
@@ -311,7 +328,7 @@ def test_a_node_that_stalls_is_named_in_diagnostics(
         time.sleep(10 * STALL)
         os.kill(process, signal.SIGCONT)
         wait_for(says("slave_device", "stalled for"))
-    assert command.end(signal.SIGINT) == 0, command.text
+    check_named_when_killed(command, domain, "composed")
 
 
 def start_again(command: Command, domain: int, node: str) -> None:
@@ -337,18 +354,10 @@ def test_a_node_that_fails_comes_back_and_is_stopped_while_the_others_are(
     assert command.end(signal.SIGINT) == 0, command.text
 
 
-@pytest.mark.parametrize("wanted", [True, False])
-def test_what_makes_forces_is_real_time_where_that_is_allowed(
-    haptic_accel: Start, domain: int, monkeypatch: pytest.MonkeyPatch, wanted: bool
-) -> None:
-    monkeypatch.setenv("HAPTIC_ACCEL_REALTIME", "yes" if wanted else "no")
-    command = haptic_accel("teleop")
-    command.wait_for("engaged")
-    expected = os.SCHED_FIFO if wanted and realtime_is_allowed() else os.SCHED_OTHER
-    nodes = nodes_of(domain)
-    for name, process in nodes.items():
+def wait_for_scheduling(domain: int, expected: int) -> None:
+    """Wait until all threads of all nodes are scheduled in one way."""
+    for name, process in nodes_of(domain).items():
         wait_until(partial(runs_as, process, expected), f"{name} is scheduled as it should be")
-    assert command.end(signal.SIGINT) == 0, command.text
 
 
 def runs_as(process: int, scheduling_class: int) -> bool:

@@ -43,6 +43,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.serialization import deserialize_message, serialize_message
+from sharing import own_domain
 from std_msgs.msg import Bool
 
 from haptic_accel.bags.reading import read_bag
@@ -67,7 +68,7 @@ from haptic_accel.materials.folders import preset_file
 from haptic_accel.nodes.graph_node import Endpoint, GraphNode, rivals
 from haptic_accel.nodes.topic_node import message_type, quality
 from observing import Observer
-from running import PATIENCE, Command, nodes_of, reserved_domain, use_domain, wait_until
+from running import PATIENCE, Command, nodes_of, wait_until
 
 numbers = st.floats(allow_nan=False)
 frames = st.text(st.characters(codec="ascii", exclude_characters="\0"))
@@ -163,8 +164,7 @@ def keyed(key: str, values: dict[str, Any]) -> str:
 @pytest.fixture(scope="module")
 def slave(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Node]:
     """Start a device node of the slave for tests of its parameters, which may have any values."""
-    with reserved_domain() as number, pytest.MonkeyPatch.context() as environment:
-        use_domain(environment, number)
+    with own_domain() as number:
         words = ["-m", "haptic_accel.nodes.slave_device"]
         command, observer = Command(words, tmp_path_factory.mktemp("slave")), Observer(number)
         yield Node(command, observer)

@@ -33,12 +33,13 @@ from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterEvent, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
+from sharing import own_domain
 
 from browsing import LISTEN, chromium, received
 from haptic_accel.core.process import REALTIME
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
 from haptic_accel.scope.server import METRICS_PERIOD
-from running import Command, free_port, nodes_of, reserved_domain, use_domain, wait_until
+from running import Command, free_port, nodes_of, wait_until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -105,10 +106,8 @@ def page() -> Iterator[Page]:
 
 @pytest.fixture(scope="module")
 def shared(page: Page, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
-    with reserved_domain() as domain, pytest.MonkeyPatch.context() as environment:
-        use_domain(environment, domain)
-        # Beside a browser that draws, real-time nodes would starve the recorder and the page.
-        environment.setenv(REALTIME, "no")
+    # Beside a browser that draws, real-time nodes would starve the recorder and the page.
+    with own_domain({REALTIME: "no"}) as domain:
         made = Shared(domain, tmp_path_factory.mktemp("scope"), page)
         yield made
         made.graph.end(signal.SIGINT)

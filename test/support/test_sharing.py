@@ -1,0 +1,80 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tests of graphs that several tests look at."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+from sharing import SharedGraph, own_domain
+
+PROGRAM = """
+import signal
+print("[coupler]: engaged", flush=True)
+try:
+    signal.pause()
+except KeyboardInterrupt:
+    raise SystemExit({status})
+"""
+
+
+def graph_like(folder: Path, domain: int, status: int) -> SharedGraph:
+    """Return a shared program that passes for a graph, with an exit status at Ctrl-C."""
+    numbers = iter(range(10))
+
+    def new_folder() -> Path:
+        made = folder / str(next(numbers))
+        made.mkdir()
+        return made
+
+    return SharedGraph(domain, ["-c", PROGRAM.format(status=status)], new_folder)
+
+
+def test_a_shared_graph_starts_once_and_anew_where_it_has_died(tmp_path: Path) -> None:
+    with own_domain() as domain:
+        graph = graph_like(tmp_path, domain, 0)
+        graph.run()
+        first = graph.command
+        graph.run()
+        assert graph.command is first
+        os.kill(first.process.pid, signal.SIGKILL)
+        first.end()
+        graph.run()
+        assert graph.folder == tmp_path / "1"
+        assert graph.command.process.poll() is None
+        graph.end()
+        graph.close()
+        assert graph.command.process.returncode == 0
+
+
+def test_a_shared_graph_that_does_not_end_cleanly_fails_its_last_test(tmp_path: Path) -> None:
+    with own_domain() as domain:
+        graph = graph_like(tmp_path, domain, 1)
+        graph.run()
+        with pytest.raises(AssertionError, match="engaged"):
+            graph.end()
+
+
+def test_a_shared_graph_that_nobody_ended_does_not_outlive_its_tests(tmp_path: Path) -> None:
+    with own_domain() as domain:
+        graph = graph_like(tmp_path, domain, 0)
+        graph.close()  # never begun
+        graph.run()
+        graph.close()
+        assert graph.command.process.returncode == -signal.SIGKILL
