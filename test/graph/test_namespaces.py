@@ -18,17 +18,29 @@
 from __future__ import annotations
 
 import signal
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
 
 from haptic_accel.analysis import load
 from haptic_accel.bags.reading import Bag, read_bag
-from haptic_accel.core.topics import ACTUATOR_FORCE, MASTER_STOPPED, SIGNALS
+from haptic_accel.core.emergency_stop import SETTLING
+from haptic_accel.core.topics import (
+    ACTUATOR_FORCE,
+    COMMON_STOP,
+    COUPLER_STOPPED,
+    EMERGENCY_STOP,
+    MASTER_STOPPED,
+    SIGNALS,
+    SLAVE_STOPPED,
+)
 from observing import Observer
-from running import Command
+from running import Command, wait_until
 from verbs import refusal
 
 CONDITIONS = {
@@ -58,6 +70,37 @@ def check_whole(bag: Bag, namespace: str) -> None:
     assert reported == {CONDITIONS[namespace]["controller"]}
 
 
+def stop_by_topic(graphs: dict[str, Command], observer: Observer) -> None:
+    """Stop the graphs of all namespaces by one topic, which releases none, and release each."""
+
+    def wait_for_states(side: str, stopped: bool) -> None:
+        for topic in (COUPLER_STOPPED, MASTER_STOPPED, SLAVE_STOPPED):
+            observer.wait_for_state(replace(topic, name=f"{side}/{topic.name}"), stopped)
+
+    def release(side: str) -> bool:
+        name = f"{side}/{EMERGENCY_STOP.name}"
+        return bool(observer.call(SetBool, name, SetBool.Request(data=False)).success)
+
+    # As `ros2 topic pub --once /estop` does: reliable, nothing latched.
+    publisher = observer.node.create_publisher(Bool, COMMON_STOP.name, 1)
+    wait_until(lambda: publisher.get_subscription_count() >= 6, "all nodes found")
+    seen = {side: len(graph.lines) for side, graph in graphs.items()}
+    publisher.publish(Bool(data=True))
+    for side in graphs:
+        wait_for_states(side, True)
+    publisher.publish(Bool(data=False))
+    time.sleep(2 * SETTLING)
+    for side in graphs:
+        wait_for_states(side, True)
+    for side, others in (("left", ["right"]), ("right", [])):
+        wait_until(lambda side=side: release(side), f"{side} is released")
+        wait_for_states(side, False)
+        for other in others:
+            wait_for_states(other, True)
+        graphs[side].wait_for("engaged", after=seen[side])
+    observer.node.destroy_publisher(publisher)
+
+
 def test_two_graphs_run_side_by_side_and_do_not_mix(
     haptic_accel: Callable[..., Command],
     ask: Callable[..., tuple[int, str]],
@@ -79,8 +122,11 @@ def test_two_graphs_run_side_by_side_and_do_not_mix(
     status, line = ask("control", "namespace:=left", "surface:=plywood")
     assert (status, "surface.name vinyl -> plywood" in line) == (0, True), line
 
+    stopped = {
+        name: replace(MASTER_STOPPED, name=f"{name}/{MASTER_STOPPED.name}") for name in graphs
+    }
+    stop_by_topic(graphs, observer)
     assert ask("estop", "namespace:=right")[0] == 0
-    stopped = {name: replace(MASTER_STOPPED, name=f"{name}/master/stopped") for name in graphs}
     observer.wait_for_state(stopped["right"], state=True)
     observer.wait_for_state(stopped["left"], state=False)
     force = replace(ACTUATOR_FORCE, name=f"left/{ACTUATOR_FORCE.name}")
