@@ -17,33 +17,17 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-import pytest
-
-from chaos.live_graph import FORCES as DEVICE_FORCES
-from chaos.live_graph import SEPARATE, LiveGraph
+from chaos.live_graph import FORCES, SEPARATE, LiveGraph
 from chaos.traced_node import ARM
 from haptic_accel.core.coupling.engagement import FREE_TIME
-from haptic_accel.core.topics import ACTUATOR_FORCE, MASTER_ARM_FORCE, SLAVE_ARM_FORCE, Topic
 from haptic_accel.graph.processes import COMPOSED
 from observing import Observer
-from running import Command
-
-Start = Callable[..., Command]
-
-NODES = {
-    "slave_device": [],
-    "master_device": [],
-    "compensator": ["--ros-args", "-p", "controller:=constant"],
-    "coupler": ["--ros-args", "-p", "compensated:=true"],
-}
-
-FORCES: tuple[Topic, ...] = (MASTER_ARM_FORCE, SLAVE_ARM_FORCE, ACTUATOR_FORCE)
 
 KILLED = {
     "compensator": {"master_device": ["actuator force"]},
@@ -52,6 +36,33 @@ KILLED = {
     "master_device": {"slave_device": ["arm force"]},
 }
 """Per process the forces that it leaves without a sender."""
+
+ARMS = [force for force in FORCES if force[1] == ARM]
+
+
+@contextmanager
+def running(folder: Path, observer: Observer, arrangement: str) -> Iterator[LiveGraph]:
+    """Run a graph, whose processes end cleanly."""
+    graph = LiveGraph(folder, observer, "constant", arrangement)
+    try:
+        graph.wait_for(graph.flow(), "forces flow")
+        yield graph
+        graph.end_all()
+    finally:
+        graph.kill_all()
+
+
+def stop_for_a_while(graph: LiveGraph, stopped: str) -> None:
+    """Stop a process, and check that the arms are engaged again where they are then."""
+    graph.nodes[stopped].process.send_signal(signal.SIGSTOP)
+    graph.pause(FREE_TIME)
+    graph.forget()
+    continued = time.monotonic()
+    graph.nodes[stopped].process.send_signal(signal.SIGCONT)
+    graph.wait_for(graph.flow(), "forces flow again")
+    for force in ARMS:
+        assert graph.given(force)[0] >= continued + FREE_TIME, force
+    graph.nodes[stopped].wait_for("let go: (no|waiting for the) position of ")
 
 
 def wait_for_silence(observer: Observer, device: str, forces: list[str]) -> None:
@@ -63,54 +74,23 @@ def wait_for_silence(observer: Observer, device: str, forces: list[str]) -> None
     )
 
 
-@pytest.fixture
-def graph(start: Start) -> dict[str, Command]:
-    """Start the four nodes that make forces."""
-    return {name: start("-m", f"haptic_accel.nodes.{name}", *NODES[name]) for name in NODES}
-
-
-def test_forces_whose_sender_was_killed_are_taken_off(
-    graph: dict[str, Command], start: Start, observer: Observer
-) -> None:
-    for killed, left in KILLED.items():
-        graph["coupler"].wait_for("engaged")
-        observer.collect(FORCES, 200)
-        os.kill(graph[killed].process.pid, signal.SIGKILL)
-        graph[killed].end()
-        for device, forces in left.items():
-            wait_for_silence(observer, device, forces)
-        if killed == "master_device":
-            continue
-        # All that is left, anew: who couples must not have been engaged before.
-        for name in {killed, "coupler"}:
-            if name != killed:
-                graph[name].end(signal.SIGINT)
-            graph[name] = start("-m", f"haptic_accel.nodes.{name}", *NODES[name])
-        for device in left:
-            graph[device].lines.clear()
-    for name in ("slave_device", "compensator", "coupler"):
-        assert graph[name].end(signal.SIGINT) == 0, graph[name].text
-
-
-ARMS = [force for force in DEVICE_FORCES if force[1] == ARM]
-
-
-@pytest.mark.parametrize(("arrangement", "stopped"), [(COMPOSED, COMPOSED), (SEPARATE, "coupler")])
 def test_a_process_that_was_stopped_engages_the_arms_again_where_they_are_then(
-    observer: Observer, tmp_path: Path, arrangement: str, stopped: str
+    observer: Observer, tmp_path: Path
 ) -> None:
-    graph = LiveGraph(tmp_path, observer, "constant", arrangement)
-    try:
-        graph.wait_for(graph.flow(), "forces flow")
-        graph.nodes[stopped].process.send_signal(signal.SIGSTOP)
-        graph.pause(FREE_TIME)
-        graph.forget()
-        continued = time.monotonic()
-        graph.nodes[stopped].process.send_signal(signal.SIGCONT)
-        graph.wait_for(graph.flow(), "forces flow again")
-        for force in ARMS:
-            assert graph.given(force)[0] >= continued + FREE_TIME, force
-        graph.nodes[stopped].wait_for("let go: (no|waiting for the) position of ")
-        graph.end_all()
-    finally:
-        graph.kill_all()
+    with running(tmp_path, observer, COMPOSED) as graph:
+        stop_for_a_while(graph, COMPOSED)
+
+
+def test_forces_whose_sender_was_stopped_or_killed_are_taken_off(
+    observer: Observer, tmp_path: Path
+) -> None:
+    with running(tmp_path, observer, SEPARATE) as graph:
+        for killed, left in KILLED.items():
+            graph.wait_for(graph.flow(), "forces flow")
+            if killed == "slave_device":  # the devices have noted silence of the coupler before
+                stop_for_a_while(graph, "coupler")
+            graph.end(killed, signal.SIGKILL, -signal.SIGKILL)
+            for device, forces in left.items():
+                wait_for_silence(observer, device, forces)
+            if killed != "master_device":
+                graph.start(killed)
