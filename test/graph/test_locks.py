@@ -90,11 +90,11 @@ def test_nodes_and_graphs_refuse_to_send_what_another_sends(start: Start, domain
     coupler.wait_for("waiting")
     said = f"has a sender of {TOPIC} already, process {coupler.process.pid} "
     second = start("-m", "haptic_accel.nodes.coupler")
-    assert second.end() == 2, second.text
-    assert second.lines[-1].startswith(f"coupler: ROS domain {domain}: {said}"), second.text
     # A whole number will do for a real one.
     words = ("--ros-args", "-r", "__ns:=/left", "-p", "k_m:=300")
     elsewhere = start("-m", "haptic_accel.nodes.coupler", *words)
+    assert second.end() == 2, second.text
+    assert second.lines[-1].startswith(f"coupler: ROS domain {domain}: {said}"), second.text
     elsewhere.wait_for("waiting")
     for verb in (["teleop"], ["identify", "--out", "a"], ["experiment", "--out", "b"]):
         assert said in refusal(*verb)

@@ -38,36 +38,40 @@ QUIETER = ("rate:=500", "record:=false")
 APART = "composed:=false"
 
 Start = Callable[..., Command]
+Ask = Callable[..., tuple[int, str]]
 
 
 class Hosts:
     """Both graphs, each in a ROS domain of its own."""
 
-    def __init__(self, environment: pytest.MonkeyPatch, start: Start, domains: list[int]) -> None:
-        self._environment, self._start = environment, start
+    def __init__(
+        self, environment: pytest.MonkeyPatch, start: Start, ask: Ask, domains: list[int]
+    ) -> None:
+        self._environment, self._start, self._ask = environment, start, ask
         self.domains = dict(zip(SIDES, domains, strict=True))
         # The ports of the link follow from the namespace: those of a graph by hand stay free.
         self.namespace = f"namespace:=of_{domains[0]}"
 
-    def run(self, side: str, verb: str, *words: str) -> Command:
-        """Start a verb on the host of a side."""
-        self._environment.setenv("ROS_DOMAIN_ID", str(self.domains[side]))
-        return self._start(verb, self.namespace, *words)
-
     def teleop(self, side: str, *words: str) -> Command:
-        return self.run(side, "teleop", f"side:={side}", "peer:=127.0.0.1", *QUIETER, *words)
+        """Start the graph of a side."""
+        self._environment.setenv("ROS_DOMAIN_ID", str(self.domains[side]))
+        words = (f"side:={side}", "peer:=127.0.0.1", *QUIETER, *words)
+        return self._start("teleop", self.namespace, *words)
 
     def stop(self, side: str, *words: str) -> str:
         """Stop a side, or release it; return what is said."""
-        stop = self.run(side, "estop", *words)
-        assert stop.end() == 0, stop.text
-        return stop.lines[-1]
+        self._environment.setenv("ROS_DOMAIN_ID", str(self.domains[side]))
+        status, said = self._ask("estop", self.namespace, *words)
+        assert status == 0, said
+        return said
 
 
 @pytest.fixture
-def hosts(haptic_accel: Start, domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Hosts]:
+def hosts(
+    haptic_accel: Start, ask: Ask, domain: int, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Hosts]:
     with reserved_domain() as other:
-        yield Hosts(monkeypatch, haptic_accel, [domain, other])
+        yield Hosts(monkeypatch, haptic_accel, ask, [domain, other])
 
 
 def test_two_hosts_couple_stop_and_lose_each_other(hosts: Hosts) -> None:

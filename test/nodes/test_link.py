@@ -85,16 +85,24 @@ class Pair:
 
 
 @pytest.fixture
-def pair(
-    start: Callable[..., Command], domain: int, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Pair]:
+def pairs(start: Callable[..., Command]) -> Iterator[Callable[[], Pair]]:
+    """Make pairs of hosts, each with ROS domains of its own."""
     with ExitStack() as stack:
-        domains = {"master": domain, "slave": stack.enter_context(reserved_domain())}
-        ends = {
-            side: stack.enter_context(closing(LocalEnd(COUPLER, number, "")))
-            for side, number in domains.items()
-        }
-        yield Pair(start, ends, domains)
+
+        def made() -> Pair:
+            domains = {side: stack.enter_context(reserved_domain()) for side in SIDES}
+            ends = {
+                side: stack.enter_context(closing(LocalEnd(COUPLER, number, "")))
+                for side, number in domains.items()
+            }
+            return Pair(start, ends, domains)
+
+        yield made
+
+
+@pytest.fixture
+def pair(pairs: Callable[[], Pair]) -> Pair:
+    return pairs()
 
 
 def test_datagrams_cross_and_a_link_that_was_killed_is_met_again(
@@ -228,27 +236,28 @@ def test_with_certificates_of_one_authority_datagrams_cross(
     assert [link.end(signal.SIGTERM) for link in pair.links.values()] == [DONE, DONE]
 
 
-@pytest.mark.parametrize("wrong", ["certificate", "name"])
 def test_what_is_not_of_the_pair_is_refused_in_one_line_and_nothing_passes(
-    pair: Pair, tmp_path: Path, keys: Callable[..., dict[str, Path]], wrong: str
+    pairs: Callable[[], Pair], tmp_path: Path, keys: Callable[..., dict[str, Path]]
 ) -> None:
-    own = keys("own", "10.9.9.9" if wrong == "name" else PEER)
-    given = own["master"]
-    if wrong == "certificate":
-        given = keys("other")["master"]
-        (given / AUTHORITY).write_bytes((own["master"] / AUTHORITY).read_bytes())
-    peer = free_ports()
-    slave = pair.start("slave", tmp_path, peer=peer, keys=str(own["slave"]), **ZENOH)
-    slave.wait_for("the peer connects to port")
-    master = pair.start("master", tmp_path, peer=peer, keys=str(given), **ZENOH)
-    for link in (slave, master):
-        line = link.wait_for("connection refused")
-        assert "haptic-accel keys" in line
-        for end in pair.ends.values():
-            end.send(b"not to be passed")
-        link.wait_for("nothing received for 5 s")
-        assert len(link.lines) < 10
-    assert not pair.received()
+    own, other = keys("own"), keys("other")
+    (other["master"] / AUTHORITY).write_bytes((own["master"] / AUTHORITY).read_bytes())
+    named = keys("named", "10.9.9.9")
+    given = (own["slave"], other["master"]), (named["slave"], named["master"])
+    both = [pairs() for _ in given]  # at once, as either waits for seconds
+    for pair, (slave_keys, master_keys) in zip(both, given, strict=True):
+        peer = free_ports()
+        slave = pair.start("slave", slave_keys.parent, peer=peer, keys=str(slave_keys), **ZENOH)
+        slave.wait_for("the peer connects to port")
+        pair.start("master", master_keys.parent, peer=peer, keys=str(master_keys), **ZENOH)
+    for pair in both:
+        for link in pair.links.values():
+            line = link.wait_for("connection refused")
+            assert "haptic-accel keys" in line
+            for end in pair.ends.values():
+                end.send(b"not to be passed")
+            link.wait_for("nothing received for 5 s")
+            assert len(link.lines) < 10
+        assert not pair.received()
 
 
 def test_a_client_without_a_certificate_is_refused(
