@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import math
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -41,6 +42,9 @@ from running import Command
 Run = Callable[..., Command]
 TEXT_TYPE = 4
 """rcl_interfaces/msg/ParameterType."""
+
+LONG_ENOUGH = 6.0
+"""Recording during which an adaptive controller behaves as in a longer one, s."""
 
 
 def run(folder: Path, **given: object) -> Path:
@@ -129,14 +133,15 @@ def test_a_parameter_changed_while_recording_begins_another_trial(
 def test_any_recorder_gets_what_the_figures_hang_on_though_it_joins_late(
     haptic_accel: Run, observer: Observer, tmp_path: Path
 ) -> None:
-    graph = haptic_accel(
-        "teleop", "rate:=250", "controller:=dynamic", "surface:=vinyl", "duration:=12", "bag:=own"
-    )
+    words = "rate:=250", "controller:=dynamic", "surface:=vinyl", "bag:=own"
+    graph = haptic_accel("teleop", *words)
     graph.wait_for("engaged")
     value = ParameterValue(type=TEXT_TYPE, string_value="adaptive")
     change = SetParameters.Request(parameters=[Parameter(name="controller", value=value)])
     observer.call(SetParameters, "compensator/set_parameters", change)
     recorder = OtherRecorder(observer)
+    recorder.record_until(lambda: recorder.seconds > LONG_ENOUGH, quiet=0.0)
+    graph.process.send_signal(signal.SIGINT)
     recorder.record_until(lambda: graph.process.poll() is not None)
     assert graph.end() == 0, graph.text
     stated = read_metadata(tmp_path / "own").custom

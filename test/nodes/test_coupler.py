@@ -43,11 +43,11 @@ def test_gains_fade_in_while_the_arms_are_coupled(
     graph = haptic_accel("teleop", "bag:=bag", "latency:=2")
     graph.wait_for("engaged")
     for values, samples in (
-        ({"scale": 2.0}, 1000),
+        ({"scale": 2.0}, 500),
         # The damper needs velocities, which nobody has asked for so far.
-        ({"scale": 1, "k_m": 400.0, "k_sl": 300.0, "damping": 2.0}, 3000),
+        ({"scale": 1, "k_m": 400.0, "k_sl": 300.0, "damping": 2.0}, 2000),
     ):
-        wait_for_forces(500)
+        wait_for_forces(200)
         parameters = [Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
         request = SetParameters.Request(parameters=parameters)
         (result, *_) = observer.call(SetParameters, "coupler/set_parameters", request).results
@@ -84,7 +84,7 @@ def test_a_passive_coupling_keeps_account_and_takes_other_gains_of_its_own_alone
         request = SetParameters.Request(parameters=parameters)
         (result, *_) = observer.call(SetParameters, "coupler/set_parameters", request).results
         assert (result.successful, result.reason) == (not refused, refused)
-    observer.collect((SLAVE.arm_force,), 1500)
+    observer.collect((SLAVE.arm_force,), 1000)
     assert graph.end(signal.SIGINT) == 0, graph.text
     bag = read_bag(tmp_path / "bag")
     force, height = (bag.signals[topic.name].values for topic in (SLAVE.arm_force, SLAVE.position))

@@ -54,10 +54,17 @@ class OtherRecorder:
         self._known: set[str] = set()
         self.messages: list[Message] = []
 
-    def record_until(self, ended: Callable[[], bool]) -> None:
-        """Record until something has happened and all messages are received."""
+    @property
+    def seconds(self) -> float:
+        """Time from the first message to the last, s."""
+        if not self.messages:
+            return 0.0
+        return (self.messages[-1].received - self.messages[0].received) * 1e-9
+
+    def record_until(self, ended: Callable[[], bool], quiet: float = QUIET) -> None:
+        """Record until something has happened, and then until no message came for a time in s."""
         looked = last = 0.0
-        while not ended() or time.monotonic() - last < QUIET:
+        while not ended() or time.monotonic() - last < quiet:
             if time.monotonic() - looked > DISCOVERY_PERIOD:
                 self._discover()
                 looked = time.monotonic()
