@@ -183,35 +183,6 @@ def test_a_bag_with_markup_in_its_name_is_only_a_name(tmp_path: Path) -> None:
     assert "<script>alert" not in page
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["nothing"], "nothing: no such file or folder"),
-        (["."], "with bags in it"),
-        (["bag", "--shift", "soon"], "shift = 'soon': must be granted, paper"),
-        (["bag", "--compare"], "compare: needs two bags or folders"),
-        (["bag", "--compare", "surface:a,b"], "compare = 'surface:a,b'"),
-        (["bag", "--out", "there"], "out = 'there': must be a new folder"),
-        (["bag", "--json", "no/where.json"], "json = 'no/where.json'"),
-    ],
-)
-def test_wrong_arguments_are_refused_in_a_line(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    words: list[str],
-    said: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "there").mkdir()
-    if words[0] == "bag":
-        write_bag(tmp_path / "bag", content("none", "text", seconds=1.5))
-    assert status_of("analyze", *words) == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert error.count("\n") == 1
-
-
 def test_of_bags_of_which_nothing_can_be_said_the_status_is_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -305,10 +276,3 @@ def test_the_page_fits_a_telephone(report: Path, browser: Browser) -> None:
     page.wait_for_selector("html[data-drawn='7']")
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
     page.close()
-
-
-def test_a_single_bag_that_cannot_be_read_is_refused_in_one_line(here: Path) -> None:
-    Path("junk.mcap").write_bytes(bytes(range(256)) * 10)
-    expected = "junk.mcap: must be a bag: junk.mcap cannot be read: it is not an MCAP file"
-    assert refusal("analyze", "junk.mcap", "--out", "report") == expected
-    assert not Path("report").exists()

@@ -79,16 +79,3 @@ def test_a_bag_without_a_word_that_can_be_read_is_a_failure(
     (bag / "bag_0.mcap").write_bytes(b"")
     assert status_of("bag", "repair", bag) == 1
     assert "nothing in it can be read" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("action", ["info", "repair"])
-@pytest.mark.parametrize("name", ["missing", "empty", "file"])
-def test_what_is_no_bag_is_refused_in_one_line(
-    tmp_path: Path, action: str, name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "file").write_text("")
-    assert status_of("bag", action, tmp_path / name) == 2
-    line = capsys.readouterr().err
-    assert line.count("\n") == 1
-    assert f"{tmp_path / name}: must be" in line

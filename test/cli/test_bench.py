@@ -25,7 +25,6 @@ import pytest
 from haptic_accel.analysis.latency import merged
 from haptic_accel.core.topics import SIGNALS
 from running import Command, nodes_of
-from verbs import refusal
 
 Start = Callable[..., Command]
 LABELS = {"p50", "p90", "p99", "p99_9", "max"}
@@ -74,22 +73,6 @@ def test_rates_are_compared_and_drawn(haptic_accel: Start, tmp_path: Path) -> No
     assert (tmp_path / "rates.png").read_bytes().startswith(b"\x89PNG")
     assert "highest rate held" in command.text
     assert "a process for each node; composed:=true" in command.text
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (["latency", "--rate", "-5"], "rate"),
-        (["latency", "--pairs", "0"], "pairs"),
-        (["latency", "--seconds", "0.5"], "seconds"),
-        (["latency", "bag:=x"], "bag"),
-        (["latency", "--rates", "100,fast"], "rates"),
-        (["latency", "--rates", "100,0"], "rate"),
-    ],
-)
-@pytest.mark.usefixtures("here")
-def test_wrong_arguments_are_refused_before_anything_runs(words: list[str], named: str) -> None:
-    assert named in refusal("bench", *words)
 
 
 def test_of_several_runs_counts_are_added_and_the_longest_lateness_stays() -> None:

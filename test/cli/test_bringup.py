@@ -43,7 +43,6 @@ from haptic_accel.graph.rig_file import note_step, noted_steps
 from running import Command
 from sound_cards import NAME, sound_card
 from terminals import Terminal
-from verbs import refusal
 
 WORDS = ["-m", "haptic_accel.cli.main", "bringup"]
 PORTS = "ports:=boards/slave,boards/master"
@@ -183,19 +182,6 @@ def test_without_boards_it_says_what_to_plug_in_and_ends(tmp_path: Path) -> None
     assert "NOT PASSED: " in done.stdout
     assert "nowhere: there is no such port" in done.stdout
     assert done.stderr.startswith("haptic-accel: the input ended")
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (["redo:=paint"], "redo"),
-        (["master:=violin"], "master"),
-        (["params_file:=nowhere.yaml"], "nowhere.yaml"),
-        (["rate:=5"], "rate"),
-    ],
-)
-def test_wrong_words_are_refused_in_one_line(words: list[str], named: str) -> None:
-    assert named in refusal("bringup", *words)
 
 
 # At a page

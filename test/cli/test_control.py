@@ -30,7 +30,6 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 
 from haptic_accel.bags.delivery import read_delivery
 from haptic_accel.bags.reading import read_bag
-from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.topics import (
     ACTUATOR_FORCE,
     CONTACT_FORCE,
@@ -43,7 +42,6 @@ from haptic_accel.graph.arguments import SCENE
 from haptic_accel.graph.files import surface_parameters
 from observing import Observer
 from running import PATIENCE, Command, wait_until
-from verbs import refusal
 
 Start = Callable[..., Command]
 Ask = Callable[..., tuple[int, str]]
@@ -184,35 +182,6 @@ def test_another_scene_comes_under_the_tool_while_the_graph_runs(
     assert {*scenes[:-1]} <= {"workshop"}
     assert scenes[-1] == "mat"
     assert len(bag.signals[CONTACT_FORCE.name].values) > 100
-
-
-@pytest.mark.parametrize(
-    ("word", "named"),
-    [
-        ("surface:=jelly", "surface = 'jelly': must be one of plywood"),
-        ("surface:=drag.csv", "surface = 'drag.csv': must be chosen when the graph starts"),
-        ("surface:=mine.yaml", "simulated.surface.friction = -1: must be from 0 to 2"),
-        ("grip:=fist", "grip = 'fist': must be one of keep, average, pinch, hook"),
-        ("engage:=perhaps", "engage = 'perhaps': must be one of keep, true, false"),
-        ("frozen:=perhaps", "frozen = 'perhaps': must be "),
-        ("controler:=adaptive", "controler: no such argument (did you mean controller?)"),
-        (
-            "controller:=magic",
-            f"controller = 'magic': must be one of keep, {', '.join(CONTROLLERS)}",
-        ),
-    ],
-)
-def test_wrong_words_are_refused_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, word: str, named: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    surface = "{ros__parameters: {simulated: {surface: {friction: -1}}}}"
-    Path("mine.yaml").write_text(f"slave_device: {surface}")
-    assert refusal("control", word).startswith(named)
-
-
-def test_nothing_to_change_is_refused() -> None:
-    assert "control" in refusal("control")
 
 
 @pytest.mark.quiet

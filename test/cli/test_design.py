@@ -22,7 +22,7 @@ from pathlib import Path
 import pytest
 
 from running import Command
-from verbs import next_command, refusal
+from verbs import next_command
 
 Start = Callable[..., Command]
 
@@ -61,16 +61,3 @@ def test_what_is_felt_can_be_a_recording(haptic_accel: Start, tmp_path: Path) ->
     assert command.end() == 0, command.text
     figures = json.loads((tmp_path / "figures.json").read_text())
     assert figures["bound_percent"] < figures["nrmse_percent"] < 100.0
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (["controller:=none"], "inverse, feedback, adaptive"),
-        (["rig:=mine"], "rig"),
-        (["--json", "no/such/folder.json"], "json"),
-    ],
-)
-@pytest.mark.usefixtures("here")
-def test_what_cannot_be_is_refused_in_one_line(words: list[str], named: str) -> None:
-    assert named in refusal("design", *words)

@@ -65,13 +65,3 @@ def test_a_ros_that_cannot_be_used_is_named_with_its_reason(
     assert "Traceback" not in command.text
     figures = json.loads((tmp_path / "found.json").read_text())
     assert str(broken.parent) in str(figures["findings"])
-
-
-@pytest.mark.quiet
-def test_a_file_that_cannot_be_written_is_named(haptic_accel: Start) -> None:
-    command = haptic_accel("doctor", "--json", "no/such/folder.json")
-    assert command.end() == 2, command.text
-    assert (
-        command.lines[-1]
-        == "haptic-accel: json = 'no/such/folder.json': No such file or directory"
-    )

@@ -32,7 +32,7 @@ from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.graph.arguments import parse_arguments
 from haptic_accel.graph.files import read_parameter_file
 from running import Command
-from verbs import refusal, status_of
+from verbs import status_of
 
 Start = Callable[..., Command]
 
@@ -124,18 +124,3 @@ def test_without_a_folder_there_is_a_new_one(
     (folder,) = tmp_path.iterdir()
     assert os.listdir(folder) == ["can.yaml"]
     assert written(folder)["master_device"]["kinematics"] == "stage"
-
-
-@pytest.mark.parametrize(
-    ("word", "what"),
-    [
-        ("faults:=fire", "faults: 'fire': must be NAME or NAME@SECONDS of drop"),
-        ("kinematics:=delta", "kinematics = 'delta': must be one of stage, planar, arm"),
-        ("interface:=tin", "can.interface = 'tin': must be one of"),
-        ("surface:=cheese", "surface = 'cheese': must be one of"),
-        ("folder:=/dev/null", "folder = '/dev/null': must be a folder or new"),
-        ("speed:=3", "speed: no such argument"),
-    ],
-)
-def test_a_wrong_argument_is_refused_in_one_line(word: str, what: str) -> None:
-    assert refusal("emulate", "can", word, "duration:=0.05").startswith(what)

@@ -44,7 +44,6 @@ from haptic_accel.devices.serial.protocol import FULL_SCALE
 from haptic_accel.graph.files import read_parameter_file
 from observing import Observer
 from running import PATIENCE, Command
-from verbs import refusal
 
 Start = Callable[..., Command]
 
@@ -201,17 +200,3 @@ def test_a_node_without_its_board_says_so(start: Start) -> None:
     assert node.lines == ["slave_device: /dev/none: there is no such port; is it plugged in?"], (
         node.text
     )
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (["faults:=fire"], "faults: 'fire'"),
-        (["surface:=ice"], "surface = 'ice'"),
-        (["folder:=file"], "folder = 'file'"),
-        (["rate:=1000"], "rate: no such argument"),
-    ],
-)
-def test_what_cannot_be_is_said_in_one_line(here: Path, words: list[str], named: str) -> None:
-    (here / "file").write_text("no folder")
-    assert named in refusal("emulate", "serial", *words)

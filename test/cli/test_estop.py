@@ -41,7 +41,6 @@ from haptic_accel.graph.stop_signal import PendingStop
 from haptic_accel.nodes.topic_node import quality
 from observing import Observer
 from running import BAG_PLAYER, Command, wait_until
-from verbs import refusal
 
 Start = Callable[..., Command]
 Ask = Callable[..., tuple[int, str]]
@@ -281,15 +280,3 @@ def test_a_stop_outlasts_who_gave_it_and_the_coupler_and_all_are_released_or_non
     assert "not confirmed: slave_device did not answer in 3 attempts; the stop is" in said
     observer.wait_for_state(MASTER_STOPPED, True)
     assert nodes["master_device"].end(signal.SIGINT) == 0, nodes["master_device"].text
-
-
-@pytest.mark.parametrize(
-    ("word", "named"),
-    [
-        ("release:=perhaps", "release = 'perhaps': must be true or false"),
-        ("relase:=true", "relase: no such argument"),
-        ("namespace:=a-b", "namespace = 'a-b': must be letters, digits and _"),
-    ],
-)
-def test_wrong_words_are_refused_in_one_line(word: str, named: str) -> None:
-    assert refusal("estop", word).startswith(named)

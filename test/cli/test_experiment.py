@@ -26,7 +26,6 @@ import psutil
 import pytest
 
 from running import Command
-from verbs import refusal
 
 Start = Callable[..., Command]
 NINE = ("experiment", "--lockstep", "duration:=8", "--controllers", "none,constant,dynamic")
@@ -125,10 +124,6 @@ def test_a_network_between_the_arms_costs_no_more_than_what_it_loses(
         errors += [condition["nrmse_percent"] for condition in figures(tmp_path / f"{name}.json")]
     assert errors[1] == pytest.approx(errors[0], abs=8.0)
     assert json.loads((tmp_path / "lossy.json").read_text())["network"]["jitter"] == 0.01
-
-
-def test_a_simulated_network_needs_lockstep() -> None:
-    assert "needs --lockstep" in refusal("experiment", *NETWORK)
 
 
 @pytest.mark.quiet
@@ -253,26 +248,3 @@ def test_a_recording_is_the_input_of_all_controllers(haptic_accel: Start, tmp_pa
     assert {c["surface"] for c in conditions} == {"recording"}
     page = (tmp_path / "report" / "index.html").read_text()
     assert '<th scope="row">surface</th><td class="words">mine.csv</td>' in page
-
-
-def test_an_experiment_needs_a_hand_that_moves_by_itself() -> None:
-    told = refusal("experiment", "master:=pointer")
-    assert "master = 'pointer': an experiment has no user" in told
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (["duration:=0"], "duration"),
-        (["bag:=x"], "bag"),
-        (["slave:=replay"], "slave = 'replay': must be simulated"),
-        (["controller:=magic"], "controller"),
-        (["--out", "."], "out"),
-        (["--json", "no/such/folder.json"], "json"),
-    ],
-)
-@pytest.mark.usefixtures("here")
-def test_wrong_arguments_end_in_one_line_before_anything_runs(
-    words: list[str], named: str
-) -> None:
-    assert named in refusal("experiment", "--lockstep", *words)

@@ -24,7 +24,6 @@ import numpy as np
 import pytest
 
 from running import Command
-from verbs import refusal
 
 Start = Callable[..., Command]
 ROW = {
@@ -137,23 +136,3 @@ def test_what_is_done_is_saved_at_ctrl_c_and_the_same_command_goes_on(
     assert f"{done} of 8 trials are taken from figures.json.part" in again.text
     assert (tmp_path / "figures.json").read_text() == (tmp_path / "whole.json").read_text()
     assert not (tmp_path / "figures.json.part").exists()
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (["--controllers", "none,magic"], "magic"),
-        (["texture"], "'texture': must be one of surfaces"),
-        (["recordings"], "recordings: needs --recording"),
-        (["--rig", "no.yaml"], "no.yaml"),
-        (["--rate", "10"], "rate"),
-        (["--jobs", "0"], "jobs"),
-        (["--hands", "-1"], "hands"),
-        (["--recording", "no.csv", "--recording-rate", "1000"], "no.csv"),
-        (["--recording", "a", "--recording", "b", "--recording-rate", "1"] * 1, "a"),
-        (["--json", "no/such/folder.json"], "json"),
-    ],
-)
-@pytest.mark.usefixtures("here")
-def test_what_cannot_be_is_refused_in_one_line(words: list[str], named: str) -> None:
-    assert named in refusal("bench", "fidelity", *words)

@@ -117,19 +117,11 @@ def test_on_the_papers_rig_models_follow_the_handle_to_400_hz(
 @pytest.mark.parametrize(
     ("words", "status", "named"),
     [
-        (["--lockstep", "--trials", "0"], 2, "trials"),
-        (["--lockstep", "--end-frequency", "600"], 2, "end_frequency"),
         (["--lockstep", "--start-amplitude", "0", "--end-amplitude", "0.001"], 1, "force"),
         (["--lockstep", "--start-amplitude", "0.8", "--trials", "1"], 1, "force limited"),
-        (["--lockstep", "rig:=nothing"], 2, "rig"),
-        (["--lockstep", "--out", "."], 2, "out"),
-        (["--lockstep", "--json", "no/such/folder.json"], 2, "json"),
-        (["--lockstep", "--grips", "pinch,fist"], 2, "fist"),
-        (["--lockstep", "--from", "bag"], 2, "from"),
         (["--lockstep", "--free", "m_h,colour"], 2, "colour"),
         (["--from", "no_bag"], 2, "no_bag"),
         (["--from", "no.csv", "--recording-rate", "1000"], 2, "no.csv"),
-        (["end_frequency:=300", "--end-frequency", "300"], 2, "twice"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(
@@ -395,16 +387,11 @@ def test_three_axes_are_identified_in_lockstep(here: Path) -> None:
     assert (here / "found" / "index.html").is_file()
 
 
-def test_three_axes_have_a_band_of_their_own_and_one_grip(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_three_axes_have_a_band_of_their_own() -> None:
     arguments = IdentifyArguments.from_given(rig="three_axis", duration=2.0)
     assert arguments.band == (8.0, 450.0)
     assert (arguments.duration, arguments.trials) == (2.0, 2)
     assert IdentifyArguments.from_given().band == (10.0, 200.0)
-    words = ("--lockstep", "rig:=three_axis", "--grips", "pinch,hook")
-    assert status_of("identify", *words) == 2
-    assert "grips = pinch, hook: must be one for three axes" in capsys.readouterr().err
 
 
 @pytest.mark.slow

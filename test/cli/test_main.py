@@ -46,7 +46,7 @@ from haptic_accel.graph.arguments import parse_arguments
 from haptic_accel.graph.processes import graph, identification_graph
 from haptic_accel.graph.replay import replay_arguments
 from running import reserved_domain, use_domain
-from verbs import refusal, status_of
+from verbs import status_of
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -139,32 +139,6 @@ def test_help_is_as_wide_as_the_terminal(
     assert status_of("teleop", "--help") == 0
     text, _ = capsys.readouterr().out.split("Examples:")
     assert width - 10 < max(map(len, text.splitlines())) <= width
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ([], "a verb is missing; there are touch, teleop, "),
-        (["dance"], "dance: no such verb; there are touch, teleop, "),
-        (["telepo"], "telepo: no such verb (did you mean teleop?); there are touch, teleop, "),
-        (["bench", "latncy"], "latncy: no such verb (did you mean latency?); there are latency"),
-        (["teleop", "--fast"], "No such option --fast"),
-        (["experiment", "--seedz"], "No such option --seedz Did you mean --seeds?"),
-        (["experiment", "--seeds"], "Option '--seeds' requires an argument."),
-        (["experiment", "--seeds", "two"], "Invalid value for '--seeds': 'two' is not a valid"),
-        (["bench", "latency", "--rates", "1,b"], "Invalid value for '--rates': '1,b': must be"),
-        (["teleop", "fast"], "'fast': must have the form key:=value"),
-        (["teleop", "surfce:=text"], "surfce: no such argument (did you mean surface?); there"),
-        (["teleop", "controller:=dynamc"], "controller = 'dynamc': must be one of none, "),
-        (["bag", "repair"], "Missing argument 'BAG...'."),
-    ],
-)
-def test_wrong_words_are_answered_in_one_line_with_the_nearest(
-    words: list[str], message: str
-) -> None:
-    # click punctuates its messages differently from version to version.
-    found, expected = (re.sub(r"[':.(]", "", text) for text in (refusal(*words), message))
-    assert found.startswith(expected)
 
 
 def command_of(words: Sequence[str]) -> click.Command:
@@ -289,23 +263,6 @@ def test_any_arguments_are_taken_or_refused_in_one_line(
         status = status_of(*line)
     assert status == (2 if written.getvalue() else 0)
     assert len(written.getvalue().splitlines()) <= 1, written.getvalue()
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        "teleop rig:={}.yaml",
-        "teleop params_file:={}",
-        "replay bag:={}",
-        "analyze {}",
-        "bag info {}",
-        "bag info here --json {}",
-        "bag repair {}",
-        "identify --from {} --lockstep",
-    ],
-)
-def test_a_name_longer_than_a_file_can_have_is_refused(words: str) -> None:
-    refusal(*words.format("x" * 300).split())
 
 
 @pytest.mark.parametrize(
@@ -506,13 +463,6 @@ def test_a_report_is_complete_without_a_reader(
     assert {each.name for each in (here / "read").iterdir()} == {
         each.name for each in (here / "unread").iterdir()
     }
-
-
-@pytest.mark.parametrize("words", ["identify --lockstep", "calibrate port:=/dev/null"])
-def test_a_file_to_update_must_exist(here: Path, words: str) -> None:
-    said = refusal(*words.split(), "--update", "no.yaml")
-    assert said == "Invalid value for '--update': File 'no.yaml' does not exist."
-    assert not list(here.iterdir())
 
 
 def test_a_reader_that_has_gone_is_no_error_to_tell(here: Path) -> None:

@@ -110,13 +110,6 @@ def test_what_came_of_it_is_a_bag_that_says_how_it_was_made(
     assert np.array_equal(bag.signals[topics.TOOL_ACCELERATION.name].values[2:], golden)
 
 
-def test_bags_of_the_same_name_are_not_written_over_each_other(tmp_path: Path) -> None:
-    bag = str(DATA / "text")
-    words = [bag, "--lockstep", bag, "--controllers", "none", "--out", tmp_path / "out"]
-    assert refusal("replay", *words).startswith("out: two bags would be called text_none")
-    assert not (tmp_path / "out").exists()
-
-
 def test_bags_in_which_nothing_was_recorded_are_named_and_skipped(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -164,50 +157,3 @@ def test_a_terminal_shows_how_far_a_replay_is(
     assert shares[-1] == 100
     assert "\\x1b" not in command.text
     assert read_bag(tmp_path / "bag").problems == []
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        ([], "bag = ''"),
-        (["nowhere"], "nowhere"),
-        (["{text}", "rate:=11"], "rate = 11.0: must be from 0.1 to 10"),
-        (["{text}", "rate:=fast"], "rate = 'fast'"),
-        (["{text}", "controller:=magic"], "controller = 'magic'"),
-        (
-            ["{text}", "speed:=2"],
-            "speed: no such argument (did you mean seed?); there are bag",
-        ),
-        (["{text}", "replay_speed:=2"], "replay_speed: no such argument"),
-        (["{text}", "duration:=0.1"], "duration = 0.1: must be 0, or 0.2 s at least"),
-        (["{text}", "start:=1"], "start = 1: must leave 0.2 s of 1.1 s"),
-        (["{text}", "sampling_rate:=20"], "sampling_rate = 20.0: must be from 50"),
-        (["{text}", "slave:=simulated"], "slave = 'simulated': must be replay"),
-        (["{csv}", "source:=topics"], "must be a bag with source:=topics"),
-        (["{csv}"], "recording_rate = 0: must be given for a CSV file"),
-        (["{text}", "source:=radio"], "source = 'radio'"),
-        (["{text}", "source:=topics", "rate:=2"], "rate = 2: must be 1 with source:=topics"),
-        (["{text}", "{plywood}"], "without --lockstep"),
-        (["{text}", "bag:={plywood}", "bag:={text}"], "bag: given twice"),
-        (["{no_tool}"], "has no message of slave/tool/acceleration"),
-        (["{no_tool}", "--lockstep"], "has no message of slave/tool/acceleration"),
-        (["{text}", "loop:=true", "--lockstep"], "loop = true: not with --lockstep"),
-        (["{text}", "source:=topics", "--lockstep"], "not with --lockstep"),
-        (["{text}", "master:=replay", "--lockstep"], "not with --lockstep"),
-        (["{text}", "--controllers", "none"], "--controllers: only with --lockstep"),
-        (["{text}", "--controllers", "magic", "--lockstep"], "'magic': must be one of none"),
-    ],
-)
-def test_wrong_words_are_refused_in_one_line(tmp_path: Path, words: list[str], named: str) -> None:
-    places = {name: DATA / name for name in ("text", "plywood")}
-    places["no_tool"] = bag_of(tmp_path / "no_tool", topics.MASTER_POSITION, 300)
-    places["csv"] = tmp_path / "drag.csv"
-    places["csv"].write_text("acceleration\n0.5\n")
-    assert named in refusal("replay", *(word.format(**places) for word in words))
-
-
-@pytest.mark.quiet
-def test_the_command_ends_with_status_2_and_one_line(haptic_accel: Callable[..., Command]) -> None:
-    command = haptic_accel("replay", "nowhere", "controller:=inverse")
-    assert command.end() == 2, command.text
-    assert command.lines == ["haptic-accel: bag = 'nowhere': no such bag or file"]

@@ -27,7 +27,6 @@ import pytest
 
 from browsing import received
 from running import Command, free_port, nodes_of
-from verbs import refusal
 
 Start = Callable[..., Command]
 
@@ -63,18 +62,6 @@ def test_the_graph_outlives_its_scope_and_another_takes_its_place(
     assert "Traceback" not in second.text
     assert looking.end(signal.SIGINT) == 0, looking.text
     assert graph.end(signal.SIGINT) == 0, graph.text
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (["port:=70000"], "port"),
-        (["control:=perhaps"], "control"),
-        (["ports:=1"], "ports"),
-    ],
-)
-def test_wrong_arguments_are_named_before_anything_starts(words: list[str], named: str) -> None:
-    assert refusal("scope", *words).startswith(named)
 
 
 @pytest.mark.quiet

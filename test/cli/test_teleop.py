@@ -44,7 +44,6 @@ from observing import Observer
 from reading import deserialised
 from recordings import RATE, dragged_over, write_recording
 from running import Command, nodes_of, wait_until
-from verbs import refusal
 
 Start = Callable[..., Command]
 EXECUTABLES = {"master_device", "slave_device", "coupler", "compensator", "recorder"}
@@ -390,62 +389,6 @@ def test_a_recorded_surface_is_played(haptic_accel: Start, tmp_path: Path) -> No
     messages = deserialised(tmp_path / "bag", [topic])[topic]
     played = np.trim_zeros([message.accel.linear.z for message in messages])
     assert np.std(played) == pytest.approx(dragged_over("vinyl").std(), rel=0.2)
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (["controller:=magic"], ["controller", "magic", "none, constant, dynamic"]),
-        (["rate:=-1"], ["rate", "-1", "50"]),
-        (["rate:=fast"], ["rate", "fast"]),
-        (["rate:=nan"], ["rate", "nan"]),
-        (["rate:=inf"], ["rate", "inf"]),
-        (["seed:=1.5"], ["seed", "1.5", "whole number"]),
-        (["record:=perhaps"], ["record", "perhaps", "true or false"]),
-        (["surface:=jelly"], ["surface", "jelly", "plywood"]),
-        (["master:=omni"], ["master", "omni", "simulated"]),
-        (["params_file:=nowhere.yaml"], ["params_file", "nowhere.yaml"]),
-        (["params_file:=."], ["params_file"]),
-        (["surface:=no.csv", "recording_rate:=1000"], ["surface", "no.csv", ".csv or .wav"]),
-        (["surface:=no.csv", "slave:=virtual"], ["surface", "no.csv", "slave:=simulated"]),
-        (["speed:=3"], ["speed", "controller"]),
-        (["rate:=500", "rate:=600"], ["rate", "twice"]),
-        (["dynamic"], ["dynamic", "key:=value"]),
-    ],
-)
-@pytest.mark.usefixtures("here")
-def test_wrong_arguments_end_in_one_line(words: list[str], named: list[str]) -> None:
-    line = refusal("teleop", *words)
-    assert all(name in line for name in named), line
-
-
-@pytest.mark.parametrize(
-    ("content", "named"),
-    [
-        ("compensator: {ros__parameters: {constant: {mass: .nan}}}", ["constant.mass", "nan"]),
-        (
-            "compensator: {ros__parameters: {actuator: {peak_force: -6.6}}}",
-            ["actuator.peak_force", "-6.6"],
-        ),
-        ("compensator: {ros__parameters: {pek_force: 6.6}}", ["pek_force", "compensator"]),
-        ("compensater: {ros__parameters: {}}", ["compensater"]),
-        ("/**: {ros__parameters: {k_mm: 3}}", ["k_mm"]),
-        ("coupler: {k_m: 3}", ["coupler", "ros__parameters"]),
-        ("a: [", ["YAML"]),
-        ("\x00", ["YAML"]),
-        ("just words", ["ros__parameters"]),
-    ],
-)
-def test_wrong_files_end_in_one_line(here: Path, content: str, named: list[str]) -> None:
-    (here / "mine.yaml").write_text(content)
-    line = refusal("teleop", "params_file:=mine.yaml")
-    assert all(name in line for name in named), line
-
-
-def test_a_bag_that_is_there_is_refused_before_anything_starts(here: Path) -> None:
-    (here / "bag").mkdir()
-    assert refusal("teleop", "bag:=bag", "duration:=1") == "bag = 'bag': must be a new folder"
-    assert list((here / "bag").iterdir()) == []
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import signal
-from scipy.io import wavfile
 
 from haptic_accel.bags.trial_bag import write_trial
 from haptic_accel.core.parameters import from_flat
@@ -173,65 +172,10 @@ def test_a_model_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert (tmp_path / "vinyl.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (("build", "drag.csv", "--out", "a.yaml"), "rate = 0: must be given for a CSV file"),
-        (("build", "no.csv", "--rate", "1000", "--out", "a.yaml"), "no.csv"),
-        (("build", "drag.csv", "--rate", "100", "--out", "a.yaml"), "at least 500 Hz"),
-        (("build", "drag.csv", "--rate", "1000"), "--out"),
-        (
-            ("build", "drag.csv", "--rate", "1000", "--out", "no/a.yaml"),
-            "out = 'no/a.yaml': No such",
-        ),
-        (
-            ("build", "drag.csv", "--rate", "1000", "--axes", "a,b", "--out", "a.yaml"),
-            "axes = a,b: must be 3 different columns",
-        ),
-        (
-            ("build", "drag.wav", "--out", "a.yaml"),
-            "is a WAV file, must be a CSV file with columns",
-        ),
-        (
-            ("build", "g.csv", "--rate", "2000", "--out", "a.yaml"),
-            "g.csv: column t [ms] says 1000 Hz, rate = 2000: must agree",
-        ),
-        (
-            ("import", "g.csv", "--out", "a.yaml"),
-            "column = acceleration or accel or acc or a: no such column; there are t [ms], speed,"
-            " force, ax [g]",
-        ),
-        (
-            ("build", "g.csv", "--out", "a.yaml"),
-            "no such column; there are t [ms], speed, force, ax [g]; choose one with --axes X,Y,Z",
-        ),
-        (
-            ("build", "slow.csv", "--rate", "1000", "--out", "a.yaml"),
-            "slow.csv: column = speed: no such column; there are force, accel",
-        ),
-        (("show", "oak"), "texture = 'oak': must be one of plywood, text, vinyl"),
-        (("render", "vinyl", "--speed", "-1", "--force", "1", "--out", "a.wav"), "--speed"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_one_line(
-    tmp_path: Path, words: tuple[str, ...], named: str
-) -> None:
-    write_drag(tmp_path / "drag.csv", 1.0)
-    rows = "".join(f"{at},60,1,{at % 7}\n" for at in range(2000))
-    acceleration = "accel" if "--rate" in words else "ax [g]"
-    (tmp_path / "g.csv").write_text(f"t [ms],speed,force,{acceleration}\n{rows}")
-    wavfile.write(tmp_path / "drag.wav", 1000, np.zeros(2000))
-    (tmp_path / "slow.csv").write_text("force,accel\n1,2\n")
-    assert named in refusal("texture", *words)
-
-
 def test_a_bag_is_a_recording(tmp_path: Path) -> None:
     surface = from_flat(SurfaceParameters, surface_parameters("plywood"), "simulated.surface.")
     rig = RigParameters(slave=SlaveRigParameters(surface=surface))
     write_trial(tmp_path / "ply", run_trial("none", rig, duration=4.0), {}, 0)
-    for words in (("--rate", "500"), ("--axes", "x,y,z")):
-        said = refusal("texture", "build", "ply", "--out", "ply.yaml", *words)
-        assert said == f"{words[0][2:]} = {words[1]}: a bag states its own: leave it out"
     assert status_of("texture", "build", "ply", "--out", "ply.yaml", "--json", "ply.json") == 0
     model, built = read_texture(tmp_path / "ply.yaml"), read_texture(SHIPPED / "plywood.yaml")
     # The scripted hand strokes at 0.1 m/s.

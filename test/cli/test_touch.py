@@ -28,7 +28,6 @@ import pytest
 
 from browsing import received
 from running import Command, wait_until
-from verbs import refusal
 
 WITHOUT_ROS = """
 import sys
@@ -84,8 +83,3 @@ def test_the_page_is_opened_where_there_is_a_screen(
         wait_until(lambda: opened.exists() and opened.read_text().strip() == address, "a browser")
     assert touching.end(signal.SIGINT) == 0, touching.text
     assert opened.exists() == bool(screen)
-
-
-def test_a_wrong_surface_and_a_wrong_port_are_named() -> None:
-    assert refusal("touch", "--surface", "ice").startswith("surface = 'ice': must be one of")
-    assert "70000" in refusal("touch", "--port", "70000")
