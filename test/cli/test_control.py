@@ -18,7 +18,6 @@
 from __future__ import annotations
 
 import signal
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -41,27 +40,13 @@ from haptic_accel.core.topics import (
 from haptic_accel.graph.arguments import SCENE
 from haptic_accel.graph.files import surface_parameters
 from observing import Observer
-from running import PATIENCE, Command, wait_until
+from running import Command, wait_until
 
 Start = Callable[..., Command]
 Ask = Callable[..., tuple[int, str]]
 
 RATE = 1000.0
 """Hz."""
-
-
-def test_an_arm_is_armed_beside_a_peer_that_has_the_other(
-    haptic_accel: Start, ask: Ask, domain: int, tmp_path: Path
-) -> None:
-    namespace = f"namespace:=of_{domain}"  # with ports of its own
-    graph = haptic_accel("teleop", namespace, "bag:=bag", "side:=slave", "peer:=127.0.0.1")
-    graph.wait_for(r"recorder\]: recording")
-    deadline = time.monotonic() + PATIENCE
-    # Refused until the device knows whether there is an emergency stop.
-    while (said := ask("control", namespace, "arm:=true")) != (0, "slave_device: armed"):
-        assert time.monotonic() < deadline, said
-    assert graph.end(signal.SIGINT) == 0, graph.text
-    assert graph.lines[-1] == f"next: haptic-accel analyze {tmp_path / 'bag'} PEERS_BAG"
 
 
 def take_over(observer: Observer, haptic_accel: Start, ask: Ask) -> None:

@@ -21,6 +21,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -32,10 +33,11 @@ from running import Command, nodes_of, reserved_domain, wait_until
 
 SIDES = ("master", "slave")
 
-QUIETER = ("rate:=500", "record:=false")
+QUIETER = "rate:=500"
 """Both graphs share the cores of one machine."""
 
 APART = "composed:=false"
+UNRECORDED = "record:=false"
 
 Start = Callable[..., Command]
 Ask = Callable[..., tuple[int, str]]
@@ -55,13 +57,13 @@ class Hosts:
     def teleop(self, side: str, *words: str) -> Command:
         """Start the graph of a side."""
         self._environment.setenv("ROS_DOMAIN_ID", str(self.domains[side]))
-        words = (f"side:={side}", "peer:=127.0.0.1", *QUIETER, *words)
+        words = (f"side:={side}", "peer:=127.0.0.1", QUIETER, *words)
         return self._start("teleop", self.namespace, *words)
 
-    def stop(self, side: str, *words: str) -> str:
-        """Stop a side, or release it; return what is said."""
+    def ask(self, side: str, verb: str, *words: str) -> str:
+        """Run a verb on the host of a side; return what it says."""
         self._environment.setenv("ROS_DOMAIN_ID", str(self.domains[side]))
-        status, said = self._ask("estop", self.namespace, *words)
+        status, said = self._ask(verb, self.namespace, *words)
         assert status == 0, said
         return said
 
@@ -74,8 +76,11 @@ def hosts(
         yield Hosts(monkeypatch, haptic_accel, ask, [domain, other])
 
 
-def test_two_hosts_couple_stop_and_lose_each_other(hosts: Hosts) -> None:
-    graphs = {"master": hosts.teleop("master", APART), "slave": hosts.teleop("slave")}
+def test_two_hosts_couple_stop_and_lose_each_other(hosts: Hosts, tmp_path: Path) -> None:
+    graphs = {
+        "master": hosts.teleop("master", APART, UNRECORDED),
+        "slave": hosts.teleop("slave", "bag:=bag"),
+    }
     for graph in graphs.values():
         graph.wait_for("engaged$")
     observers = {side: Observer(hosts.domains[side]) for side in SIDES}
@@ -88,6 +93,8 @@ def test_two_hosts_couple_stop_and_lose_each_other(hosts: Hosts) -> None:
             observer.close()
     for graph in graphs.values():
         assert graph.end(signal.SIGINT) == 0, graph.text
+    following = f"next: haptic-accel analyze {tmp_path / 'bag'} PEERS_BAG"
+    assert graphs["slave"].lines[-1] == following
 
 
 def _exchange(observers: dict[str, Observer]) -> None:
@@ -105,21 +112,21 @@ def _exchange(observers: dict[str, Observer]) -> None:
 def _stop_and_release(hosts: Hosts, graphs: dict[str, Command]) -> None:
     """Stop one host, which stops the other, and release each by itself."""
     seen = {side: len(graph.lines) for side, graph in graphs.items()}
-    said = hosts.stop("master")
+    said = hosts.ask("master", "estop")
     assert said.startswith("emergency stop: the device is without force")
     # The other host may hear that the arm was let go before it hears of the stop.
     for side, reason in (("master", "emergency stop"), ("slave", "(emergency stop|the peer dis)")):
         graph = graphs[side]
         graph.wait_for(f"let go: {reason}", seen[side])
         graph.wait_for(f"{side}_device.*no force until it is released", seen[side])
-    assert "slave_device" in hosts.stop("slave", "release:=true")
-    assert "master_device" in hosts.stop("master", "release:=true")
+    for side in ("slave", "master"):
+        assert f"{side}_device" in hosts.ask(side, "estop", "release:=true")
     for side, graph in graphs.items():
         graph.wait_for("engaged$", seen[side])
 
 
 def _kill_and_return(hosts: Hosts, graphs: dict[str, Command]) -> None:
-    """Kill one host, which frees the arm of the other, and let it return."""
+    """Kill one host, which frees the arm of the other, arm that alone, and let it return."""
     seen = len(graphs["slave"].lines)
     lost = graphs.pop("master")
     pids = [lost.process.pid, *nodes_of(hosts.domains["master"]).values()]
@@ -128,7 +135,8 @@ def _kill_and_return(hosts: Hosts, graphs: dict[str, Command]) -> None:
             os.kill(pid, signal.SIGKILL)
     lost.end()
     graphs["slave"].wait_for("let go: waiting for the peer's packets", seen)
-    graphs["master"] = hosts.teleop("master")
+    assert hosts.ask("slave", "control", "arm:=true") == "slave_device: armed"
+    graphs["master"] = hosts.teleop("master", UNRECORDED)
     for side, after in (("master", 0), ("slave", seen)):
         graphs[side].wait_for("engaged$", after)
 
