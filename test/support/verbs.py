@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import io
+import re
 import shlex
 from contextlib import redirect_stderr
 
@@ -70,3 +71,8 @@ def refusal(*words: object) -> str:
     command, _, message = line.partition(": ")
     assert command == "haptic-accel"
     return message
+
+
+def tells(line: str, words: str) -> bool:
+    """Return whether a line is the words, in which ``...`` stands for any text."""
+    return bool(re.fullmatch(".*".join(map(re.escape, words.split("..."))), line))
