@@ -24,7 +24,7 @@ import pytest
 
 from haptic_accel.analysis import network
 from haptic_accel.analysis.network import Condition, measure, over
-from verbs import status_of
+from verbs import output_of
 
 FIELDS = (
     *("law", "one_way_ms", "jitter_ms", "loss", "energy_out_mj", "end_speed_m_s"),
@@ -64,14 +64,13 @@ def test_random_networks_give_no_more_energy_than_was_granted() -> None:
 
 
 def test_the_command_prints_and_writes_its_rows(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Its processes are copies of this one; all of its conditions take two minutes.
     monkeypatch.setattr(network, "CONDITIONS", network.CONDITIONS[-1:])
     monkeypatch.setattr(network, "TRIALS", 1)
     table = tmp_path / "table.json"
-    assert status_of("bench", "network", "--json", table) == 0
-    assert "NRMSE" in capsys.readouterr().out
+    assert "NRMSE" in output_of("bench", "network", "--json", table)
     found = json.loads(table.read_text())
     assert (found["trials"], len(found["rows"])) == (1, 1)
     assert 0.0 <= found["worst_energy_over_bound"] <= 1.0

@@ -23,7 +23,7 @@ import pytest
 from bag_maker import NANOSECONDS, START, STRING, Message, record_messages
 from damaged import write_cut_off_bag
 from haptic_accel.bags.facts import custom_data, facts_text
-from verbs import next_command, status_of
+from verbs import next_command, output_of, status_of
 
 FACTS = custom_data(facts_text({"surface": "vinyl", "bag": ""}, {"coupler": {"k_m": 250.0}}))
 
@@ -40,9 +40,8 @@ def bag(tmp_path: Path) -> Path:
     return tmp_path / "bag"
 
 
-def test_a_bag_explains_itself(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert status_of("bag", "info", bag, "--json", bag / "info.json") == 0
-    shown = capsys.readouterr().out
+def test_a_bag_explains_itself(bag: Path) -> None:
+    shown = output_of("bag", "info", bag, "--json", bag / "info.json")
     for said in ("0.50 s, 2 messages", "mcap, 1 file(s)", "surface vinyl", "/said", "of coupler"):
         assert said in shown
     assert "repair" not in shown
@@ -53,15 +52,11 @@ def test_a_bag_explains_itself(bag: Path, capsys: pytest.CaptureFixture[str]) ->
     assert figures["problems"] == []
 
 
-def test_a_bag_that_was_cut_off_is_known_and_repaired(
-    bag: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_bag_that_was_cut_off_is_known_and_repaired(bag: Path) -> None:
     killed = bag.with_name("killed")
-    assert status_of("bag", "info", killed) == 0
-    assert "haptic-accel bag repair makes it whole" in capsys.readouterr().out
+    assert "haptic-accel bag repair makes it whole" in output_of("bag", "info", killed)
     report = bag.with_name("report.json")
-    assert status_of("bag", "repair", bag, killed, "--json", report) == 0
-    shown = capsys.readouterr().out
+    shown = output_of("bag", "repair", bag, killed, "--json", report)
     assert f"{bag}: is whole: 2 messages in 0.50 s" in shown
     assert f"{killed}: is whole again: 2 messages in 0.50 s" in shown
     assert next_command(shown) == ["analyze", str(bag), str(killed)]
@@ -69,8 +64,7 @@ def test_a_bag_that_was_cut_off_is_known_and_repaired(
     assert whole["repairs"] == []
     assert (repaired["path"], repaired["messages"]) == (str(killed), 2)
     assert repaired["repairs"]
-    assert status_of("bag", "info", killed) == 0
-    assert "repair" not in capsys.readouterr().out
+    assert "repair" not in output_of("bag", "info", killed)
 
 
 def test_a_bag_without_a_word_that_can_be_read_is_a_failure(

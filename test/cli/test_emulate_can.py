@@ -32,7 +32,7 @@ from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.graph.arguments import parse_arguments
 from haptic_accel.graph.files import read_parameter_file
 from running import Command
-from verbs import status_of
+from verbs import output_of, status_of
 
 Start = Callable[..., Command]
 
@@ -102,10 +102,10 @@ def written(folder: Path) -> dict[str, CanParameters]:
     return {key[4:]: section["ros__parameters"]["can"] for key, section in content.items()}
 
 
-def test_both_arms_may_be_on_one_bus(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_both_arms_may_be_on_one_bus(tmp_path: Path) -> None:
     bus = ["interface:=virtual", "channel:=one"]
-    assert status_of("emulate", "can", f"folder:={tmp_path}", *bus, "duration:=0.05") == 0
-    assert f"rate:=500 params_file:={tmp_path}/can.yaml" in capsys.readouterr().out
+    shown = output_of("emulate", "can", f"folder:={tmp_path}", *bus, "duration:=0.05")
+    assert f"rate:=500 params_file:={tmp_path}/can.yaml" in shown
     arguments = parse_arguments([f"params_file:={tmp_path}/can.yaml"])
     assert (arguments.master, arguments.slave) == ("can", "can")
     given = written(tmp_path)
@@ -117,7 +117,7 @@ def test_both_arms_may_be_on_one_bus(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_without_a_folder_there_is_a_new_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     assert status_of("emulate", "can", "duration:=0.05", "kinematics:=stage") == 0

@@ -38,7 +38,7 @@ from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters
 from haptic_accel.graph.words import parse_words
 from observing import Observer
 from running import Command
-from verbs import next_command, status_of
+from verbs import next_command, output_of, status_of
 
 Start = Callable[..., Command]
 TABLE_I = {"m_a": 0.018, "k_s": 266.0, "b_s": 2.0, "m_h": 0.128, "k_u": 1500.0, "b_u": 11.0}
@@ -272,8 +272,7 @@ def test_units_are_converted_or_a_mass_outside_all_sense_is_doubted(
     found = ("identify", "--from", "bench.csv", "--duration", "1", "--json", "metrics.json")
     assert status_of(*found, "--recording-rate", "2000") == 2
     assert "column t says 1000 Hz, recording_rate = 2000" in capsys.readouterr().err
-    assert status_of(*found, "--out", "found") == 0
-    told = capsys.readouterr().out
+    told = output_of(*found, "--out", "found")
     metrics = json.loads((here / "metrics.json").read_text())
     mass = TABLE_I["m_h"] * (1 if "[g]" in header else force / acceleration)
     assert metrics["parameters"]["m_h"]["value"] == pytest.approx(mass, rel=0.1)
@@ -357,8 +356,7 @@ def test_a_recording_in_three_axes_gives_one_file_for_the_compensator(
     write_bag(here / "bag", BagContent(signals, arms=False))
     words = ("--start-frequency", "8", "--end-frequency", "450", "--duration", "1")
     fitted = ("--free", "b_s,m_h,k_u,b_u,delay")
-    assert status_of("identify", "--from", "bag", *words, *fitted, "--out", "found") == 0
-    shown = capsys.readouterr().out
+    shown = output_of("identify", "--from", "bag", *words, *fitted, "--out", "found")
     assert "cross-coupling: -1" in shown
     model = here / "found" / "identification.json"
     held = graph_parameters(GraphArguments(params_file=str(here / "found" / "handle.yaml")))

@@ -46,7 +46,7 @@ from haptic_accel.graph.arguments import parse_arguments
 from haptic_accel.graph.processes import graph, identification_graph
 from haptic_accel.graph.replay import replay_arguments
 from running import reserved_domain, use_domain
-from verbs import status_of
+from verbs import output_of, status_of
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -61,12 +61,9 @@ def every_verb() -> Iterator[tuple[str, ...]]:
 
 
 @pytest.mark.parametrize("verb", ["teleop", "experiment"])
-def test_help_lists_every_argument_with_default_and_unit(
-    verb: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert status_of(verb, "--help") == 0
+def test_help_lists_every_argument_with_default_and_unit(verb: str) -> None:
     # A description may go on in the next line.
-    text = re.sub(r"\n {6,}", " ", capsys.readouterr().out)
+    text = re.sub(r"\n {6,}", " ", output_of(verb, "--help"))
     names = ["controller", "surface", "master", "slave", "rate", "duration", "record"]
     for name in [*names, "bag", "params_file", "seed"]:
         assert re.search(rf"^    {name} .*\(default: ", text, re.MULTILINE), text
@@ -95,11 +92,8 @@ def test_help_lists_every_argument_with_default_and_unit(
         ("scope", {"Namespace": ["namespace"]}),
     ],
 )
-def test_help_has_the_arguments_in_groups(
-    verb: str, groups: dict[str, list[str]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert status_of(verb, "--help") == 0
-    _, arguments = capsys.readouterr().out.split("Arguments, each as key:=value:\n")
+def test_help_has_the_arguments_in_groups(verb: str, groups: dict[str, list[str]]) -> None:
+    _, arguments = output_of(verb, "--help").split("Arguments, each as key:=value:\n")
     sections = re.split(r"^  (\S.*):$", arguments, flags=re.MULTILINE)
     found = dict(zip(sections[1::2], sections[2::2], strict=True))
     for heading, names in groups.items():
@@ -107,11 +101,8 @@ def test_help_has_the_arguments_in_groups(
 
 
 @pytest.mark.parametrize("verb", list(every_verb()), ids=" ".join)
-def test_help_begins_with_no_more_than_twenty_words(
-    verb: tuple[str, ...], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert status_of(*verb, "--help") == 0
-    text = capsys.readouterr().out
+def test_help_begins_with_no_more_than_twenty_words(verb: tuple[str, ...]) -> None:
+    text = output_of(*verb, "--help")
     _, options = text.split("\nOptions:\n")
     first = re.findall(r"^  -", options.partition("\n\n")[0], re.MULTILINE)
     for group in text.split("Arguments, each as key:=value:\n")[1:]:
@@ -120,9 +111,8 @@ def test_help_begins_with_no_more_than_twenty_words(
     assert 0 < len(first) <= 20
 
 
-def test_options_for_one_purpose_have_a_heading(capsys: pytest.CaptureFixture[str]) -> None:
-    assert status_of("experiment", "--help") == 0
-    sections = re.split(r"^(\S.*):$", capsys.readouterr().out, flags=re.MULTILINE)
+def test_options_for_one_purpose_have_a_heading() -> None:
+    sections = re.split(r"^(\S.*):$", output_of("experiment", "--help"), flags=re.MULTILINE)
     found = dict(zip(sections[1::2], sections[2::2], strict=True))
     assert "--delay" in found["Network between two hosts, in lockstep"]
     assert "--executor" in found["Trials side by side"]
@@ -132,12 +122,9 @@ def test_options_for_one_purpose_have_a_heading(capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.parametrize("width", [60, 90])
-def test_help_is_as_wide_as_the_terminal(
-    width: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_help_is_as_wide_as_the_terminal(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", str(width))
-    assert status_of("teleop", "--help") == 0
-    text, _ = capsys.readouterr().out.split("Examples:")
+    text, _ = output_of("teleop", "--help").split("Examples:")
     assert width - 10 < max(map(len, text.splitlines())) <= width
 
 
@@ -153,11 +140,8 @@ def command_of(words: Sequence[str]) -> click.Command:
 
 
 @pytest.mark.parametrize("verb", list(every_verb()), ids=" ".join)
-def test_every_verb_explains_itself_and_its_options(
-    verb: tuple[str, ...], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert status_of(*verb, "--help") == 0
-    assert f"Usage: haptic-accel {' '.join(verb)} " in capsys.readouterr().out
+def test_every_verb_explains_itself_and_its_options(verb: tuple[str, ...]) -> None:
+    assert f"Usage: haptic-accel {' '.join(verb)} " in output_of(*verb, "--help")
     command = command_of(verb)
     if isinstance(command, Verb) and any(isinstance(each, Words) for each in command.params):
         assert len(command.examples) == 3
@@ -312,9 +296,8 @@ def test_an_early_end_has_its_status_and_its_line(
     assert capsys.readouterr().err.strip() == written
 
 
-def test_the_version_is_the_package_s(capsys: pytest.CaptureFixture[str]) -> None:
-    assert status_of("--version") == 0
-    assert capsys.readouterr().out == f"haptic-accel {__version__}\n"
+def test_the_version_is_the_package_s() -> None:
+    assert output_of("--version") == f"haptic-accel {__version__}\n"
 
 
 def test_shells_get_a_script(

@@ -34,7 +34,7 @@ from rosbags.typesys import Stores, get_typestore
 from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.graph.files import parameter_paths
-from verbs import refusal, status_of
+from verbs import output_of, refusal, status_of
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -72,22 +72,19 @@ def check_links(page: Path) -> None:
             assert os.path.exists(os.fsencode(page.parent) + b"/" + unquote_to_bytes(link)), link
 
 
-def test_bags_are_read_repaired_replayed_and_analysed(
-    odd: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bags_are_read_repaired_replayed_and_analysed(odd: Path) -> None:
     bag = odd / "text"
     shutil.copytree(DATA / "text", bag)
     (bag / "metadata.yaml").unlink()
-    assert status_of("bag", "repair", bag, "--json", odd / "repair.json") == 0
-    assert next_words(capsys.readouterr().out) == [b"analyze", os.fsencode(bag)]
+    shown = output_of("bag", "repair", bag, "--json", odd / "repair.json")
+    assert next_words(shown) == [b"analyze", os.fsencode(bag)]
     assert status_of("bag", "info", bag, "--json", odd / "info.json") == 0
     assert json.loads((odd / "info.json").read_text())["path"] == str(bag)
     assert status_of("analyze", bag, "--out", odd / "report", "--json", odd / "found.json") == 0
     check_links(odd / "report" / "index.html")
-    capsys.readouterr()
     out = odd / "played"
-    assert status_of("replay", bag, "--lockstep", "duration:=0.5", "--out", out) == 0
-    assert next_words(capsys.readouterr().out) == [b"analyze", os.fsencode(out)]
+    shown = output_of("replay", bag, "--lockstep", "duration:=0.5", "--out", out)
+    assert next_words(shown) == [b"analyze", os.fsencode(out)]
     reference = odd / "reference.json"
     assert status_of("analyze", DATA / "text", "--out", odd / "r", "--json", reference) == 0
     assert without_paths(odd / "found.json") == without_paths(reference)
@@ -118,9 +115,7 @@ def test_a_bag_of_the_other_storage_is_read(odd: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ODD)
-def test_a_bag_of_an_odd_name_is_replayed_into_another(
-    here: Path, capsys: pytest.CaptureFixture[str], name: str
-) -> None:
+def test_a_bag_of_an_odd_name_is_replayed_into_another(here: Path, name: str) -> None:
     shutil.copytree(DATA / "text", here / name)
     assert status_of("replay", here / name, "--lockstep", "duration:=0.5", "--out", "played") == 0
     (out,) = (here / "played").iterdir()
@@ -128,8 +123,7 @@ def test_a_bag_of_an_odd_name_is_replayed_into_another(
     assert not read_bag(out).problems
     (file,) = out.glob("*.mcap")
     assert [entry.name for entry in read_metadata(out).files] == [file.name]
-    assert status_of("bag", "repair", out) == 0
-    assert " is whole: " in capsys.readouterr().out
+    assert " is whole: " in output_of("bag", "repair", out)
 
 
 def test_a_file_that_no_metadata_can_list_is_refused_by_name(here: Path) -> None:
@@ -144,13 +138,10 @@ def test_a_file_that_no_metadata_can_list_is_refused_by_name(here: Path) -> None
     assert read_bag(bag).signals, "still read without metadata.yaml"
 
 
-def test_models_pages_and_parameter_files_are_written_and_read(
-    odd: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_models_pages_and_parameter_files_are_written_and_read(odd: Path) -> None:
     out = odd / "identified"
     short = ("--trials", "1", "--duration", "1")
-    assert status_of("identify", "--lockstep", "rig:=ideal", *short, "--out", out) == 0
-    words = next_words(capsys.readouterr().out)
+    words = next_words(output_of("identify", "--lockstep", "rig:=ideal", *short, "--out", out))
     assert words[1] == os.fsencode(f"params_file:={out / 'handle.yaml'}")
     check_links(out / "index.html")
     again = odd / "again"
@@ -159,8 +150,7 @@ def test_models_pages_and_parameter_files_are_written_and_read(
     render = ("texture", "render", "plywood", "--speed", "80", "--force", "1")
     assert status_of(*render, "--out", odd / "wood.wav") == 0
     assert (odd / "wood.wav").stat().st_size
-    assert status_of("study", "new", "--template", "preference", odd / "study") == 0
-    words = next_words(capsys.readouterr().out)
+    words = next_words(output_of("study", "new", "--template", "preference", odd / "study"))
     assert words == [b"study", b"check", os.fsencode(odd / "study")]
     assert status_of("design", "rig:=ideal", "--json", odd / "design.json") == 0
     assert json.loads((odd / "design.json").read_text())

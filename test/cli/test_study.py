@@ -30,7 +30,7 @@ from haptic_accel.study.folder import Study
 from haptic_accel.study.session import COMPLETE
 from haptic_accel.study.templates import templates
 from studies import TEXT, Scripted, run_session, write_study
-from verbs import next_command, refusal, status_of
+from verbs import next_command, output_of, refusal, status_of
 
 
 @pytest.fixture
@@ -51,8 +51,7 @@ def test_a_study_begins_from_a_template(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "mine"
-    assert status_of("study", "new", "--template", "compensated_or_not", folder) == 0
-    text = capsys.readouterr().out
+    text = output_of("study", "new", "--template", "compensated_or_not", folder)
     assert next_command(text) == ["study", "check", str(folder)]
     message = refusal(*next_command(text))  # describes the study, and refuses its blanks
     assert message.startswith(f"{folder / 'study.yaml'}:")
@@ -106,17 +105,12 @@ def test_people_are_not_called_simulated(study: Study) -> None:
     assert set(pd.read_csv(study.folder / "analysis" / "trials.csv")["observer"]) == {"person"}
 
 
-def test_the_study_of_the_present_folder(
-    study: Study, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_study_of_the_present_folder(study: Study, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(study.folder)
-    assert status_of("study", "check") == 0
-    assert "Compensated or not" in capsys.readouterr().out
+    assert "Compensated or not" in output_of("study", "check")
 
 
-def test_status_tells_progress_and_no_condition(
-    study: Study, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_status_tells_progress_and_no_condition(study: Study, tmp_path: Path) -> None:
     def give_up(_: object) -> None:
         raise KeyboardInterrupt
 
@@ -124,8 +118,7 @@ def test_status_tells_progress_and_no_condition(
     with pytest.raises(KeyboardInterrupt):
         run_session(study, study.begin("P02"), Scripted(study, {"break": give_up}))
     file = tmp_path / "status.json"
-    assert status_of("study", "status", study.folder, "--json", file) == 0
-    shown = capsys.readouterr().out
+    shown = output_of("study", "status", study.folder, "--json", file)
     assert "1 of 12 participants complete" in shown
     assert "conditions are sealed" in shown
     content = json.loads(file.read_text())
@@ -138,14 +131,11 @@ def test_status_tells_progress_and_no_condition(
         assert word not in shown + file.read_text()
 
 
-def test_a_simulated_study_says_that_it_is_one(
-    study: Study, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_simulated_study_says_that_it_is_one(study: Study, tmp_path: Path) -> None:
     folder = tmp_path / "simulated"
-    assert status_of("study", "simulate", study.folder, "--write", folder) == 0
-    assert next_command(capsys.readouterr().out) == ["study", "analyze", str(folder)]
-    assert status_of("study", "status", folder) == 0
-    assert ": simulated observers" in capsys.readouterr().out
+    shown = output_of("study", "simulate", study.folder, "--write", folder)
+    assert next_command(shown) == ["study", "analyze", str(folder)]
+    assert ": simulated observers" in output_of("study", "status", folder)
     assert len(Study(folder).sessions) == 12  # as planned
     message = refusal("study", "simulate", study.folder, "--write", folder)
     assert message.endswith("must be a new folder")
@@ -164,8 +154,7 @@ def test_conditions_stay_sealed_until_a_reason_is_given(
     assert status_of(*words) == 130  # one of twelve is complete, and nobody answers
     assert "1 of 12 participants have completed the study" in capsys.readouterr().out
     assert study.sealed
-    assert status_of(*words, "--yes") == 0
-    assert next_command(capsys.readouterr().out) == ["study", "analyze", str(study.folder)]
+    assert next_command(output_of(*words, "--yes")) == ["study", "analyze", str(study.folder)]
     message = refusal("study", "unblind", study.folder, "--reason", "again")
     assert message == f"{study.folder}: is unblinded already"
     assert status_of("study", "export", study.folder, "--form", "csv") == 0
@@ -178,15 +167,12 @@ def test_nothing_asks_once_all_are_complete(tmp_path: Path) -> None:
     assert status_of("study", "unblind", study.folder, "--reason", "done") == 0
 
 
-def test_a_study_that_runs_is_not_called_interrupted(
-    study: Study, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_study_that_runs_is_not_called_interrupted(study: Study) -> None:
     study.unblind("a look")
     with study.begin("P01"):
-        assert status_of("study", "status", study.folder) == 0
-        assert "running" in capsys.readouterr().out
-        assert status_of("study", "analyze", study.folder) == 0
-        assert "P01 is excluded: session not complete (running)" in capsys.readouterr().out
+        assert "running" in output_of("study", "status", study.folder)
+        shown = output_of("study", "analyze", study.folder)
+        assert "P01 is excluded: session not complete (running)" in shown
 
 
 def test_results_are_not_written_through_a_link(simulated: Study, tmp_path: Path) -> None:
@@ -219,8 +205,7 @@ def test_a_participant_is_deleted_when_confirmed(
     assert status_of(*words) == 130  # nobody answers the question
     assert len(simulated.sessions) == 3
     assert str(simulated.place("S02") / "log.jsonl") in capsys.readouterr().out
-    assert status_of(*words, "--yes") == 0
-    assert "S02 is deleted" in capsys.readouterr().out
+    assert "S02 is deleted" in output_of(*words, "--yes")
     assert [each.participant for each in simulated.sessions] == ["S01", "S03"]
     for file in simulated.folder.rglob("*"):
         assert file.is_dir() or b"S02" not in file.read_bytes()
@@ -259,13 +244,11 @@ def test_every_template_goes_from_its_file_to_exported_data(name: str, tmp_path:
         assert any((tried / "export" / form).iterdir())
 
 
-def test_the_power_of_the_planned_tests(
-    study: Study, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_power_of_the_planned_tests(study: Study, tmp_path: Path) -> None:
     file = tmp_path / "power.json"
     words = "study", "simulate", study.folder, "--studies", 4, "--participants", 5
-    assert status_of(*words, "--jobs", 2, "--json", file) == 0
-    assert "4 simulated studies with 5 participants" in capsys.readouterr().out
+    shown = output_of(*words, "--jobs", 2, "--json", file)
+    assert "4 simulated studies with 5 participants" in shown
     (power,) = json.loads(file.read_text())
     assert (power["name"], power["share"]) == ("told apart", 1.0)  # strengths differ by 3
     assert power["low"] < 1.0 == pytest.approx(power["high"])

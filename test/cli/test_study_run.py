@@ -37,7 +37,7 @@ from haptic_accel.study.session import COMPLETE
 from haptic_accel.study.trials import Presented, UndeliveredError
 from participating import PageRig
 from studies import write_study
-from verbs import next_command, status_of
+from verbs import next_command, output_of, status_of
 
 Act = Callable[[Mapping[str, Any]], tuple[str, Any] | None]
 """Returns what a page sends at a screen, or nothing."""
@@ -219,14 +219,12 @@ def test_a_run_that_is_refused_leaves_no_participant(
 
 
 def test_the_head_of_the_log_is_printed_and_verified(
-    study: Study, visitor: Callable[..., Visitor], capsys: pytest.CaptureFixture[str]
+    study: Study, visitor: Callable[..., Visitor]
 ) -> None:
     visitor()
-    assert status_of(*words(study)) == 0
-    noted = capsys.readouterr().out.partition("for the notebook: P07, line ")[2]
+    noted = output_of(*words(study)).partition("for the notebook: P07, line ")[2]
     line, _, head = noted.strip().partition(", ")
-    assert status_of("study", "verify", study.folder) == 0
-    shown = " ".join(capsys.readouterr().out.split())
+    shown = " ".join(output_of("study", "verify", study.folder).split())
     assert head in shown
     assert f"│ {line} │" in shown
     assert "1 logs do not contradict the journal" in shown

@@ -34,7 +34,7 @@ from haptic_accel.graph.files import surface_parameters
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.materials.texture_files import read_texture
-from verbs import next_command, refusal, status_of
+from verbs import next_command, output_of, refusal, status_of
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -55,14 +55,11 @@ def write_drag(path: Path, force: float) -> None:
     np.savetxt(path, rows, delimiter=",", header="speed,force,accel", comments="", fmt="%.6f")
 
 
-def test_a_model_is_built_from_files_with_a_report(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_model_is_built_from_files_with_a_report(tmp_path: Path) -> None:
     for force in (0.5, 1.0):
         write_drag(tmp_path / f"{force}.csv", force)
     words = ("0.5.csv", "1.0.csv", "--rate", "1000", "--out", "wood.yaml", "--json", "report.json")
-    assert status_of("texture", "build", *words) == 0
-    assert status_of(*next_command(capsys.readouterr().out)) == 0
+    assert status_of(*next_command(output_of("texture", "build", *words))) == 0
     assert (tmp_path / "wood.wav").is_file()
     model = read_texture(tmp_path / "wood.yaml")
     assert model.name == "wood"
@@ -112,15 +109,15 @@ def test_three_axes_are_reduced_to_one_with_the_power_of_all(tmp_path: Path) -> 
 
 
 def test_a_recording_that_shows_no_change_with_speed_and_force_is_called_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
 ) -> None:
     rows = np.column_stack(
         [np.tile([100.0, 1.0], (3000, 1)), np.random.default_rng(0).normal(size=3000)]
     )
     np.savetxt(tmp_path / "one.csv", rows, delimiter=",", header="speed,force,accel", comments="")
     words = ("one.csv", "--rate", "1000", "--out", "one.yaml", "--json", "one.json")
-    assert status_of("texture", "build", *words) == 0
-    assert "does not follow speed and force: no better than" in capsys.readouterr().out
+    shown = output_of("texture", "build", *words)
+    assert "does not follow speed and force: no better than" in shown
     assert json.loads((tmp_path / "one.json").read_text())["follows_speed_and_force"] is False
 
 
@@ -162,9 +159,8 @@ def test_silence_is_rendered_as_silence(tmp_path: Path) -> None:
     assert not read_recording(tmp_path / "ply.wav", 0.0, RATE).any()
 
 
-def test_a_model_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert status_of("texture", "show", "vinyl", "--json", "vinyl.json") == 0
-    shown = capsys.readouterr().out
+def test_a_model_is_shown(tmp_path: Path) -> None:
+    shown = output_of("texture", "show", "vinyl", "--json", "vinyl.json")
     assert "licence: Apache-2.0" in shown
     about = json.loads((tmp_path / "vinyl.json").read_text())
     assert about["name"] == "vinyl"
@@ -202,17 +198,14 @@ def test_shipped_textures_state_their_licence_and_are_small(name: str) -> None:
     assert about.calibration
 
 
-def test_what_was_rendered_is_imported_with_its_strength(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_was_rendered_is_imported_with_its_strength(tmp_path: Path) -> None:
     words = ("plywood", "--speed", "110", "--force", "1", "--seconds", "10", "--out", "ply.wav")
     assert status_of("texture", "render", *words) == 0
     assert "calibration = nothing: must be" in refusal(
         "texture", "import", "ply.wav", "--out", "a.yaml"
     )
     words = ("ply.wav", "--calibration", str(5 * 9.80665), "--out", "again.yaml")
-    assert status_of("texture", "import", *words) == 0
-    assert "licence: none stated" in capsys.readouterr().out
+    assert "licence: none stated" in output_of("texture", "import", *words)
     frequency = np.linspace(40.0, 450.0, 200)
     first, again = (
         read_texture(path).spectrum(0.11, 1.0, frequency)

@@ -20,7 +20,7 @@ from __future__ import annotations
 import io
 import re
 import shlex
-from contextlib import redirect_stderr
+from contextlib import redirect_stderr, redirect_stdout
 
 import click
 
@@ -38,6 +38,15 @@ def status_of(*words: object) -> int:
         assert isinstance(end.code, int)
         return end.code
     raise AssertionError("the command did not exit")
+
+
+def output_of(*words: object) -> str:
+    """Run a command that is done, and return what it writes to stdout."""
+    written = io.StringIO()
+    with redirect_stdout(written):
+        status = status_of(*words)
+    assert status == 0, written.getvalue()
+    return written.getvalue()
 
 
 def next_command(text: str) -> list[str]:
