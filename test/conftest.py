@@ -156,6 +156,23 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
+def ran(here: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Run a verb without a graph in this process and an empty folder: ``ran(VERB, *WORDS)``.
+
+    It must succeed; gives what it wrote.
+    """
+
+    def run(*words: object) -> str:
+        capsys.readouterr()
+        status = status_of(*words)
+        captured = capsys.readouterr()
+        assert status == 0, captured.out + captured.err
+        return captured.out + captured.err
+
+    return run
+
+
+@pytest.fixture
 def domain() -> Iterator[int]:
     """Give a test, and every process it starts, a ROS domain of its own on this machine."""
     with own_domain() as number:

@@ -34,7 +34,6 @@ from haptic_accel.analysis import load
 from haptic_accel.analysis.page import write_page
 from haptic_accel.core import topics
 from haptic_accel.core.trial import Trial
-from running import Command
 from verbs import refusal, status_of
 
 if TYPE_CHECKING:
@@ -125,32 +124,25 @@ def test_the_page_needs_nothing_but_itself(report: Path) -> None:
         assert heading in page
 
 
-@pytest.mark.quiet
-def test_what_a_person_reads(
-    bags: Path, tmp_path: Path, haptic_accel: Callable[..., Command]
-) -> None:
-    words = ("--shift", "measured", "--out", tmp_path / "out")
-    command = haptic_accel("analyze", bags / "seed0", *words)
-    assert command.end() == 0, command.text
-    assert "Table II" in command.text
-    assert re.search(r"constant .*40\.\d ", command.text)
-    assert "1 trial: too few for an interval" in " ".join(command.text.split())
-    assert "3 trials from 3 bags" in command.text
-    assert "No sample was lost." in command.text
+def test_what_a_person_reads(bags: Path, ran: Callable[..., str]) -> None:
+    text = ran("analyze", bags / "seed0", "--shift", "measured", "--out", "out")
+    assert "Table II" in text
+    assert re.search(r"constant .*40\.\d ", text)
+    assert "1 trial: too few for an interval" in " ".join(text.split())
+    assert "3 trials from 3 bags" in text
+    assert "No sample was lost." in text
 
 
-@pytest.mark.quiet
 def test_bags_side_by_side_give_the_same_and_each_is_told_as_it_ends(
-    haptic_accel: Callable[..., Command], bags: Path, tmp_path: Path
+    ran: Callable[..., str], bags: Path, tmp_path: Path
 ) -> None:
     found = {}
     for jobs in ("1", "3"):
-        command = haptic_accel(
-            *("analyze", str(bags / "seed0"), "--jobs", jobs),
+        text = ran(
+            *("analyze", bags / "seed0", "--jobs", jobs),
             *("--json", f"{jobs}.json", "--out", jobs),
         )
-        assert command.end() == 0, command.text
-        assert "3 of 3: plywood_none: none on plywood 100.0 % (limited bound " in command.text
+        assert "3 of 3: plywood_none: none on plywood 100.0 % (limited bound " in text
         found[jobs] = json.loads((tmp_path / f"{jobs}.json").read_text())
     assert found["1"] == found["3"]
 
