@@ -121,8 +121,8 @@ _LEGEND: Style = {"loc": "upper left", "frameon": False, "borderaxespad": 0}
 _LEGEND |= {"fontsize": _LABEL, "borderpad": 0, "handlelength": 1.8}
 _KEY: Style = {"loc": "lower left", "frameon": False, "borderaxespad": 0, "columnspacing": 1.0}
 _KEY |= {"fontsize": _TICK, "borderpad": 0.2, "handlelength": 1.6, "bbox_to_anchor": (0, 1.0)}
-# Text of PDF plots as TrueType, as publishers reject matplotlib's default Type 3.
-_EMBEDDED: dict[Any, Any] = {"pdf.fonttype": 42, "font.family": "sans-serif"}
+EMBEDDED: dict[Any, Any] = {"pdf.fonttype": 42, "font.family": "sans-serif"}
+"""Text of PDF plots as TrueType, as publishers reject matplotlib's default Type 3."""
 
 
 @dataclass(frozen=True)
@@ -535,7 +535,7 @@ def _named_rows(names: Sequence[str], x: str, square: bool = False) -> tuple[Fig
 
 def save(plots: Mapping[str, Figure], folder: Path) -> Iterator[str]:
     """Write plots by name as PNG and PDF; yield the file names."""
-    with mpl.rc_context(_EMBEDDED):
+    with mpl.rc_context(EMBEDDED):
         for name, figure in plots.items():
             for suffix in ("png", "pdf"):
                 figure.savefig(folder / f"{name}.{suffix}", dpi=DPI)
