@@ -555,13 +555,15 @@ def test_how_a_trial_ran_is_not_guessed(tmp_path: Path) -> None:
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize(
-    "name",
+    ("name", "value"),
     [
-        t.name
-        for t in (topics.DESIRED_ACCELERATION, topics.HANDLE_ACCELERATION, topics.ACTUATOR_FORCE)
+        (topics.DESIRED_ACCELERATION.name, 1e10),
+        (topics.DESIRED_ACCELERATION.name, -1.7e308),
+        (topics.HANDLE_ACCELERATION.name, 1e200),
+        (topics.HANDLE_ACCELERATION.name, -1.7e308),
+        (topics.ACTUATOR_FORCE.name, -1.7e308),
     ],
 )
-@pytest.mark.parametrize("value", [1e10, 1e200, -1.7e308])
 def test_a_signal_with_a_damaged_value_is_not_used(
     tmp_path: Path, name: str, value: float
 ) -> None:

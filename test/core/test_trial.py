@@ -55,7 +55,8 @@ SIGNALS = (
     "actuator_force",
 )
 SHORT = 3.0  # s: approach and three strokes
-USERS = 5
+USERS = {"paper": 5, "ideal": 2}
+"""Users of a mean: the paper's figures are held more closely than an order."""
 
 
 @lru_cache
@@ -138,7 +139,7 @@ def test_on_the_ideal_rig_the_error_is_less_than_the_papers() -> None:
 
 def mean_nrmse(surface: str, controller: str, rig: str) -> float:
     """Return the mean over a handful of users, %."""
-    return fmean(nrmse(trial(surface, controller, seed, rig)) for seed in range(USERS))
+    return fmean(nrmse(trial(surface, controller, seed, rig)) for seed in range(USERS[rig]))
 
 
 @pytest.mark.parametrize("surface", SURFACES)

@@ -74,7 +74,7 @@ def test_grips_are_fitted_one_by_one_and_together() -> None:
     assert pinch.k_u < found.fit.handle.k_u < hook.k_u
 
 
-@pytest.mark.parametrize("latency", [0, 1, 20])
+@pytest.mark.parametrize("latency", [0, 20])
 def test_the_delay_found_is_that_of_the_hardware_alone(latency: int) -> None:
     rig = replace(RIG, drive=replace(RIG.drive, delay=150e-6))
     trials = run_identification(rig, SWEEP, RATE, seed=3, latency=latency)

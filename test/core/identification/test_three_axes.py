@@ -106,7 +106,8 @@ def covered(seeds: range) -> float:
 
 
 def test_intervals_cover_the_parameters() -> None:
-    assert covered(range(4)) >= 0.85
+    # Of 30 intervals that are too narrow by half, 20 would hold the truth.
+    assert covered(range(2)) >= 0.85
 
 
 @pytest.mark.slow
