@@ -73,7 +73,7 @@ def test_the_plant_of_a_noisy_recording_is_within_a_tenth_of_a_decibel() -> None
 
 
 def test_dry_friction_is_fitted_and_not_part_of_the_plant() -> None:
-    found = identify(trials(plant(), friction=0.05), (*WITHOUT_FRICTION, "friction"))
+    found = identify(trials(plant(), 1, friction=0.05), (*WITHOUT_FRICTION, "friction"))
     magnitude, phase = errors(found.plant, plant())
     assert magnitude < 0.2
     assert phase < 1.0
