@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -153,6 +154,9 @@ def test_other_arguments_start_another_graph_and_one_that_dies_twice_ends_the_se
     def kill() -> None:
         os.kill(nodes_of(domain)["composed"], signal.SIGKILL)
 
+    def kill_meanwhile() -> None:
+        threading.Timer(MOMENT, kill).start()
+
     begun: list[int] = []
     with rig(tmp_path, *SEEDS) as live:
         presented = [
@@ -163,11 +167,9 @@ def test_other_arguments_start_another_graph_and_one_that_dies_twice_ends_the_se
         with pytest.raises(UndeliveredError, match=r"composed.*graph.log"):
             live.present(SEEDS[1], 60.0)
         presented.append(live.present(SEEDS[1], MOMENT))
-        kill()
-        with pytest.raises(UndeliveredError, match=r"composed.*graph.log"):
-            live.present(SEEDS[1], 60.0)
-        with pytest.raises(UndeliveredError, match=r"composed.*graph.log"):
-            live.present(SEEDS[1], 60.0, kill)
+        for _ in range(2):
+            with pytest.raises(UndeliveredError, match=r"composed.*graph.log"):
+                live.present(SEEDS[1], 60.0, kill_meanwhile)
         with pytest.raises(StoppedError, match="twice"):
             live.present(SEEDS[1], 60.0)
     assert all(at < each.begin for at, each in zip(begun, presented, strict=False))
