@@ -69,13 +69,20 @@ class SharedGraph:
         self._begun = False
 
     def run(self) -> None:
-        """Start the graph where it does not run, and wait until its arms are engaged."""
+        """Start the graph where it does not run, and wait until its arms are engaged.
+
+        One whose arms did not engage is not left for the next test.
+        """
         if self._begun and self.command.process.poll() is None:
             return
         self.close()  # what may be left of one that died
         self.folder, self._begun = self._new_folder(), True
         self.command = Command(self._words, self.folder)
-        self.command.wait_for("engaged")
+        try:
+            self.command.wait_for("engaged")
+        except AssertionError:
+            self.close()
+            raise
 
     def end(self) -> None:
         """End the graph by Ctrl-C, cleanly."""

@@ -25,22 +25,30 @@ import pytest
 from sharing import SharedGraph, own_domain
 
 PROGRAM = """
-import signal
-print("[coupler]: engaged", flush=True)
+import os, signal
 try:
+    while os.path.exists("stalled"):
+        signal.pause()
+    print("[coupler]: engaged", flush=True)
     signal.pause()
 except KeyboardInterrupt:
     raise SystemExit({status})
 """
 
 
-def graph_like(folder: Path, domain: int, status: int) -> SharedGraph:
-    """Return a shared program that passes for a graph, with an exit status at Ctrl-C."""
+def graph_like(folder: Path, domain: int, status: int, stalled: int = -1) -> SharedGraph:
+    """Return a shared program that passes for a graph.
+
+    It has an exit status at Ctrl-C, and a start that never engages the arms.
+    """
     numbers = iter(range(10))
 
     def new_folder() -> Path:
-        made = folder / str(next(numbers))
+        number = next(numbers)
+        made = folder / str(number)
         made.mkdir()
+        if number == stalled:
+            (made / "stalled").touch()
         return made
 
     return SharedGraph(domain, ["-c", PROGRAM.format(status=status)], new_folder)
@@ -61,6 +69,19 @@ def test_a_shared_graph_starts_once_and_anew_where_it_has_died(tmp_path: Path) -
         graph.end()
         graph.close()
         assert graph.command.process.returncode == 0
+
+
+def test_a_shared_graph_that_a_stall_kept_from_engaging_is_started_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with own_domain() as domain:
+        graph = graph_like(tmp_path, domain, 0, stalled=0)
+        with monkeypatch.context() as impatient:
+            impatient.setattr("running.PATIENCE", 0.1)
+            with pytest.raises(AssertionError, match="no line like 'engaged'"):
+                graph.run()
+        graph.run()
+        graph.end()
 
 
 def test_a_shared_graph_that_does_not_end_cleanly_fails_its_last_test(tmp_path: Path) -> None:
