@@ -41,6 +41,7 @@ from running import Command
 from verbs import next_command, output_of, status_of
 
 Start = Callable[..., Command]
+WITHOUT_FRICTION = ("--free", "b_s,m_h,k_u,b_u,delay")  # whose fit takes ten times as long
 TABLE_I = {"m_a": 0.018, "k_s": 266.0, "b_s": 2.0, "m_h": 0.128, "k_u": 1500.0, "b_u": 11.0}
 
 
@@ -268,6 +269,7 @@ def test_units_are_converted_or_a_mass_outside_all_sense_is_doubted(
     table = np.column_stack([times, *columns])
     np.savetxt(here / "bench.csv", table, delimiter=",", header="t," + header, comments="")
     found = ("identify", "--from", "bench.csv", "--duration", "1", "--json", "metrics.json")
+    found += WITHOUT_FRICTION
     assert status_of(*found, "--recording-rate", "2000") == 2
     assert "column t says 1000 Hz, recording_rate = 2000" in capsys.readouterr().err
     told = output_of(*found, "--out", "found")
@@ -294,6 +296,7 @@ def test_a_recording_that_hit_the_stops_is_refused_by_its_estimated_travel(
 ) -> None:
     recording(1.2, here / "hard.csv")
     words = ("--recording-rate", "1000", "--duration", "1", "--start-amplitude", "1.2")
+    words += WITHOUT_FRICTION
     assert status_of("identify", "--from", "hard.csv", *words, "--out", "found") == 1
     told = capsys.readouterr().err
     assert "travel = " in told
@@ -353,8 +356,8 @@ def test_a_recording_in_three_axes_gives_one_file_for_the_compensator(
     }
     write_bag(here / "bag", BagContent(signals, arms=False))
     words = ("--start-frequency", "8", "--end-frequency", "450", "--duration", "1")
-    fitted = ("--free", "b_s,m_h,k_u,b_u,delay")
-    shown = output_of("identify", "--from", "bag", *words, *fitted, "--out", "found")
+    words += WITHOUT_FRICTION
+    shown = output_of("identify", "--from", "bag", *words, "--out", "found")
     assert "cross-coupling: -1" in shown
     model = here / "found" / "identification.json"
     held = graph_parameters(GraphArguments(params_file=str(here / "found" / "handle.yaml")))
@@ -367,14 +370,13 @@ def test_a_recording_in_three_axes_gives_one_file_for_the_compensator(
     assert np.abs(np.angle(ratio, deg=True)).max() < 5.0
     # Several grips are not pooled.
     grips = ("--from", "pinch=bag", "--from", "hook=bag")
-    assert status_of("identify", *grips, *words, *fitted, "--out", "again") == 2
+    assert status_of("identify", *grips, *words, "--out", "again") == 2
     assert "grips = pinch, hook: must be one for three axes" in capsys.readouterr().err
 
 
 def test_three_axes_are_identified_in_lockstep(here: Path) -> None:
-    fitted = ("--free", "b_s,m_h,k_u,b_u,delay", "--json", "metrics.json", "--out", "found")
-    words = ("rig:=three_axis_ideal", "--trials", "1")
-    assert status_of("identify", "--lockstep", *words, *fitted) == 0
+    words = ("rig:=three_axis_ideal", "--trials", "1", "--json", "metrics.json", "--out", "found")
+    assert status_of("identify", "--lockstep", *words, *WITHOUT_FRICTION) == 0
     metrics = json.loads((here / "metrics.json").read_text())
     assert metrics["max_magnitude_error_db"] < 1.0
     assert metrics["max_phase_error_deg"] < 5.0

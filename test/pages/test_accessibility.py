@@ -135,6 +135,7 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
     live = Run(every, arguments, None, lockstep=False, expected=dict.fromkeys(arguments, 70.0))
     write_experiment(live, analysis, folder / "experiment", "A warning.")
     words = ("--lockstep", "--grips", "pinch,hook", "trials:=2", "duration:=1")
+    words += ("--free", "b_s,m_h,k_u,b_u,delay")
     assert status_of("identify", *words, "--out", folder / "identification") == 0
     study = read_protocol(templates()["compensated_or_not"])
     sessions = simulate_study(study, 4, 1)

@@ -94,7 +94,7 @@ def numbers(visit: Visit) -> list[int]:
     return [number for number, _ in visit.answers]
 
 
-def test_a_session_of_20_trials_by_keys_alone(page: Page, visit: Visit) -> None:
+def test_a_session_by_keys_alone(page: Page, visit: Visit) -> None:
     visit.begin()
     agree(page)
     ways: list[tuple[tuple[str, ...], str]] = [

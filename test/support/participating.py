@@ -35,7 +35,7 @@ from studies import TEXT, write_study
 ENGLISH = {word: word.replace("_", " ") for word in read_texts("en")} | {"language": "en"}
 """Words of the page, each its own key."""
 
-TRIALS = 20
+TRIALS = 10
 
 PARTICIPANT = "P07"
 

@@ -105,8 +105,8 @@ def test_with_the_assumed_hand_it_is_the_inverse() -> None:
 
 
 def test_frozen_it_stays_what_it_is() -> None:
-    frozen = run("adaptive", HANDS[0], adaptive=AdaptiveParameters(frozen=True))
-    inverse = run("inverse", HANDS[0])
+    frozen = run("adaptive", HANDS[0], 2.0, adaptive=AdaptiveParameters(frozen=True))
+    inverse = run("inverse", HANDS[0], 2.0)
     assert frozen.actuator_force == pytest.approx(inverse.actuator_force, abs=1e-9)
 
 
