@@ -20,6 +20,12 @@ Commands, which are processes of their own, write the fonts that publishers take
 
 from __future__ import annotations
 
+import pytest
+
 from haptic_accel.analysis.plots import EMBEDDED
 
-EMBEDDED["pdf.fonttype"] = 3
+
+@pytest.fixture(autouse=True)
+def plain_fonts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Write each figure of a test with fonts that need no cutting."""
+    monkeypatch.setitem(EMBEDDED, "pdf.fonttype", 3)

@@ -107,6 +107,15 @@ def test_samples_of_a_slewed_clock_are_counted(rate: float) -> None:
     assert "its clock ran at another rate than its samples" in found.notes[0]
 
 
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.49, 0.51, 0.95])
+def test_a_last_message_beside_the_grid_is_no_slewed_clock(share: float) -> None:
+    def change(stamps: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+        stamps[-1] = stamps[-2] + round(share * PERIOD)
+        return stamps
+
+    assert made({"tool": change}).notes == []
+
+
 def test_gaps_and_jitter_stay_as_they_are() -> None:
     jitter = np.random.default_rng(0).integers(-200_000, 200_000, SAMPLES)
 

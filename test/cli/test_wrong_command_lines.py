@@ -74,7 +74,7 @@ REFUSED = {
     "analyze junk.mcap --out report": "junk.mcap: must be a bag: ...: it is not an MCAP file",
     "analyze text --shift soon": "shift = 'soon': must be granted, paper, ...",
     "analyze text --compare": "compare: needs two bags or folders...",
-    "analyze text --compare surface:a,b": "compare = 'surface:a,b': must be ...",
+    "analyze text --compare surface:a,b": "compare = 'surface:a,b': leave out to compare ...",
     "analyze text --out empty": "out = 'empty': must be a new folder",
     "analyze text --json no/where.json": "json = 'no/where.json': No such file or directory",
     "bag info LONG": "LONG: must be the folder of a bag",
