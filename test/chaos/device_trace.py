@@ -101,5 +101,5 @@ class DeviceTrace:
             silence = min(self._ticked - held.since, self._ticked_at - held.given)
             assert not held.force or silence <= allowed + GRACE * self._period, (
                 f"{self._path.name}: force of kind {kind}, {held.force} N, held for"
-                f" {silence * 1e3:.1f} ms from {held.since:.4f} s, given at {held.times[-1:]} s"
+                f" {silence * 1e3:.1f} ms from {held.since:.4f} s, given at {held.given:.4f} s"
             )

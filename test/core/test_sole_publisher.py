@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -103,11 +104,17 @@ def test_nothing_is_taken_of_a_time_with_two_publishers_and_all_of_a_sole_one(
         assert taken == [name]
 
 
-def test_a_publisher_that_comes_and_goes_between_two_looks_is_noticed() -> None:
+@pytest.fixture
+def queue() -> Queue:
+    """Return the queue of a publisher whose first messages are taken."""
     queue = Queue()
     queue.comes(0)
-    queue.sends(0, 3)
-    assert queue.look() == [0, 0, 0]
+    queue.sends(0, 5)
+    assert queue.look() == [0] * 5
+    return queue
+
+
+def test_a_publisher_that_comes_and_goes_between_two_looks_is_noticed(queue: Queue) -> None:
     queue.comes(1)
     queue.sends(1, 3)
     queue.goes(1)
@@ -116,11 +123,9 @@ def test_a_publisher_that_comes_and_goes_between_two_looks_is_noticed() -> None:
     assert queue.look() == [0]
 
 
-def test_messages_that_precede_the_count_of_their_publisher_are_known_by_their_numbers() -> None:
-    queue = Queue()
-    queue.comes(0)
-    queue.sends(0, 5)
-    assert queue.look() == [0] * 5
+def test_messages_that_precede_the_count_of_their_publisher_are_known_by_their_numbers(
+    queue: Queue,
+) -> None:
     queue.comes(1, counted=False)
     queue.sends(0)
     queue.sends(1, 3)
@@ -132,11 +137,7 @@ def test_messages_that_precede_the_count_of_their_publisher_are_known_by_their_n
     assert queue.look() == []
 
 
-def test_numbers_are_remembered_while_a_rival_comes_and_goes() -> None:
-    queue = Queue()
-    queue.comes(0)
-    queue.sends(0, 5)
-    assert queue.look() == [0] * 5
+def test_numbers_are_remembered_while_a_rival_comes_and_goes(queue: Queue) -> None:
     queue.comes(1)
     assert queue.look() == []
     queue.goes(1)
@@ -156,11 +157,7 @@ def test_numbers_are_remembered_while_a_rival_comes_and_goes() -> None:
     assert queue.look() == [0]
 
 
-def test_who_replaces_another_beside_a_rival_is_taken_once_it_is_confirmed() -> None:
-    queue = Queue()
-    queue.comes(0)
-    queue.sends(0, 5)
-    assert queue.look() == [0] * 5
+def test_who_replaces_another_beside_a_rival_is_taken_once_it_is_confirmed(queue: Queue) -> None:
     queue.comes(1)
     queue.goes(0)
     assert queue.look() == []
@@ -170,11 +167,7 @@ def test_who_replaces_another_beside_a_rival_is_taken_once_it_is_confirmed() -> 
     assert queue.look() == [1]
 
 
-def test_a_successor_counts_its_messages_anew() -> None:
-    queue = Queue()
-    queue.comes(0)
-    queue.sends(0, 5)
-    assert queue.look() == [0] * 5
+def test_a_successor_counts_its_messages_anew(queue: Queue) -> None:
     queue.goes(0)
     assert queue.look() == []
     queue.comes(1)
