@@ -34,7 +34,7 @@ from sharing import own_domain
 from haptic_accel.core.process import module_command
 from running import Command, MachineStoodStillError, StallWatch
 from terminals import Terminal
-from verbs import status_of
+from verbs import output_of, status_of
 
 if TYPE_CHECKING:
     from observing import Observer
@@ -156,20 +156,9 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def ran(here: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
-    """Run a verb without a graph in this process and an empty folder: ``ran(VERB, *WORDS)``.
-
-    It must succeed; gives what it wrote.
-    """
-
-    def run(*words: object) -> str:
-        capsys.readouterr()
-        status = status_of(*words)
-        captured = capsys.readouterr()
-        assert status == 0, captured.out + captured.err
-        return captured.out + captured.err
-
-    return run
+def ran(here: Path) -> Callable[..., str]:
+    """Run a verb without a graph in this process and an empty folder: `verbs.output_of`."""
+    return output_of
 
 
 @pytest.fixture

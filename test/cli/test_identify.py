@@ -38,10 +38,9 @@ from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters
 from haptic_accel.graph.words import parse_words
 from observing import Observer
 from running import Command
-from verbs import next_command, output_of, status_of
+from verbs import WITHOUT_FRICTION, next_command, output_of, status_of
 
 Start = Callable[..., Command]
-WITHOUT_FRICTION = ("--free", "b_s,m_h,k_u,b_u,delay")  # whose fit takes ten times as long
 TABLE_I = {"m_a": 0.018, "k_s": 266.0, "b_s": 2.0, "m_h": 0.128, "k_u": 1500.0, "b_u": 11.0}
 
 
@@ -396,7 +395,7 @@ def test_three_axes_have_a_band_of_their_own() -> None:
 def test_the_live_graph_finds_three_axes(haptic_accel: Start, tmp_path: Path) -> None:
     command = haptic_accel(
         *("identify", "rig:=three_axis", "--trials", "1", "--json", "metrics.json"),
-        *("--free", "b_s,m_h,k_u,b_u,delay", "--out", "found"),
+        *(*WITHOUT_FRICTION, "--out", "found"),
     )
     assert command.end() == 0, command.text
     assert any("repeat 12 of 12" in line for line in command.lines)

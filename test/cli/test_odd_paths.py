@@ -34,7 +34,7 @@ from rosbags.typesys import Stores, get_typestore
 from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.graph.files import parameter_paths
-from verbs import output_of, refusal, status_of
+from verbs import WITHOUT_FRICTION, output_of, refusal, status_of
 
 DATA = Path(__file__).parents[1] / "data"
 
@@ -147,7 +147,7 @@ def test_a_file_that_no_metadata_can_list_is_refused_by_name(here: Path) -> None
 
 def test_models_pages_and_parameter_files_are_written_and_read(odd: Path) -> None:
     out = odd / "identified"
-    short = ("--trials", "1", "--duration", "1", "--free", "b_s,m_h,k_u,b_u,delay")
+    short = ("--trials", "1", "--duration", "1", *WITHOUT_FRICTION)
     words = next_words(output_of("identify", "--lockstep", "rig:=ideal", *short, "--out", out))
     assert words[1] == os.fsencode(f"params_file:={out / 'handle.yaml'}")
     check_links(out / "index.html")

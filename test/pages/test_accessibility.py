@@ -45,7 +45,7 @@ from haptic_accel.study.report import analyse_study, write_report
 from haptic_accel.study.simulation import simulate_study
 from haptic_accel.study.templates import templates
 from running import wait_until
-from verbs import status_of
+from verbs import WITHOUT_FRICTION, status_of
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -135,7 +135,7 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
     live = Run(every, arguments, None, lockstep=False, expected=dict.fromkeys(arguments, 70.0))
     write_experiment(live, analysis, folder / "experiment", "A warning.")
     words = ("--lockstep", "--grips", "pinch,hook", "trials:=2", "duration:=1")
-    words += ("--free", "b_s,m_h,k_u,b_u,delay")
+    words += WITHOUT_FRICTION
     assert status_of("identify", *words, "--out", folder / "identification") == 0
     study = read_protocol(templates()["compensated_or_not"])
     sessions = simulate_study(study, 4, 1)

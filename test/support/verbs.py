@@ -27,7 +27,11 @@ import click
 from haptic_accel.cli.commands import command_line
 from haptic_accel.cli.main import main
 from haptic_accel.cli.options import Words
+from haptic_accel.core.identification.fit import DEFAULT_FREE
 from haptic_accel.graph.words import parse_words
+
+WITHOUT_FRICTION = ("--free", ",".join(DEFAULT_FREE))
+"""Words for an identification without dry friction, whose fit takes ten times as long."""
 
 
 def status_of(*words: object) -> int:

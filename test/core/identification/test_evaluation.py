@@ -23,6 +23,9 @@ import pytest
 
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.evaluation import Identification, identify_handle
+
+# What responses alone determine, without simulating a friction, which takes most of the time.
+from haptic_accel.core.identification.fit import DEFAULT_FREE as OF_RESPONSES
 from haptic_accel.core.identification.fit import INTERVAL
 from haptic_accel.core.identification.sweep import (
     IdentificationTrial,
@@ -45,8 +48,6 @@ RATE = 1000.0
 SWEEP = SweepParameters(duration=1.0)
 RIG = MasterRigParameters()
 SENSOR = RIG.accelerometer
-OF_RESPONSES = ("b_s", "m_h", "k_u", "b_u", "delay")
-"""What responses alone determine, without simulating a friction, which takes most of the time."""
 
 
 def recorded(rig: MasterRigParameters, trials: int = 1) -> list[IdentificationTrial]:
