@@ -29,11 +29,11 @@ from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
-from haptic_accel.core.surfaces.building import Recording, build
 from haptic_accel.core.surfaces.texture import Provenance
-from haptic_accel.graph.files import surface_parameters
+from haptic_accel.kits.textures.building import Recording, build
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.texture_files import write_texture
+from haptic_accel.setup.files import surface_parameters
 
 SURFACES = ("plywood", "text", "vinyl")
 

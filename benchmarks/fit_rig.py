@@ -34,8 +34,8 @@ import numpy as np
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.trial import RigParameters, run_trial
-from haptic_accel.graph.arguments import SURFACES, GraphArguments
-from haptic_accel.graph.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.arguments import SURFACES, GraphArguments
+from haptic_accel.setup.processes import graph_parameters, rig_parameters
 
 CONTROLLERS = ("constant", "dynamic")
 """Controllers whose results depend on the rig: without one the error is 100 % on any rig."""

@@ -28,8 +28,8 @@ import numpy as np
 from scipy import signal
 
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.surfaces.building import BAND, Built, Recording, build
 from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
+from haptic_accel.kits.textures.building import BAND, Built, Recording, build
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.texture_files import read_texture
 

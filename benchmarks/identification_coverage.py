@@ -41,8 +41,8 @@ from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.tables import ResultTable
 from haptic_accel.core.trial import run_identification
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.processes import graph_parameters, rig_parameters
 
 KINDS = ("ideal", "paper")
 """Rigs of config/rigs around which the random ones lie."""

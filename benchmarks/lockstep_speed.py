@@ -35,8 +35,8 @@ for variable in BLAS_THREADS:
 from haptic_accel.cli.main import run  # noqa: E402
 from haptic_accel.cli.options import Verb, json_option, words  # noqa: E402
 from haptic_accel.cli.output import save  # noqa: E402
-from haptic_accel.graph.arguments import GraphArguments, parse_arguments  # noqa: E402
-from haptic_accel.graph.lockstep import lockstep_trial  # noqa: E402
+from haptic_accel.setup.arguments import GraphArguments, parse_arguments  # noqa: E402
+from haptic_accel.setup.lockstep import lockstep_trial  # noqa: E402
 
 
 @click.command(cls=Verb)

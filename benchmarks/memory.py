@@ -35,9 +35,9 @@ from haptic_accel.cli.output import save
 from haptic_accel.cli.running import ENGAGED, progress_bar, run_to_end, stop_on_signal
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED
-from haptic_accel.graph.arguments import GraphArguments, parse_arguments
-from haptic_accel.graph.processes import graph
 from haptic_accel.graph.supervisor import Supervisor
+from haptic_accel.setup.arguments import GraphArguments, parse_arguments
+from haptic_accel.setup.processes import graph
 
 SAMPLE_PERIOD = 1.0
 """Interval between readings of the memory, s."""

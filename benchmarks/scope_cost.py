@@ -44,9 +44,9 @@ from haptic_accel.cli.running import run_to_end, stop_on_signal
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE
 from haptic_accel.core.tables import Row
-from haptic_accel.graph.arguments import GraphArguments, parse_arguments
-from haptic_accel.graph.processes import SCOPE, graph
 from haptic_accel.graph.supervisor import Supervisor
+from haptic_accel.setup.arguments import GraphArguments, parse_arguments
+from haptic_accel.setup.processes import SCOPE, graph
 
 SHORTEST = 3.0
 """Shortest length of a run, s: the page needs some time to connect."""

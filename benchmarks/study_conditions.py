@@ -29,9 +29,9 @@ from pathlib import Path
 from statistics import median
 
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.study.live import LiveRig
-from haptic_accel.study.protocol import Condition, Consent, Protocol
-from haptic_accel.study.trials import Presented
+from haptic_accel.kits.study.live import LiveRig
+from haptic_accel.kits.study.protocol import Condition, Consent, Protocol
+from haptic_accel.kits.study.trials import Presented
 
 SECONDS = 2.0
 """Duration of a stimulus, s."""

@@ -44,10 +44,10 @@ from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import align, direction_error, evaluate
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.trial import Trial
-from haptic_accel.graph.arguments import SURFACES, GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial
-from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.arguments import SURFACES, GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial
+from haptic_accel.setup.node_parameters import node_parameters
+from haptic_accel.setup.processes import graph_parameters, rig_parameters
 
 SECONDS = 10.0
 BEGIN = 2.0

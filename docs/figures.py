@@ -44,8 +44,8 @@ from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.trial import Trial
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial
 
 FOLDER = Path(__file__).parent / "figures"
 

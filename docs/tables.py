@@ -29,12 +29,12 @@ from typing import Any
 
 from haptic_accel.cli.commands import command_line
 from haptic_accel.core.parameters import Checked, Specification, allowed_values, own_schema
-from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.graph.node_parameters import NODES, node_schema
-from haptic_accel.graph.words import described, group
-from haptic_accel.study.protocol import PlannedTest
-from haptic_accel.study.reading import SECTIONS
-from haptic_accel.study.tables import COLUMNS
+from haptic_accel.kits.study.protocol import PlannedTest
+from haptic_accel.kits.study.reading import SECTIONS
+from haptic_accel.kits.study.tables import COLUMNS
+from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
+from haptic_accel.setup.node_parameters import NODES, node_schema
+from haptic_accel.setup.words import described, group
 
 FOLDER = Path(__file__).parent
 

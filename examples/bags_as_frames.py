@@ -33,7 +33,7 @@ from matplotlib import pyplot
 
 from haptic_accel.analysis import bands, compare, load, signals, spectra, trials
 from haptic_accel.analysis.experiment import RecordedCondition, run_lockstep
-from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.setup.arguments import GraphArguments
 
 folder = TemporaryDirectory()
 bags = Path(folder.name)

@@ -28,9 +28,9 @@ strokes become such a model, and whether its spectra are right at speeds in betw
 import numpy as np
 from matplotlib import pyplot
 
-from haptic_accel.analysis.textures import described
-from haptic_accel.core.surfaces.building import Recording, build
 from haptic_accel.core.surfaces.texture import Provenance, Texture
+from haptic_accel.kits.textures.building import Recording, build
+from haptic_accel.kits.textures.report import described
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.texture_files import read_texture
 

@@ -22,10 +22,10 @@ from __future__ import annotations
 
 from launch import LaunchDescription
 
-from haptic_accel.graph.arguments import IdentifyArguments
 from haptic_accel.graph.launching import launched
-from haptic_accel.graph.processes import identification_graph
-from haptic_accel.graph.words import described, parse_words
+from haptic_accel.setup.arguments import IdentifyArguments
+from haptic_accel.setup.processes import identification_graph
+from haptic_accel.setup.words import described, parse_words
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -24,8 +24,8 @@ from __future__ import annotations
 from launch import LaunchDescription
 
 from haptic_accel.graph.launching import launched
-from haptic_accel.graph.processes import graph
-from haptic_accel.graph.replay import described_replay, replay_arguments
+from haptic_accel.setup.processes import graph
+from haptic_accel.setup.replay import described_replay, replay_arguments
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -19,10 +19,10 @@ from __future__ import annotations
 
 from launch import LaunchDescription
 
-from haptic_accel.graph.arguments import GraphArguments, parse_arguments
 from haptic_accel.graph.launching import launched
-from haptic_accel.graph.processes import graph
-from haptic_accel.graph.words import described
+from haptic_accel.setup.arguments import GraphArguments, parse_arguments
+from haptic_accel.setup.processes import graph
+from haptic_accel.setup.words import described
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -27,21 +27,24 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
 
 BUDGETS = {
-    "core": 15_150,
-    "analysis": 5_040,
-    "nodes": 4_270,
-    "cli": 3_970,
+    "core": 14_300,
+    "analysis": 4_960,
+    "nodes": 4_280,
+    "kits/study": 3_940,
     "devices": 3_390,
-    "study": 3_080,
-    "graph": 3_040,
-    "bags": 2_630,
-    "materials": 1_710,
-    "scope": 1_530,
-    "emulators": 830,
+    "cli": 2_910,
+    "bags": 2_640,
+    "scope": 1_420,
+    "setup": 1_400,
+    "materials": 1_380,
+    "kits/emulators": 1_160,
+    "graph": 1_120,
+    "kits/textures": 1_030,
+    "kits/bringup": 810,
     "links": 700,
-    "pages": 40,
+    "pages": 50,
 }
-"""Most lines of code of each folder. Lower a budget with its code; raise it only in a commit that
+"""Most lines of code of each folder and kit. Lower a budget with its code; raise it only in a commit that
 says what need of a user it pays for."""
 
 SLACK = 100
@@ -67,8 +70,9 @@ def lines_of_code(source: str) -> int:
 
 
 def test_every_folder_has_a_budget() -> None:
-    folders = {file.relative_to(PACKAGE).parts[0] for file in PACKAGE.glob("*/**/*.py")}
-    assert folders == BUDGETS.keys()
+    folders = {file.relative_to(PACKAGE).parts[0] for file in PACKAGE.glob("*/**/*.py")} - {"kits"}
+    kits = {f"kits/{file.parent.name}" for file in PACKAGE.glob("kits/*/__init__.py")}
+    assert folders | kits == BUDGETS.keys()
 
 
 @pytest.mark.parametrize("folder", BUDGETS)

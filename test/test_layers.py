@@ -37,19 +37,22 @@ SOURCE = Path(__file__).resolve().parents[1] / PACKAGE
 BELOW: dict[str, set[str]] = {
     "core": set(),
     "pages": {"core"},
-    "scope": {"core", "devices", "graph", "materials", "pages"},
+    "scope": {"core", "devices", "graph", "setup", "materials", "pages"},
     "bags": {"core"},
     "materials": {"core"},
     "devices": {"core", "bags", "materials"},
-    "emulators": {"core", "devices"},
     "links": {"core"},
-    "graph": {"core", "bags", "devices", "links", "materials"},
-    "nodes": {"core", "bags", "devices", "links", "materials", "graph", "scope"},
-    "analysis": {"core", "bags", "materials", "graph", "pages"},
-    "study": {"core", "bags", "materials", "graph", "pages", "scope", "analysis", "nodes"},
+    "setup": {"core", "bags", "devices", "links", "materials"},
+    "graph": {"core", "bags", "devices", "links", "materials", "setup"},
+    "nodes": {"core", "bags", "devices", "links", "materials", "setup", "graph", "scope"},
+    "analysis": {"core", "bags", "materials", "setup", "pages"},
     "cli": {
-        *("core", "bags", "devices", "links", "materials", "emulators", "graph"),
-        *("nodes", "scope", "analysis", "study"),
+        *("core", "bags", "devices", "links", "materials", "setup", "graph"),
+        *("nodes", "scope", "analysis", "kits"),
+    },
+    "kits": {
+        *("core", "bags", "devices", "links", "materials", "setup", "graph"),
+        *("nodes", "scope", "analysis", "pages", "cli"),
     },
 }
 """The folders that each folder of the package may import, besides itself."""
@@ -271,7 +274,7 @@ def test_the_package_alone_loads_nothing_else() -> None:
 
 @pytest.mark.skipif(find_spec("rclpy") is None, reason="ROS 2 is not installed")
 @pytest.mark.parametrize(
-    "module", ["graph.processes", "nodes.master_device", "nodes.coupler", "nodes.recorder"]
+    "module", ["setup.processes", "nodes.master_device", "nodes.coupler", "nodes.recorder"]
 )
 def test_a_graph_starts_without_what_takes_long_to_load(module: str) -> None:
     loaded = loaded_by(f"import {PACKAGE}.{module}")

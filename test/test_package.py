@@ -280,8 +280,8 @@ def without_rosbags(code: str) -> subprocess.CompletedProcess[str]:
 def test_the_graph_runs_without_rosbags() -> None:
     nodes = ", ".join(f"haptic_accel.nodes.{node}" for node in NODES if node != "recorder")
     done = without_rosbags(
-        f"import {nodes}; from haptic_accel.graph.processes import graph;"
-        "from haptic_accel.graph.arguments import GraphArguments;"
+        f"import {nodes}; from haptic_accel.setup.processes import graph;"
+        "from haptic_accel.setup.arguments import GraphArguments;"
         "print(len(graph(GraphArguments(record=False, composed=False))))"
     )
     assert (done.stdout, done.stderr) == ("4\n", "")

@@ -36,15 +36,15 @@ from haptic_accel.core.due_forces import PAST_TICK
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.sampling import NANOSECONDS, on_grid, places
-from haptic_accel.graph.arguments import (
+from haptic_accel.setup.arguments import (
     REPLAY,
     SIMULATED,
     VIRTUAL,
     GraphArguments,
     check_lockstep,
 )
-from haptic_accel.graph.former_names import current_arguments
-from haptic_accel.graph.lockstep import lockstep_trial, replayed_track
+from haptic_accel.setup.former_names import current_arguments
+from haptic_accel.setup.lockstep import lockstep_trial, replayed_track
 
 COUNTED_BEFORE = "deadlines missed"
 """Suffix of the name under which older devices counted `PAST_TICK`."""

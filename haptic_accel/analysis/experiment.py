@@ -35,9 +35,9 @@ from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.tables import ResultTable, number
 from haptic_accel.core.topics import ANALYSED
 from haptic_accel.core.trial import Trial
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.materials.folders import is_recording
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial, record_trial
 
 EVALUATED = (
     *("nrmse_percent", "bound_percent", "limited_bound_percent", "indistinguishable_percent"),

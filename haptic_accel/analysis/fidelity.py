@@ -39,10 +39,10 @@ from haptic_accel.core.resampling import crossfaded
 from haptic_accel.core.tables import ResultTable, Row
 from haptic_accel.core.tables import number as figure
 from haptic_accel.core.trial import DEFAULT_RATE, GripChange, Trial
-from haptic_accel.graph.arguments import SURFACES, GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial
-from haptic_accel.graph.processes import graph_parameters, rig_parameters
 from haptic_accel.materials.recordings import read_recording
+from haptic_accel.setup.arguments import SURFACES, GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial
+from haptic_accel.setup.processes import graph_parameters, rig_parameters
 
 DURATION = 8.0
 """Duration of a trial with one grip, s."""

@@ -63,12 +63,12 @@ from haptic_accel.core.model import ACTUATOR, FloatArray, HandleParameters, Susp
 from haptic_accel.core.parameters import ParameterError, own_schema
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, on_grid, places, same_rate
 from haptic_accel.core.trial import RigParameters, master_response, run_identification
-from haptic_accel.graph.arguments import AVERAGE_GRIP, IdentifyArguments
-from haptic_accel.graph.files import EVERY_NODE
-from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import graph_parameters, rig_parameters
 from haptic_accel.materials.columns import ACCELERATION, FORCE, Column, Wording
 from haptic_accel.materials.recordings import read_columns
+from haptic_accel.setup.arguments import AVERAGE_GRIP, IdentifyArguments
+from haptic_accel.setup.files import EVERY_NODE
+from haptic_accel.setup.node_parameters import node_parameters
+from haptic_accel.setup.processes import graph_parameters, rig_parameters
 
 LOWEST_COMPARED = 15.0
 """Frequency below which the compensator's high-pass passes nothing (paper), Hz."""

@@ -41,8 +41,8 @@ from haptic_accel.core.identification.fit import INTERVAL, HandleFit
 from haptic_accel.core.identification.sweep import OUTLIERS, SweepParameters
 from haptic_accel.core.identification.three_axes import ThreeAxisIdentification
 from haptic_accel.core.model import ACTUATOR, ComplexArray, FloatArray
-from haptic_accel.graph.files import EVERY_NODE
 from haptic_accel.pages import write
+from haptic_accel.setup.files import EVERY_NODE
 
 MODEL_FILE = "identification.json"
 """Name of the file of results, which the compensator reads."""

@@ -27,8 +27,8 @@ from haptic_accel.core.model import Vector
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.tables import Column, Row
 from haptic_accel.core.two_arms import ENGAGING, RATE, Instant, TwoArms, free, press, stroke, wall
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial
 
 DURATION = 7.0
 """Length of a contact, and of strokes in free space, s."""

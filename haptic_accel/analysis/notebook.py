@@ -29,9 +29,9 @@ from haptic_accel.analysis import plots
 from haptic_accel.analysis.traces import EXCERPT, excerpt_of
 from haptic_accel.core.parameters import ParameterError, suggestion
 from haptic_accel.core.trial import Trial
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial
-from haptic_accel.graph.node_parameters import NODES, node_schema
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial
+from haptic_accel.setup.node_parameters import NODES, node_schema
 
 
 @dataclass(frozen=True)

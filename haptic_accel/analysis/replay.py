@@ -27,9 +27,9 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tables import Column, Row
 from haptic_accel.core.track import Track
 from haptic_accel.core.trial import Trial
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial, record_trial
-from haptic_accel.graph.replay import Replay, ReplayArguments, replayed_track
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial, record_trial
+from haptic_accel.setup.replay import Replay, ReplayArguments, replayed_track
 
 COLUMNS = (
     Column("bag", "bag", value=lambda row: Path(row["bag"]).name),

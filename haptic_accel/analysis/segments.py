@@ -44,7 +44,8 @@ from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, places, sampling_rate
 from haptic_accel.core.trial import RigParameters
-from haptic_accel.graph.arguments import (
+from haptic_accel.materials.folders import is_recording
+from haptic_accel.setup.arguments import (
     PLAYED_TOPICS,
     POINTER,
     RECORDING,
@@ -54,10 +55,9 @@ from haptic_accel.graph.arguments import (
     VIRTUAL,
     GraphArguments,
 )
-from haptic_accel.graph.former_names import current_arguments
-from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import rig_parameters
-from haptic_accel.materials.folders import is_recording
+from haptic_accel.setup.former_names import current_arguments
+from haptic_accel.setup.node_parameters import node_parameters
+from haptic_accel.setup.processes import rig_parameters
 
 RINGING = 0.2
 """Decay time of handle and tool after a change, s: eight times Table I's 2 m_h / b_u."""

@@ -104,8 +104,8 @@ def analyze(
     from haptic_accel.bags.reading import read_bag
     from haptic_accel.cli.report import divergences, print_analysis, print_trials
     from haptic_accel.cli.running import stop_on_signal
-    from haptic_accel.graph.arguments import GraphArguments
-    from haptic_accel.graph.processes import graph_parameters, rig_parameters
+    from haptic_accel.setup.arguments import GraphArguments
+    from haptic_accel.setup.processes import graph_parameters, rig_parameters
 
     chosen = Shift.read(shift)
     if comparison:

@@ -46,13 +46,13 @@ from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.core.tables import ResultTable, Row
-from haptic_accel.graph.arguments import GraphArguments, check_both_arms, parse_arguments
 from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
-from haptic_accel.graph.processes import arrangement, graph
 from haptic_accel.graph.ros_packages import check_ros
 from haptic_accel.graph.stop_signal import DOMAIN, own_domain
 from haptic_accel.graph.supervisor import Supervisor
-from haptic_accel.graph.words import given_keys
+from haptic_accel.setup.arguments import GraphArguments, check_both_arms, parse_arguments
+from haptic_accel.setup.processes import arrangement, graph
+from haptic_accel.setup.words import given_keys
 
 ROUNDS = 2
 """Number of rounds in which graph and empty loop alternate, so that both meet the same machine."""

@@ -42,8 +42,8 @@ from haptic_accel.devices.serial.calibration import (
     rest,
 )
 from haptic_accel.devices.serial.device import HIGHEST_RATE, PortParameters
-from haptic_accel.graph.files import EVERY_NODE, parameter_text
-from haptic_accel.graph.rig_file import teleoperation_words, update_parameter_file
+from haptic_accel.setup.files import EVERY_NODE, parameter_text
+from haptic_accel.setup.rig_file import teleoperation_words, update_parameter_file
 
 if TYPE_CHECKING:
     from haptic_accel.devices.serial.board_samples import BoardSamples

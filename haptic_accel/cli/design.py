@@ -38,12 +38,12 @@ from haptic_accel.core.control.inversion.spectrum import ToolSpectrum, measured_
 from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tables import Column, ResultTable
-from haptic_accel.graph.arguments import GraphArguments, parse_arguments, stated_words
-from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import graph_parameters
-from haptic_accel.graph.words import given_keys
 from haptic_accel.materials.folders import is_recording
 from haptic_accel.materials.recordings import read_recording
+from haptic_accel.setup.arguments import GraphArguments, parse_arguments, stated_words
+from haptic_accel.setup.node_parameters import node_parameters
+from haptic_accel.setup.processes import graph_parameters
+from haptic_accel.setup.words import given_keys
 
 SHOWN = (10.0, 15.0, 20.0, 30.0, 50.0, 80.0, 120.0, 200.0, 300.0, 400.0)
 """Frequencies whose gain and phase are printed, Hz."""

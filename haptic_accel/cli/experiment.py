@@ -53,7 +53,9 @@ from haptic_accel.cli.workers import Stop, Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.arguments import (
+from haptic_accel.graph.locks import sole_graph
+from haptic_accel.graph.supervisor import Supervisor
+from haptic_accel.setup.arguments import (
     POINTER,
     SIMULATED,
     SURFACES,
@@ -63,10 +65,8 @@ from haptic_accel.graph.arguments import (
     check_lockstep,
     parse_arguments,
 )
-from haptic_accel.graph.locks import sole_graph
-from haptic_accel.graph.processes import arrangement, graph
-from haptic_accel.graph.supervisor import Supervisor
-from haptic_accel.graph.words import given_keys
+from haptic_accel.setup.processes import arrangement, graph
+from haptic_accel.setup.words import given_keys
 
 network_option = partial(
     click.option, cls=options.GroupedOption, heading="Network between two hosts, in lockstep"

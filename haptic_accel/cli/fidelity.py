@@ -46,8 +46,8 @@ from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.node_parameters import HIGHEST_RATE
-from haptic_accel.graph.processes import graph
+from haptic_accel.setup.node_parameters import HIGHEST_RATE
+from haptic_accel.setup.processes import graph
 
 
 @verb(

@@ -56,13 +56,13 @@ from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.devices.audio import AUDIO
-from haptic_accel.graph.arguments import SIMULATED, IdentifyArguments, stated_words
-from haptic_accel.graph.files import EVERY_NODE, parameter_text
 from haptic_accel.graph.locks import sole_graph
-from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import graph_parameters, identification_graph
-from haptic_accel.graph.rig_file import teleoperation_words, update_parameter_file
 from haptic_accel.graph.supervisor import Supervisor
+from haptic_accel.setup.arguments import SIMULATED, IdentifyArguments, stated_words
+from haptic_accel.setup.files import EVERY_NODE, parameter_text
+from haptic_accel.setup.node_parameters import node_parameters
+from haptic_accel.setup.processes import graph_parameters, identification_graph
+from haptic_accel.setup.rig_file import teleoperation_words, update_parameter_file
 
 
 @options.verb(

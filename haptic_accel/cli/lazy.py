@@ -75,7 +75,12 @@ class LazyGroup(click.Group):
             return None
         if cmd_name in self.groups:
             return self.groups[cmd_name]
-        places = (f"haptic_accel.cli.{name}" for name in (self.name, cmd_name))
+        names = self.name, cmd_name
+        places = [f"haptic_accel.cli.{name}" for name in names]
+        kits = {"emulate": "emulators", "texture": "textures"}
+        for name in names:
+            kit = f"haptic_accel.kits.{kits.get(name or '', name)}"
+            places += [f"{kit}.command_line"] if find_spec(kit) else []
         modules = (import_module(place) for place in places if find_spec(place))
         found = (each for module in modules for each in vars(module).values())
         return next(

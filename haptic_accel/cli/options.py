@@ -32,9 +32,9 @@ from haptic_accel.cli.lazy import write_examples
 from haptic_accel.cli.output import check_writable
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.parameters import Checked, schema, suggestion
-from haptic_accel.graph.former_names import current_words
 from haptic_accel.graph.ros_packages import NEEDS_ROS, ROS_PACKAGES
-from haptic_accel.graph.words import described, group, parse_words
+from haptic_accel.setup.former_names import current_words
+from haptic_accel.setup.words import described, group, parse_words
 
 F = TypeVar("F", bound=Callable[..., Any])
 Describe: TypeAlias = Callable[[], Sequence[tuple[str, str, str]]]

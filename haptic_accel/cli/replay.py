@@ -36,9 +36,9 @@ from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tables import ResultTable
 from haptic_accel.devices.playback import NothingRecordedError
-from haptic_accel.graph.arguments import PLAYED_TOPICS, GraphArguments
-from haptic_accel.graph.processes import graph
-from haptic_accel.graph.replay import (
+from haptic_accel.setup.arguments import PLAYED_TOPICS, GraphArguments
+from haptic_accel.setup.processes import graph
+from haptic_accel.setup.replay import (
     Replay,
     ReplayArguments,
     described_replay,
@@ -47,7 +47,7 @@ from haptic_accel.graph.replay import (
     play_command,
     replay_arguments,
 )
-from haptic_accel.graph.words import is_argument
+from haptic_accel.setup.words import is_argument
 
 
 @options.verb(

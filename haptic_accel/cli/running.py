@@ -36,8 +36,8 @@ from haptic_accel.cli.output import GONE, next_command
 from haptic_accel.core.parameters import printable
 from haptic_accel.core.process import ENDING, FAILED, INTERRUPTED, REALTIME, WRONG_ARGUMENTS
 from haptic_accel.graph.locks import sole_graph
-from haptic_accel.graph.processes import LINK, RECORDER, SCOPE, Process, arrangement
 from haptic_accel.graph.supervisor import Outcome, Supervisor
+from haptic_accel.setup.processes import LINK, RECORDER, SCOPE, Process, arrangement
 
 STOP_KEY = b" "
 """Key that stops a graph at once."""

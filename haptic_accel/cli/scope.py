@@ -24,10 +24,10 @@ from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.running import print_line, stop_on_signal
 from haptic_accel.core.parameters import schema
 from haptic_accel.core.process import FAILED
-from haptic_accel.graph.namespaces import NamespaceArguments
-from haptic_accel.graph.node_parameters import ScopeNodeParameters
-from haptic_accel.graph.processes import SCOPE, Process
 from haptic_accel.graph.supervisor import Supervisor
+from haptic_accel.setup.namespaces import NamespaceArguments
+from haptic_accel.setup.node_parameters import ScopeNodeParameters
+from haptic_accel.setup.processes import SCOPE, Process
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from __future__ import annotations
 
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.running import run_shown
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.processes import graph
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.processes import graph
 
 
 @verb(

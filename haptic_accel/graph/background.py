@@ -21,8 +21,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from threading import Event, Thread
 
-from haptic_accel.graph.processes import Process
 from haptic_accel.graph.supervisor import Outcome, Supervisor
+from haptic_accel.setup.processes import Process
 
 
 class BackgroundGraph:

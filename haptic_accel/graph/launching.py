@@ -41,12 +41,12 @@ from launch_ros.parameter_descriptions import ParameterValue
 from haptic_accel.core.parameters import suggestion
 from haptic_accel.core.process import EMERGENCY
 from haptic_accel.core.topics import JOINT_STATE_RATE
-from haptic_accel.graph.former_names import FORMER_WORDS, current_words
 from haptic_accel.graph.frames import Frame, description, frames_at_rest
 from haptic_accel.graph.locks import sole_graph
-from haptic_accel.graph.namespaces import NamespaceArguments
-from haptic_accel.graph.processes import RESPAWN_DELAY, Process, arrangement
-from haptic_accel.graph.words import MOVED, given_keys, unknown_key
+from haptic_accel.setup.former_names import FORMER_WORDS, current_words
+from haptic_accel.setup.namespaces import NamespaceArguments
+from haptic_accel.setup.processes import RESPAWN_DELAY, Process, arrangement
+from haptic_accel.setup.words import MOVED, given_keys, unknown_key
 
 BLOCKED = (signal.SIGINT, EMERGENCY)
 """Signals that wait until a node handles them. Ctrl-C would interrupt Python while it starts, with

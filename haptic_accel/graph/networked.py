@@ -31,12 +31,12 @@ from haptic_accel.core.coupling.engagement import EngagementParameters
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import module_command
-from haptic_accel.graph.arguments import SIMULATED, SURFACES, GraphArguments, check_both_arms
 from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
-from haptic_accel.graph.processes import Process, graph
 from haptic_accel.graph.relaying import CHANGED, PORTS, words_of
 from haptic_accel.graph.stop_signal import own_domain, used_domains
 from haptic_accel.links.addresses import bound
+from haptic_accel.setup.arguments import SIMULATED, SURFACES, GraphArguments, check_both_arms
+from haptic_accel.setup.processes import Process, graph
 
 HOST = "127.0.0.1"
 

@@ -30,10 +30,10 @@ from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
 from haptic_accel.core.process import ENDING, WRONG_ARGUMENTS
 from haptic_accel.graph.stop_signal import hurry
-from haptic_accel.graph.words import given_keys, parse_words
 from haptic_accel.links.addresses import route
 from haptic_accel.links.parameters import UDP
 from haptic_accel.links.relay import Relay
+from haptic_accel.setup.words import given_keys, parse_words
 
 LOOK_PERIOD = 0.1
 """Interval between checks for the end, s."""

@@ -41,9 +41,9 @@ from haptic_accel.core.process import (
     module_command,
     signals,
 )
-from haptic_accel.graph.processes import RESPAWN_DELAY, Process
 from haptic_accel.graph.ros_packages import check_ros
 from haptic_accel.graph.stop_signal import DOMAIN
+from haptic_accel.setup.processes import RESPAWN_DELAY, Process
 
 LAST_LINES = 20
 """Lines of a dead process that are shown."""

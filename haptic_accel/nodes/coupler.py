@@ -33,10 +33,10 @@ from haptic_accel.core.loop.coupling import CouplingPart
 from haptic_accel.core.loop.wiring import Pull, Tool
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.topics import ARMS
-from haptic_accel.graph.node_parameters import PASSIVE
 from haptic_accel.nodes.coupling_node import ARM_TOPICS, CouplingNode, MotionSynchronizer
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.timing import CATCH_UP
+from haptic_accel.setup.node_parameters import PASSIVE
 
 
 class Coupler(CouplingNode):

@@ -34,12 +34,12 @@ from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ArmTopics
 from haptic_accel.devices import Device, DeviceError
-from haptic_accel.graph.node_parameters import POSITION_SERVO, SAFETY, build_device
 from haptic_accel.nodes.crtk import MotionCommands, OperatingState, Queries
 from haptic_accel.nodes.emergency_stop import DeviceStop
 from haptic_accel.nodes.joint_states import JointStates
 from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
 from haptic_accel.nodes.timing import RateKeeper
+from haptic_accel.setup.node_parameters import POSITION_SERVO, SAFETY, build_device
 
 MANY_MISSED = 0.01
 """Fraction of missed deadlines between two reports above which diagnostics warn."""

@@ -25,11 +25,11 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.arguments import SCENE
-from haptic_accel.graph.files import POSTURE, surface_parameters
 from haptic_accel.materials.folders import is_recording, preset_file
 from haptic_accel.materials.scenes import is_scene, read_scene
 from haptic_accel.nodes.service_client import Request
+from haptic_accel.setup.arguments import SCENE
+from haptic_accel.setup.files import POSTURE, surface_parameters
 
 RECORDER_ACTIONS = ("start", "pause", "split", "stop")
 """Services of the recorder that change the recording."""

@@ -36,9 +36,6 @@ from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import Topic
-from haptic_accel.graph.arguments import SCENE as SCENE_FILE
-from haptic_accel.graph.files import POSTURE, SURFACE
-from haptic_accel.graph.node_parameters import node_parameters, node_schema
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scope_parameters import RemoteParameters
 from haptic_accel.nodes.scope_scene import ScopeScene
@@ -49,6 +46,9 @@ from haptic_accel.scope.node_reports import MOST_NODES, NodeReport, NodeReports
 from haptic_accel.scope.server import SOUND_RATE
 from haptic_accel.scope.state import drawing
 from haptic_accel.scope.windows import LARGEST, GraphSettings, Windows
+from haptic_accel.setup.arguments import SCENE as SCENE_FILE
+from haptic_accel.setup.files import POSTURE, SURFACE
+from haptic_accel.setup.node_parameters import node_parameters, node_schema
 
 ASK_PERIOD = 1.0
 """Interval between attempts to get the parameters of nodes that are not known yet, s."""

@@ -32,9 +32,6 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.arguments import LOG_LEVELS
-from haptic_accel.graph.files import read_parameter_file
-from haptic_accel.graph.node_parameters import node_parameters
 from haptic_accel.graph.stop_signal import own_domain
 from haptic_accel.links.addresses import Route, bound, route
 from haptic_accel.links.authentication import Authenticator, read_key
@@ -50,6 +47,9 @@ from haptic_accel.nodes.scheduling import (
     ask_for_realtime,
     run_process,
 )
+from haptic_accel.setup.arguments import LOG_LEVELS
+from haptic_accel.setup.files import read_parameter_file
+from haptic_accel.setup.node_parameters import node_parameters
 
 SEARCH_PERIOD = 2.0
 """Interval between attempts to find the way to a peer, s."""

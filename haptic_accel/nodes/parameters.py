@@ -41,17 +41,17 @@ from haptic_accel.core.parameters import (
     checked,
     shown,
 )
-from haptic_accel.graph.files import check_reached
-from haptic_accel.graph.former_names import current_names, warning_of
-from haptic_accel.graph.node_parameters import (
+from haptic_accel.nodes.callbacks import CallbackGuard
+from haptic_accel.nodes.scheduling import SupervisedNode
+from haptic_accel.setup.files import check_reached
+from haptic_accel.setup.former_names import current_names, warning_of
+from haptic_accel.setup.node_parameters import (
     NODES,
     USE_SIM_TIME,
     check_clock,
     node_parameters,
     node_schema,
 )
-from haptic_accel.nodes.callbacks import CallbackGuard
-from haptic_accel.nodes.scheduling import SupervisedNode
 
 _OF_EVERY_NODE = (USE_SIM_TIME, "start_type_description_service")
 """Parameters that rclpy gives every node."""

@@ -50,12 +50,12 @@ from haptic_accel.core.topics import (
     Topic,
     reporter,
 )
-from haptic_accel.graph.node_parameters import NODES
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import RECORDING_PRIORITY, run
 from haptic_accel.nodes.signal_receiver import SignalReceiver
 from haptic_accel.nodes.signals import Inbox
 from haptic_accel.nodes.topic_node import message_type, offered_quality, quality
+from haptic_accel.setup.node_parameters import NODES
 
 TAKING_PERIOD = 0.02
 """Interval at which waiting messages of the signals are taken, s: waking for each of them would

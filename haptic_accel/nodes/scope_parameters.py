@@ -25,8 +25,8 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 
 from haptic_accel.core.parameters import ParameterError, checked, shown
-from haptic_accel.graph.node_parameters import node_schema
 from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.setup.node_parameters import node_schema
 
 LONGEST_TEXT = 1000
 """Maximum length of a parameter's text, characters; no path is as long."""

@@ -24,10 +24,10 @@ from typing import Any
 from haptic_accel.core import topics
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.arguments import POINTER
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.signals import Inbox, Sender
 from haptic_accel.scope.server import FRAME_RATE
+from haptic_accel.setup.arguments import POINTER
 
 SIGNALS = {
     "tool": topics.SLAVE_POSITION,

@@ -40,14 +40,14 @@ from haptic_accel.devices.simulated import (
     SimulatedSlave,
     SimulatedSlaveParameters,
 )
-from haptic_accel.graph.arguments import POINTER, SIMULATED, GraphArguments
-from haptic_accel.graph.files import POSTURE, SURFACE, Values
-from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import graph_parameters, rig_parameters
 from haptic_accel.scope.node_reports import NodeReport, NodeReports
 from haptic_accel.scope.server import CommandError, check_choice
 from haptic_accel.scope.state import choices, drawing, state_of
 from haptic_accel.scope.windows import GraphSettings, Windows
+from haptic_accel.setup.arguments import POINTER, SIMULATED, GraphArguments
+from haptic_accel.setup.files import POSTURE, SURFACE, Values
+from haptic_accel.setup.node_parameters import node_parameters
+from haptic_accel.setup.processes import graph_parameters, rig_parameters
 
 PAUSE = 4e-3
 """Pause between two groups of ticks, s: a quarter of a picture, so that waking costs little."""

@@ -28,12 +28,12 @@ from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.due_forces import LONGEST
 from haptic_accel.core.model import POSTURES
 from haptic_accel.devices.simulated import PointerMaster
-from haptic_accel.graph.arguments import SCENE, SIMULATED, VIRTUAL
-from haptic_accel.graph.files import POSTURE, SURFACE
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.scenes import read_scene
 from haptic_accel.scope.node_reports import NodeReports, number
 from haptic_accel.scope.windows import GraphSettings
+from haptic_accel.setup.arguments import SCENE, SIMULATED, VIRTUAL
+from haptic_accel.setup.files import POSTURE, SURFACE
 
 VIEW = PointerMaster.REACH
 """Part of the plane through the tool, along x and z, that a page draws, m: where a hand can go."""

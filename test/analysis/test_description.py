@@ -33,8 +33,8 @@ from haptic_accel.analysis import load, trials
 from haptic_accel.analysis.segments import UNKNOWN
 from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.core.topics import DESCRIPTION
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial, record_trial
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial, record_trial
 from observing import Observer
 from reading import with_types
 from running import Command

@@ -29,8 +29,8 @@ from haptic_accel.core import topics
 from haptic_accel.core.due_forces import PAST_TICK
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import Trial
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial, record_trial
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial, record_trial
 
 START = 1_700_000_000_000_000_000
 ARGUMENTS = GraphArguments(rig="ideal", surface="text", duration=1.0)

@@ -35,8 +35,8 @@ from haptic_accel.analysis.fidelity import (
 from haptic_accel.analysis.handle_family import KINDS, SPREAD, hand
 from haptic_accel.analysis.input_family import member
 from haptic_accel.core.model import HandleParameters
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial
 
 
 @pytest.mark.slow

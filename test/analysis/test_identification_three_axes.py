@@ -35,7 +35,7 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.handle.matrix_plant import read_matrix_plant
 from haptic_accel.core.identification.fit import DEFAULT_FREE
 from haptic_accel.core.identification.three_axes import identify_three_axes
-from haptic_accel.graph.files import parameter_text
+from haptic_accel.setup.files import parameter_text
 
 FREQUENCY = np.linspace(*COMPARED, 100)
 

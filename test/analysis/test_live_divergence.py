@@ -24,8 +24,8 @@ import pytest
 
 from haptic_accel.analysis.divergence import find_divergence
 from haptic_accel.core.due_forces import PAST_TICK
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial, record_trial
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial, record_trial
 from running import Command, MachineStoodStillError
 
 RATE, LATENCY = 500, 8

@@ -31,9 +31,9 @@ from haptic_accel import Rig, read_bag, run_trial
 from haptic_accel.analysis import plots
 from haptic_accel.core import topics
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial, record_trial
 from haptic_accel.materials.folders import preset_file
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial, record_trial
 
 SHORT = {"duration": 2.0}
 

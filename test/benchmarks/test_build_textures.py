@@ -24,9 +24,9 @@ from scipy import signal
 
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.rig.surface import SurfaceParameters
-from haptic_accel.graph.files import surface_parameters
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.texture_files import read_texture
+from haptic_accel.setup.files import surface_parameters
 
 OTHERS = ((0.055, 2.0), (0.09, 0.45), (0.13, 0.8), (0.19, 1.3))
 """Speeds, m/s, and forces, N, between those that the textures are built from."""

@@ -26,8 +26,8 @@ from fit_rig import CONTROLLERS, HIGHEST, LOWEST, Unknowns, deviations, run
 from haptic_accel.analysis.experiment import RIG_NOTES
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation
 from haptic_accel.core.trial import RigParameters
-from haptic_accel.graph.arguments import SURFACES, GraphArguments
-from haptic_accel.graph.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.arguments import SURFACES, GraphArguments
+from haptic_accel.setup.processes import graph_parameters, rig_parameters
 
 SOURCE = Path(__file__).resolve().parents[2]
 

@@ -50,7 +50,7 @@ from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.core.surfaces.tool import VirtualTool
 from haptic_accel.core.topics import TOOL_ACCELERATION
 from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
-from haptic_accel.materials.foreign import read_hatt
+from haptic_accel.kits.textures.foreign import read_hatt
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.signals import Sender
 from hatt_file import hatt_file

@@ -27,9 +27,9 @@ from chaos.device_trace import DeviceTrace, Held
 from chaos.traced_node import ACTUATOR, ARM, CLOCK, CLOCK_FILE, TELEOP
 from haptic_accel.core.process import CUT_SHORT, DONE
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.processes import COMPOSED, RECORDER, SCOPE, graph
 from haptic_accel.nodes.topic_node import message_type, quality
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.processes import COMPOSED, RECORDER, SCOPE, graph
 from observing import Observer
 from running import PATIENCE, Command, free_port, processes_of
 

@@ -37,8 +37,8 @@ from haptic_accel.core.topics import (
     SLAVE_ARM_FORCE,
     TOOL_ACCELERATION,
 )
-from haptic_accel.graph.arguments import SCENE
-from haptic_accel.graph.files import surface_parameters
+from haptic_accel.setup.arguments import SCENE
+from haptic_accel.setup.files import surface_parameters
 from observing import Observer
 from running import Command, wait_until
 

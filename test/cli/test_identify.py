@@ -33,9 +33,9 @@ from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.topics import ACTUATOR_FORCE, HANDLE_ACCELERATION
 from haptic_accel.core.trial import run_identification
-from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.graph.processes import graph, graph_parameters, rig_parameters
-from haptic_accel.graph.words import parse_words
+from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
+from haptic_accel.setup.processes import graph, graph_parameters, rig_parameters
+from haptic_accel.setup.words import parse_words
 from observing import Observer
 from running import Command
 from verbs import WITHOUT_FRICTION, next_command, output_of, status_of

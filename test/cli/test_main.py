@@ -41,10 +41,10 @@ from haptic_accel.cli.lazy import LazyGroup
 from haptic_accel.cli.options import Verb, Words
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import module_command
-from haptic_accel.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, Faults
-from haptic_accel.graph.arguments import parse_arguments
-from haptic_accel.graph.processes import graph, identification_graph
-from haptic_accel.graph.replay import replay_arguments
+from haptic_accel.kits.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, Faults
+from haptic_accel.setup.arguments import parse_arguments
+from haptic_accel.setup.processes import graph, identification_graph
+from haptic_accel.setup.replay import replay_arguments
 from running import reserved_domain, use_domain
 from verbs import output_of, status_of
 

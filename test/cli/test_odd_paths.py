@@ -33,7 +33,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.bags.reading import read_bag
-from haptic_accel.graph.files import parameter_paths
+from haptic_accel.setup.files import parameter_paths
 from verbs import WITHOUT_FRICTION, output_of, refusal, status_of
 
 DATA = Path(__file__).parents[1] / "data"

@@ -29,9 +29,9 @@ from bag_maker import BagContent, write_bag
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
 from haptic_accel.devices.playback import ReplayParameters, read_track
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.lockstep import lockstep_trial, record_trial
-from haptic_accel.graph.replay import replay_arguments
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial, record_trial
+from haptic_accel.setup.replay import replay_arguments
 from running import Command
 from verbs import next_command, output_of, refusal, status_of
 

@@ -38,7 +38,7 @@ import sys
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.running import run_shown
 from haptic_accel.graph import supervisor
-from haptic_accel.graph.processes import Process
+from haptic_accel.setup.processes import Process
 supervisor.command = lambda process, folder: [sys.executable, "-c", sys.argv[1]]
 try:
     run_shown([Process("talking", {})], endless=True)

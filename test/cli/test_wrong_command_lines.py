@@ -26,7 +26,7 @@ from scipy.io import wavfile
 from bag_maker import BagContent, write_bag
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.topics import MASTER_POSITION
-from haptic_accel.study.templates import templates
+from haptic_accel.kits.study.templates import templates
 from studies import TEXT
 from verbs import refusal, tells
 

@@ -19,8 +19,8 @@ from __future__ import annotations
 
 import yaml
 
-from haptic_accel.graph.node_parameters import NODES
 from haptic_accel.materials.folders import config_folder
+from haptic_accel.setup.node_parameters import NODES
 
 
 def test_every_node_is_in_one_group() -> None:

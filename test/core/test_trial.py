@@ -41,9 +41,9 @@ from haptic_accel.core.rig.instruments import ArmParameters
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig
 from haptic_accel.core.trial import RigParameters, Trial, run_identification, run_trial
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.node_parameters import node_parameters
+from haptic_accel.setup.processes import graph_parameters, rig_parameters
 
 SURFACES = ("plywood", "text", "vinyl")
 CONTROLLERS = ("none", "constant", "dynamic")

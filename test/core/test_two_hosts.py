@@ -28,8 +28,8 @@ from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.sampling import RELEASED
 from haptic_accel.core.trial import Crossing, RigParameters, Trial, run_trial
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.processes import graph_parameters, rig_parameters
 
 SETTLED = 1000
 """Samples after which playout knows the network."""

@@ -41,9 +41,9 @@ from haptic_accel.core.model import FloatArray, Vector
 from haptic_accel.core.rig.master_rig import MasterRig
 from haptic_accel.core.rig.slave_rig import SlaveRig
 from haptic_accel.core.topics import SLAVE_SIGNALS, Topic
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.node_parameters import node_parameters
-from haptic_accel.graph.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.node_parameters import node_parameters
+from haptic_accel.setup.processes import graph_parameters, rig_parameters
 from verbs import status_of
 
 FOLDER = Path(__file__).parent

@@ -36,13 +36,13 @@ from haptic_accel.devices.combined import CombinedDevice, CombinedTool, combined
 from haptic_accel.devices.interface import LATER
 from haptic_accel.devices.serial.protocol import Identity
 from haptic_accel.devices.simulated import SimulatedSlave, SimulatedSlaveParameters
-from haptic_accel.emulators.can_arm import EmulatedArm
-from haptic_accel.emulators.can_line import CanLine, SlcanPort
-from haptic_accel.emulators.faults import CAN_FAULTS, Faults
-from haptic_accel.emulators.pseudo_terminal import run
-from haptic_accel.emulators.serial_line import EmulatedBoard, SerialLines
-from haptic_accel.graph.files import read_parameter_file
-from haptic_accel.graph.node_parameters import node_parameters
+from haptic_accel.kits.emulators.can_arm import EmulatedArm
+from haptic_accel.kits.emulators.can_line import CanLine, SlcanPort
+from haptic_accel.kits.emulators.faults import CAN_FAULTS, Faults
+from haptic_accel.kits.emulators.pseudo_terminal import run
+from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
+from haptic_accel.setup.files import read_parameter_file
+from haptic_accel.setup.node_parameters import node_parameters
 from running import wait_until
 
 

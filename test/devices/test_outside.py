@@ -38,8 +38,8 @@ from haptic_accel.core.topics import (
     Topic,
 )
 from haptic_accel.devices import RESERVED
-from haptic_accel.graph.arguments import PLAYED_TOPICS
-from haptic_accel.graph.node_parameters import NODES
+from haptic_accel.setup.arguments import PLAYED_TOPICS
+from haptic_accel.setup.node_parameters import NODES
 from observing import Observer
 from running import Command
 

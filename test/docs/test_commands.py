@@ -34,9 +34,9 @@ from haptic_accel.cli.options import Verb, Words
 from haptic_accel.core.parameters import Checked, schema
 from haptic_accel.core.topics import TOPICS
 from haptic_accel.core.trial import run_trial
-from haptic_accel.graph.files import read_parameter_file
-from haptic_accel.graph.node_parameters import node_schema
-from haptic_accel.graph.words import parse_words
+from haptic_accel.setup.files import read_parameter_file
+from haptic_accel.setup.node_parameters import node_schema
+from haptic_accel.setup.words import parse_words
 from verbs import status_of
 
 SOURCE = Path(__file__).resolve().parents[2]

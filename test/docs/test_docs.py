@@ -30,7 +30,7 @@ from matplotlib import pyplot
 
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.topics import ASKED, HAND_SET_POINT, JOINT_STATES, TOPICS
-from haptic_accel.graph.node_parameters import NODES, node_schema
+from haptic_accel.setup.node_parameters import NODES, node_schema
 
 SOURCE = Path(__file__).resolve().parents[2]
 DOCS = sorted((SOURCE / "docs").glob("*.md"))

@@ -47,7 +47,7 @@ from haptic_accel.devices.serial.protocol import (
     Status,
     encode,
 )
-from haptic_accel.emulators.serial_board import Board
+from haptic_accel.kits.emulators.serial_board import Board
 
 pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="no g++ on this machine")
 

@@ -31,9 +31,9 @@ from haptic_accel.core.control.compensation import PLANT, Compensation
 from haptic_accel.core.model import ACTUATOR, Vector
 from haptic_accel.devices.serial.device import SerialMaster
 from haptic_accel.devices.simulated import SimulatedMaster
-from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.graph.node_parameters import SAFETY, node_parameters
-from haptic_accel.graph.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
+from haptic_accel.setup.node_parameters import SAFETY, node_parameters
+from haptic_accel.setup.processes import graph_parameters, rig_parameters
 
 COIL = ActuatorParameters(
     m_a=0.031,

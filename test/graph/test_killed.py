@@ -26,7 +26,7 @@ from pathlib import Path
 from chaos.live_graph import FORCES, SEPARATE, LiveGraph
 from chaos.traced_node import ARM
 from haptic_accel.core.coupling.engagement import FREE_TIME
-from haptic_accel.graph.processes import COMPOSED
+from haptic_accel.setup.processes import COMPOSED
 from observing import Observer
 
 KILLED = {

@@ -33,14 +33,14 @@ from ament_index_python.packages import PackageNotFoundError
 
 from haptic_accel.core.parameters import Checked, ParameterError
 from haptic_accel.core.topics import SIGNALS
-from haptic_accel.graph.arguments import GraphArguments, IdentifyArguments, parse_arguments
-from haptic_accel.graph.files import parameter_text, read_parameter_file
 from haptic_accel.graph.frames import description as description_text
 from haptic_accel.graph.locks import sole_graph
-from haptic_accel.graph.processes import Process, graph, identification_graph
-from haptic_accel.graph.replay import described_replay, replay_arguments
-from haptic_accel.graph.words import described, parse_words
 from haptic_accel.materials.folders import share_folder
+from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments, parse_arguments
+from haptic_accel.setup.files import parameter_text, read_parameter_file
+from haptic_accel.setup.processes import Process, graph, identification_graph
+from haptic_accel.setup.replay import described_replay, replay_arguments
+from haptic_accel.setup.words import described, parse_words
 
 try:
     import launch_ros.actions  # noqa: F401

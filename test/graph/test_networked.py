@@ -26,9 +26,9 @@ import pytest
 
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.arguments import GraphArguments
 from haptic_accel.graph.networked import RelayError, networked_graph, sides
 from haptic_accel.graph.supervisor import Outcome, Supervisor
+from haptic_accel.setup.arguments import GraphArguments
 from observing import Observer
 from running import reserved_domain, wait_until
 

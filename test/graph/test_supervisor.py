@@ -29,8 +29,8 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.process import CUT_SHORT
 from haptic_accel.graph import supervisor
-from haptic_accel.graph.processes import Process
 from haptic_accel.graph.supervisor import Supervisor, command
+from haptic_accel.setup.processes import Process
 from running import wait_until
 
 

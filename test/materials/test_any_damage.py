@@ -36,7 +36,7 @@ from scipy.io import wavfile
 from fuzzing import accepted, fuzz_few, in_child, measured, mutated
 from haptic_accel.core.handle.discrete import read_discrete_model
 from haptic_accel.core.surfaces.taps import Tap
-from haptic_accel.materials.foreign import import_texture
+from haptic_accel.kits.textures.foreign import import_texture
 from haptic_accel.materials.mesh_baking import baked
 from haptic_accel.materials.sampled_shapes import Sampling, read_heights
 from haptic_accel.materials.scenes import read_taps

@@ -29,6 +29,7 @@ import pytest
 
 from fuzzing import measured
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits.textures.foreign import import_texture
 from haptic_accel.materials.array_files import (
     LARGEST,
     MOST_MEMBERS,
@@ -36,7 +37,6 @@ from haptic_accel.materials.array_files import (
     read_array,
     read_arrays,
 )
-from haptic_accel.materials.foreign import import_texture
 from haptic_accel.materials.sampled_shapes import Sampling, read_heights
 from haptic_accel.materials.scenes import read_taps
 from haptic_accel.materials.texture_files import read_texture

@@ -33,7 +33,7 @@ from fuzzing import fuzz_few
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.surfaces.texture import TextureModel
-from haptic_accel.materials.foreign import import_texture
+from haptic_accel.kits.textures.foreign import import_texture
 from haptic_accel.materials.recordings import read_samples
 from recordings import write_wav
 

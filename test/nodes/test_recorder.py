@@ -33,7 +33,7 @@ from std_srvs.srv import Trigger
 from haptic_accel.bags.metadata import Metadata, read_metadata
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.topics import DEVICES, TOPICS
-from haptic_accel.graph.files import parameter_text
+from haptic_accel.setup.files import parameter_text
 from observing import Observer
 from reading import deserialised, with_mcap, with_rosbags
 from running import Command, limit_size, nodes_of, wait_until

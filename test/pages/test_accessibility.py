@@ -36,14 +36,14 @@ from haptic_accel.analysis.experiment import (
     write_experiment,
 )
 from haptic_accel.analysis.writing import write_analysis
-from haptic_accel.graph.arguments import GraphArguments
+from haptic_accel.kits.study.reading import read_protocol
+from haptic_accel.kits.study.report import analyse_study, write_report
+from haptic_accel.kits.study.simulation import simulate_study
+from haptic_accel.kits.study.templates import templates
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.paced_rig import PacedRig
 from haptic_accel.scope.server import ScopeServer
-from haptic_accel.study.reading import read_protocol
-from haptic_accel.study.report import analyse_study, write_report
-from haptic_accel.study.simulation import simulate_study
-from haptic_accel.study.templates import templates
+from haptic_accel.setup.arguments import GraphArguments
 from running import wait_until
 from verbs import WITHOUT_FRICTION, status_of
 

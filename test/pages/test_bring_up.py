@@ -27,8 +27,8 @@ import pytest
 
 from browsing import violations
 from haptic_accel.devices.observed import Observation
+from haptic_accel.kits.bringup.guide import Guide
 from haptic_accel.scope.access import Access
-from haptic_accel.scope.guide import Guide
 from haptic_accel.scope.server import ScopeServer
 from running import wait_until
 

@@ -25,9 +25,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from browsing import LISTEN, violations
+from haptic_accel.kits.study.participant_page import ParticipantPage
+from haptic_accel.kits.study.trials import Screen
 from haptic_accel.scope.paced_rig import PacedRig
-from haptic_accel.study.participant_page import ParticipantPage
-from haptic_accel.study.trials import Screen
 from participating import ENGLISH, TRIALS, Visit
 from running import wait_until
 

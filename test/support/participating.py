@@ -22,14 +22,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from haptic_accel.kits.study.log import Log
+from haptic_accel.kits.study.observers import SimulatedRig
+from haptic_accel.kits.study.participant_page import ParticipantPage, read_texts
+from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.protocol import Condition
+from haptic_accel.kits.study.session import Session
+from haptic_accel.kits.study.trials import Answer, Presented, Screen, StoppedError
 from haptic_accel.scope.windows import Windows
-from haptic_accel.study.log import Log
-from haptic_accel.study.observers import SimulatedRig
-from haptic_accel.study.participant_page import ParticipantPage, read_texts
-from haptic_accel.study.plan import Plan
-from haptic_accel.study.protocol import Condition
-from haptic_accel.study.session import Session
-from haptic_accel.study.trials import Answer, Presented, Screen, StoppedError
 from studies import TEXT, write_study
 
 ENGLISH = {word: word.replace("_", " ") for word in read_texts("en")} | {"language": "en"}

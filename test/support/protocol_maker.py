@@ -21,7 +21,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from haptic_accel.study.protocol import Condition, Consent, Levels, Pair, Protocol
+from haptic_accel.kits.study.protocol import Condition, Consent, Levels, Pair, Protocol
 
 
 def make_protocol(task: str = "2ifc", surfaces: int = 2, **changes: Any) -> Protocol:

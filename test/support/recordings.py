@@ -26,8 +26,8 @@ import numpy as np
 from scipy.io import wavfile
 
 from haptic_accel.core.trial import run_trial
-from haptic_accel.graph.arguments import GraphArguments
-from haptic_accel.graph.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.processes import graph_parameters, rig_parameters
 
 RATE = 10_000
 """Sampling rate of the recordings, Hz."""

@@ -20,13 +20,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from haptic_accel.study.folder import Study
-from haptic_accel.study.log import Log
-from haptic_accel.study.observers import SimulatedParticipant, SimulatedRig
-from haptic_accel.study.plan import Plan
-from haptic_accel.study.session import Session
-from haptic_accel.study.templates import PROTOCOL
-from haptic_accel.study.trials import Answer, PlannedTrial, Rig, Screen, SessionRecord
+from haptic_accel.kits.study.folder import Study
+from haptic_accel.kits.study.log import Log
+from haptic_accel.kits.study.observers import SimulatedParticipant, SimulatedRig
+from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.session import Session
+from haptic_accel.kits.study.templates import PROTOCOL
+from haptic_accel.kits.study.trials import Answer, PlannedTrial, Rig, Screen, SessionRecord
 
 TEXT = """\
 title: Compensated or not

@@ -19,9 +19,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from haptic_accel.study.observers import SimulatedParticipant
-from haptic_accel.study.plan import Plan
-from haptic_accel.study.trials import Answer, PlannedTrial, Screen, TrialRecord
+from haptic_accel.kits.study.observers import SimulatedParticipant
+from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.trials import Answer, PlannedTrial, Screen, TrialRecord
 
 Answerer = Callable[[PlannedTrial], Answer | None]
 

@@ -28,7 +28,7 @@ from haptic_accel.cli.commands import command_line
 from haptic_accel.cli.main import main
 from haptic_accel.cli.options import Words
 from haptic_accel.core.identification.fit import DEFAULT_FREE
-from haptic_accel.graph.words import parse_words
+from haptic_accel.setup.words import parse_words
 
 WITHOUT_FRICTION = ("--free", ",".join(DEFAULT_FREE))
 """Words for an identification without dry friction, whose fit takes ten times as long."""

@@ -40,10 +40,10 @@ from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.devices.can.protocol import AxisState, Estimates, Heartbeat
 from haptic_accel.devices.interface import DeviceError
 from haptic_accel.devices.simulated import SimulatedSlave, SimulatedSlaveParameters
-from haptic_accel.emulators.can_arm import EmulatedArm
-from haptic_accel.emulators.can_line import BusPort, CanLine, CanPort, SlcanPort
-from haptic_accel.emulators.faults import CAN_FAULTS, Faults
-from haptic_accel.emulators.pseudo_terminal import run
+from haptic_accel.kits.emulators.can_arm import EmulatedArm
+from haptic_accel.kits.emulators.can_line import BusPort, CanLine, CanPort, SlcanPort
+from haptic_accel.kits.emulators.faults import CAN_FAULTS, Faults
+from haptic_accel.kits.emulators.pseudo_terminal import run
 from running import wait_until
 
 RATE = 200.0  # Hz

@@ -32,9 +32,9 @@ from haptic_accel.devices.serial.protocol import (
     Identity,
     encode,
 )
-from haptic_accel.emulators.pseudo_terminal import run
-from haptic_accel.emulators.serial_board import Board
-from haptic_accel.emulators.serial_line import EmulatedBoard, SerialLines
+from haptic_accel.kits.emulators.pseudo_terminal import run
+from haptic_accel.kits.emulators.serial_board import Board
+from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
 
 HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle-1")
 
@@ -125,4 +125,4 @@ class OlderBoard(Board):
 @pytest.fixture
 def older(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let boards speak protocol 2."""
-    monkeypatch.setattr("haptic_accel.emulators.serial_line.Board", OlderBoard)
+    monkeypatch.setattr("haptic_accel.kits.emulators.serial_line.Board", OlderBoard)

@@ -67,8 +67,8 @@ from haptic_accel.devices.serial.protocol import (
     encode,
     read_message,
 )
-from haptic_accel.emulators.faults import DROP, GARBAGE, STALL, UNPLUG
-from haptic_accel.emulators.pseudo_terminal import PseudoTerminal
+from haptic_accel.kits.emulators.faults import DROP, GARBAGE, STALL, UNPLUG
+from haptic_accel.kits.emulators.pseudo_terminal import PseudoTerminal
 from running import PATIENCE, wait_until
 
 HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle-1")

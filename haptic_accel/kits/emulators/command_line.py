@@ -1,0 +1,455 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``haptic-accel emulate``: boards or arms with the virtual rig, or the network of two hosts."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import random
+import shlex
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.options import arguments, verb
+from haptic_accel.cli.running import is_ours, on_keys, print_line, stop_on_signal
+from haptic_accel.core.axes import NAMES, Axes
+from haptic_accel.core.bounded_files import located
+from haptic_accel.core.coupling.position_position import PositionPositionCoupling
+from haptic_accel.core.model import GRAVITY, ZERO, Vector
+from haptic_accel.core.parameters import Checked, from_flat, like, parameter
+from haptic_accel.core.trial import DEFAULT_RATE, RigParameters
+from haptic_accel.devices.can.bus import bus_configuration, open_bus
+from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
+from haptic_accel.devices.connection import AUTO
+from haptic_accel.devices.serial.device import HIGHEST_RATE, MISSING_LIBRARY
+from haptic_accel.devices.simulated import SimulatedDevice, SimulatedMaster, SimulatedSlave
+from haptic_accel.graph.relaying import PRIORITY, RelayArguments, serve
+from haptic_accel.graph.stop_signal import hurry
+from haptic_accel.kits.emulators.can_arm import EmulatedArm
+from haptic_accel.kits.emulators.can_line import BusPort, CanLine, SlcanPort
+from haptic_accel.kits.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, UNPLUG, FaultKind, Faults
+from haptic_accel.kits.emulators.pseudo_terminal import run
+from haptic_accel.links.addresses import host_and_port, is_loopback
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.files import parameter_text
+from haptic_accel.setup.processes import graph_parameters, rig_parameters
+
+if TYPE_CHECKING:
+    from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
+
+MASTER, SLAVE = SIDES = "master", "slave"
+
+TIMEOUTS = {
+    "start_timeout": 10.0,
+    "heartbeat_timeout": 1.0,
+    "estimates_timeout": 0.5,
+    "rearm": AUTO,
+}
+"""Parameters of the CAN driver: the emulator shares its machine with the graph, and may stall."""
+
+WATCHDOG = 0.5
+"""Time-out of the axes' watchdogs, s."""
+
+KEYS = (
+    "u, d: hold both boards still, all axes up or down; 1 to 6: only x up, x down, y up, y down, z"
+    " up, z down; l: put them back; h, t: tap the handle or the tool; m: read the meters for the"
+    " coils' currents; x: unplug one board"
+)
+"""Keys in the terminal of the emulated boards, in place of a person's hands."""
+
+TAP, TAP_DECAY = 20.0, 5e-3
+"""Acceleration of a tap with a finger, m/s^2, and the time constant of its decay, s (assumed)."""
+
+SLCAN_OPTIONS = '{"sleep_after_open": 0}'
+"""Options of python-can, which waits two seconds for adapters that restart when opened."""
+
+
+def faults_argument(kinds: Mapping[str, FaultKind], beginning: str) -> Any:
+    """Declare the faults to inject."""
+    texts = "; ".join(f"{name}: {kind.text}" for name, kind in kinds.items())
+    return parameter(
+        "", f"faults, separated by commas: NAME, or NAME@SECONDS after {beginning}. {texts}"
+    )
+
+
+@dataclass(frozen=True)
+class EmulationArguments(Checked):
+    """Arguments of all emulators."""
+
+    rig: str = like(GraphArguments, "rig")
+    grip: str = like(GraphArguments, "grip")
+    surface: str = parameter(
+        "plywood", "surface under the tool: plywood, text, vinyl, or a .yaml file"
+    )
+    seed: int = like(GraphArguments, "seed")
+    folder: str = parameter(
+        "", "folder of the ports and the parameter file; empty for a new temporary one"
+    )
+    fault_seconds: float = parameter(
+        1.0, "duration of a fault with a time", unit="s", low=0.001, high=1e6
+    )
+    duration: float = parameter(
+        0.0, "duration of the emulation; 0 = until stopped", unit="s", low=0.0, high=1e6
+    )
+
+    def virtual_rig(self) -> RigParameters:
+        """Return a graph's parameters of the virtual rig."""
+        graph = GraphArguments(rig=self.rig, grip=self.grip, surface=self.surface, seed=self.seed)
+        return rig_parameters(graph_parameters(graph))
+
+    def made_folder(self, kind: str) -> Path:
+        """Return the folder for the emulation, which is made if it does not exist.
+
+        Raises
+        ------
+        ParameterError
+            It is not a folder, and cannot be made.
+        """
+        if not self.folder:
+            return Path(tempfile.mkdtemp(prefix=f"haptic-accel-{kind}-"))
+        folder = Path(self.folder).absolute()
+        with located(f"folder = '{self.folder}'", unreadable="must be a folder or new: "):
+            folder.mkdir(parents=True, exist_ok=True)
+        return folder
+
+
+@dataclass(frozen=True)
+class EmulateSerialArguments(EmulationArguments):
+    """Arguments of the emulated boards."""
+
+    faults: str = faults_argument(SERIAL_FAULTS, "the hand begins to explore")
+    fault_board: str = parameter(MASTER, "board with the faults", choices=SIDES)
+
+
+@dataclass(frozen=True)
+class EmulateCanArguments(EmulationArguments):
+    """Arguments of the emulated arms."""
+
+    kinematics: str = parameter(
+        "arm", "kinematics with one, two or three joints", choices=KINEMATICS
+    )
+    rate: float = parameter(
+        500.0, "rate of estimates and of the virtual rig", unit="Hz", low=50.0, high=1000.0
+    )
+    interface: str = parameter(
+        "", "python-can interface, with both arms on one bus; empty for two slcan adapters"
+    )
+    channel: str = parameter("", "channel of the interface")
+    faults: str = faults_argument(CAN_FAULTS, "the first torque")
+    fault_arm: str = parameter(SLAVE, "arm with the faults", choices=SIDES)
+
+
+@verb(
+    "haptic-accel emulate serial",
+    "haptic-accel emulate serial folder:=boards surface:=text duration:=60",
+    "haptic-accel emulate serial faults:=garbage,stall@2 fault_board:=slave",
+    name="serial",
+)
+@arguments(EmulateSerialArguments)
+def emulate_serial(arguments: EmulateSerialArguments) -> None:
+    """Emulate the boards of handle and tool on pseudo-terminals until Ctrl-C."""
+    faults = _faults(arguments, arguments.faults, arguments.fault_board, SERIAL_FAULTS)
+    rig = arguments.virtual_rig()
+    devices = {side: _simulated(rig, side, DEFAULT_RATE, arguments.seed) for side in SIDES}
+    try:
+        from haptic_accel.kits.emulators.serial_line import CoupledArms, SerialLines
+    except ImportError:
+        raise StoppedError(f"serial: {MISSING_LIBRARY}") from None
+    # The boards must not be delayed by the nodes that they serve. Only here is ROS waited for.
+    from haptic_accel.nodes.scheduling import ask_for_realtime, sharpen_timers
+
+    folder = arguments.made_folder("serial")
+    held = _Held(arguments.seed)
+    boards = [
+        _board(rig, side, folder / side, devices[side], faults[side], held) for side in SIDES
+    ]
+    arms = CoupledArms(boards, list(devices.values()), PositionPositionCoupling(rig.coupling))
+    given = {
+        side: {"port": str(folder / side), "axes": ", ".join(devices[side].axes.names)}
+        for side in SIDES
+    }
+    known = arguments.rig == EmulateSerialArguments.rig
+    # The compensator takes the plant from the rig.
+    words = "" if known else f"rig:={shlex.quote(arguments.rig)} "
+    _announce("boards", "serial", folder, given, words)
+    sharpen_timers()
+    ask_for_realtime()
+    lines = SerialLines(boards, arms)
+    unplugged = faults[arguments.fault_board]
+    keys: dict[bytes, Callable[[], None]] = {
+        b"u": partial(held.tilt, (GRAVITY,) * 3),
+        b"d": partial(held.tilt, (-GRAVITY,) * 3),
+        b"l": partial(held.tilt, ZERO),
+        b"x": partial(unplugged.inject, UNPLUG, arguments.fault_seconds),
+        b"h": partial(held.tap, MASTER),
+        b"t": partial(held.tap, SLAVE),
+        b"m": lambda: print(f"current {_currents(boards[0], devices[MASTER])} A", flush=True),
+    }
+    poses = itertools.product(NAMES, (GRAVITY, -GRAVITY))
+    for place, (name, gravity) in enumerate(poses, start=1):
+        keys[b"%d" % place] = partial(held.tilt, Axes((name,)).vector([gravity]))
+    with on_keys(keys) as read:
+        if read:
+            print(f"keys: {KEYS}", flush=True)
+        _run([lines], arguments.duration, lambda: arms.coupled, "the hand begins to explore")
+
+
+@verb(
+    "haptic-accel emulate can",
+    "haptic-accel emulate can kinematics:=stage folder:=arms",
+    "haptic-accel emulate can faults:=estimates@2",
+    name="can",
+)
+@arguments(EmulateCanArguments)
+def emulate_can(arguments: EmulateCanArguments) -> None:
+    """Emulate master and slave arms of ODrives on CAN until Ctrl-C.
+
+    They are behind slcan adapters on pseudo-terminals or on any bus of python-can.
+    """
+    faults = _faults(arguments, arguments.faults, arguments.fault_arm, CAN_FAULTS)
+    rig = arguments.virtual_rig()
+    folder = arguments.made_folder("can")
+    given = {side: _driver_parameters(arguments, side, folder) for side in SIDES}
+    parameters = {side: from_flat(CanParameters, values) for side, values in given.items()}
+    rate = arguments.rate
+    arms = {
+        side: EmulatedArm(
+            parameters[side],
+            _simulated(rig, side, rate, arguments.seed),
+            rate=rate,
+            watchdog=WATCHDOG,
+            seed=arguments.seed + place,
+        )
+        for place, side in enumerate(SIDES)
+    }
+    if arguments.interface:
+        configuration = bus_configuration(parameters[MASTER])
+        port = BusPort(lambda: open_bus(configuration, []))
+        first = arguments.fault_arm
+        in_order = [arms.pop(first), *arms.values()]
+        lines = [CanLine(port, in_order, rate, faults[first])]
+    else:
+        lines = [
+            CanLine(SlcanPort(folder / side), [arms[side]], rate, faults[side]) for side in SIDES
+        ]
+    _announce("arms", "can", folder, given, f"rate:={rate:g} ")
+
+    def driven() -> bool:
+        return any(line.driven for line in lines)
+
+    _run(lines, arguments.duration, driven, "the arms have torques")
+
+
+@verb(
+    "haptic-accel emulate network delay:=0.05",
+    "haptic-accel emulate network delay:=0.05 jitter:=0.01 loss:=0.02",
+    "haptic-accel emulate network master:=desk.lab slave:=robot.lab delay:=0.1",
+    name="network",
+)
+@arguments(RelayArguments)
+def emulate_network(arguments: RelayArguments) -> None:
+    """Emulate a bad network between two hosts until Ctrl-C.
+
+    Each host has the address of this machine as its peer. Meanwhile, a line of words changes the
+    network: delay:=0.1 loss:=0 for a longer delay and no loss.
+    """
+    print(
+        "emulating a network; in another terminal each, with this machine's address:\n"
+        f"  {_side('master', arguments.master)}\n"
+        f"  {_side('slave', arguments.slave)}\n"
+        "on one machine, the second with another ROS_DOMAIN_ID",
+        flush=True,
+    )
+    hurry(PRIORITY)
+    with stop_on_signal() as stopped:
+        try:
+            serve(arguments, print_line, stopped, _words_source())
+        except OSError as error:
+            raise StoppedError(str(error)) from None
+
+
+def _side(side: str, host: str) -> str:
+    """Return the command of a side."""
+    address, port = host_and_port(host)
+    here = "127.0.0.1" if is_loopback(address) else "THIS_MACHINE"
+    keys = "" if is_loopback(address) else " keys:=KEYS"
+    return f"haptic-accel teleop side:={side} peer:={here}{f':{port}' if port else ''}{keys}"
+
+
+def _words_source() -> int | None:
+    """Return the standard input, unless there is none or it is another program's terminal."""
+    try:
+        source = sys.stdin.fileno()
+    except (AttributeError, OSError):  # none, or no file
+        return None
+    return None if os.isatty(source) and not is_ours(source) else source
+
+
+def _faults(
+    arguments: EmulationArguments, names: str, faulty: str, kinds: Mapping[str, FaultKind]
+) -> dict[str, Faults]:
+    """Return the faults of each side: the named ones for `faulty`, otherwise none."""
+    given = Faults(names, kinds, arguments.fault_seconds, arguments.seed)
+    return {side: given if side == faulty else Faults() for side in SIDES}
+
+
+def _simulated(rig: RigParameters, side: str, rate: float, seed: int) -> SimulatedDevice:
+    """Return one side of the virtual rig."""
+    device = SimulatedMaster if side == MASTER else SimulatedSlave
+    return device(getattr(rig, side), rate, seed)
+
+
+class _Held:
+    """Boards on their arms, or in a person's hands, where they are held still or tapped.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the sensors' noise.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._gravity = ZERO
+        self._random = random.Random(seed)
+        self._before: dict[str, Vector] = {}
+        self._tapped = dict.fromkeys(SIDES, -math.inf)
+        self._asked: set[str] = set()
+
+    def tilt(self, gravity: Vector) -> None:
+        """Hold the boards so that gravity acts along the axes, m/s^2; zero for on their arms."""
+        self._gravity = gravity
+
+    def tap(self, side: str) -> None:
+        """Tap one side's board."""
+        self._asked.add(side)
+
+    def measured(
+        self, side: str, time: float, acceleration: Vector, noise: float, axes: Axes
+    ) -> Vector:
+        """Return what a sensor with a noise measures, m/s^2, from the acceleration on its arm.
+
+        The rig stands still, and its sensors are silent, until its first force: then the noise is
+        added here.
+        """
+        still = acceleration == self._before.get(side)
+        self._before[side] = acceleration
+        held = any(self._gravity)
+        components = axes.components(self._gravity if held else acceleration)
+        if held or still:
+            components = [each + self._random.gauss(0.0, noise) for each in components]
+        if side in self._asked:
+            self._asked.remove(side)
+            self._tapped[side] = time
+        since = time - self._tapped[side]
+        tap = TAP * math.exp(-since / TAP_DECAY) if since >= 0 else 0.0
+        return axes.vector([each + tap for each in components])
+
+
+def _currents(board: EmulatedBoard, device: SimulatedDevice) -> str:
+    """Return the currents of a board's coils for the user."""
+    return ", ".join(f"{current:.4f}" for current in device.axes.components(board.currents))
+
+
+def _board(
+    rig: RigParameters,
+    side: str,
+    port: Path,
+    device: SimulatedDevice,
+    faults: Faults,
+    held: _Held,
+) -> EmulatedBoard:
+    """Return the board of one side; only the master's has an actuator."""
+    from haptic_accel.devices.serial.protocol import FIRMWARE, Identity, axes_bits
+    from haptic_accel.kits.emulators.serial_line import EmulatedBoard
+
+    actuator = rig.master.actuator
+    axes = device.axes
+    full_scale = actuator.peak_force / abs(actuator.force_constant) if side == MASTER else 0.0
+    full_scales = axes.vector([full_scale] * len(axes.names))
+    sensor = getattr(rig, side).accelerometer
+
+    def measure(time: float) -> Vector:
+        return held.measured(side, time, device.read(time).acceleration, sensor.noise, axes)
+
+    def drive(time: float, currents: Vector) -> None:
+        x, y, z = (current * actuator.force_constant for current in currents)
+        device.write(time, actuator_force=(x, y, z))
+
+    name = f"emulated-{side}"
+    identity = Identity(FIRMWARE, axes_bits("xyz"), HIGHEST_RATE, sensor.range, full_scales, name)
+    return EmulatedBoard(identity, port, measure, drive, faults)
+
+
+def _driver_parameters(arguments: EmulateCanArguments, side: str, folder: Path) -> dict[str, Any]:
+    """Return the parameters of an arm's driver, by dotted name."""
+    shared = {"kinematics": arguments.kinematics, **TIMEOUTS}
+    if not arguments.interface:
+        channel = {"channel": str(folder / side), "options": SLCAN_OPTIONS}
+        return {"interface": "slcan", **channel, **shared}
+    # Both are on one bus: the slave's nodes follow the master's.
+    first = 0 if side == MASTER else len(KINEMATICS)
+    nodes = {f"joint{place + 1}.node_id": first + place for place in range(len(KINEMATICS))}
+    return {"interface": arguments.interface, "channel": arguments.channel, **shared, **nodes}
+
+
+def _announce(
+    emulated: str, device: str, folder: Path, given: Mapping[str, Any], words: str = ""
+) -> None:
+    """Write the parameters of each side's driver, and print how to start a graph with them."""
+    config = folder / f"{device}.yaml"
+    nodes = {
+        f"{side}_device": {"device": device, device: values} for side, values in given.items()
+    }
+    config.write_text(parameter_text(nodes), encoding="utf-8")
+    print(
+        f"emulating two {emulated}; in another terminal:\n"
+        f"  haptic-accel teleop master:={device} slave:={device} {words}"
+        f"{shlex.quote(f'params_file:={config}')}",
+        flush=True,
+    )
+
+
+def _run(
+    lines: Sequence[CanLine | SerialLines],
+    duration: float,
+    begun: Callable[[], bool],
+    line: str,
+) -> None:
+    """Emulate until a signal or the end of the duration in s; print a line once it has begun."""
+    start, printed = monotonic(), False
+
+    def ended() -> bool:
+        nonlocal printed
+        if begun() and not printed:
+            printed = True
+            print(line, flush=True)
+        return bool(duration and monotonic() - start >= duration) or stopped()
+
+    try:
+        with stop_on_signal() as stopped:
+            run(lines, ended)
+    finally:
+        for each in lines:
+            each.close()

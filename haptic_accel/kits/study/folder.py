@@ -1,0 +1,336 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Folder of a study: its protocol and versions, its participants, and a journal of what was done.
+
+::
+
+    study.yaml            protocol; a changed one is another version for new participants
+    versions/DIGEST.yaml  versions with which participants began, and go on
+    journal.jsonl         versions, heads of the logs, unblinding, deletions, without names
+    participants/P07/     log.jsonl, bags/
+    analysis/, export/    results, which a deletion removes
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import re
+import secrets
+import shutil
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+
+from haptic_accel.core.bounded_files import located, opened
+from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel.core.safe_writing import replace_file
+from haptic_accel.kits.study.authenticity import (
+    DELETION,
+    HEAD,
+    Logs,
+    SittingEnd,
+    check_folders,
+    check_heads,
+    check_journal,
+    doubts,
+    head_entry,
+    sitting_ends,
+)
+from haptic_accel.kits.study.deletion import BAGS, Deletion, plan_deletion
+from haptic_accel.kits.study.log import (
+    LARGEST,
+    LOG,
+    SESSION,
+    Entry,
+    Log,
+    lock,
+    read_chain,
+    read_log,
+    read_session,
+)
+from haptic_accel.kits.study.protocol import Protocol
+from haptic_accel.kits.study.reading import read_protocol
+from haptic_accel.kits.study.session import COMPLETE
+from haptic_accel.kits.study.templates import PROTOCOL
+from haptic_accel.kits.study.trials import SessionRecord
+
+JOURNAL, PARTICIPANTS, VERSIONS = "journal.jsonl", "participants", "versions"
+ANALYSIS, EXPORT = "analysis", "export"
+"""Names in a study's folder, beside `templates.PROTOCOL`."""
+
+VERSION, UNBLINDING = "version", "unblinding"
+"""Kinds of lines of the journal, beside those of `authenticity`."""
+
+JOURNAL_TIME = 30.0
+"""Longest time to wait for other processes that write to the journal, s."""
+
+PSEUDONYM = re.compile(r"(?=.*[0-9])(?!.*[0-9]{6})[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
+"""Form of a pseudonym. Names have no digit; dates of birth, telephone numbers and numbers of
+students have six in succession."""
+
+
+class Study:
+    """Study in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Raises
+    ------
+    ParameterError
+        The folder has no protocol.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        if not os.path.isfile(folder / PROTOCOL):
+            raise ParameterError(
+                f"{folder}: must be a study's folder, with {PROTOCOL};"
+                " haptic-accel study new makes one"
+            )
+        self.folder = folder
+
+    @cached_property
+    def protocol(self) -> Protocol:
+        """Present version of the protocol."""
+        return read_protocol(self.folder / PROTOCOL)
+
+    @property
+    def sessions(self) -> list[SessionRecord]:
+        """Sessions of all participants, by pseudonym.
+
+        Raises
+        ------
+        ParameterError
+            A log cannot be read, is there twice, is in a wrong folder, or contradicts the journal.
+        """
+        return [session for _, session in self._logs().values()]
+
+    @property
+    def ends(self) -> list[SittingEnd]:
+        """Ends of all sittings; raises as `sessions` does."""
+        return sitting_ends(self._logs(), self.journal)
+
+    @property
+    def doubts(self) -> list[str]:
+        """Lines on sessions that the journal or the logs have alone; raises as `sessions` does."""
+        return doubts(self._logs(), self.journal)
+
+    @property
+    def journal(self) -> list[Entry]:
+        """Lines of the journal.
+
+        Raises
+        ------
+        ParameterError
+            It cannot be read, was changed, or there are two.
+        """
+        found = sorted(each.name for each in self.folder.glob("journal*.jsonl"))
+        if any(name != JOURNAL for name in found):
+            raise ParameterError(f"{self.folder}: has {', '.join(found)}: must be {JOURNAL} alone")
+        file = self.folder / JOURNAL
+        entries = read_chain(file).entries if found else []
+        with located(file, "must be a journal"):
+            check_journal(entries)
+        return entries
+
+    @property
+    def sealed(self) -> bool:
+        """False once the study is unblinded."""
+        return all(entry["kind"] != UNBLINDING for entry in self.journal)
+
+    def place(self, participant: str) -> Path:
+        """Return the folder of a participant, who need not exist.
+
+        Raises
+        ------
+        ParameterError
+            The word is no pseudonym, or like a name.
+        """
+        if not PSEUDONYM.fullmatch(participant):
+            raise ParameterError(
+                f"participant = {shown(participant)!r}: must be a pseudonym such as P07, of 1 to"
+                " 32 letters, digits, - and _, with a digit, and at most 5 digits in succession"
+            )
+        return self.folder / PARTICIPANTS / participant
+
+    def version(self, digest: str) -> Protocol:
+        """Return a version of the protocol.
+
+        Raises
+        ------
+        ParameterError
+            Its file cannot be read, or was changed.
+        """
+        file = self.folder / VERSIONS / f"{digest}.yaml"
+        protocol = read_protocol(file)
+        if protocol.digest != digest:
+            raise ParameterError(f"{file}: was changed: its content has another digest")
+        return replace(protocol, source=self.folder / PROTOCOL)
+
+    def begin(self, participant: str, seed: int | None = None, *, simulated: bool = False) -> Log:
+        """Return the log of a new participant, with the least row that no other one has.
+
+        Raises
+        ------
+        ParameterError
+            The participant has begun already, or the study has simulated observers and this is
+            none, or the reverse.
+        """
+        folder, protocol = self.place(participant), self.protocol
+        (self.folder / PARTICIPANTS).mkdir(mode=0o700, exist_ok=True)
+        with self._open_journal() as journal:  # one at a time, as rows must differ
+            others = self.sessions
+            if any(each.simulated != simulated for each in others):
+                raise ParameterError(
+                    f"{self.folder}: must have people or simulated observers, not both;"
+                    " haptic-accel study new begins another study"
+                )
+            if participant.lower() in (each.participant.lower() for each in others):
+                raise ParameterError(
+                    f"participant = {participant!r}: has begun already; haptic-accel study resume"
+                    " goes on"
+                )
+            self._keep_version(journal)
+            rows = {each.row for each in others}
+            log = Log(folder / LOG)
+            log.add(
+                SESSION,
+                participant=participant,
+                digest=protocol.digest,
+                seed=secrets.randbits(32) if seed is None else seed,
+                row=next(row for row in range(len(rows) + 1) if row not in rows),
+                **{"simulated": True} if simulated else {},
+            )
+        return log
+
+    def withdraw(self, log: Log) -> None:
+        """Remove an open log in which nothing has happened since `begin`, with its bags.
+
+        The output of a graph that did not start remains in the folder.
+        """
+        if len(log.entries) > 1:
+            return
+        folder = log.file.parent
+        bags = folder / BAGS
+        if bags.is_dir() and not bags.is_symlink():
+            shutil.rmtree(bags)
+        log.file.unlink()
+        if not any(folder.iterdir()):
+            folder.rmdir()
+
+    def note_end(self, log: Log) -> str:
+        """Keep the head of a log in the journal, at the end of a sitting; return it."""
+        chain = read_chain(log.file)
+        with self._open_journal() as journal:
+            journal.add(HEAD, **head_entry(chain))
+        return chain.head
+
+    def resume(self, participant: str) -> Log:
+        """Return the log of a participant whose session is not complete.
+
+        Raises
+        ------
+        ParameterError
+            There is no such participant, or nothing is left to do.
+        """
+        folder = self._existing(participant)
+        if read_session(folder).ended == COMPLETE:
+            raise ParameterError(f"participant = {participant!r}: the session is complete")
+        self._logs()  # refuses a log that was changed or is there twice
+        return Log(folder / LOG)
+
+    def unblind(self, reason: str) -> None:
+        """Let conditions be analysed from now on; the journal keeps when, and why."""
+        complete = sum(each.ended == COMPLETE for each in self.sessions)
+        with self._open_journal() as journal:
+            journal.add(UNBLINDING, reason=reason, complete=complete)
+
+    def deletion(self, participant: str) -> Deletion:
+        """Return what `delete` removes, and what it leaves.
+
+        Raises
+        ------
+        ParameterError
+            There is no such participant, the log is there twice, or what is to be deleted is
+            behind a link.
+        """
+        folder = self._existing(participant)
+        copies = [
+            each.parent.name
+            for each in folder.parent.glob(f"*/{LOG}")
+            if each.parent != folder and _same_first_line(each, folder / LOG)
+        ]
+        if copies:
+            raise ParameterError(
+                f"{folder}: has the same session as {' and '.join(sorted(copies))}: must be one"
+                " folder: delete the copies by hand first"
+            )
+        return plan_deletion(folder, tuple(self.folder / each for each in (ANALYSIS, EXPORT)))
+
+    def delete(self, participant: str) -> None:
+        """Delete a participant's log and bags, and all results, which may hold them.
+
+        Raises
+        ------
+        ParameterError
+            As for `deletion`, or the session is running.
+        """
+        deletion, file = self.deletion(participant), self.place(participant) / LOG
+        # The log need not be readable.
+        with io.FileIO(file) as held, self._open_journal() as journal:
+            lock(held, file)
+            session = hashlib.sha256(held.readline()).hexdigest()
+            deletion.carry_out()
+            journal.add(DELETION, session=session)
+
+    def _existing(self, participant: str) -> Path:
+        folder = self.place(participant)
+        if not (folder / LOG).is_file():
+            logs = folder.parent.glob(f"*/{LOG}")
+            known = ", ".join(sorted(each.parent.name for each in logs)) or "none"
+            raise ParameterError(
+                f"participant = {participant!r}: has no session; there are {known}"
+            )
+        return folder
+
+    def _logs(self) -> Logs:
+        """Return all logs with a complete line, unless they contradict each other."""
+        participants, journal = self.folder / PARTICIPANTS, self.journal
+        folders = sorted(file.parent for file in participants.glob(f"*/{LOG}"))
+        logs = {each: log for each in folders if (log := read_log(each))}
+        check_folders(participants, logs)
+        check_heads(logs, journal)
+        return logs
+
+    def _open_journal(self) -> Log:
+        return Log(self.folder / JOURNAL, JOURNAL_TIME)
+
+    def _keep_version(self, journal: Log) -> None:
+        file = self.folder / VERSIONS / f"{self.protocol.digest}.yaml"
+        if not file.exists():
+            file.parent.mkdir(exist_ok=True)
+            replace_file(file, self.protocol.content.encode())
+            journal.add(VERSION, digest=self.protocol.digest)
+
+
+def _same_first_line(one: Path, other: Path) -> bool:
+    """Return whether two logs, which need not be readable, are of the same session."""
+    with located(one), opened(one, LARGEST) as first, opened(other, LARGEST) as second:
+        line = first.readline()
+        return line.endswith(b"\n") and line == second.readline()

@@ -1,0 +1,323 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Rig of a study: the live graph, which presents one condition after the other."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from haptic_accel.core.control.fallback import NONE
+from haptic_accel.core.control.gain import RAMP
+from haptic_accel.core.evaluation.exposure import WeightedDose
+from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.graph.background import BackgroundGraph
+from haptic_accel.graph.locks import sole_graph
+from haptic_accel.graph.networked import RelayError, RelayProcess, networked_graph
+from haptic_accel.kits.study.conditions import arguments, channel, live
+from haptic_accel.kits.study.protocol import Condition, Protocol, Value
+from haptic_accel.kits.study.trials import Presented, StoppedError, UndeliveredError
+from haptic_accel.nodes.graph_requests import SETTINGS, set_controller, set_gain
+from haptic_accel.nodes.graph_view import GraphView
+from haptic_accel.nodes.joined_view import JoinedView, joined_view
+from haptic_accel.nodes.service_client import RequestError
+from haptic_accel.scope.frames import SCENE
+from haptic_accel.scope.intervals import late_percent, measure
+from haptic_accel.scope.node_reports import LEVELS
+from haptic_accel.scope.windows import CHANGING, EDGE, Windows
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.processes import RECORDER, graph
+
+NODE = "study"
+"""Name of the node that follows the graph."""
+
+SIGNALS = ("desired", "actual", "force", SCENE)
+"""Signals that are measured, and those that the participant's page shows."""
+
+STARTING_TIME = 60.0
+"""Longest time from the start of a graph until its arms are engaged, s."""
+
+SETTING, SETTLING = 0.2, CHANGING + 0.05
+"""Times from the request of a condition until all is set, and from then on until it is faded in,
+s: always the same, so that they tell nothing of what is changed. Meanwhile filters settle, and
+another reduction takes over."""
+
+NETWORK_SETTLING = 2.0
+"""Further time with a network between the arms, s: buffers take up another delay."""
+
+LOOK_PERIOD, WEIGHING_PERIOD = 0.01, 0.5
+"""Intervals between looks at the graph, and between additions to the exposure, s."""
+
+COMPENSATOR = "compensator"
+
+
+class LiveRig:
+    """Live graph that presents conditions, and measures what was delivered.
+
+    Where the controller is a factor, each stimulus begins with a fresh controller.
+    Nothing of the graph's output is shown, as it names conditions. Up to 100,000 samples of a
+    stimulus are measured.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    folder : Path
+        Folder of the participant: ``graph.log``, and a bag for each start in ``bags``.
+
+    Attributes
+    ----------
+    windows : Windows
+        Latest signals, for a page; while the context is entered.
+    """
+
+    windows: Windows
+
+    def __init__(self, protocol: Protocol, folder: Path) -> None:
+        self._protocol, self._folder = protocol, folder
+        self._context, self._network = ExitStack(), ExitStack()
+        self._relay: RelayProcess | None = None
+        self._joined: JoinedView
+        self._view: GraphView
+        self._graph: BackgroundGraph | None = None
+        self._arguments: GraphArguments
+        self._bag = ""
+        self._started = 0
+        self._retried = self._stopped = False
+        self._weighed: dict[str, int] = {}
+        self._doses: dict[tuple[str, float], tuple[WeightedDose, float]] = {}
+
+    def __enter__(self) -> LiveRig:
+        """Start the graph with the first condition.
+
+        Raises
+        ------
+        UndeliveredError
+            The graph does not start.
+        ParameterError
+            Another graph runs in the namespace and ROS domain, or an argument is wrong.
+        """
+        first, _, network = self._needs(self._protocol.conditions[0])
+        with ExitStack() as stack:
+            stack.enter_context(sole_graph(first.namespace))
+            (self._folder / "bags").mkdir(parents=True, exist_ok=True)
+            joined = joined_view(first.namespace, NODE, self._follow)
+            self._joined = stack.enter_context(joined)
+            stack.callback(self._close)
+            self._start(first, network)
+            self._context = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the graph."""
+        self._context.close()
+
+    # Rig of a session
+
+    @property
+    def exposure(self) -> float:
+        """Frequency-weighted vibration dose of this sitting so far, m^2/s^3."""
+        return float(sum(dose.dose for dose, _ in self._doses.values()))
+
+    def present(
+        self, condition: Condition, seconds: float, begun: Callable[[], None] = lambda: None
+    ) -> Presented:
+        """Present a condition with a faded beginning and end; see `trials.Rig`."""
+        try:
+            wanted, settings, network = self._needs(condition)
+            self._begin_anew(wanted, network)
+            presented = self._present(settings, network, seconds, begun)
+        except (RequestError, RelayError, ParameterError) as error:
+            self._check()  # the reason is rather that the graph has ended
+            raise UndeliveredError(str(error)) from None
+        self._retried = False
+        return presented
+
+    def stop(self) -> None:
+        """Set all forces to zero, from any thread; nothing is presented afterwards."""
+        self._stopped = True
+        if self._graph:
+            self._graph.stop_forces()
+
+    # Source of the participant's page
+
+    def scene(self) -> dict[str, Any]:
+        """Return the drawing of the scene."""
+        return self._view.scene()
+
+    def lead(self, x: float, z: float) -> str:
+        """Lead the simulated hand to a point, m; return the reason of a refusal."""
+        return self._view.lead(x, z)
+
+    @property
+    def is_led(self) -> bool:
+        """True where a page can lead the hand."""
+        return self._view.is_led
+
+    # The graph
+
+    def _follow(self, view: GraphView) -> None:
+        self._view, self.windows = view, view.windows
+        view.receive(SIGNALS)
+        view.create_timer(WEIGHING_PERIOD, self._weigh)
+
+    def _needs(
+        self, condition: Condition
+    ) -> tuple[GraphArguments, dict[str, Value], ChannelParameters | None]:
+        """Return arguments, settings while it runs, and network of a condition's graph."""
+        wanted, settings = arguments(self._protocol, condition), live(self._protocol, condition)
+        if "network" not in settings:
+            return wanted, settings, None
+        if "surface" in settings:  # the slave's side cannot be reached but through the network
+            wanted = replace(wanted, surface=str(settings.pop("surface")))
+        return wanted, settings, channel(settings["network"])
+
+    def _begin_anew(self, wanted: GraphArguments, network: ChannelParameters | None) -> None:
+        """Start the graph again where it has ended, or has other arguments."""
+        ended = self._graph.ended if self._graph else ""
+        same = wanted == self._arguments and (network is None) == (self._relay is None)
+        if self._graph and not ended and same:
+            return
+        if ended and self._retried:
+            raise StoppedError(f"{ended}, twice; see {self._folder / 'graph.log'}")
+        self._retried = bool(ended)
+        self._close()
+        self._start(wanted, network)
+
+    def _start(self, wanted: GraphArguments, network: ChannelParameters | None) -> None:
+        bags = self._folder / "bags"
+        bag = bags / f"{len(list(bags.iterdir())):03d}"
+        self._bag = str(bag.relative_to(self._folder))
+        self._arguments = wanted
+        asked = replace(wanted, bag=str(bag), record=True, scope=False)
+        if network is None:
+            processes = graph(asked)
+        else:
+            sides = self._network.enter_context(networked_graph(asked, network))
+            processes, self._relay = sides.processes, sides.relay
+        for process in processes:
+            if COMPENSATOR in process.parameters:
+                process.parameters[COMPENSATOR]["gain"] = 0.0  # until something is presented
+        self._view.forget()
+        self._started = time.time_ns()
+        self._graph = BackgroundGraph(processes, self._folder / "graph.log")
+        self._await_arms()
+
+    def _close(self) -> None:
+        if self._graph:
+            self._graph.close()
+        self._graph = self._relay = None
+        self._network.close()
+
+    def _await_arms(self) -> None:
+        """Wait until the arms are engaged, also again after they have let go."""
+        if not self._wait(STARTING_TIME, self._is_ready):
+            raise UndeliveredError(f"graph: its arms are not engaged after {STARTING_TIME:g} s")
+
+    def _is_ready(self) -> bool:
+        """Return true if the arms of the present graph are engaged, and its signals arrive."""
+        values = self._view.reports.values("coupler", time.monotonic())
+        rings = self.windows.handle, self.windows.desired
+        return (
+            values.get("engaged") == "true"
+            and not self.windows.settings.assumed
+            and all(ring.newest > self._started for ring in rings)
+        )
+
+    def _wait(self, seconds: float, condition: Callable[[], bool] = lambda: False) -> bool:
+        """Wait for a condition; return whether it was met in time."""
+        due = time.monotonic() + seconds
+        while not condition():
+            self._check()
+            left = due - time.monotonic()
+            if left <= 0.0:
+                return False
+            time.sleep(min(left, LOOK_PERIOD))
+        return True
+
+    def _check(self) -> None:
+        if self._stopped:
+            raise StoppedError("stopped: all forces are off")
+        if any(self._view.emergency_stop.values()):
+            raise StoppedError("emergency stop")
+        if self._graph and (ended := self._graph.ended):
+            raise UndeliveredError(f"{ended}; see {self._folder / 'graph.log'}")
+
+    def _check_recorder(self) -> None:
+        """Refuse a stimulus whose bag may lack it, for example as the disk is full."""
+        for row in self._view.reports.rows(time.monotonic(), ()):
+            if row["name"] == RECORDER and row["state"] in (LEVELS[1], LEVELS[2]):
+                raise UndeliveredError(f"{RECORDER}: {row['message']}")
+
+    # A stimulus
+
+    def _present(
+        self,
+        settings: Mapping[str, Value],
+        network: ChannelParameters | None,
+        seconds: float,
+        begun: Callable[[], None],
+    ) -> Presented:
+        settling = SETTLING + (NETWORK_SETTLING if network else 0.0)
+        due = time.monotonic() + SETTING + settling
+        gain = float(settings.get("gain", 1.0))
+        changes = [make(settings[name]) for name, make in SETTINGS.items() if name in settings]
+        if "controller" in settings:  # otherwise the same one would begin with what it has learnt
+            self._joined.send(set_controller(NONE))
+        self._joined.change(changes)
+        if network and self._relay:
+            self._relay.begin_anew(network)
+        before = self._joined.force_counts("master_device")
+        self._wait(max(settling, due - time.monotonic()))
+        self._await_arms()
+        begun()
+        try:
+            self._joined.change([set_gain(gain)])
+            self._wait(RAMP)
+            begin = time.time_ns()
+            self._wait(seconds)
+            end = time.time_ns()
+        finally:
+            if self._graph and not self._graph.ended:
+                self._joined.change([set_gain(0.0)])
+        self._wait(RAMP + EDGE)  # the filter of the measures needs samples behind the end
+        after = self._joined.force_counts("master_device")
+        self._joined.check(changes)
+        self._check_recorder()
+        has: dict[str, Value] = {**settings, "gain": gain}
+        reported = self._view.reports.values(COMPENSATOR, time.monotonic())
+        if (substitute := reported.get("replaced by", "-")) != "-":
+            has["replaced by"] = substitute
+        late = late_percent(before, after, self._arguments.rate)
+        found = measure(self.windows, begin, end, self._arguments.rate)
+        if found is None:
+            raise UndeliveredError("handle: no samples of its acceleration")
+        return Presented(**vars(found), bag=self._bag, late=late, read_back=has)
+
+    def _weigh(self) -> None:
+        """Add the newest samples to the exposure; called on the view's thread."""
+        for axis, windows in self.windows.by_axis.items():
+            count, _, values = windows.handle.since(self._weighed.get(axis, 0))
+            self._weighed[axis] = count
+            if len(values):
+                rate = self._arguments.rate
+                new = WeightedDose(rate), float(values[0])  # gravity is no vibration
+                dose, rest = self._doses.setdefault((axis, rate), new)
+                dose.add(values - rest)

@@ -1,0 +1,257 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Page of a participant: shows the screens of a session and takes the answers.
+
+The session calls it on one thread, the page's server on another.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Protocol
+
+from haptic_accel.core.document import read_yaml_document
+from haptic_accel.core.parameters import shown
+from haptic_accel.kits.study.trials import (
+    Answer,
+    PlannedTrial,
+    Screen,
+    StoppedError,
+    UndeliveredError,
+)
+from haptic_accel.materials.folders import config_folder
+from haptic_accel.scope.access import Access
+from haptic_accel.scope.questions import Questions
+from haptic_accel.scope.server import CommandError, ScopeServer, Touched, check_choice
+
+HOST = "127.0.0.1"
+"""Address of the page: this machine alone."""
+
+STIMULUS, OVER = "stimulus", ("stopped", "end")
+"""Kinds of screens: one that must be seen, and those that may follow a stop."""
+
+UNSEEN = 1.5
+"""Longest time without a sign of the page during a stimulus, s; pages give four a second, and one
+a second where the browser saves power."""
+
+CLOCKS, PACES = 1.0, 0.01
+"""Time, s, and share by which a response time by the page's clock may exceed the time since the
+question began by this machine's."""
+
+ACTIONS: dict[str, list[str]] = {"open": [], "seen": [], "answer": [], "stop": []}
+"""Actions of the page; their values are JSON lists."""
+
+
+class PageSource(Touched, Protocol):
+    """Rig as the page needs it; its methods are called on the server's thread."""
+
+    @property
+    def is_led(self) -> bool:
+        """True if the page leads a simulated hand, and plays the handle's vibration."""
+
+    def stop(self) -> None:
+        """Set all forces to zero."""
+
+
+def read_texts(language: str, beside: Path = Path()) -> dict[str, str]:
+    """Return the words of the page in a language.
+
+    Parameters
+    ----------
+    language : str
+        Name of a file in ``config/studies/languages``, or a path ending in ``.yaml``.
+    beside : Path
+        Folder for relative paths.
+
+    Raises
+    ------
+    ParameterError
+        The file does not exist, lacks a word or has an unknown one.
+    """
+    folder = config_folder() / "studies" / "languages"
+    own = language.endswith(".yaml")
+    document = read_yaml_document(beside / language if own else folder / f"{language}.yaml")
+    words = read_yaml_document(folder / "en.yaml").mapping()
+    document.check_keys(*words)
+    return {word: document.at(word).text() for word in words}
+
+
+class ParticipantPage:
+    """Participant at a page, and the source of what the page shows.
+
+    The page opened last is the participant's; others are silent. An answer is acknowledged when
+    the session goes on to its next screen: it must be logged before.
+
+    Parameters
+    ----------
+    texts : mapping
+        Words of the page, from `read_texts`.
+    source : PageSource
+    port : int
+        Port of the page; 0 for any.
+    noise : float
+        Level of the masking noise, dB of full scale; -100 for none.
+
+    Attributes
+    ----------
+    windows : Windows
+        Signals of the rig.
+    noise : float or None
+        Level of the noise that played, by the page's report, at the last sign of a stimulus.
+    """
+
+    def __init__(
+        self, texts: Mapping[str, str], source: PageSource, port: int = 0, noise: float = -100.0
+    ) -> None:
+        self.windows = source.windows
+        self.noise: float | None = None
+        self._source, self._wanted = source, noise if noise > -100.0 else None
+        self._server = ScopeServer(self, Access(HOST), HOST, port, self._act, "study", texts)
+        self._questions = Questions[Answer]()
+        self._screen, self._begun = Screen("", "wait"), time.monotonic()
+        self._page = self._stopped = ""
+        self._sign: float | None = None
+        self._missed = False
+
+    def start(self) -> str:
+        """Serve the page; return its address. See `ScopeServer.start`."""
+        return self._server.start()
+
+    def close(self) -> None:
+        """Release the address of the page."""
+        self._server.stop()
+
+    def stop(self, reason: str) -> None:
+        """Stop the session, from any thread or from a signal's handler."""
+        self._stopped = self._stopped or reason
+
+    # The participant, for the session
+
+    def show(self, screen: Screen) -> None:
+        """Show a screen; return at once, but for a stimulus when a page shows it.
+
+        Raises
+        ------
+        StoppedError
+            The participant has pressed stop, or `stop` was called.
+        UndeliveredError
+            The page was lost during the stimulus before.
+        """
+        self._put(screen)
+        if screen.kind == STIMULUS:
+            self._questions.wait(lambda: bool(self._sign or self._stopped))
+            self._check_stop()
+
+    def ask(self, screen: Screen, trial: PlannedTrial | None = None) -> Answer:
+        """Show a screen, and return one of its answers; raise as `show` does."""
+        self._put(screen)
+        self._questions.wait(lambda: bool(self._questions.answer or self._stopped))
+        self._check_stop()
+        assert self._questions.answer is not None
+        return self._questions.answer
+
+    def _put(self, screen: Screen) -> None:
+        if screen.kind not in OVER:
+            self._check_stop()
+        with self._questions.changed:
+            missed = screen.kind not in OVER and self._misses()
+            self._screen = Screen("", "wait", progress=screen.progress) if missed else screen
+            self._questions.put(self._screen.answers)
+            self._begun = time.monotonic()
+            self._sign, self._missed = None, False
+        if missed:
+            raise UndeliveredError("the participant's page was lost during a stimulus")
+
+    def _check_stop(self) -> None:
+        if self._stopped:
+            raise StoppedError(self._stopped)
+
+    def _misses(self) -> bool:
+        """Return True if signs of the page have failed to come since its first."""
+        late = self._sign is not None and time.monotonic() - self._sign > UNSEEN
+        self._missed = self._missed or late
+        return self._missed
+
+    # The source, for the page's server
+
+    def choices(self) -> dict[str, list[str]]:
+        """Return the actions of the page."""
+        return ACTIONS
+
+    def state(self) -> dict[str, Any]:
+        """Return the screen, without anything of the conditions."""
+        with self._questions.changed:
+            screen, identity = asdict(self._screen), self._questions.id
+            elapsed = time.monotonic() - self._begun
+        screen |= {"id": identity, "elapsed": elapsed}
+        led = self._source.is_led
+        return {"page": self._page, "noise": self._wanted, "led": led, "screen": screen}
+
+    def scene(self) -> dict[str, Any]:
+        """Return the scene without names and textures of its objects."""
+        scene = self._source.scene()
+        lines = [line for outline in scene["outlines"].values() for line in outline]
+        return {**scene, "outlines": {"": lines}, "nodes": {}}
+
+    def lead(self, x: float, z: float) -> str:
+        """Lead the hand to a point, m; return a refusal, or nothing."""
+        return self._source.lead(x, z)
+
+    async def _act(self, action: str, value: Any) -> str:
+        """Carry out an action of the page; return nothing.
+
+        Raises
+        ------
+        CommandError
+            The action or its value is none of this page, or the answer none of the screen.
+        """
+        check_choice("action", action, ACTIONS)
+        if action == "stop":
+            self.stop("stopped by the participant")
+            await asyncio.to_thread(self._source.stop)
+            return ""
+        try:
+            await getattr(self, f"_{action}")(*json.loads(value))
+        except (TypeError, ValueError, OverflowError, RecursionError):
+            raise CommandError(f"{action} = {shown(str(value))}: must be its list", 400) from None
+        return ""
+
+    async def _open(self, page: str) -> None:
+        self._page = str(page)
+
+    async def _seen(self, screen: str, noise: float | None) -> None:
+        """Take a sign that the page shows a stimulus, with the level of its noise, dB."""
+        with self._questions.changed:
+            if screen == self._questions.id and noise == self._wanted:
+                self._misses()
+                self._sign, self.noise = time.monotonic(), noise
+                self._questions.changed.notify_all()
+
+    async def _answer(self, screen: str, value: str, seconds: float) -> None:
+        """Take an answer with its response time, s, which cannot be longer than the question."""
+        with self._questions.changed:
+            asked = screen == self._questions.id
+            longest = (time.monotonic() - self._begun) * (1 + PACES) + CLOCKS
+        if isinstance(seconds, bool) or not 0 <= seconds < (longest if asked else math.inf):
+            allowed = f"must be from 0 to {longest:.3g} s, as long as the question is there"
+            raise CommandError(f"response time = {shown(str(seconds))}: {allowed}", 400)
+        await self._questions.take(screen, value, Answer(value, float(seconds)))

@@ -1,0 +1,266 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Planned tests of a study, on one value of each participant: trials are never pooled."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from statistics import fmean
+from typing import TypeAlias, cast
+
+from haptic_accel.core.evaluation.statistics import Alternative, Interval
+from haptic_accel.core.parameters import schema
+from haptic_accel.kits.study.procedures import family
+from haptic_accel.kits.study.protocol import Condition, Levels, PlannedTest, Protocol
+from haptic_accel.kits.study.psychophysics import detection
+from haptic_accel.kits.study.psychophysics.hypotheses import MeanTest, mean_test
+from haptic_accel.kits.study.psychophysics.psychometric import Psychometric, fit_psychometric
+from haptic_accel.kits.study.reading import matching
+from haptic_accel.kits.study.tables import exclusions
+from haptic_accel.kits.study.tasks import DIFFERENT, TASKS, Item, distance
+from haptic_accel.kits.study.trials import SessionRecord, TrialRecord
+from haptic_accel.setup.arguments import GraphArguments
+
+Values: TypeAlias = dict[str, float]
+"""Value of each participant."""
+
+RANGES = {"correct": (0.0, 1.0), "preferred": (0.0, 1.0), "threshold": (0.0, math.inf)}
+"""Possible values of a measure; any for other measures."""
+
+
+@dataclass(frozen=True)
+class Counted:
+    """Trial that counts in the analysis.
+
+    Attributes
+    ----------
+    participant : str
+    family : str
+        Pair or condition, without its level, under which trials are analysed together.
+    condition : Condition
+        The comparison, or the only condition, at its level.
+    record : TrialRecord
+    answer : str
+    """
+
+    participant: str
+    family: str
+    condition: Condition
+    record: TrialRecord
+    answer: str
+
+
+Trials: TypeAlias = Sequence[Counted]
+
+
+def counted(protocol: Protocol, sessions: Sequence[SessionRecord]) -> list[Counted]:
+    """Return the counted trials of those who are not excluded, in the order of the protocol."""
+    excluded = exclusions(protocol, sessions)
+    items = {family(item): item for item in TASKS[protocol.task].items(protocol)}
+    found = []
+    for session in sessions:
+        for record in session.counted if session.participant not in excluded else ():
+            name = record.trial.track.partition(" #")[0]
+            condition = _condition(protocol, items[name], record.trial.level)
+            answer = record.answer.value if record.answer else ""
+            found.append(Counted(session.participant, name, condition, record, answer))
+    places = {name: place for place, name in enumerate(items)}
+    return sorted(found, key=lambda each: places[each.family])
+
+
+def _condition(protocol: Protocol, item: Item, level: float | None) -> Condition:
+    """Return the only condition, or the comparison, which names a pair, at its level."""
+    if isinstance(item, Condition):
+        return item
+    settings = dict(item.comparison.settings)
+    if protocol.levels and level is not None:
+        settings[protocol.levels.factor] = level
+    return Condition(tuple(settings.items()))
+
+
+def grouped(trials: Iterable[Counted], key: Callable[[Counted], str]) -> dict[str, list[Counted]]:
+    """Return trials by a key."""
+    groups: dict[str, list[Counted]] = {}
+    for trial in trials:
+        groups.setdefault(key(trial), []).append(trial)
+    return groups
+
+
+def by_participant(trials: Iterable[Counted]) -> dict[str, list[Counted]]:
+    """Return trials by participant."""
+    return grouped(trials, lambda trial: trial.participant)
+
+
+def right(trials: Trials) -> tuple[int, int]:
+    """Return the numbers of right answers and of trials."""
+    return sum(each.record.correct or False for each in trials), len(trials)
+
+
+def sensitivity(protocol: Protocol, trials: Trials) -> Interval:
+    """Return d' of one participant's trials."""
+    if protocol.task in detection.CHANCE:
+        return detection.d_prime(protocol.task, *right(trials))
+    hits = [each.answer == DIFFERENT for each in trials if each.record.trial.right == DIFFERENT]
+    alarms = [each.answer == DIFFERENT for each in trials if each.record.trial.right != DIFFERENT]
+    counts = sum(hits), len(hits), sum(alarms), len(alarms)
+    return detection.d_prime_by_answers(protocol.task, *counts)
+
+
+def psychometric_function(levels: Levels, task: str, trials: Trials) -> Psychometric:
+    """Return the psychometric function of one participant's trials."""
+    distances = [distance(levels, each.condition) for each in trials]
+    correct = [bool(each.record.correct) for each in trials]
+    return fit_psychometric(distances, correct, [1] * len(trials), task)
+
+
+def preference(trials: Trials, words: str, against: str = "") -> float:
+    """Return the share of one participant's trials in which a condition is preferred.
+
+    Parameters
+    ----------
+    trials : sequence of Counted
+    words : str
+        The condition, as ``factor=value`` words.
+    against : str
+        Condition of the other stimulus; empty for any other.
+    """
+    wins = []
+    for each in trials:
+        chosen = each.record.trial.stimuli[int(each.answer) - 1]
+        others = [other for other in each.record.trial.stimuli if other != chosen]
+        winners, losers = (matching(pair, words) for pair in ([chosen], others))
+        other = others if winners else [chosen]
+        if bool(winners) != bool(losers) and matching(other, against):
+            wins.append(bool(winners))
+    return fmean(wins) if wins else math.nan
+
+
+def _threshold(protocol: Protocol, trials: Trials) -> float:
+    if protocol.levels is None:
+        return math.nan
+    return psychometric_function(protocol.levels, protocol.task, trials).threshold.value
+
+
+MEASURES: Mapping[str, Callable[[Protocol, Trials], float]] = {
+    "correct": lambda protocol, trials: fmean(each.record.correct or False for each in trials),
+    "d_prime": lambda protocol, trials: sensitivity(protocol, trials).value,
+    "threshold": _threshold,
+    "rating": lambda protocol, trials: fmean(float(each.answer) for each in trials),
+}
+"""Value of one participant's trials, by the measure of a planned test."""
+
+NAMES = {
+    "correct": "proportion correct",
+    "d_prime": "d'",
+    "threshold": "threshold",
+    "preferred": "share of preference",
+    "rating": "mean rating",
+}
+"""Names of the measures, for readers."""
+
+
+def distance_name(levels: Levels) -> str:
+    """Return the name of the distances from the reference, with their unit."""
+    units = {"gain": "1", "network": "ms"}
+    unit = units.get(levels.factor) or schema(GraphArguments)[levels.factor][1].unit or "1"
+    return f"distance of {levels.factor} from {levels.reference:g} ({unit})"
+
+
+def values(protocol: Protocol, trials: Trials, test: PlannedTest, words: str) -> Values:
+    """Return the finite values of a planned test's measure in a condition."""
+    if test.measure == "preferred":
+        against = "" if _number(test.against) is not None else test.against
+        found = {p: preference(own, words, against) for p, own in by_participant(trials).items()}
+    else:
+        own_trials = [each for each in trials if matching([each.condition], words)]
+        measure = MEASURES[test.measure]
+        found = {p: measure(protocol, own) for p, own in by_participant(own_trials).items()}
+    return {participant: value for participant, value in found.items() if math.isfinite(value)}
+
+
+@dataclass(frozen=True)
+class PlannedResult:
+    """Result of a planned test.
+
+    Attributes
+    ----------
+    test : PlannedTest
+    values : dict of float
+        Value of each participant; of two conditions, the difference.
+    measured : str
+        Name of the values, for readers.
+    against : float
+        Number that the values are tested against; 0 for differences.
+    outcome : MeanTest
+        Its mean is that of the values minus `against`.
+    within : tuple of float
+        Ends of the range of possible values.
+    """
+
+    test: PlannedTest
+    values: Values
+    measured: str
+    against: float
+    outcome: MeanTest
+    within: tuple[float, float]
+
+    @property
+    def mean(self) -> Interval:
+        """Mean of the values with the possible part of the test's interval."""
+        mean, at = self.outcome.mean, self.against
+        # In this order, an unknown end stays unknown.
+        low, high = max(mean.low + at, self.within[0]), min(mean.high + at, self.within[1])
+        return replace(mean, value=mean.value + at, low=low, high=high)
+
+
+def planned_tests(protocol: Protocol, sessions: Sequence[SessionRecord]) -> list[PlannedResult]:
+    """Return the results of a study's planned tests, in their order."""
+    trials = counted(protocol, sessions)
+    return [_result(protocol, trials, test) for test in protocol.tests]
+
+
+def _result(protocol: Protocol, trials: Trials, test: PlannedTest) -> PlannedResult:
+    found, measured = values(protocol, trials, test, test.condition), NAMES[test.measure]
+    if protocol.levels and test.measure == "threshold":
+        measured = f"{measured}: {distance_name(protocol.levels)}"
+    within = RANGES.get(test.measure, (-math.inf, math.inf))
+    against = _number(test.against) if test.against else chance(protocol, test.measure)
+    if against is None and test.measure == "preferred":
+        against = chance(protocol, test.measure)
+    elif against is None:
+        other = values(protocol, trials, test, test.against)
+        found = {name: value - other[name] for name, value in found.items() if name in other}
+        against, measured = 0.0, f"difference of {measured}"
+        within = within[0] - within[1], within[1] - within[0]
+    alternative = cast("Alternative", test.alternative)
+    numbers = list(found.values())
+    outcome = mean_test(numbers, against, alternative, test.margin, test.alpha)
+    return PlannedResult(test, found, measured, against, outcome, within)
+
+
+def chance(protocol: Protocol, measure: str) -> float:
+    """Return the value of a measure if nothing is perceived, or 0."""
+    guess = TASKS[protocol.task].chance or 1 / max(len(protocol.conditions), 1)
+    return {"correct": guess, "preferred": 0.5}.get(measure, 0.0)
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None

@@ -1,0 +1,380 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Procedures: which item a trial presents, by a plan or by the answers so far.
+
+Levitt, "Transformed up-down methods in psychoacoustics", JASA 49(2B), 467-477, 1971;
+Kaernbach, "Simple adaptive testing with the weighted up-down method", Perception & Psychophysics
+49(3), 227-229, 1991; Watson, "QUEST+: A general multidimensional Bayesian adaptive psychometric
+method", Journal of Vision 17(3):10, 2017.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from scipy.special import entr
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits.study.orders import ordered
+from haptic_accel.kits.study.protocol import Condition, Levels, Pair, Procedure, Protocol
+from haptic_accel.kits.study.tasks import TASKS, Item, distance
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Subject of the next trial.
+
+    Attributes
+    ----------
+    item : Pair or Condition
+    order : int
+        Order of the stimuli: place in `Task.orders`.
+    track : str
+        Track of a staircase, or the pair or condition, under which trials are analysed together.
+    block : int
+        Number of the block, from 0.
+    """
+
+    item: Item
+    order: int
+    track: str
+    block: int = 0
+
+
+def family(item: Item) -> str:
+    """Return the name under which trials with an item are analysed together.
+
+    Pairs that differ in their level alone have one name: their other factors, or the words
+    ``all levels`` if there are none.
+
+    Examples
+    --------
+    >>> low, high = (Condition((("gain", gain), ("surface", "wood"))) for gain in (1.0, 2.0))
+    >>> family(low), family(Pair(low, high)), family(Pair(low, high, 2.0))
+    ('gain=1 surface=wood', 'gain=1 surface=wood / gain=2 surface=wood', 'surface=wood')
+    """
+    if isinstance(item, Condition):
+        return str(item)
+    if item.level is None:
+        return f"{item.reference} / {item.comparison}"
+    shared = [each for each in item.comparison.settings if each in item.reference.settings]
+    return str(Condition(tuple(shared))) or "all levels"
+
+
+def easiest(protocol: Protocol) -> tuple[Pair, ...]:
+    """Return the pairs of each family that are farthest from the reference; none without levels.
+
+    Practice and catch trials have them, and adaptive procedures begin with them.
+    """
+    levels = protocol.levels
+    if levels is None:
+        return ()
+    nearest_first = sorted(protocol.pairs, key=lambda pair: distance(levels, pair.comparison))
+    return tuple({family(pair): pair for pair in nearest_first}.values())
+
+
+def method(protocol: Protocol, row: int, generator: np.random.Generator) -> Method:
+    """Return the procedure of a protocol at its beginning.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    row : int
+        Row of the Williams square.
+    generator : numpy.random.Generator
+        Random numbers of the participant, for the order of a constant procedure.
+
+    Raises
+    ------
+    ParameterError
+        The task has nothing to present, or an adaptive procedure has no levels, or a task whose
+        answers tell nothing of a level, or a factor of a step is not above 1.
+    """
+    task, kind, name = TASKS[protocol.task], protocol.procedure.kind, protocol.task
+    if not task.items(protocol):
+        raise ParameterError(f"task = '{name}': needs {'pairs' if task.paired else 'conditions'}")
+    if kind == "constant":
+        return Constant(protocol, row, generator)
+    if not task.adaptive:
+        raise ParameterError(f"procedure.kind = '{kind}': must be constant for task '{name}'")
+    if protocol.levels is None:
+        raise ParameterError(f"procedure.kind = '{kind}': needs levels")
+    return Interleaved(protocol, protocol.levels)
+
+
+class Constant:
+    """Constant stimuli: each item equally often, in an order that is fixed before.
+
+    Each order of the stimuli of an item occurs equally often, up to one trial.
+
+    Attributes
+    ----------
+    trials : int
+        Number of main trials.
+    """
+
+    def __init__(self, protocol: Protocol, row: int, generator: np.random.Generator) -> None:
+        task = TASKS[protocol.task]
+        items = task.items(protocol)
+        slots = ordered(protocol, row, generator)
+        decks = [_deck(len(task.orders), protocol.procedure.repeats, generator) for _ in items]
+        self._choices = [
+            Choice(items[place], decks[place].pop(), family(items[place]), block)
+            for place, block in slots
+        ]
+        self.trials = len(self._choices)
+        self._done = 0
+
+    @property
+    def progress(self) -> float:
+        """Share that is done, from 0 to 1."""
+        return self._done / self.trials
+
+    def choose(self, generator: np.random.Generator) -> Choice | None:
+        """Return the next choice; None at the end."""
+        return self._choices[self._done] if self._done < self.trials else None
+
+    def record(self, track: str, correct: bool | None) -> None:
+        """Go on to the next choice."""
+        self._done += 1
+
+
+def _deck(orders: int, repeats: int, generator: np.random.Generator) -> list[int]:
+    """Return each order equally often, up to one, shuffled."""
+    balanced = np.resize(generator.permutation(orders), repeats)
+    return [int(order) for order in generator.permutation(balanced)]
+
+
+class Span:
+    """Distances from the reference between which an adaptive procedure stays.
+
+    Parameters
+    ----------
+    levels : Levels
+
+    Examples
+    --------
+    >>> span = Span(Levels("gain", 1.0, (1.1, 1.4, 2.0), "log"))
+    >>> span.level(span.moved(0.5, -span.step(4.0)))
+    1.125
+    """
+
+    def __init__(self, levels: Levels) -> None:
+        distances = [abs(value - levels.reference) for value in levels.values]
+        self.least, self.largest = min(distances), max(distances)
+        self._sign = math.copysign(1.0, levels.values[0] - levels.reference)
+        self._reference, self._log = levels.reference, levels.scale == "log"
+
+    def step(self, size: float) -> float:
+        """Return the size of a step on the scale: for factors, its logarithm.
+
+        Raises
+        ------
+        ParameterError
+            A factor is not above 1.
+        """
+        if not self._log:
+            return size
+        if size <= 1:
+            raise ParameterError(f"procedure.step = {size:g}: must be above 1 as a factor")
+        return math.log(size)
+
+    def moved(self, distance: float, step: float) -> float:
+        """Return the distance after a step on the scale, within the span."""
+        moved = distance * math.exp(step) if self._log else distance + step
+        return min(max(moved, self.least), self.largest)
+
+    def grid(self) -> FloatArray:
+        """Return `GRID` distances at equal steps of the scale."""
+        return (np.geomspace if self._log else np.linspace)(self.least, self.largest, GRID)
+
+    def level(self, distance: float) -> float:
+        """Return the level at a distance, to six digits, which is what a condition's text has."""
+        return float(f"{self._reference + self._sign * distance:.6g}")
+
+
+class Staircase:
+    """Transformed and weighted staircase, which begins at the largest distance.
+
+    Parameters
+    ----------
+    procedure : Procedure
+    span : Span
+
+    Attributes
+    ----------
+    trials : int
+        Largest number of trials.
+    distance : float
+        Distance of the next trial, in the level's unit.
+    reversals : int
+        Number of changes of the direction so far.
+    """
+
+    def __init__(self, procedure: Procedure, span: Span) -> None:
+        self._procedure, self._span = procedure, span
+        self._up, self._down = span.step(procedure.step_up), -span.step(procedure.step_down)
+        self._in_a_row, self._direction, self._done = 0, 0.0, 0
+        self.trials, self.distance, self.reversals = procedure.trials, span.largest, 0
+
+    @property
+    def progress(self) -> float:
+        """Share that is done, from 0 to 1."""
+        return max(self._done / self.trials, min(self.reversals / self._procedure.reversals, 1.0))
+
+    def update(self, correct: bool | None) -> None:
+        """Go on after a trial; None if it was left out."""
+        self._done += 1
+        if correct is False:
+            self._in_a_row = 0
+            self._move(self._up)
+        elif correct:
+            self._in_a_row = (self._in_a_row + 1) % self._procedure.down
+            if self._in_a_row == 0:
+                self._move(self._down)
+
+    def _move(self, step: float) -> None:
+        self.reversals += step * self._direction < 0
+        self._direction = step
+        fine = self.reversals >= self._procedure.fine_after
+        self.distance = self._span.moved(self.distance, step / 2 if fine else step)
+
+
+class QuestPlus:
+    """Choice of the distance after which the least entropy of the parameters is expected.
+
+    The psychometric function is Weibull's, 1 - lapse - (1 - guess - lapse) exp(-(x / t)^slope), of
+    the distance x. The likelihood is kept as its logarithm, and no probability is 0: after any
+    answers the posterior is a distribution.
+
+    Parameters
+    ----------
+    distances : array of shape (n,)
+        Distances to choose from, above 0; also the thresholds that are possible.
+    guess : float
+        Proportion correct by chance.
+    trials : int
+        Number of trials.
+
+    Attributes
+    ----------
+    distance : float
+        Distance of the next trial, in the level's unit.
+    """
+
+    def __init__(self, distances: FloatArray, guess: float, trials: int) -> None:
+        grids = np.meshgrid(distances, SLOPES, LAPSES, indexing="ij")
+        threshold, slope, lapse = (each.ravel() for each in grids)
+        missed = np.exp(-((distances[:, None] / threshold) ** slope))
+        right = 1 - lapse - (1 - guess - lapse) * missed
+        # Wrong and right answers, by distance and by parameters.
+        self._probabilities = np.stack((1 - right, right))
+        self._entropies = entr(self._probabilities).sum(axis=0)
+        self._log_likelihood = np.zeros(len(threshold))
+        self._distances, self.trials, self._done = distances, trials, 0
+        self._choose()
+
+    @property
+    def progress(self) -> float:
+        """Share that is done, from 0 to 1."""
+        return self._done / self.trials
+
+    def update(self, correct: bool | None) -> None:
+        """Go on after a trial; None if it was left out."""
+        self._done += 1
+        if correct is not None:
+            self._log_likelihood += np.log(self._probabilities[int(correct), self._place])
+            self._choose()
+
+    def _choose(self) -> None:
+        posterior = np.exp(self._log_likelihood - self._log_likelihood.max())
+        posterior /= posterior.sum()
+        # The entropy of the parameters falls by the information of the answer about them.
+        information = entr(self._probabilities @ posterior).sum(0) - self._entropies @ posterior
+        # Rounded, so that another order of summation on another machine chooses the same.
+        self._place = int(np.argmax(np.round(information, 9)))
+        self.distance = float(self._distances[self._place])
+
+
+GRID = 31
+"""Number of distances from which QUEST+ chooses, and of its thresholds."""
+
+SLOPES = np.geomspace(0.5, 8.0, 9)
+"""Slopes of QUEST+: from flatter to steeper than the usual 1 to 4 (Watson 2017)."""
+
+LAPSES = np.array([0.01, 0.03, 0.05])
+"""Lapse rates of QUEST+; above 0, so that one wrong answer excludes nothing."""
+
+
+class Interleaved:
+    """Adaptive tracks, of which a random unfinished one has the next trial.
+
+    Each family of pairs has `Procedure.tracks` staircases, or one QUEST+.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    levels : Levels
+        Levels of the protocol.
+
+    Attributes
+    ----------
+    trials : int
+        Largest number of main trials.
+    """
+
+    def __init__(self, protocol: Protocol, levels: Levels) -> None:
+        task, procedure = TASKS[protocol.task], protocol.procedure
+        self._factor, self._span, self._orders = levels.factor, Span(levels), len(task.orders)
+        self._tracks: dict[str, tuple[Pair, Staircase | QuestPlus]] = {}
+        for pair in easiest(protocol):
+            name = family(pair)
+            if procedure.kind == "quest_plus":
+                quest = QuestPlus(self._span.grid(), task.chance or 0.0, procedure.trials)
+                self._tracks[name] = pair, quest
+            else:
+                for track in range(1, procedure.tracks + 1):
+                    self._tracks[f"{name} #{track}"] = pair, Staircase(procedure, self._span)
+        self.trials = sum(track.trials for _, track in self._tracks.values())
+
+    @property
+    def progress(self) -> float:
+        """Share that is done, from 0 to 1."""
+        return sum(track.progress for _, track in self._tracks.values()) / len(self._tracks)
+
+    def choose(self, generator: np.random.Generator) -> Choice | None:
+        """Return the next choice; None when all tracks are done."""
+        unfinished = [name for name, (_, track) in self._tracks.items() if track.progress < 1]
+        if not unfinished:
+            return None
+        name = unfinished[generator.integers(len(unfinished))]
+        pair, track = self._tracks[name]
+        level = self._span.level(track.distance)
+        settings = {**dict(pair.comparison.settings), self._factor: level}
+        chosen = Pair(pair.reference, Condition(tuple(settings.items())), level)
+        return Choice(chosen, int(generator.integers(self._orders)), name)
+
+    def record(self, track: str, correct: bool | None) -> None:
+        """Go on with a track after a trial; None if it was left out."""
+        self._tracks[track][1].update(correct)
+
+
+Method: TypeAlias = Constant | Interleaved
+"""Procedure at work for one participant."""

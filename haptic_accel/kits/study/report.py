@@ -1,0 +1,164 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Analysis of a study, and its report: a page, figures and tidy tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from haptic_accel.analysis import plots
+from haptic_accel.analysis.csv_tables import csv_text
+from haptic_accel.analysis.identification_report import pictures
+from haptic_accel.analysis.provenance import provenance
+from haptic_accel.core.decimals import defined
+from haptic_accel.core.evaluation.statistics import CONFIDENCE
+from haptic_accel.kits.study.planned_tests import PlannedResult, counted, planned_tests
+from haptic_accel.kits.study.protocol import Protocol
+from haptic_accel.kits.study.results import (
+    Result,
+    delivered_results,
+    exploratory_results,
+    frame_rows,
+    planned_results,
+    reading_table,
+)
+from haptic_accel.kits.study.tables import SIMULATED, Tables, exclusions, tables, titled
+from haptic_accel.kits.study.trials import SessionRecord
+from haptic_accel.pages import write
+
+PAGE = "index.html"
+
+PEOPLE = (
+    *("participant", "observer", "ended", "main_trials", "counted_trials", "left_out_percent"),
+    *("catch_correct_percent", "exposure_m_s2"),
+)
+"""Columns of the sessions on the page."""
+
+
+@dataclass(frozen=True)
+class StudyResult:
+    """Analysis of a study.
+
+    Attributes
+    ----------
+    protocol : Protocol
+    tables : Tables
+        All attempts of all participants.
+    excluded : dict of str
+        Broken rules by excluded participant.
+    planned : tuple of PlannedResult
+    results : tuple of Result
+        Planned tests first; then results that are exploratory, and the delivered stimuli.
+    """
+
+    protocol: Protocol
+    tables: Tables
+    excluded: Mapping[str, str]
+    planned: tuple[PlannedResult, ...]
+    results: tuple[Result, ...]
+
+
+def analyse_study(protocol: Protocol, sessions: Sequence[SessionRecord]) -> StudyResult:
+    """Analyse the sessions of a study by its protocol; titles name simulated observers."""
+    protocol = titled(protocol, sessions)
+    found, trials = tables(protocol, sessions), counted(protocol, sessions)
+    planned = tuple(planned_tests(protocol, sessions))
+    results = (
+        *planned_results(planned),
+        *exploratory_results(protocol, trials),
+        *delivered_results(found),
+    )
+    if any(each.simulated for each in sessions):
+        results = tuple(
+            replace(
+                each,
+                title=f"{each.title} (simulated observers)",
+                rows=[row | {"observer": SIMULATED} for row in each.rows],
+            )
+            for each in results
+        )
+    return StudyResult(protocol, found, exclusions(protocol, sessions), planned, results)
+
+
+def write_report(result: StudyResult, folder: Path, unblinded: str = "") -> Path:
+    """Write the page of an analysis to a folder, with figures, tables and results beside it.
+
+    Parameters
+    ----------
+    result : StudyResult
+    folder : Path
+    unblinded : str
+        Time and reason of the unblinding, which also tells simulated participants from people.
+
+    Returns
+    -------
+    Path
+        Page ``folder/index.html``. Beside it are the figures as PNG and PDF, the tables as CSV,
+        and ``results.json``.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    figures = {each.name: each.figure for each in result.results if each.figure}
+    shown = pictures({f"{name}.png": figure for name, figure in figures.items()}, folder)
+    frames = result.tables.by_name | {
+        each.name: pd.DataFrame(each.plain) for each in result.results
+    }
+    for name, frame in frames.items():
+        (folder / f"{name}.csv").write_text(csv_text(frame), encoding="utf-8")
+    content = json.dumps(as_json(result), indent=2, allow_nan=False)
+    (folder / "results.json").write_text(content + "\n", encoding="utf-8")
+    files = [*plots.save(figures, folder), *(f"{name}.csv" for name in frames), "results.json"]
+    write(
+        folder / PAGE,
+        "study_report.html.j2",
+        result=result,
+        protocol=result.protocol,
+        pictures=shown,
+        unblinded=unblinded,
+        people=reading_table(frame_rows(result.tables.sessions[list(PEOPLE)]), "Sessions"),
+        files=files,
+        settings={**_settings(result.protocol), **provenance()},
+    )
+    return folder / PAGE
+
+
+def as_json(result: StudyResult) -> dict[str, Any]:
+    """Return all results for a program; undefined numbers are null."""
+    content = {
+        "study": _settings(result.protocol),
+        "confidence": CONFIDENCE,
+        "excluded": dict(result.excluded),
+        "participants": {each.test.name: each.values for each in result.planned},
+        **{each.name: each.plain for each in result.results},
+    }
+    return dict(defined(content))
+
+
+def _settings(protocol: Protocol) -> dict[str, str]:
+    return {
+        "title": protocol.title,
+        "version of the protocol": protocol.digest,
+        "task": protocol.task,
+        "question": protocol.question,
+        "procedure": protocol.procedure.kind,
+        "order": protocol.order.kind,
+        "consent": protocol.consent.version,
+    }

@@ -1,0 +1,256 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Session of a participant: consent, instructions, trials, breaks, within limits, to its end.
+
+Every event is in the log before the participant sees the next screen. A session goes on from its
+log: the plan is brought to its state by the trials that the log has.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from haptic_accel import __version__
+from haptic_accel.core.evaluation.exposure import DAY, daily_exposure
+from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.kits.study.log import CONSENT, END, SITTING, TRIAL, Entries, trial_entry
+from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.protocol import Bounds, Condition, Protocol
+from haptic_accel.kits.study.trials import (
+    PRACTICE,
+    Participant,
+    PlannedTrial,
+    Presented,
+    Rig,
+    Screen,
+    SessionRecord,
+    StoppedError,
+    TrialRecord,
+    UndeliveredError,
+)
+
+COMPLETE, NO_CONSENT = "complete", "no consent"
+"""Ends of a session: all trials are done; the participant does not agree."""
+
+AGREE, DISAGREE, CONTINUE, BEGIN = "agree", "disagree", "continue", "begin"
+RIGHT, WRONG = "right", "wrong"
+"""Answers and texts that the page's languages translate."""
+
+FEEDBACK = 1.0
+"""Time that right or wrong is shown, s."""
+
+MOST_BROKEN_OFF = 5
+"""Trials in succession without all stimuli after which the rig counts as out of order."""
+
+
+@dataclass
+class Session:
+    """Session of a participant, from its start or from where its log ends.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    plan : Plan
+        Plan of the participant, in which nothing is recorded yet.
+    log : Log
+        Log with the session's first line.
+    rig : Rig
+    participant : Participant
+    watch : callable, optional
+        Called before each trial, for the operator.
+    sleep : callable, optional
+        Waits for a time in s.
+    """
+
+    protocol: Protocol
+    plan: Plan
+    log: Entries
+    rig: Rig
+    participant: Participant
+    watch: Callable[[Session], None] = lambda _: None
+    sleep: Callable[[float], None] = time.sleep
+    records: list[TrialRecord] = field(default_factory=list)
+    _screens: int = 0
+    _dose: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Bring the plan to the state in which the log ends."""
+        session = self.log.record
+        try:
+            for record in session.records:
+                self._take(record)
+        except ValueError as error:
+            raise ParameterError(
+                f"participant {session.participant}: the log is not of this plan: {error}"
+            ) from None
+
+    def run(self) -> SessionRecord:
+        """Run the session to its end or a stop; return all that the log has.
+
+        Raises
+        ------
+        OSError
+            The log cannot be written. Nothing that was acknowledged is lost.
+        """
+        reason = ""
+        try:
+            self.log.add(SITTING, version=__version__)
+            self._welcome()
+            self._run_trials()
+            reason = COMPLETE
+        except StoppedError as stopped:
+            reason = str(stopped)
+        finally:
+            self.rig.stop()
+            with suppress(StoppedError, UndeliveredError):
+                if reason:
+                    self.log.add(END, reason=reason, dose=self._new_dose())
+                self.participant.show(self._screen("end" if reason == COMPLETE else "stopped"))
+        return self.log.record
+
+    @property
+    def exposure(self) -> float:
+        """Exposure A(8) of the last 24 hours, m/s^2."""
+        begin = time.time_ns() - int(DAY * NANOSECONDS)
+        return daily_exposure(self.log.dose_since(begin) + self.rig.exposure - self._dose)
+
+    @property
+    def minutes(self) -> float:
+        """Duration of all trials so far, min."""
+        times = (record.answered_steady - record.asked_steady for record in self.records)
+        return sum(times) / NANOSECONDS / 60
+
+    @property
+    def undelivered(self) -> int:
+        """Number of trials that did not count as delivered."""
+        return sum(bool(record.flaw) for record in self.records)
+
+    def _welcome(self) -> None:
+        """Ask for consent unless it was given, and show the instructions."""
+        consent = self.protocol.consent
+        if not self.log.record.consent:
+            answer = self._ask("consent", AGREE, DISAGREE, text=consent.text)
+            self.log.add(CONSENT, version=consent.version, agreed=answer == AGREE)
+            if answer != AGREE:
+                raise StoppedError(NO_CONSENT)
+        self._ask("instructions", CONTINUE, text=self.protocol.instructions)
+
+    def _run_trials(self) -> None:
+        practice: bool | None = None
+        paused = -1  # trial before which the participant has paused
+        while (trial := self.plan.next()) is not None:
+            if practice is not (practice := trial.kind == PRACTICE):
+                self._ask("ready", BEGIN, text=PRACTICE if practice else BEGIN)
+                paused = trial.number
+            if self.plan.break_due and paused != trial.number:
+                paused = trial.number
+                self._ask("break", CONTINUE, seconds=self.protocol.extras.break_seconds)
+            self._check_limits()
+            self.watch(self)
+            record = self._run_trial(trial)
+            dose, noise = self._new_dose(), self.participant.noise
+            self.log.add(TRIAL, **trial_entry(record), dose=dose, noise=noise)
+            self._take(record)
+            self._respond(record)
+
+    def _check_limits(self) -> None:
+        limits = self.protocol.limits
+        if self.exposure >= limits.exposure:
+            raise StoppedError(f"limit of exposure: A(8) has reached {limits.exposure:g} m/s^2")
+        if self.minutes >= limits.minutes:
+            raise StoppedError(f"limit of time: trials have taken {limits.minutes:g} min")
+
+    def _run_trial(self, trial: PlannedTrial) -> TrialRecord:
+        """Present a trial's stimuli, and ask for the answer."""
+        presented: list[Presented] = []
+        answer, flaw = None, ""
+        asked, asked_steady = time.time_ns(), time.monotonic_ns()
+        try:
+            for interval, condition in enumerate(trial.stimuli, 1):
+                presented.append(self._present(interval, condition))
+            flaw = ", ".join(self._flaws(trial, presented))
+            question = self.protocol.question
+            screen = self._screen("question", answers=trial.answers, text=question)
+            answer = self.participant.ask(screen, trial)
+        except UndeliveredError as error:
+            flaw = str(error)
+            with suppress(UndeliveredError):  # the page may have missed the stimulus, too
+                self._show("wait")
+        times = asked, time.time_ns(), asked_steady, time.monotonic_ns()
+        return TrialRecord(trial, self.plan.attempt, tuple(presented), answer, *times, flaw)
+
+    def _present(self, interval: int, condition: Condition) -> Presented:
+        seconds = self.protocol.timing.seconds
+        self._show("wait")
+        self.sleep(self.protocol.timing.gap)
+        show = partial(self._show, "stimulus", interval=interval, seconds=seconds)
+        return self.rig.present(condition, seconds, show)
+
+    def _flaws(self, trial: PlannedTrial, presented: list[Presented]) -> Iterator[str]:
+        """Yield the measures of stimuli that are outside the protocol's bounds."""
+        bounds, units = self.protocol.bounds, schema(Bounds)
+        for condition, stimulus in zip(trial.stimuli, presented, strict=True):
+            settings = {**self.protocol.graph, **dict(condition.settings)}
+            outside = {name: getattr(stimulus, name) for name in ("clipped", "late", "lost")}
+            if bounds.error and settings.get("controller") != "none":
+                outside["error"] = stimulus.error or 0.0
+            for name, value in outside.items():
+                if not value <= (bound := getattr(bounds, name)):
+                    yield f"{name} = {value:.3g}: must be at most {bound:g} {units[name][1].unit}"
+            # A gain below 1 asks for less; with 0 nothing is desired.
+            least = bounds.least_rms * float(settings.get("gain", 1.0))
+            if not stimulus.desired_rms >= least:
+                yield f"desired RMS = {stimulus.desired_rms:.3g}: must be at least {least:g} m/s^2"
+
+    def _take(self, record: TrialRecord) -> None:
+        self.records.append(record)
+        self.plan.record(record)
+
+    def _respond(self, record: TrialRecord) -> None:
+        """Show right or wrong in practice; go on after a trial that broke off when told to."""
+        if record.answer is None:
+            last = self.records[-MOST_BROKEN_OFF:]
+            if len(last) == MOST_BROKEN_OFF and all(each.answer is None for each in last):
+                raise StoppedError(f"{MOST_BROKEN_OFF} trials in succession broke off")
+            self._ask("ready", BEGIN, text=BEGIN)
+            return
+        told = record.trial.kind == PRACTICE and self.protocol.extras.feedback
+        if told and record.correct is not None:
+            self._show("feedback", text=RIGHT if record.correct else WRONG, seconds=FEEDBACK)
+            self.sleep(FEEDBACK)
+
+    def _new_dose(self) -> float:
+        """Return the dose since the last line that has one, m^2/s^3."""
+        before, self._dose = self._dose, self.rig.exposure
+        return self._dose - before
+
+    def _show(self, kind: str, **content: Any) -> None:
+        self.participant.show(self._screen(kind, **content))
+
+    def _ask(self, kind: str, *answers: str, **content: Any) -> str:
+        return self.participant.ask(self._screen(kind, answers=answers, **content)).value
+
+    def _screen(self, kind: str, **content: Any) -> Screen:
+        """Return a screen with the progress, and a name that no other one has."""
+        self._screens += 1
+        name = f"{len(self.log.entries)}.{self._screens}"
+        return Screen(name, kind, progress=self.plan.progress, **content)

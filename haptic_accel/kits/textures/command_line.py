@@ -1,0 +1,285 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``haptic-accel texture``: build texture models, import, show and render them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import click
+import numpy as np
+
+from haptic_accel.cli.options import FILE, json_option, listed_words, verb
+from haptic_accel.cli.output import check_writable, next_command, save
+from haptic_accel.cli.tables import print_table
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError, printable
+from haptic_accel.core.reduction import REDUCTIONS
+from haptic_accel.core.resampling import resampled
+from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
+from haptic_accel.core.tables import records
+from haptic_accel.core.topics import CONTACT_FORCE, SLAVE, SLAVE_ARM_FORCE
+from haptic_accel.devices.playback import bag_track, is_bag
+from haptic_accel.kits.textures.building import Recording, build
+from haptic_accel.kits.textures.foreign import import_texture
+from haptic_accel.kits.textures.report import (
+    HELD_OUT,
+    MILLI,
+    described,
+    draw,
+    held_out_table,
+    nodes_table,
+)
+from haptic_accel.materials.columns import FORCE, SPEED, Column, Wording
+from haptic_accel.materials.folders import preset_file
+from haptic_accel.materials.recordings import COLUMNS, FULL_SCALE, cleaned, read_columns
+from haptic_accel.materials.texture_files import read_texture, write_texture
+
+AXES = 3
+"""Number of axes of an acceleration."""
+
+SOUND_RATE = 8000
+"""Sampling rate of sound files, Hz: the lowest that every player takes."""
+
+_model_argument = click.argument("model", metavar="NAME|FILE")
+_csv_rate = click.option(
+    "--rate",
+    type=float,
+    default=0.0,
+    show_default=False,
+    metavar="HZ",
+    help="Samples per second of CSV files without a column of times; others state their own.",
+)
+_new_file = click.option("--out", type=FILE, metavar="FILE", required=True, help="File to write.")
+
+
+@verb(
+    "haptic-accel texture build drag1.csv drag2.csv --rate 10000 --out wood.yaml",
+    "haptic-accel texture build bags/plywood --out plywood.yaml --json report.json",
+    name="build",
+)
+@click.argument("recordings", type=FILE, metavar="CSV|BAG...", nargs=-1, required=True)
+@_csv_rate
+@click.option(
+    "--axes",
+    type=listed_words,
+    default="",
+    show_default=False,
+    metavar="X,Y,Z",
+    help="Columns of CSV files with the acceleration in three axes, in place of one column.",
+)
+@click.option(
+    "--reduction",
+    type=click.Choice([*REDUCTIONS]),
+    default=next(iter(REDUCTIONS)),
+    help="Reduction of the three axes to one signal; dft321 keeps the power of all of them.",
+)
+@_new_file
+@json_option
+def build_texture(
+    recordings: Sequence[Path],
+    rate: float,
+    axes: Sequence[str],
+    reduction: str,
+    out: Path,
+    json_file: Path | None,
+) -> None:
+    """Build a texture model from recordings of a tool dragged over a surface.
+
+    A CSV file has columns speed (mm/s), force (N) and acceleration or accel (m/s^2), or another
+    unit in the title, such as force [mN]; speed is along the surface and force normal to it; with
+    --axes, the three columns named there are reduced to one signal. In a bag z is normal to the
+    surface, and the force is that of the contact or, where it was not recorded, that of the
+    slave's arm. Glitches of sensors are counted and replaced. Beside the model a plot is written:
+    spectra, measured and modelled, and the plane of speed and force.
+    """
+    check_writable(out, "out")
+    if all(is_bag(str(path)) for path in recordings):
+        for name, given in (("rate", f"{rate:g}" if rate else ""), ("axes", ",".join(axes))):
+            if given:
+                raise ParameterError(f"{name} = {given}: a bag states its own: leave it out")
+    if axes and len(set(axes)) != AXES:
+        raise ParameterError(f"axes = {','.join(axes)}: must be {AXES} different columns")
+    reduced = REDUCTIONS[reduction]
+    read = [
+        _bag(path) if is_bag(str(path)) else _csv(path, rate, axes, reduced) for path in recordings
+    ]
+    source = f"built from {', '.join(path.name for path in recordings)}"
+    built = build(out.stem, read, Provenance(source))
+    write_texture(out, built.model)
+    picture = out.with_name(f"{out.stem}_report.png")  # `show` draws the model as NAME.png
+    draw(built.model, built.held_out, built.segments).savefig(picture, dpi=150)
+    print_table(held_out_table(built))
+    print(*described(built), sep="\n")
+    print(f"model: {out}; it states no licence yet", f"plot: {picture}", sep="\n")
+    metrics = {
+        "order": built.order,
+        "nodes": len(built.model.speeds),
+        "held_out_spectral_distance_db": built.distance,
+        "coverage": built.coverage,
+        "following": asdict(built.following),
+        "follows_speed_and_force": built.following.better,
+        "held_out": records(HELD_OUT, built.held_out),
+        "refused": [asdict(each) for each in built.refused],
+    }
+    save(metrics, json_file)
+    print(_rendering(built.model, out))
+
+
+def _rendering(model: TextureModel, file: Path) -> str:
+    """Return the line with the command that makes a model heard, in the middle of its range."""
+    speed, force = f"{np.median(model.speeds) / MILLI:.3g}", f"{np.median(model.forces):.3g}"
+    sound = str(file.with_suffix(".wav"))
+    words = (str(file), "--speed", speed, "--force", force, "--out", sound)
+    return next_command("texture", "render", *words)
+
+
+@verb(
+    "haptic-accel texture import Wood.xml --out wood.yaml",
+    "haptic-accel texture import buzz.ahap --calibration 5 --out buzz.yaml",
+    name="import",
+)
+@click.argument("file", type=FILE, metavar="FILE")
+@_csv_rate
+@click.option(
+    "--calibration",
+    type=float,
+    metavar="M/S^2",
+    show_default=False,
+    help="Acceleration at full scale, where values are relative.",
+)
+@_new_file
+def import_file(file: Path, rate: float, calibration: float | None, out: Path) -> None:
+    """Make a texture model of another program's file.
+
+    That is an XML file of the Penn Haptic Texture Toolkit; an acceleration as WAV, CSV or NPZ; a
+    filter of noise as JSON; or a pattern, AHAP or .haptic, whose frequencies and strengths become
+    a texture. Patterns and WAV files of whole numbers need a calibration.
+    """
+    check_writable(out, "out")
+    model = import_texture(file, rate, calibration)
+    write_texture(out, model)
+    loudest = model.rms.max()
+    print(f"{out}: order {model.lsf.shape[1]}, {model.rate:g} Hz, up to {loudest:.2f} m/s^2 RMS")
+    print(f"licence: {model.provenance.licence or 'none stated: that of the file'}")
+    print(_rendering(model, out))
+
+
+@verb("haptic-accel texture show plywood", "haptic-accel texture show wood.yaml --out wood.png")
+@_model_argument
+@click.option("--out", type=FILE, metavar="FILE", show_default="NAME.png", help="Plot to write.")
+@json_option
+def show(model: str, out: Path | None, json_file: Path | None) -> None:
+    """Show a model's provenance, range and spectra."""
+    found = read_texture(preset_file("texture", model))
+    order, moving = found.lsf.shape[1], found.ma_lsf.shape[1]
+    rms = found.rms
+    about = {name: text for name, text in asdict(found.provenance).items() if text}
+    orders = f"{order} and {moving}" if moving else f"{order}"
+    print(f"{printable(found.name)}: order {orders}, {found.rate:g} Hz")
+    print(*(f"{name}: {text}" for name, text in about.items()), sep="\n")
+    print_table(nodes_table(found))
+    picture = out or Path(f"{found.name}.png")
+    check_writable(picture, "out")
+    draw(found).savefig(picture, dpi=150)
+    print(f"plot: {picture}")
+    metrics = {
+        "name": found.name,
+        "rate_hz": found.rate,
+        "order": order,
+        "moving_average_order": moving,
+        "nodes": len(found.speeds),
+        "largest_speed_m_s": float(found.speeds.max()),
+        "largest_force_n": float(found.forces.max()),
+        "largest_rms_m_s2": float(rms.max()),
+        "provenance": about,
+    }
+    save(metrics, json_file)
+
+
+@verb("haptic-accel texture render plywood --speed 80 --force 1 --out wood.wav")
+@_model_argument
+@click.option(
+    "--speed",
+    type=click.FloatRange(0),
+    required=True,
+    metavar="MM/S",
+    help="Speed along the surface.",
+)
+@click.option(
+    "--force", type=click.FloatRange(0), required=True, metavar="N", help="Normal force."
+)
+@click.option("--seconds", type=click.FloatRange(0.1, 600), default=5.0, help="Duration.")
+@_new_file
+def render(model: str, speed: float, force: float, seconds: float, out: Path) -> None:
+    """Write the acceleration of a texture as a sound file.
+
+    Full scale is 5 g, as that of recordings that are read.
+    """
+    from scipy.io import wavfile
+
+    check_writable(out, "out")
+    found = read_texture(preset_file("texture", model))
+    texture = Texture(found, found.rate, 0, FULL_SCALE)
+    # The speed's low-pass has settled after a tenth of a second.
+    before, samples = round(0.2 * found.rate), round(seconds * found.rate)
+    constant = np.ones(before + samples)
+    acceleration = texture.block(constant * speed * MILLI, constant * force)[before:]
+    sound = resampled(acceleration, found.rate, SOUND_RATE)
+    full = np.iinfo(np.int16).max
+    wavfile.write(
+        out, SOUND_RATE, np.clip(sound / FULL_SCALE * full, -full, full).astype(np.int16)
+    )
+    print(
+        f"{out}: {seconds:g} s, {acceleration.std():.3g} m/s^2 RMS, saturated {texture.saturated}"
+    )
+    top_speed, top_force = found.speeds.max(), found.forces.max()
+    if speed * MILLI > top_speed or force > top_force:
+        print(
+            f"the model ends at {top_speed / MILLI:.0f} mm/s and {top_force:.2f} N: rendered there"
+        )
+
+
+# Recordings
+
+
+def _csv(
+    path: Path, rate: float, axes: Sequence[str], reduced: Callable[[FloatArray], FloatArray]
+) -> Recording:
+    """Return the recording in a CSV file; three axes are reduced to one."""
+    columns = [Column(("speed",), SPEED), Column(("force",), FORCE)]
+    columns += [Column((name,)) for name in axes] or [Column(COLUMNS)]
+    samples, own_rate = read_columns(path, rate, columns, Wording("rate", "--axes X,Y,Z"))
+    speed, force, *found = samples.T
+    acceleration = reduced(np.column_stack(found)) if axes else found[0]
+    return Recording(str(path), own_rate, np.abs(speed), force, acceleration)
+
+
+def _bag(path: Path) -> Recording:
+    """Return the slave's recording in a bag, with contact force or else arm force."""
+    from haptic_accel.bags.reading import read_bag_with_warnings
+
+    bag = read_bag_with_warnings(path)
+    contact = CONTACT_FORCE.name in bag.signals
+    # On the grid of its samples, as its position would be.
+    track = bag_track(bag, replace(SLAVE, position=CONTACT_FORCE if contact else SLAVE_ARM_FORCE))
+    pressing = track.position[:, 2] * (1 if contact else -1)
+    speed = np.hypot(track.velocity[:, 0], track.velocity[:, 1])
+    columns = {"speed": speed, "force": pressing, "acceleration": track.acceleration}
+    signals = (cleaned(f"{path}: {name}", each) for name, each in columns.items())
+    return Recording(str(path), track.rate, *signals)

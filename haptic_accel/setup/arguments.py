@@ -1,0 +1,429 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The arguments of the graph: the same ``key:=value`` words everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+from haptic_accel.core.axes import ALL_AXES, Axes
+from haptic_accel.core.identification.sweep import SweepParameters
+from haptic_accel.core.parameters import (
+    Checked,
+    ParameterError,
+    checked,
+    like,
+    parameter,
+    schema,
+    specified,
+)
+from haptic_accel.devices import SLAVES
+from haptic_accel.links.parameters import LinkNodeParameters, check_peer
+from haptic_accel.materials.folders import is_recording, preset_file
+from haptic_accel.setup.files import parameter_paths, read_parameter_file, read_parameter_files
+from haptic_accel.setup.namespaces import NamespaceArguments
+from haptic_accel.setup.node_parameters import NODES, PASSIVE, node_schema
+from haptic_accel.setup.words import parse_words
+
+L = TypeVar("L", bound="LaunchArguments")
+
+AVERAGE_GRIP = "average"
+"""Grip of Table I."""
+
+REPLAY = "replay"
+"""Name of the devices that play a recording."""
+
+SIMULATED = "simulated"
+"""Name of the devices of the virtual rig."""
+
+POINTER = "pointer"
+"""Name of the simulated master whose hand the live page leads."""
+
+POINTER_CONTROLLER = "adaptive"
+"""Controller under a hand that a page leads, if none is named: the one with the least error."""
+
+SURFACES = ("plywood", "text", "vinyl")
+"""The paper's surfaces."""
+
+WORKSHOP = "workshop"
+"""Scene under the virtual slave where none is named."""
+
+LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
+"""Severities of messages in ROS 2."""
+
+VIRTUAL = "virtual"
+"""Name of the slave device whose tool touches a scene."""
+
+CRTK = "crtk"
+"""Begin of the names of devices whose arm is another node's, which need not have a watchdog."""
+
+SCENE = f"{VIRTUAL}.scene"
+"""Parameter of `slave_device`: file of the scene."""
+
+TOOL_AXES = "tool.axes"
+"""Parameter of the simulated slave devices: axes that the tool measures."""
+
+RECORDING = f"{SIMULATED}.recording.file"
+"""Parameter of `slave_device`: file of the recorded acceleration."""
+
+PLAYED_TOPICS = "topics"
+"""Name for the topics that `ros2 bag play` publishes in place of a slave device."""
+
+
+THREE_AXIS_SWEEP = {
+    "start_frequency": 8.0,
+    "end_frequency": 450.0,
+    "duration": 1.0,
+    "trials": 2,
+}
+"""Excitation of three coils, if not given: the band of the coupling, in the time that one coil
+takes (Hz, s)."""
+
+
+def sets(*places: str, **changes: Any) -> Any:
+    """Declare an argument by the parameters of nodes that it sets.
+
+    Parameters
+    ----------
+    places : str
+        Node and dotted parameter name, with a dot between; the argument has default and
+        specification of the first place.
+    changes
+        Attributes of the specification that differ.
+    """
+    node, _, name = places[0].partition(".")
+    default, specification = node_schema(node)[name]
+    return specified(default, replace(specification, sets=places, **changes))
+
+
+def everywhere(name: str) -> list[str]:
+    """Return the places of a parameter in all nodes that have it."""
+    return [f"{node}.{name}" for node in NODES if name in node_schema(node)]
+
+
+def in_devices(*names: str) -> list[str]:
+    """Return the places of parameters in both device nodes."""
+    return [f"{arm}_device.{name}" for arm in ("master", "slave") for name in names]
+
+
+@dataclass(frozen=True)
+class ConditionArguments(Checked):
+    """Controller, and what is simulated."""
+
+    controller: str = sets(
+        "compensator.controller",
+        text="controller of the actuator's force; with master:=pointer, adaptive if neither given"
+        " nor in a parameter file",
+    )
+    reduction: str = sets(
+        "compensator.reduction",
+        text="reduction of the tool's three axes to one, which moves the coil along z alone: none"
+        " (all axes that the handle has), component along z, sum, or component along the strongest"
+        " vibration; with one, a simulated tool measures three axes",
+    )
+    rig: str = parameter(
+        "paper", "virtual rig: ideal, paper, three_axis_ideal, three_axis, or a .yaml file"
+    )
+    grip: str = sets(
+        "master_device.simulated.grip.posture", text="grip of the simulated hand on the handle"
+    )
+    surface: str = parameter(
+        SURFACES[0],
+        f"surface under the tool: {', '.join(SURFACES)}, a .yaml file, or a .csv or .wav file of"
+        " its acceleration in m/s^2; with slave:=virtual a scene, workshop by default, or a .yaml"
+        " file",
+    )
+    recording_rate: float = sets(
+        "slave_device.simulated.recording.rate",
+        *in_devices("replay.rate"),
+        text="rate of a CSV recording without a column of times; other files have their own",
+    )
+    recording_column: str = sets(
+        "slave_device.simulated.recording.column",
+        *in_devices("replay.column"),
+        text="column of a CSV recording; empty for acceleration, accel, acc or a",
+    )
+    seed: int = sets(*in_devices("seed"))
+
+
+@dataclass(frozen=True)
+class DeviceArguments(Checked):
+    """Devices, and the recording that they play."""
+
+    master: str = sets("master_device.device", text="master device")
+    actuator: str = sets("master_device.actuator_device")
+    slave: str = sets(
+        "slave_device.device",
+        text="slave device, or the topics that `ros2 bag play` publishes",
+        choices=(*SLAVES, PLAYED_TOPICS),
+    )
+    replay: str = sets(
+        *in_devices("replay.file"),
+        text="bag, or CSV or WAV file, to play with slave:=replay or master:=replay",
+    )
+    replay_speed: float = sets(*in_devices("replay.speed"))
+    replay_loop: bool = sets(*in_devices("replay.loop"))
+    replay_start: float = sets(*in_devices("replay.start"))
+
+
+@dataclass(frozen=True)
+class NetworkArguments(Checked):
+    """Coupling, and the peer host."""
+
+    coupling: str = sets("coupler.coupling")
+    side: str = sets(*everywhere("side"))
+    peer: str = sets("link.peer")
+    transport: str = sets("link.transport")
+    keys: str = sets("link.keys")
+    insecure: bool = sets("link.insecure")
+
+    def __post_init__(self) -> None:
+        """Check all fields, and that they go together; two hosts have the passive coupling."""
+        super().__post_init__()
+        if self.side and not self.peer:
+            raise ParameterError(f"side = {self.side!r}: must come with peer:=HOST")
+        if not self.peer:
+            for name in ("transport", "keys", "insecure"):
+                if (value := getattr(self, name)) != schema(LinkNodeParameters)[name][0]:
+                    raise ParameterError(f"{name} = {value!r}: must come with peer:=HOST")
+            return
+        if not self.side:
+            raise ParameterError(f"peer = {self.peer!r}: must come with side:=master or slave")
+        check_peer(self.peer, self.transport, self.keys, insecure=self.insecure)
+        object.__setattr__(self, "coupling", PASSIVE)
+
+
+@dataclass(frozen=True)
+class LaunchArguments(NamespaceArguments):
+    """Launch."""
+
+    namespace: str = like(NamespaceArguments, "namespace")  # declared anew for its heading
+    params_file: str = parameter(
+        "",
+        "ROS parameter files with commas between, applied over config/teleop.yaml in order; they"
+        " also decide arguments that are not given, such as the devices and the rate",
+    )
+    log_level: str = parameter(
+        "info", "lowest severity of messages that nodes log", choices=LOG_LEVELS
+    )
+
+    @classmethod
+    def from_given(cls: type[L], **given: Any) -> L:
+        """Build from the given arguments; the parameter files decide those that are not given.
+
+        Raises
+        ------
+        ParameterError
+            A file cannot be read, or a value is not allowed.
+        """
+        return cls(**cls.filled(given))
+
+    @classmethod
+    def filled(cls, given: dict[str, Any]) -> dict[str, Any]:
+        """Return given arguments, and those that their parameter files decide.
+
+        Raises
+        ------
+        ParameterError
+            As for `from_given`.
+        """
+        decided: dict[str, Any] = {}
+        namespace = NamespaceArguments(given.get("namespace", "")).namespace
+        for path, values in read_parameter_files(given.get("params_file", ""), namespace):
+            for name, (default, specification) in schema(cls).items():
+                places = _decisive(default, specification.sets)
+                found = [place for place in places if place[1] in values[place[0]]]
+                for node, key in found[:1]:
+                    place = f"{path}: {key} of {node}"
+                    decided[name] = checked(place, values[node][key], default, specification)
+        return decided | given
+
+
+@dataclass(frozen=True)
+class RunArguments(LaunchArguments):
+    """Graph: its rate, duration and processes."""
+
+    rate: float = sets(*everywhere("rate"))
+    latency: int = sets(*everywhere("latency"))
+    duration: float = sets("coupler.duration")
+    composed: bool = parameter(
+        True,
+        "run all nodes that compute forces in one process, which suits two cores; false gives"
+        " each node its own process, as always with respawn:=true, slave:=topics or a CRTK"
+        " arm",
+    )
+    respawn: bool = parameter(
+        False, "restart failed nodes, except recorder and scope, instead of ending the graph"
+    )
+
+
+@dataclass(frozen=True)
+class PageArguments(Checked):
+    """Live page."""
+
+    scope: bool = parameter(False, "serve a page that shows the graph while it runs")
+    scope_port: int = sets("scope.port")
+    scope_control: bool = sets("scope.control")
+
+
+@dataclass(frozen=True)
+class BagArguments(Checked):
+    """Recording."""
+
+    record: bool = parameter(True, "record every topic")
+    bag: str = sets("recorder.bag")
+    topics: str = sets("recorder.topics")
+
+
+@dataclass(frozen=True)
+class GraphArguments(
+    ConditionArguments,
+    DeviceArguments,
+    NetworkArguments,
+    RunArguments,
+    PageArguments,
+    BagArguments,
+):
+    """Arguments of the graph."""
+
+    def __post_init__(self) -> None:
+        """Check all fields, and that the surface can be under the slave's tool.
+
+        Some graphs need a process for each node: a restarted node learns from other nodes of an
+        emergency stop; played topics have no device; and if nothing else removes an arm's force,
+        only a fault of the arm's own node may leave the force on.
+        """
+        super().__post_init__()
+        unwatched = self.master.startswith(CRTK) or self.slave.startswith(CRTK)
+        if self.respawn or self.slave == PLAYED_TOPICS or unwatched:
+            object.__setattr__(self, "composed", False)
+        if self.slave == VIRTUAL and self.surface == SURFACES[0]:
+            object.__setattr__(self, "surface", WORKSHOP)
+        if is_recording(self.surface) and self.slave != SIMULATED:
+            raise ParameterError(
+                f"surface = {self.surface!r}: a recording must come with slave:={SIMULATED}"
+            )
+
+    @classmethod
+    def from_given(cls: type[L], **given: Any) -> L:
+        """Build from the given arguments, as `LaunchArguments` does, and for a page's hand."""
+        known = cls.filled(given)
+        if known.get("master") == POINTER:
+            known = {"controller": POINTER_CONTROLLER} | known
+        return cls(**known)
+
+
+@dataclass(frozen=True)
+class IdentifyArguments(SweepParameters, LaunchArguments):
+    """Identification: its trials, and the graph that runs."""
+
+    trials: int = sets("identifier.trials")
+    rig: str = like(GraphArguments, "rig")
+    grip: str = like(GraphArguments, "grip")
+    master: str = like(GraphArguments, "master")
+    actuator: str = like(GraphArguments, "actuator")
+    rate: float = like(GraphArguments, "rate")
+    latency: int = sets("identifier.latency", *everywhere("latency"))
+    bag: str = like(GraphArguments, "bag")
+    topics: str = like(GraphArguments, "topics")
+    seed: int = like(GraphArguments, "seed")
+
+    @classmethod
+    def from_given(cls, **given: Any) -> IdentifyArguments:
+        """Build from the given arguments, as `LaunchArguments` does, and for three coils."""
+        known = cls.filled(given)
+        files = [preset_file("rig", str(known.get("rig", cls.rig)))]
+        files += parameter_paths(known.get("params_file", ""))
+        axes = [read_parameter_file(path)["compensator"].get("axes") for path in files]
+        if any(each and Axes.parsed(each) == ALL_AXES for each in axes):
+            known = THREE_AXIS_SWEEP | known
+        return cls(**known)
+
+    @property
+    def sweep(self) -> SweepParameters:
+        """The excitation alone."""
+        return SweepParameters(**{name: getattr(self, name) for name in schema(SweepParameters)})
+
+
+def stated_words(arguments: LaunchArguments) -> list[str]:
+    """Return the ``key:=value`` words that give arguments which neither defaults nor files give.
+
+    Examples
+    --------
+    >>> stated_words(GraphArguments(rate=500.0, composed=False))
+    ['rate:=500', 'composed:=false']
+    """
+    files = {"params_file": arguments.params_file, "namespace": arguments.namespace}
+    known = type(arguments).from_given(**{key: each for key, each in files.items() if each})
+    values = {name: getattr(arguments, name) for name in schema(type(arguments))}
+    rest = {name: value for name, value in values.items() if value != getattr(known, name)}
+    return [
+        f"{name}:={_text(value)}" for name, value in ({**files, **rest}).items() if value != ""
+    ]
+
+
+def _text(value: Any) -> str:
+    """Return the text of a value in a word."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    short = f"{value:g}" if isinstance(value, float) else str(value)
+    return short if not isinstance(value, float) or float(short) == value else str(value)
+
+
+def _decisive(default: Any, places: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Yield node and parameter of the places whose value in a file decides an argument.
+
+    A place with another default, such as the latency of the devices for an identification, is set
+    by the argument but does not decide it.
+    """
+    for place in places:
+        node, _, name = place.partition(".")
+        if node_schema(node)[name][0] == default:
+            yield node, name
+
+
+def check_lockstep(
+    arguments: GraphArguments, where: str, slaves: Sequence[str] = (SIMULATED, VIRTUAL)
+) -> None:
+    """Refuse a device that cannot run in lockstep, or a slave not allowed.
+
+    Raises
+    ------
+    ParameterError
+        Names the device and allowed ones; `where` ends the sentence.
+    """
+    for arm, allowed in (("master", [SIMULATED]), ("slave", slaves)):
+        if (device := getattr(arguments, arm)) not in allowed:
+            raise ParameterError(f"{arm} = {device!r}: must be {' or '.join(allowed)} {where}")
+
+
+def check_both_arms(arguments: GraphArguments) -> None:
+    """Refuse a graph with only one arm.
+
+    Raises
+    ------
+    ParameterError
+        Names the side.
+    """
+    if arguments.side:
+        raise ParameterError(f"side = {arguments.side!r}: must be empty, as both arms are needed")
+
+
+def parse_arguments(words: Iterable[str]) -> GraphArguments:
+    """Read the graph's arguments from ``key:=value`` words; see `parse_words`."""
+    return parse_words(words, GraphArguments)

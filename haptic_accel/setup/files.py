@@ -1,0 +1,326 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Reading of parameter files."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
+
+import yaml
+
+from haptic_accel.core.bounded_files import located
+from haptic_accel.core.control.compensation import PLANT
+from haptic_accel.core.document import Document, read_yaml_document
+from haptic_accel.core.parameters import checked, printable, shown
+from haptic_accel.core.warning import warn_once
+from haptic_accel.materials.folders import config_folder, is_recording, preset_file
+from haptic_accel.setup.former_names import current_names, warning_of
+from haptic_accel.setup.node_parameters import NODES, USE_SIM_TIME, check_clock, node_schema
+
+SURFACE = "simulated.surface."
+"""Prefix of the slave device's parameters of a surface."""
+
+POSTURE = "simulated.grip.posture"
+"""Parameter of the master device: grip of the simulated hand on the handle."""
+
+MODEL = f"{PLANT}.model"
+"""Parameter of the compensator: file of the plant's model."""
+
+SEPARATOR = ","
+"""Separator of the files in the argument `params_file`."""
+
+Values: TypeAlias = dict[str, dict[str, Any]]
+"""Parameters of each node by dotted name."""
+
+EVERY_NODE = "/**"
+"""Key of the values for every node in any namespace."""
+
+ROS_PARAMETERS = "ros__parameters"
+"""Key of a node's parameters in a file."""
+
+_WILDCARDS = ("**", "*")
+"""Last parts of keys that name no node, but any."""
+
+
+def surface_file(surface: str) -> Path:
+    """Return the parameter file of a surface; all recordings share a smooth surface.
+
+    Raises
+    ------
+    ParameterError
+        There is no such surface.
+    """
+    file = preset_file("surface", surface)
+    return config_folder() / "recording.yaml" if is_recording(surface) else file
+
+
+def surface_parameters(surface: str) -> dict[str, Any]:
+    """Return all parameters of a surface, by the slave device's dotted names.
+
+    Parameters missing from the file get defaults, so that none of another surface stays.
+
+    Parameters
+    ----------
+    surface : str
+        Name, or a path ending in ``.yaml``.
+
+    Raises
+    ------
+    ParameterError
+        No such surface, or a wrong file.
+    """
+    given = read_parameter_file(surface_file(surface))["slave_device"]
+    return {
+        name: checked(name, given.get(name, default), default, specification)
+        for name, (default, specification) in node_schema("slave_device").items()
+        if name.startswith(SURFACE)
+    }
+
+
+@located("params_file")
+def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, dict[str, Any]]:
+    """Read a ROS 2 parameter file.
+
+    Parameters
+    ----------
+    path : Path
+        YAML of the form ``/**/node: {ros__parameters: {name: value}}``; ``/**`` is every node.
+    namespace : str, optional
+        Namespace of the nodes, with a slash before; None for values in any namespace.
+
+    Returns
+    -------
+    dict
+        Values by executable and dotted name.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read, has another form, or names an unknown node or parameter, or a node
+        in other namespaces only.
+    """
+    content = read_yaml_document(path)
+    if not isinstance(content.value, dict):
+        content.wrong(f"must map nodes to {ROS_PARAMETERS}")
+    values: dict[str, dict[str, Any]] = {executable: {} for executable in NODES}
+    given: set[str] = set()
+    for key, section in content.members():
+        if not isinstance(section.value, dict) or set(section.value) != {ROS_PARAMETERS}:
+            content.refuse(f"{shown(key)}: must hold {ROS_PARAMETERS}, nothing else", key)
+        flat = dict(_flat(section.get(ROS_PARAMETERS, {})))
+        if USE_SIM_TIME in flat:
+            check_clock(flat.pop(USE_SIM_TIME).value)
+        with content.located(key):
+            current = current_names({each: value.value for each, value in flat.items()})
+        given.update(current)
+        flat = {now: flat[each] for each, now in current.items()}
+        name = key.rpartition("/")[2]
+        for executable in NODES if name in _WILDCARDS else [name]:
+            if executable not in NODES:
+                names = ", ".join(NODES)
+                content.refuse(f"{shown(key)}: must be /** or one of {names}", key)
+            known = _known(flat, executable, name)
+            if namespace is None or _holds(key, f"{namespace}/{executable}"):
+                values[executable] |= known
+    _locate_model(path, values)
+    if warning := warning_of(given):
+        warn_once(f"{shown(str(path))}: {warning}")
+    if namespace is not None:
+        for executable in NODES:
+            _check_reached(content, f"{namespace}/{executable}")
+    return values
+
+
+def _locate_model(path: Path, values: Values) -> None:
+    """Make the path of a plant's model absolute if the model lies beside the file."""
+    own = values["compensator"]
+    if (model := own.get(MODEL)) and (beside := path.parent / str(model)).is_file():
+        own[MODEL] = str(beside.absolute())
+
+
+def parameter_paths(params_file: str) -> list[Path]:
+    """Return the absolute paths of the files in an argument `params_file`.
+
+    A path may hold the separator itself: the longest name that exists is taken.
+
+    Examples
+    --------
+    >>> [path.name for path in parameter_paths("board.yaml,handle.yaml")]
+    ['board.yaml', 'handle.yaml']
+    """
+    words = [word for word in params_file.split(SEPARATOR) if word]
+    found = []
+    while words:
+        joined = (SEPARATOR.join(words[:count]) for count in range(len(words), 1, -1))
+        path = next(filter(os.path.exists, joined), words[0])
+        del words[: path.count(SEPARATOR) + 1]
+        found.append(Path(path).absolute())
+    return found
+
+
+def read_parameter_files(
+    params_file: str, namespace: str | None = None
+) -> list[tuple[Path, Values]]:
+    """Read the files of an argument `params_file`; a later file replaces an earlier one's values.
+
+    A replaced value is stated in one line for the user.
+
+    Parameters
+    ----------
+    params_file : str
+        Paths with commas between.
+    namespace : str, optional
+        As for `read_parameter_file`.
+
+    Returns
+    -------
+    list of tuple
+        Path and values of each file, in order of increasing precedence.
+
+    Raises
+    ------
+    ParameterError
+        As for `read_parameter_file`.
+    """
+    files = [(path, read_parameter_file(path, namespace)) for path in parameter_paths(params_file)]
+    given: dict[tuple[str, str], tuple[Path, Any]] = {}
+    replaced: list[Unused] = []
+    for path, values in files:
+        for node, own in values.items():
+            for name, value in own.items():
+                before, old = given.get((node, name), (path, value))
+                if old != value:
+                    replaced.append(Unused(path, name, node, value, f"replaces {old} of {before}"))
+                given[node, name] = path, value
+    warn_of(replaced)
+    return files
+
+
+class Unused(NamedTuple):
+    """Value of a node's parameter in a file where another file or an argument differs, and why."""
+
+    path: Path
+    name: str
+    node: str
+    value: Any
+    reason: str
+
+
+def warn_of(found: Iterable[Unused]) -> None:
+    """State each value once, in one line for all nodes that it concerns."""
+    nodes: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for path, name, node, value, reason in found:
+        nodes[f"{path}: {name} of ", f" = {value}: {reason}"].append(node)
+    for (before, after), names in nodes.items():
+        warn_once(printable(before + ", ".join(names) + after))
+
+
+def check_reached(path: Path, node: str) -> None:
+    """Refuse a ROS parameter file that names a node only in other namespaces than the node's.
+
+    ROS silently ignores such a file for the node.
+
+    Parameters
+    ----------
+    path : Path
+    node : str
+        Name with its namespace.
+
+    Raises
+    ------
+    ParameterError
+        Names the file, the key, and a key that applies.
+    """
+    _check_reached(read_yaml_document(path), node)
+
+
+def _check_reached(content: Document, node: str) -> None:
+    """Refuse keys that name a node if no key applies to it."""
+    name = node.rpartition("/")[2]
+    naming = [key for key in content.mapping() if key.rpartition("/")[2] == name]
+    if naming and not any(_holds(key, node) for key in naming):
+        content.refuse(
+            f"{shown(naming[0])}: holds in another namespace, not for {node}; write /**/{name}",
+            naming[0],
+        )
+
+
+def _holds(key: str, node: str) -> bool:
+    """Return whether a parameter file's key applies to a node by ROS 2's rules."""
+    patterns = {"**": "(/[^/]+)*", "*": "/[^/]+"}
+    words = filter(None, key.split("/"))  # files before 0.2 have the key /**//**
+    pattern = "".join(patterns.get(word, "/" + re.escape(word)) for word in words)
+    return re.fullmatch(pattern, node) is not None
+
+
+def parameter_text(nodes: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the ROS parameter file with the values of each node, nested or by dotted name.
+
+    It applies to these node names in any namespace; `EVERY_NODE` is all of them.
+    """
+    content = {
+        node if node == EVERY_NODE else f"/**/{node}": {ROS_PARAMETERS: values}
+        for node, values in nodes.items()
+    }
+    return str(yaml.dump(_quoted(content), Dumper=_Plain, sort_keys=False, width=2**31))
+
+
+class _Text(str):
+    """Text that ROS must not read as another type, such as 1e5."""
+
+
+def _quoted(values: Any) -> Any:
+    """Mark all text values."""
+    if isinstance(values, Mapping):
+        return {name: _quoted(value) for name, value in values.items()}
+    return _Text(values) if isinstance(values, str) else values
+
+
+class _Plain(yaml.SafeDumper):
+    """Writes shared values once for each place, because no reader supports aliases."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Return True."""
+        return True
+
+
+_Plain.add_representer(
+    _Text, lambda dumper, text: dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"')
+)
+
+
+def _flat(section: Document, prefix: str = "") -> Iterator[tuple[str, Document]]:
+    """Yield values by dotted name."""
+    for name, value in section.members():
+        if isinstance(value.value, dict):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _known(flat: Mapping[str, Document], executable: str, name: str) -> dict[str, Any]:
+    """Keep a node's parameters; refuse unknown ones and, for a named node, other nodes'."""
+    schema = node_schema(executable)
+    others = NODES if name in _WILDCARDS else ()
+    for parameter, value in flat.items():
+        if not any(parameter in node_schema(other) for other in (executable, *others)):
+            value.wrong("no such parameter")
+    return {name: value.value for name, value in flat.items() if name in schema}

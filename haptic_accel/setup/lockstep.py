@@ -1,0 +1,146 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Runs a condition of the graph in lockstep, and records it as the graph's recorder would."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from haptic_accel.bags.facts import LOCKSTEP, PREFIX, RUN, custom_data
+from haptic_accel.bags.trial_bag import write_trial
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.topics import SLAVE
+from haptic_accel.core.track import Track, played_at, quieted
+from haptic_accel.core.trial import GripChange, Trial, run_trial
+from haptic_accel.devices.playback import ReplayParameters, read_track
+from haptic_accel.devices.simulated import played, textured
+from haptic_accel.materials.scenes import read_scene
+from haptic_accel.setup.arguments import SCENE, VIRTUAL, GraphArguments
+from haptic_accel.setup.node_parameters import PASSIVE, node_parameters
+from haptic_accel.setup.processes import RECORDER, graph, graph_parameters, rig_parameters
+
+
+def lockstep_trial(
+    arguments: GraphArguments,
+    *,
+    track: Track | None = None,
+    recording: FloatArray | None = None,
+    grips: Sequence[GripChange] = (),
+    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+    channel: ChannelParameters | None = None,
+    law: str = PASSIVE,
+    blackouts: Sequence[tuple[float, float]] = (),
+) -> Trial:
+    """Run the condition of the arguments without ROS.
+
+    Parameters
+    ----------
+    arguments : GraphArguments
+        Simulated master, and simulated slave unless there is a track.
+    track : Track, optional
+        Recorded slave at the arguments' rate, which is played to its end, from the sample after
+        the first force.
+    recording : ndarray, optional
+        Tool acceleration at the arguments' rate in place of a simulated one or a file's, m/s^2.
+    grips : sequence of GripChange
+        Changes of grip, in order of time.
+    changes : mapping
+        Values by node and dotted name, which override all files.
+    channel, law, blackouts
+        Network between the arms, as for `run_trial`.
+    """
+    values = graph_parameters(arguments)
+    for node, own in changes.items():
+        values[node] |= own
+    rig = rig_parameters(values)
+    around, controllers = node_parameters("compensator", values["compensator"])
+    scene = None
+    if arguments.slave == VIRTUAL and track is None:
+        scene = read_scene(Path(values["slave_device"][SCENE]))
+    if track is None:
+        duration = arguments.duration
+        if recording is None:
+            recording = played(rig.slave.recording, arguments.rate)  # type: ignore[attr-defined]
+    else:
+        duration = track.seconds + (arguments.latency + 1) / arguments.rate
+    return run_trial(
+        arguments.controller,
+        rig,
+        duration=duration,
+        rate=arguments.rate,
+        latency=arguments.latency,
+        seed=arguments.seed,
+        recording=recording,
+        replayed=track,
+        scene=scene,
+        texture=textured(rig.slave.surface, arguments.rate, arguments.seed),
+        compensation=around,
+        controllers=controllers,
+        grips=grips,
+        channel=channel,
+        law=law,
+        blackouts=blackouts,
+    )
+
+
+def replayed_track(arguments: GraphArguments) -> Track:
+    """Return the track that ``slave:=replay`` plays, to the end of its rest.
+
+    Raises
+    ------
+    ParameterError
+        It cannot be read, or is played in a loop.
+    """
+    if arguments.replay_loop:
+        raise ParameterError("replay_loop = true: must be false in lockstep")
+    parameters = ReplayParameters(
+        arguments.replay,
+        rate=arguments.recording_rate,
+        column=arguments.recording_column,
+        start=arguments.replay_start,
+    )
+    found = read_track(parameters, SLAVE, arguments.rate)
+    return quieted(played_at(found, arguments.rate, arguments.replay_speed))
+
+
+def record_trial(bag: Path, trial: Trial, arguments: GraphArguments, start: int) -> None:
+    """Write a trial as a bag with the same metadata as in a live graph's bag.
+
+    Parameters
+    ----------
+    bag : Path
+        Folder to make.
+    trial : Trial
+    arguments : GraphArguments
+        Arguments that the trial was run with.
+    start : int
+        Stamp of the first sample, system time in ns.
+
+    Raises
+    ------
+    ParameterError
+        The folder exists already, or cannot be written.
+    """
+    recorder = next(p for p in graph(replace(arguments, record=True)) if p.executable == RECORDER)
+    facts = custom_data(recorder.parameters[RECORDER]["facts"])
+    write_trial(bag, trial, facts | {PREFIX + RUN: json.dumps(LOCKSTEP)}, start)

@@ -1,0 +1,293 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Arguments of a replay and of its graph, which default to the bag's."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from haptic_accel.core.parameters import Checked, ParameterError, checked, like, parameter, schema
+from haptic_accel.core.topics import MASTER, PLAYED, SLAVE, SLAVE_SIGNALS
+from haptic_accel.core.track import SHORTEST, Track, played_at
+from haptic_accel.core.trial import DEFAULT_RATE
+from haptic_accel.devices.playback import (
+    ReplayParameters,
+    bag_rate,
+    is_bag,
+    read_track,
+    start_offset,
+)
+from haptic_accel.materials.folders import is_recording
+from haptic_accel.setup.arguments import (
+    PLAYED_TOPICS,
+    REPLAY,
+    SIMULATED,
+    VIRTUAL,
+    GraphArguments,
+    parse_arguments,
+)
+from haptic_accel.setup.former_names import current_arguments
+from haptic_accel.setup.node_parameters import HIGHEST_RATE
+from haptic_accel.setup.processes import graph
+from haptic_accel.setup.words import described, given_keys, parse_words, unknown_key
+
+if TYPE_CHECKING:
+    from haptic_accel.bags.reading import Bag
+
+INHERITED = ("controller", "rig", "grip", "surface", "master", "params_file", "seed")
+"""Arguments of the graph that are as they were when the bag was recorded, unless given."""
+
+ONE_HOST = ("side", "peer", "transport", "keys", "insecure")
+"""Arguments of the graph that a replay has not."""
+
+REPLAYED = ("replay", "replay_speed", "replay_loop", "replay_start", "rate", "duration", "bag")
+"""Arguments of the graph that the arguments of the replay stand for."""
+
+
+@dataclass(frozen=True)
+class ReplayArguments(Checked):
+    """Replay: what is played, and how."""
+
+    bag: str = parameter("", "bag, or CSV or WAV file, to play")
+    rate: float = like(ReplayParameters, "speed")
+    loop: bool = like(ReplayParameters, "loop")
+    start: float = like(ReplayParameters, "start")
+    duration: float = parameter(
+        0.0,
+        "duration to replay; 0: whole recording, or until stopped with loop:=true",
+        unit="s",
+        low=0.0,
+        high=1e5,
+    )
+    sampling_rate: float = parameter(
+        0.0,
+        f"sampling rate; 0 for that of the bag, or {DEFAULT_RATE:g} Hz with a CSV or WAV file",
+        unit="Hz",
+        low=0.0,
+        high=HIGHEST_RATE,
+    )
+    source: str = parameter(
+        "device",
+        "player: the replay device, or `ros2 bag play` on its topics",
+        choices=("device", PLAYED_TOPICS),
+    )
+    output: str = parameter("", "folder of the bag to write; empty for bags/<date and time>")
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A requested replay.
+
+    Attributes
+    ----------
+    own : ReplayArguments
+    graph : GraphArguments
+        Arguments of the graph.
+    inherited : dict
+        Arguments from the bag.
+    bag : Bag or None
+        Bag with these arguments; None for a CSV or WAV file.
+    touched : str
+        Surface that the tool touched as the bag was recorded, in a table of results.
+    """
+
+    own: ReplayArguments
+    graph: GraphArguments
+    inherited: dict[str, Any]
+    bag: Bag | None
+    touched: str = ""
+
+
+def replay_arguments(words: Iterable[str]) -> Replay:
+    """Read ``key:=value`` words, and missing values from the bag.
+
+    Parameters
+    ----------
+    words : iterable of str
+        Values of `ReplayArguments` and, for the rest, of `GraphArguments`.
+
+    Raises
+    ------
+    ParameterError
+        A word is wrong, there is no bag, or it cannot be replayed.
+    """
+    own, given = _parsed(words)
+    bag = None
+    if is_bag(own.bag):
+        from haptic_accel.bags.reading import read_bag_with_warnings
+
+        bag = read_bag_with_warnings(Path(own.bag))
+    given = {"slave": PLAYED_TOPICS if own.source == PLAYED_TOPICS else REPLAY, **given}
+    given = GraphArguments.filled(given)
+    inherited = _inherited(bag, given) if bag else {}
+    values: dict[str, Any] = {**inherited, **given}
+    _check_source(own, values, bag)
+    values |= {
+        # Also with `ros2 bag play`: the recording must name its source.
+        "replay": str(Path(own.bag).absolute()),
+        "replay_speed": own.rate,
+        "replay_loop": own.loop,
+        "replay_start": own.start,
+        "rate": _sampling_rate(own, values["slave"], bag),
+        "duration": own.duration / own.rate,
+        "bag": own.output,
+    }
+    return Replay(own, GraphArguments(**values), inherited, bag)
+
+
+def described_replay() -> list[tuple[str, str, str]]:
+    """Return name, default and description of every argument; empty means the bag's."""
+    rest = []
+    for name, default, text in described(GraphArguments):
+        if name in INHERITED:
+            rest.append((name, "", f"{text}; empty as in the bag, or {default or 'none'}"))
+        elif name == "slave":
+            rest.append((name, "", f"{text}; empty by source"))
+        elif name not in (*REPLAYED, *ONE_HOST):
+            rest.append((name, default, text))
+    return [*described(ReplayArguments), *rest]
+
+
+def _parsed(words: Iterable[str]) -> tuple[ReplayArguments, dict[str, Any]]:
+    """Return the arguments of a replay, and those given for its graph."""
+    known = [name for name, _, _ in described_replay()]
+    own: list[str] = []
+    rest: list[str] = []
+    for word in words:
+        key = word.partition(":=")[0]
+        if key not in known:
+            raise unknown_key(key, known)
+        (own if key in schema(ReplayArguments) else rest).append(word)
+    parsed = parse_words(own, ReplayArguments)
+    if not parsed.bag:
+        raise ParameterError("bag = '': must be a bag, or a CSV or WAV file")
+    if not os.path.exists(parsed.bag):
+        raise ParameterError(f"bag = '{parsed.bag}': no such bag or file")
+    if 0 < parsed.duration < SHORTEST:
+        raise ParameterError(
+            f"duration = {parsed.duration:g}: must be 0, or {SHORTEST:g} s at least"
+        )
+    graph, keys = parse_arguments(rest), given_keys(rest)
+    return parsed, {name: getattr(graph, name) for name in schema(GraphArguments) if name in keys}
+
+
+def _check_source(own: ReplayArguments, values: dict[str, Any], bag: Bag | None) -> None:
+    """Refuse a source without the requested signals, and a replay that plays nothing."""
+    if own.source == PLAYED_TOPICS and bag is None:
+        raise ParameterError(f"bag = '{own.bag}': must be a bag with source:={PLAYED_TOPICS}")
+    if own.source == PLAYED_TOPICS and own.rate != 1.0:
+        raise ParameterError(
+            f"rate = {own.rate:g}: must be 1 with source:={PLAYED_TOPICS},"
+            " whose stamps keep their spacing"
+        )
+    if {REPLAY, PLAYED_TOPICS}.isdisjoint((values["slave"], values.get("master"))):
+        raise ParameterError(
+            f"slave = '{values['slave']}': must be {REPLAY}, or come with master:={REPLAY}"
+        )
+
+
+def _sampling_rate(own: ReplayArguments, slave: str, bag: Bag | None) -> float:
+    """Return the graph's rate: as given, or the rate of the replayed arm."""
+    arm = SLAVE if slave in (REPLAY, PLAYED_TOPICS) else MASTER
+    rate = own.sampling_rate or (bag_rate(bag, arm) if bag else DEFAULT_RATE)
+    return float(checked("sampling_rate", rate, *schema(GraphArguments)["rate"]))
+
+
+def _inherited(bag: Bag, given: dict[str, Any]) -> dict[str, Any]:
+    """Return those arguments of a bag's recording that apply to its replay.
+
+    Raises
+    ------
+    ParameterError
+        One of them is no longer allowed.
+    """
+    recorded = bag.facts.get("arguments")
+    if not isinstance(recorded, dict):
+        return {}
+    recorded = current_arguments(recorded)
+    found = {name: recorded[name] for name in INHERITED if name in recorded.keys() - given}
+    if found.get("master") == REPLAY:
+        del found["master"]
+    slave = given["slave"]
+    is_other = VIRTUAL in (slave, recorded.get("slave")) and slave != recorded.get("slave")
+    if is_other or (is_recording(str(recorded.get("surface", ""))) and slave != SIMULATED):
+        found.pop("surface", None)
+    try:
+        GraphArguments(**found)
+    except ParameterError as error:
+        raise ParameterError(f"{bag.path}: was recorded with {error}") from None
+    return found
+
+
+def play_command(asked: Replay) -> str:
+    """Return the command line of `ros2 bag play` with the topics for the graph."""
+    assert asked.bag is not None
+    own = asked.own
+    found = [
+        (name, f"{asked.graph.namespace}/{PLAYED}/{topic.name}")
+        for topic in SLAVE_SIGNALS
+        for name in sorted(asked.bag.counts)
+        if name.endswith(f"/{topic.name}")
+    ]
+    words = ["ros2", "bag", "play", own.bag, "--topics", *(name for name, _ in found)]
+    words += ["--remap", *(f"{name}:={played}" for name, played in found)]
+    offset = start_offset(asked.bag, own.start)
+    words += ["--start-offset", f"{offset:.3f}"] if offset else []
+    words += ["--loop"] if own.loop else []
+    return shlex.join(words)
+
+
+def expected_seconds(asked: Replay) -> float:
+    """Return the duration of a replay, s; 0 if unknown."""
+    if asked.own.loop or asked.graph.slave != REPLAY:
+        return asked.graph.duration
+    return replayed_track(asked.own, asked.graph).seconds
+
+
+def in_lockstep(asked: Replay) -> Replay:
+    """Return a replay with the simulated handle.
+
+    Raises
+    ------
+    ParameterError
+        The replay needs a live graph, or the graph would refuse it.
+    """
+    if asked.own.loop:
+        raise ParameterError("loop = true: not with --lockstep, which plays a bag once")
+    if asked.graph.slave != REPLAY:
+        raise ParameterError("source, slave: not with --lockstep, which replays the slave")
+    if asked.graph.master == REPLAY:
+        raise ParameterError("master = 'replay': not with --lockstep, which simulates the handle")
+    arguments = replace(asked.graph, master=SIMULATED)
+    graph(arguments)
+    return replace(asked, graph=arguments)
+
+
+def replayed_track(own: ReplayArguments, played: GraphArguments) -> Track:
+    """Return the played track of the slave at the graph's rate."""
+    rate = played.rate
+    parameters = ReplayParameters(
+        own.bag, rate=played.recording_rate, column=played.recording_column, start=own.start
+    )
+    track = read_track(parameters, SLAVE, rate)
+    if own.duration:
+        track = track.part(slice(round(own.duration * track.rate)))
+    return played_at(track, rate, own.rate)

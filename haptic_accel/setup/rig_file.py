@@ -1,0 +1,161 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Updates of a user's parameter file, such as that of a rig, which keep everything else in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from haptic_accel.core.bounded_files import located, read_text
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.safe_writing import replace_file
+from haptic_accel.setup.files import (
+    EVERY_NODE,
+    ROS_PARAMETERS,
+    SEPARATOR,
+    parameter_paths,
+    read_parameter_file,
+)
+
+NOTE = "# bring-up, "
+"""Begin of a comment in a rig's file on a step of its bring-up."""
+
+
+def update_parameter_file(path: Path, nodes: Mapping[str, Mapping[str, Any]]) -> None:
+    """Set parameters in a file, new or existing; comments and other values remain.
+
+    The file is replaced as a whole, so that a complete one exists at all times.
+
+    Parameters
+    ----------
+    path : Path
+    nodes : mapping
+        Values of each node, or of ``/**`` for every node, nested or by dotted name.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read or written.
+    """
+    try:
+        from ruamel.yaml import YAML
+        from ruamel.yaml.error import YAMLError
+    except ImportError:
+        missing = "an update needs ruamel.yaml: pip install ruamel.yaml"
+        raise ParameterError(f"{path}: {missing}") from None
+    document = YAML()
+    document.width, document.preserve_quotes = 2**31, True
+    content: Any = {}
+    if path.exists():
+        read_parameter_file(path)  # refuses another form
+        with located(path, "must be YAML"):
+            try:
+                content = document.load(read_text(path)) or {}
+            except YAMLError as error:
+                raise ValueError(str(error)) from None
+    for node, values in nodes.items():
+        section = content.setdefault(_key(content, node), {ROS_PARAMETERS: {}})[ROS_PARAMETERS]
+        for name, value in _leaves(values):
+            _set(section, name.split("."), value)
+    text = StringIO()
+    document.dump(content, text)
+    with located(path, unreadable=""):
+        replace_file(path, text.getvalue().encode())
+
+
+def noted_steps(path: Path) -> dict[str, str]:
+    """Return the steps of the bring-up that a rig's file notes, with when and how each ended.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read.
+    """
+    if not path.exists():
+        return {}
+    with located(path):
+        lines = read_text(path).splitlines()
+    found = (line.removeprefix(NOTE).partition(": ") for line in lines if line.startswith(NOTE))
+    return {step: text for step, _, text in found}
+
+
+def note_step(path: Path, step: str, text: str) -> None:
+    """Note how a step of the bring-up ended, in a comment in place of an earlier one.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read or written.
+    """
+    notes = noted_steps(path) | {step: text}
+    with located(path):
+        content = read_text(path) if path.exists() else ""
+    kept = [line for line in content.splitlines() if not line.startswith(NOTE)]
+    head = [f"{NOTE}{name}: {said}" for name, said in notes.items()]
+    with located(path, unreadable=""):
+        replace_file(path, "".join(f"{line}\n" for line in head + kept).encode())
+
+
+def teleoperation_words(params_file: str, found: Path, *words: str) -> list[str]:
+    """Return verb and words that run a graph with a file in addition to other ones.
+
+    Examples
+    --------
+    >>> teleoperation_words("", Path("rig.yaml"), "controller:=adaptive")
+    ['teleop', 'params_file:=rig.yaml', 'controller:=adaptive']
+    """
+    files = [word for word in params_file.split(SEPARATOR) if word]
+    if found.absolute() not in parameter_paths(params_file):
+        files.append(str(found))
+    return ["teleop", f"params_file:={SEPARATOR.join(files)}", *words]
+
+
+def _key(content: Mapping[str, Any], node: str) -> str:
+    """Return the file's key of a node, or a new one that applies in any namespace."""
+    if node == EVERY_NODE:
+        return node
+    known = (f"/**/{node}", node, f"/{node}")
+    return next((key for key in known if key in content), known[0])
+
+
+def _leaves(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield values by dotted name."""
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _set(section: Any, words: list[str], value: Any) -> None:
+    """Set a value where the file has it, by dotted name or nested; otherwise nested."""
+    from ruamel.yaml.scalarstring import DoubleQuotedScalarString
+
+    # ROS would read text such as 1e5 as a number.
+    written = DoubleQuotedScalarString(value) if isinstance(value, str) else value
+    for count in range(len(words), 0, -1):
+        key = ".".join(words[:count])
+        if key in section:
+            break
+    else:
+        count, key = 1, words[0]
+    if count == len(words):
+        section[key] = written
+    else:
+        _set(section.setdefault(key, {}), words[count:], value)

@@ -1,0 +1,133 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Reading and describing ``key:=value`` words by the dataclass that declares them.
+
+Imports nothing heavy, so that an emergency stop starts at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from inspect import get_annotations
+from typing import Any, TypeVar
+
+from haptic_accel.core.decimals import read_decimal, read_whole
+from haptic_accel.core.parameters import Checked, ParameterError, schema, shown, suggestion
+from haptic_accel.setup.former_names import current_words
+
+A = TypeVar("A", bound=Checked)
+
+MOVED = {
+    **dict.fromkeys(("storage_preset_profile", "max_bag_size", "max_bag_duration"), "recorder"),
+    **dict.fromkeys(("regex", "exclude_regex", "start_paused"), "recorder"),
+    "scope_host": "scope",
+}
+"""Former arguments that are parameters of a node only, and the node."""
+
+
+def parse_words(words: Iterable[str], kind: type[A]) -> A:
+    """Read ``key:=value`` words.
+
+    Parameters
+    ----------
+    words : iterable of str
+    kind : type
+        Dataclass that declares the keys; its class method `from_given`, if any, builds it.
+
+    Raises
+    ------
+    ParameterError
+        A word of another form, an unknown key, a key given twice, a value not allowed.
+    """
+    known = schema(kind)
+    values: dict[str, Any] = {}
+    for word in current_words(words, known):
+        key, separator, text = word.partition(":=")
+        if not separator:
+            raise ParameterError(f"{word!r}: must have the form key:=value")
+        if key not in known:
+            raise unknown_key(key, known)
+        if key in values:
+            raise ParameterError(f"{key}: given twice")
+        values[key] = _value(text, known[key][0])
+    build: Callable[..., A] = getattr(kind, "from_given", kind)
+    return build(**values)
+
+
+def is_argument(word: str) -> bool:
+    """Return whether a word has the form ``key:=value``; a key has no slash, as folders do."""
+    key, separator, _ = word.partition(":=")
+    return bool(separator) and "/" not in key
+
+
+def given_keys(words: Iterable[str]) -> list[str]:
+    """Return the keys of the words that have the form ``key:=value``."""
+    return [word.partition(":=")[0] for word in words if ":=" in word]
+
+
+def unknown_key(key: str, known: Iterable[str]) -> ParameterError:
+    """Return the error that names the nearest key and every key, or the node with that key."""
+    if key in MOVED:
+        name = key.removeprefix(f"{MOVED[key]}_")
+        return ParameterError(
+            f"{key}: no argument any more: give the parameter {name} of {MOVED[key]}"
+            " with params_file:=FILE"
+        )
+    known = list(known)
+    return ParameterError(
+        f"{shown(key)}: no such argument{suggestion(key, known)}; there are {', '.join(known)}"
+    )
+
+
+def _value(text: str, default: Any) -> Any:
+    """Read a word as its argument's type; other text is unchanged and refused later."""
+    if isinstance(default, str):
+        return text
+    if isinstance(default, bool):
+        return {"true": True, "false": False}.get(text.lower(), text)
+    try:
+        return read_decimal(text) if isinstance(default, float) else read_whole(text)
+    except ValueError:
+        return text
+
+
+def described(kind: type[Checked]) -> list[tuple[str, str, str]]:
+    """Return name, default and description of every argument, for help texts, group by group.
+
+    A group contains the arguments that one class declares: first the dataclass itself, then its
+    bases, one by one.
+    """
+    lines = []
+    for name, (default, specification) in sorted(
+        schema(kind).items(), key=lambda item: kind.__mro__.index(_owner(kind, item[0]))
+    ):
+        stated = str(default).lower() if isinstance(default, bool) else f"{default}"
+        unit = f" [{specification.unit}]" if specification.unit else ""
+        allowed = f"; one of {', '.join(specification.choices)}" if specification.choices else ""
+        lines.append((name, stated, specification.text + unit + allowed))
+    return lines
+
+
+def group(kind: type[Checked], name: str) -> str:
+    """Return the heading of an argument's group: the summary of the class that declares it."""
+    summary = (_owner(kind, name).__doc__ or "").partition("\n")[0]
+    return summary.rstrip(".")
+
+
+def _owner(kind: type[Checked], name: str) -> type:
+    """Return the class, a dataclass itself or a base of it, that declares an argument."""
+    field = name.partition(".")[0]
+    return next((base for base in kind.__mro__ if field in get_annotations(base)), kind)

@@ -1,0 +1,97 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Faults, and the times when they act."""
+
+from __future__ import annotations
+
+import pytest
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits.emulators.faults import (
+    AXIS_ERROR,
+    CAN_FAULTS,
+    DROP,
+    SERIAL_FAULTS,
+    SHARE,
+    STALL,
+    UNPLUG,
+    Faults,
+)
+
+
+def test_a_fault_with_a_time_acts_for_a_while_after_the_beginning() -> None:
+    faults = Faults("unplug@3, error@5", CAN_FAULTS, 2.0)
+    assert faults.advance(50.0) == []
+    assert not faults.begun
+    faults.begin()
+    assert faults.begun
+    found = []
+    for time in (52.9, 53.0, 54.9, 55.1):
+        begun = faults.advance(time)
+        found.append((begun, faults.active(UNPLUG), faults.active(AXIS_ERROR)))
+        faults.begin()  # only the first counts
+    assert found == [
+        ([], False, False),
+        ([UNPLUG], True, False),
+        ([], True, False),
+        ([AXIS_ERROR], False, True),
+    ]
+
+
+def test_a_fault_without_a_time_always_acts() -> None:
+    faults = Faults(DROP, CAN_FAULTS)
+    for time in (0.0, 1e6):
+        faults.advance(time)
+        assert faults.active(DROP)
+    struck = sum(faults.strikes(DROP) for _ in range(10_000)) / 10_000
+    assert struck == pytest.approx(SHARE, rel=0.2)
+
+
+def test_others_come_now_and_then() -> None:
+    faults = Faults(STALL, SERIAL_FAULTS)
+    faults.advance(0.0)
+    faults.begin()
+    stalled = 0
+    for step in range(100_000):
+        faults.advance(step * 1e-3)
+        stalled += faults.active(STALL)
+    # Half a stall a second of 50 ms each, in 100 s.
+    assert 1000 < stalled < 5000
+
+
+def test_a_fault_may_be_injected_at_once() -> None:
+    faults = Faults()
+    faults.advance(5.0)
+    faults.inject(UNPLUG, 1.0)
+    assert faults.active(UNPLUG)
+    faults.advance(6.0)
+    assert not faults.active(UNPLUG)
+
+
+def test_there_may_be_none() -> None:
+    faults = Faults()
+    assert faults.advance(0.0) == []
+    assert not any(faults.active(name) or faults.strikes(name) for name in CAN_FAULTS)
+
+
+@pytest.mark.parametrize("kinds", [CAN_FAULTS, SERIAL_FAULTS], ids=["can", "serial"])
+@pytest.mark.parametrize("word", ["fire", "drop@", "drop@soon", "drop@-1", "drop@inf", ",", "@3"])
+def test_what_is_no_fault_is_refused_in_one_line(word: str, kinds: dict[str, object]) -> None:
+    names = ", ".join(kinds)
+    allowed = f"^faults: .*must be NAME or NAME@SECONDS of {names}$"
+    with pytest.raises(ParameterError, match=allowed) as error:
+        Faults(word, kinds)
+    assert "\n" not in str(error.value)

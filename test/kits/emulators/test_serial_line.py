@@ -1,0 +1,208 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Emulated boards and their coupled arms, stepped without a clock."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import select
+import struct
+import termios
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from haptic_accel.core.coupling.position_position import (
+    CouplingParameters,
+    PositionPositionCoupling,
+)
+from haptic_accel.core.model import Vector
+from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.devices.serial.protocol import (
+    CLOCKS,
+    FULL_SCALE,
+    ArmRequest,
+    Configure,
+    Decoder,
+    Encoder,
+    Identity,
+    Message,
+    Samples,
+    ScheduleCurrent,
+    SetCurrent,
+    read_message,
+)
+from haptic_accel.devices.simulated import (
+    SimulatedMaster,
+    SimulatedSlave,
+    SimulatedSlaveParameters,
+)
+from haptic_accel.kits.emulators.pseudo_terminal import PseudoTerminal
+from haptic_accel.kits.emulators.serial_line import (
+    CLOCK_START,
+    CoupledArms,
+    EmulatedBoard,
+    SerialLines,
+)
+from running import wait_until
+
+HANDLE = Identity((1, 0, 0), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle")
+STEP = 1e-3  # s
+
+
+class Bench:
+    """Two boards with simulated devices, and their hosts."""
+
+    def __init__(self, folder: Path) -> None:
+        self.devices = (
+            SimulatedMaster(MasterRigParameters(), 1000.0, 0),
+            SimulatedSlave(SimulatedSlaveParameters(), 1000.0, 0),
+        )
+        self.currents: list[float] = []
+        self.changes: list[float] = []
+        self.boards = [
+            EmulatedBoard(
+                HANDLE,
+                folder / f"port{place}",
+                lambda time, device=device: device.read(time).acceleration,
+                self.drive,
+            )
+            for place, device in enumerate(self.devices)
+        ]
+        self.arms = CoupledArms(
+            self.boards, self.devices, PositionPositionCoupling(CouplingParameters())
+        )
+        self.lines = SerialLines(self.boards, self.arms)
+        self.hosts = [
+            os.open(folder / f"port{place}", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+            for place in range(2)
+        ]
+        self.encoder = Encoder()
+        self.now = 0.0
+        self.lines.step(self.now)  # the boards see their hosts
+
+    def drive(self, time: float, currents: Vector) -> None:
+        self.changes.append(time)
+        self.currents.append(currents[2])
+
+    def say(self, place: int, *messages: Message) -> None:
+        terminal = self.boards[place].terminal
+        assert terminal
+        data = b"".join(self.encoder.encode(message, 0) for message in messages)
+        there = waiting(terminal) + len(data)
+        os.write(self.hosts[place], data)
+        # The kernel passes bytes on in its own time.
+        wait_until(lambda: waiting(terminal) == there, "all bytes are at the board's end")
+
+    def go_on(self, seconds: float) -> None:
+        for _ in range(round(seconds / STEP)):
+            self.now += STEP
+            self.lines.step(self.now)
+
+    def received(self, place: int) -> list[Samples]:
+        data = b""
+        while select.select([self.hosts[place]], [], [], 0.1)[0]:
+            data += os.read(self.hosts[place], 1 << 16)
+        messages = map(read_message, Decoder().feed(data))
+        return [message for message in messages if isinstance(message, Samples)]
+
+
+def waiting(terminal: PseudoTerminal) -> int:
+    """Return the number of bytes that can be read."""
+    (count,) = struct.unpack("i", fcntl.ioctl(terminal, termios.FIONREAD, bytes(4)))
+    return int(count)
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    bench = Bench(tmp_path)
+    yield bench
+    for host in bench.hosts:
+        os.close(host)
+    for board in bench.boards:
+        board.close()
+
+
+def test_arms_are_coupled_once_both_boards_are_sampled(bench: Bench) -> None:
+    bench.say(0, Configure(1000, 4, 1))
+    bench.go_on(0.05)
+    assert not bench.arms.coupled
+    bench.say(1, Configure(1000, 4, 1))
+    bench.go_on(0.01)
+    assert bench.arms.coupled
+    assert all(board.faults.begun for board in bench.boards)
+    start = [device.read(bench.now).position for device in bench.devices]
+    bench.go_on(0.6)
+    moved = [
+        after - before
+        for device, at in zip(bench.devices, start, strict=True)
+        for before, after in zip(at, device.read(bench.now).position, strict=True)
+    ]
+    # The hand goes down, and the slave's tip with it, 1 mm at least.
+    assert moved[2] < -1e-3
+    assert moved[5] < -1e-3
+
+
+def test_arms_are_free_while_a_board_is_not_sampled_and_couple_as_at_first(bench: Bench) -> None:
+    start = [device.read(bench.now).position for device in bench.devices]
+    for _ in range(2):
+        for place in range(2):
+            bench.say(place, Configure(1000, 4, 1))
+        bench.go_on(1.0)
+        assert bench.arms.coupled
+        assert bench.devices[0].read(bench.now).position != start[0]
+        bench.say(1, Configure(0, 4, 1))
+        bench.go_on(1.0)
+        assert not bench.arms.coupled
+        assert [device.read(bench.now).position for device in bench.devices] == start
+
+
+def test_samples_are_taken_at_the_rate_of_the_host(bench: Bench) -> None:
+    bench.say(0, Configure(500, 4, 2))
+    bench.go_on(0.1)
+    found = bench.received(0)
+    assert [samples.index for samples in found] == list(range(0, 2 * len(found), 2))
+    assert len(found) == pytest.approx(25, abs=1)
+    # A wake-up that comes late loses none; those of a long stall are not made up for.
+    bench.now += 0.05
+    bench.go_on(0.05)
+    assert len(bench.received(0)) == pytest.approx(25, abs=1)
+    bench.now += 10.0
+    bench.go_on(0.02)
+    assert len(bench.received(0)) <= 31
+
+
+def test_the_current_of_a_board_drives_its_actuator(bench: Bench) -> None:
+    bench.say(0, ArmRequest(), SetCurrent((FULL_SCALE,)))
+    bench.go_on(0.002)
+    assert bench.currents == [2.75]
+    bench.go_on(0.01)
+    assert bench.currents == [2.75, 0.0], "the board's own time-out"
+
+
+def test_a_late_wake_up_applies_each_set_point_at_its_tick(bench: Bench) -> None:
+    bench.say(0, Configure(1000, 4, 1), ArmRequest())
+    bench.go_on(0.004)
+    stamp = CLOCK_START + 4000
+    for place in (1, 2):
+        due = (stamp + 1000 * place) % CLOCKS
+        bench.say(0, ScheduleCurrent((FULL_SCALE // place,), due))
+    bench.now = 0.0085
+    bench.go_on(STEP)
+    assert bench.changes[:2] == pytest.approx([0.005, 0.006])
+    assert bench.currents[:2] == pytest.approx([2.75, 2.75 / 2], rel=1e-3)

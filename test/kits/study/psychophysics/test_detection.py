@@ -1,0 +1,271 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Sensitivities against published numbers and simulated decisions; intervals by enumeration."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from protocol_maker import make_protocol
+from scipy import stats
+from study_runs import asking, run
+
+from haptic_accel.core.evaluation.statistics import Interval
+from haptic_accel.kits.study.observers import SimulatedParticipant
+from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.protocol import Extras, Observer, Procedure
+from haptic_accel.kits.study.psychophysics.detection import (
+    BY_ANSWERS,
+    CHANCE,
+    d_prime,
+    d_prime_by_answers,
+    exact_binomial,
+    proportion_correct,
+    sensitivity,
+)
+from haptic_accel.kits.study.trials import TrialRecord
+
+# By sensR 1.5-3 (R; Christensen, Brockhoff), twoAFC, triangle and duotrio, as published in
+# aigorahub/sensR, tests/fixtures/golden_sensr.json. The duo-trio test is abx with the reference as
+# X. For the triangle test, Frijters et al. 1980 and Ennis 1993 have 0.418 at d' = 1, too.
+D_PRIMES = [0, 0.5, 1, 1.5, 2, 2.5, 3]
+PROPORTIONS = {
+    "2ifc": [0.5, 0.6382, 0.7602, 0.8556, 0.9214, 0.9615, 0.9831],
+    "odd_one_out": [0.3333, 0.3558, 0.418, 0.5065, 0.6048, 0.6993, 0.7814],
+    "abx": [0.5, 0.5223, 0.5825, 0.6635, 0.7468, 0.8196, 0.8765],
+}
+INVERSE = {
+    "2ifc": ([0.55, 0.65, 0.75, 0.85, 0.95], [0.1777, 0.5449, 0.9539, 1.4657, 2.3262]),
+    "odd_one_out": (
+        [0.3833, 0.4833, 0.5833, 0.6833, 0.7833, 0.8833],
+        [0.7551, 1.3779, 1.8912, 2.4114, 3.0129, 3.8408],
+    ),
+    "abx": ([0.55, 0.65, 0.75, 0.85, 0.95], [0.7614, 1.4206, 2.02, 2.7493, 4.0724]),
+}
+INTERVALS = [
+    ("odd_one_out", 80, (2.5498, 3.7386)),
+    ("odd_one_out", 60, (1.4516, 2.4853)),
+    ("2ifc", 75, (0.5581, 1.3562)),
+    ("abx", 70, (1.1164, 2.2676)),
+]
+
+# Least number of correct answers that is significant at 10, 5, 1 and 0.1 % in triangle tests:
+# FAO, Guidelines for sensory evaluation, V7180E, appendix A (also ISO 4120).
+TRIANGLE_TABLE = {
+    10: (6, 7, 8, 9),
+    20: (10, 11, 13, 14),
+    30: (14, 15, 17, 19),
+    60: (26, 27, 30, 33),
+    96: (39, 41, 44, 48),
+}
+
+
+@pytest.mark.parametrize("task", CHANCE)
+def test_proportions_are_those_of_sensr(task: str) -> None:
+    found = proportion_correct(task, np.array(D_PRIMES))
+    assert found == pytest.approx(PROPORTIONS[task], abs=1.1e-4)
+
+
+@pytest.mark.parametrize("task", CHANCE)
+def test_sensitivities_are_those_of_sensr(task: str) -> None:
+    # Proportions are stated to four digits, which move d' by up to a thousandth.
+    assert [sensitivity(task, p) for p in INVERSE[task][0]] == pytest.approx(
+        INVERSE[task][1], abs=1e-3
+    )
+
+
+@pytest.mark.parametrize(("task", "correct", "limits"), INTERVALS)
+def test_limits_are_those_of_sensr(task: str, correct: int, limits: tuple[float, float]) -> None:
+    found = d_prime(task, correct, 100)
+    assert (found.low, found.high) == pytest.approx(limits, abs=1e-4)
+
+
+def test_a_triangle_follows_the_noncentral_f_distribution() -> None:
+    # Ura 1960, Brockhoff and Christensen 2010: P(correct) = P(F > 3), 1 and 1 degrees of freedom.
+    d = np.linspace(0.1, 6.0, 30)
+    expected = stats.ncf.sf(3, 1, 1, 2 * d**2 / 3)
+    assert proportion_correct("odd_one_out", d) == pytest.approx(expected, abs=1e-9)
+
+
+def decided_right(task: str, d: float) -> float:
+    """Return the share of a million random decisions by the rule of a task that are right."""
+    a, other, b = np.random.default_rng(1).normal(size=(3, 1_000_000))
+    b += d
+    if task == "2ifc":
+        return float(np.mean(b > a))
+    if task == "abx":
+        return float(np.mean(abs(other - a) < abs(other - b)))
+    distances = np.stack([abs(a - other), abs(a - b), abs(other - b)])
+    return float(np.mean(np.argmin(distances, axis=0) == 0))
+
+
+@pytest.mark.parametrize(("task", "d"), list(product(CHANCE, (0.0, 0.7, 2.2))))
+def test_proportions_are_those_of_simulated_decisions(task: str, d: float) -> None:
+    found = float(proportion_correct(task, np.array(d)))
+    assert found == pytest.approx(decided_right(task, d), abs=2e-3)
+
+
+@pytest.mark.parametrize(("d", "criterion"), [(0.5, 1.0), (1.0, 2.0), (2.5, 1.5)])
+def test_same_different_finds_the_d_prime_of_simulated_decisions(
+    d: float, criterion: float
+) -> None:
+    n = 1_000_000
+    a, b = np.random.default_rng(2).normal(size=(2, n))
+    hits = int(np.sum(abs(a - b - d) > criterion))
+    false_alarms = int(np.sum(abs(a - b) > criterion))
+    found = d_prime_by_answers("same_different", hits, n, false_alarms, n)
+    assert found.value == pytest.approx(d, abs=0.015)
+    assert found.low <= d <= found.high
+    swapped = d_prime_by_answers("same_different", false_alarms, n, hits, n)
+    assert swapped.value == pytest.approx(-found.value)
+
+
+def test_yes_no_is_the_difference_of_two_quantiles() -> None:
+    found = d_prime_by_answers("yes_no", 8_413_447, 10_000_000, 5_000_000, 10_000_000)
+    assert found.value == pytest.approx(1.0, abs=1e-5)  # z(0.8413447) = 1
+
+
+@pytest.mark.parametrize("trials", TRIANGLE_TABLE)
+def test_exact_binomial_gives_the_table_of_triangle_tests(trials: int) -> None:
+    def least(alpha: float) -> int:
+        p = [exact_binomial(k, trials, 1 / 3, "greater").p for k in range(trials + 1)]
+        return next(k for k in range(trials + 1) if p[k] <= alpha)
+
+    assert tuple(least(alpha) for alpha in (0.1, 0.05, 0.01, 0.001)) == TRIANGLE_TABLE[trials]
+
+
+@pytest.mark.parametrize(("task", "n"), list(product(CHANCE, (10, 30, 100))))
+def test_d_prime_covers_at_least_as_it_claims(task: str, n: int) -> None:
+    found = [d_prime(task, correct, n) for correct in range(n + 1)]
+    for d in (0.0, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0):
+        weights = stats.binom.pmf(range(n + 1), n, proportion_correct(task, np.array(d)))
+        held = sum(w for w, each in zip(weights, found, strict=True) if each.low <= d <= each.high)
+        assert held >= 0.95, d
+
+
+@pytest.mark.parametrize(("task", "n"), list(product(BY_ANSWERS, (5, 12, 20))))
+def test_d_prime_by_answers_covers_for_each_criterion(task: str, n: int) -> None:
+    counts = range(n + 1)
+    found = [[d_prime_by_answers(task, h, n, f, n) for f in counts] for h in counts]
+    low = np.array([[each.low for each in row] for row in found])
+    high = np.array([[each.high for each in row] for row in found])
+    for d, criterion in product((0.0, 0.5, 1.0, 2.0, 3.0), (0.5, 1.5, 2.5)):
+        scale = math.sqrt(2) if task == "same_different" else 1.0
+        normal = stats.norm(scale=scale)
+        rates = normal.sf([criterion - d, criterion])
+        if task == "same_different":
+            rates += normal.cdf([-criterion - d, -criterion])
+        hit, false_alarm = (stats.binom.pmf(counts, n, rate) for rate in rates)
+        held = np.outer(hit, false_alarm)[(low <= d) & (d <= high)].sum()
+        assert held >= 0.94, (d, criterion)
+
+
+def mean_over_all_outcomes(task: str, d: float, n: int) -> float:
+    weights = stats.binom.pmf(range(n + 1), n, proportion_correct(task, np.array(d)))
+    return sum(w * d_prime(task, k, n).value for k, w in enumerate(weights))
+
+
+@pytest.mark.parametrize("d", [0.0, 0.5, 1.0, 2.0])
+def test_d_prime_of_2ifc_is_unbiased(d: float) -> None:
+    assert mean_over_all_outcomes("2ifc", d, 40) == pytest.approx(d, abs=0.03)
+
+
+@pytest.mark.parametrize("task", ["odd_one_out", "abx"])
+def test_d_prime_of_flat_tasks_is_unbiased_at_chance_and_above_two(task: str) -> None:
+    for d in (0.0, 2.0, 3.0):
+        assert mean_over_all_outcomes(task, d, 60) == pytest.approx(d, abs=0.03)
+    # Between, the proportion is flat: this bias is stated, not hidden.
+    assert mean_over_all_outcomes(task, 1.0, 60) == pytest.approx(0.88, abs=0.02)
+
+
+@given(st.sampled_from(sorted(CHANCE)), st.integers(1, 80), st.data())
+def test_d_prime_is_finite_and_within_its_limits(task: str, n: int, data: st.DataObject) -> None:
+    found = d_prime(task, data.draw(st.integers(0, n)), n)
+    assert math.isfinite(found.value)
+    assert found.low <= found.value <= found.high
+
+
+@given(st.sampled_from(BY_ANSWERS), st.integers(1, 30), st.integers(1, 30), st.data())
+def test_d_prime_by_answers_is_finite_and_within_its_limits(
+    task: str, different: int, same: int, data: st.DataObject
+) -> None:
+    hits, false_alarms = data.draw(st.integers(0, different)), data.draw(st.integers(0, same))
+    found = d_prime_by_answers(task, hits, different, false_alarms, same)
+    assert math.isfinite(found.value)
+    assert found.low <= found.value <= found.high
+
+
+def test_an_upper_limit_is_infinite_without_an_error() -> None:
+    assert d_prime("2ifc", 20, 20).high == math.inf
+    assert d_prime_by_answers("same_different", 20, 20, 0, 20).high == math.inf
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        d_prime("abx", 0, 0),
+        d_prime_by_answers("yes_no", 0, 0, 1, 2),
+        exact_binomial(0, 0, 0.5).interval,
+    ],
+)
+def test_without_trials_there_is_no_number(found: Interval) -> None:
+    assert math.isnan(found.value)
+    assert math.isnan(found.low)
+    assert "no trial" in found.method
+
+
+def test_more_answers_than_trials_are_refused() -> None:
+    with pytest.raises(ValueError, match="11 answers of 10 trials"):
+        d_prime("2ifc", 11, 10)
+    with pytest.raises(ValueError, match="-1 answers"):
+        d_prime_by_answers("yes_no", -1, 10, 0, 10)
+
+
+def simulated(task: str, d: float) -> list[TrialRecord]:
+    """Return a session of a simulated participant, for whom two conditions differ by d."""
+    protocol = make_protocol(
+        task,
+        procedure=Procedure(repeats=600),
+        extras=Extras(practice=0),
+        observer=Observer(lapse=0.0),
+        strengths={"surface=s1": d},
+    )
+    return list(run(Plan(protocol, 4, 0), asking(SimulatedParticipant(protocol, 4))))
+
+
+@pytest.mark.parametrize("task", CHANCE)
+def test_d_prime_of_a_simulated_participant_is_found(task: str) -> None:
+    records = simulated(task, 1.5)
+    found = d_prime(task, sum(bool(each.correct) for each in records), len(records))
+    assert found.low <= 1.5 <= found.high
+    assert found.value == pytest.approx(1.5, abs=0.3)
+
+
+def test_d_prime_of_a_simulated_participant_is_found_by_answers() -> None:
+    kinds: dict[str, list[bool]] = {"same": [], "different": []}
+    for each in simulated("same_different", 1.5):
+        assert each.answer is not None
+        kinds[each.trial.right].append(each.answer.value == "different")
+    different, same = kinds["different"], kinds["same"]
+    found = d_prime_by_answers(
+        "same_different", sum(different), len(different), sum(same), len(same)
+    )
+    assert found.low <= 1.5 <= found.high

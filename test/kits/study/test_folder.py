@@ -1,0 +1,180 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A study's folder: versions, pseudonyms, rows, unblinding, and deletion without a trace."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits.study.folder import ANALYSIS, EXPORT, Study
+from haptic_accel.kits.study.log import LOG
+from haptic_accel.kits.study.templates import PROTOCOL
+from studies import TEXT, Scripted, run_session, write_study
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    return write_study(tmp_path / "study")
+
+
+def test_a_folder_without_a_protocol_is_none(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match=f"^{tmp_path}: must be a study's folder"):
+        Study(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["P07", "7", "a-1_b", "x" * 31 + "1", "AB12CD"])
+def test_pseudonyms(study: Study, name: str) -> None:
+    study.begin(name).close()
+    assert [each.participant for each in study.sessions] == [name]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("", "Anna", "anna-karenina", "anna@example.org", "anna1@example.org", "Anna Smith 7"),
+        *("19840229", "m123456", "../P07", "-1", ".1", "P07/..", "x" * 32 + "1", "Ä1", "P07\n"),
+    ],
+)
+def test_what_may_tell_who_somebody_is_is_no_pseudonym(study: Study, name: str) -> None:
+    for act in (study.begin, study.resume, study.delete):
+        with pytest.raises(ParameterError, match="^participant = .*: must be a pseudonym"):
+            act(name)
+    assert [*study.folder.iterdir()] == [study.folder / PROTOCOL]
+
+
+@pytest.mark.parametrize("again", ["P07", "p07"])
+def test_a_participant_begins_once(study: Study, again: str) -> None:
+    study.begin("P07").close()
+    with pytest.raises(ParameterError, match=f"^participant = '{again}': has begun already"):
+        study.begin(again)
+
+
+def test_unknown_participants_are_named_with_the_known_ones(study: Study) -> None:
+    study.begin("P07").close()
+    for act in (study.resume, study.delete):
+        with pytest.raises(ParameterError, match="'P08': has no session; there are P07$"):
+            act("P08")
+
+
+def test_rows_are_filled_up_after_a_deletion(study: Study) -> None:
+    for name in ("P01", "P02", "P03"):
+        study.begin(name).close()
+    study.delete("P02")
+    study.begin("P04").close()
+    study.begin("P05").close()
+    rows = {each.participant: each.row for each in study.sessions}
+    assert rows == {"P01": 0, "P03": 2, "P04": 1, "P05": 3}
+
+
+def test_seeds_differ(study: Study) -> None:
+    for name in ("P01", "P02"):
+        study.begin(name).close()
+    first, second = study.sessions
+    assert first.seed != second.seed
+
+
+def test_a_participant_goes_on_with_the_version_of_the_begin(study: Study) -> None:
+    def give_up(_: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_session(study, study.begin("P01"), Scripted(study, {"question": give_up}))
+    changed = write_study(study.folder, TEXT.replace("repeats: 12", "repeats: 6"))
+    assert len(run_session(changed, changed.resume("P01")).counted) == 12
+    assert len(run_session(changed, changed.begin("P02")).counted) == 6
+    first, second = changed.sessions
+    assert first.digest != second.digest
+    assert [each["digest"] for each in changed.journal] == [first.digest, second.digest]
+
+
+def test_comments_make_no_version(study: Study) -> None:
+    study.begin("P01").close()
+    changed = write_study(study.folder, f"# Pilot\n{TEXT}")
+    changed.begin("P02").close()
+    assert len({each.digest for each in changed.sessions}) == 1
+
+
+def test_a_changed_version_is_refused(study: Study) -> None:
+    study.begin("P01").close()
+    (version,) = (study.folder / "versions").iterdir()
+    version.write_text(TEXT.replace("repeats: 12", "repeats: 13"))
+    with pytest.raises(ParameterError, match=f"^{version}: was changed"):
+        study.version(study.sessions[0].digest)
+
+
+def test_unblinding_is_kept_with_its_reason(study: Study) -> None:
+    run_session(study, study.begin("P01"))
+    study.begin("P02").close()
+    assert study.sealed
+    study.unblind("the study is complete")
+    assert not study.sealed
+    entry = study.journal[-1]
+    assert (entry["reason"], entry["complete"]) == ("the study is complete", 1)
+
+
+def test_a_deletion_leaves_no_trace(study: Study) -> None:
+    for name in ("P01", "P07"):
+        run_session(study, study.begin(name))
+    place = study.place("P07")
+    (place / "bags" / "1").mkdir(parents=True)
+    (place / "bags" / "1" / "bag.mcap").write_bytes(b"P07")
+    (place / "graph.log").write_text("P07")
+    for name in (ANALYSIS, EXPORT):
+        (study.folder / name / "psych-ds").mkdir(parents=True)
+        (study.folder / name / "psych-ds" / "trials_data.csv").write_text("participant\nP07\n")
+    kept = (study.place("P01") / LOG).read_bytes()
+    study.delete("P07")
+    for path in study.folder.rglob("*"):
+        assert "P07" not in str(path.relative_to(study.folder))
+        assert path.is_dir() or b"P07" not in path.read_bytes()
+    assert study.journal[-1]["kind"] == "deletion"
+    assert (study.place("P01") / LOG).read_bytes() == kept
+    assert [each.participant for each in study.sessions] == ["P01"]
+
+
+@pytest.mark.parametrize("content", [b"", b"damaged\n"])
+def test_a_log_that_cannot_be_read_is_deleted_too(study: Study, content: bytes) -> None:
+    study.begin("P07").close()
+    (study.place("P07") / LOG).write_bytes(content)
+    with pytest.raises(ParameterError, match=f"^{study.place('P07') / LOG}: "):
+        study.resume("P07")
+    study.delete("P07")
+    assert not study.place("P07").exists()
+
+
+def test_a_running_session_is_not_deleted(study: Study) -> None:
+    with (
+        study.begin("P07"),
+        pytest.raises(ParameterError, match="another process"),
+    ):
+        study.delete("P07")
+    assert study.place("P07").exists()
+
+
+def test_a_deletion_that_was_broken_off_can_be_repeated(
+    study: Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study.begin("P07").close()
+    (study.place("P07") / "bags").mkdir()
+    with monkeypatch.context() as patch:
+        patch.setattr("pathlib.Path.unlink", lambda _: (_ for _ in ()).throw(KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            study.delete("P07")
+    study.delete("P07")
+    assert not study.place("P07").exists()

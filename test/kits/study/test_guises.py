@@ -1,0 +1,258 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One study in many guises: the same figures to the last digit, or a line that says why not.
+
+A right study is copied, renamed, synchronised, cut, and mixed with files of other programs.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fuzzing import fuzz_few
+from haptic_accel.analysis.csv_tables import csv_text
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits.study.folder import JOURNAL, PARTICIPANTS, Study
+from haptic_accel.kits.study.log import LOG
+from haptic_accel.kits.study.planned_tests import planned_tests
+from haptic_accel.kits.study.simulation import write_simulated
+from haptic_accel.kits.study.tables import exclusions, tables
+from haptic_accel.kits.study.templates import PROTOCOL
+from studies import TEXT, write_study
+
+Change = Callable[[Path], object]
+"""Change of a study's folder."""
+
+NAMES = ("S01", "S02", "S03")
+
+STRAY = (
+    *(".DS_Store", "Thumbs.db", "desktop.ini", "log.jsonl~", ".log.jsonl.swp", "#log.jsonl#"),
+    *("._log.jsonl", ".syncthing.log.jsonl.tmp", ".journal.jsonl.swp", "notes on P01.txt"),
+)
+"""Files that file managers, editors and synchronising programs leave."""
+
+CONFLICTS = (
+    *("{} (1)", "{} copy", "{} 2", "{} - Copy", "{} (conflicted copy 2026-11-26)"),
+    *("{}.sync-conflict-20261126-101112-ABCDEFG", "{}-HOST", "{}a", "Copy of {}"),
+)
+"""Names that such programs give to copies."""
+
+
+@pytest.fixture(scope="module")
+def right(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a study of three simulated observers."""
+    text = TEXT.replace("repeats: 12", "repeats: 6") + "rules: {participants: 3}\n"
+    study = write_study(tmp_path_factory.mktemp("right") / "study", text)
+    assert len(list(write_simulated(study, len(NAMES), 1))) == len(NAMES)
+    return study.folder
+
+
+def figures(folder: Path) -> str:
+    """Return all numbers of a study."""
+    study = Study(folder)
+    sessions = study.sessions
+    found = tables(study.protocol, sessions).by_name.items()
+    planned = [
+        (each.values, vars(each.outcome)) for each in planned_tests(study.protocol, sessions)
+    ]
+    return "".join(f"{name}\n{csv_text(frame)}" for name, frame in found) + repr(planned)
+
+
+def rewrite(file: Path, change: Callable[[bytes], bytes]) -> None:
+    if file.exists():
+        file.write_bytes(change(file.read_bytes()))
+
+
+def log(folder: Path, name: str) -> Path:
+    return folder / PARTICIPANTS / name / LOG
+
+
+def crlf(content: bytes) -> bytes:
+    return content.replace(b"\n", b"\r\n")
+
+
+def scatter(folder: Path) -> None:
+    """Put stray files everywhere."""
+    for place in [folder, *(each for each in folder.rglob("*") if each.is_dir())]:
+        for name in STRAY:
+            (place / name).write_bytes(b"{}\n")
+
+
+def behind_a_link(folder: Path) -> None:
+    moved = folder.with_name("elsewhere")
+    folder.rename(moved)
+    folder.symlink_to(moved)
+
+
+def in_reverse(folder: Path) -> None:
+    """Write all files anew in the reverse order, with other times."""
+    for place, file in enumerate(sorted(folder.rglob("*.jsonl"), reverse=True)):
+        content = file.read_bytes()
+        file.unlink()
+        file.write_bytes(content)
+        os.utime(file, (place, place))
+
+
+def bags_elsewhere(folder: Path) -> None:
+    (folder.parent / "disk").mkdir()
+    (folder / PARTICIPANTS / "S02" / "bags").symlink_to(folder.parent / "disk")
+
+
+HARMLESS: dict[str, Change] = {
+    "nothing": lambda folder: None,
+    "stray files": scatter,
+    "behind a link": behind_a_link,
+    "in another order": in_reverse,
+    "a protocol from Windows": lambda folder: rewrite(folder / PROTOCOL, crlf),
+    "a byte-order mark": lambda folder: rewrite(folder / PROTOCOL, b"\xef\xbb\xbf".__add__),
+    "a comment": lambda folder: rewrite(folder / PROTOCOL, b"# Pilot\n".__add__),
+    "a copy of the protocol": lambda folder: shutil.copy(folder / PROTOCOL, folder / "old.yaml"),
+    "results": lambda folder: shutil.copytree(folder / PARTICIPANTS, folder / "export" / "csv"),
+    "an empty folder": lambda folder: (folder / PARTICIPANTS / "S09").mkdir(),
+    "bags elsewhere": bags_elsewhere,
+    "a line of a write that broke off": lambda folder: rewrite(
+        log(folder, "S01"), lambda content: content + content[:50]
+    ),
+}
+"""Guises that leave all figures as they are."""
+
+
+@pytest.mark.parametrize("change", HARMLESS.values(), ids=HARMLESS)
+@pytest.mark.parametrize("name", ["study", "a b", "#1?%20", "-x", "Ünï"])
+def test_a_harmless_guise_changes_no_figure(
+    right: Path, change: Change, name: str, tmp_path: Path
+) -> None:
+    folder = tmp_path / name
+    shutil.copytree(right, folder)
+    change(folder)
+    assert figures(folder) == figures(right)
+    assert Study(folder).doubts == []
+
+
+def copied(folder: Path, name: str, form: str, lines: int | None) -> None:
+    source, copy = folder / PARTICIPANTS / name, folder / PARTICIPANTS / form.format(name)
+    if source.is_dir() and not copy.exists():
+        shutil.copytree(source, copy)
+        rewrite(copy / LOG, lambda content: b"".join(content.splitlines(keepends=True)[:lines]))
+
+
+def renamed(folder: Path, name: str, other: str) -> None:
+    source, target = folder / PARTICIPANTS / name, folder / PARTICIPANTS / other
+    if source.is_dir() and not target.exists():
+        source.rename(target)
+
+
+def swapped(content: bytes, first: int, second: int) -> bytes:
+    """Return lines with two of them in each other's place."""
+    lines = content.splitlines(keepends=True)
+    if lines:
+        one, other = first % len(lines), second % len(lines)
+        lines[one], lines[other] = lines[other], lines[one]
+    return b"".join(lines)
+
+
+def without_lines(content: bytes, count: int) -> bytes:
+    """Return a file without the last lines."""
+    return b"".join(content.splitlines(keepends=True)[: -count or None])
+
+
+names, numbers = st.sampled_from(NAMES), st.integers(0, 40)
+files = st.one_of(st.just(Path(JOURNAL)), names.map(lambda name: Path(PARTICIPANTS, name, LOG)))
+
+
+def on_file(
+    change: Callable[..., bytes], *values: st.SearchStrategy[int]
+) -> st.SearchStrategy[Change]:
+    """Return changes of the content of a file."""
+    return st.builds(
+        lambda file, *given_: (
+            lambda folder: rewrite(folder / file, lambda content: change(content, *given_))
+        ),
+        files,
+        *values,
+    )
+
+
+CHANGES: st.SearchStrategy[Change] = st.one_of(
+    st.sampled_from([scatter, in_reverse]),
+    st.builds(
+        lambda *given_: lambda folder: copied(folder, *given_),
+        names,
+        st.sampled_from(CONFLICTS),
+        st.one_of(st.none(), numbers),
+    ),
+    st.builds(lambda *given_: lambda folder: renamed(folder, *given_), names, st.just("S10")),
+    st.builds(
+        lambda name: lambda folder: shutil.rmtree(folder / PARTICIPANTS / name, True), names
+    ),
+    st.builds(
+        lambda file, form: (
+            lambda folder: (
+                (folder / file).exists()
+                and shutil.copy(
+                    folder / file, (folder / file).with_name(form.format(file.stem) + file.suffix)
+                )
+            )
+        ),
+        files,
+        st.sampled_from(CONFLICTS[:-1]),
+    ),
+    st.builds(lambda file: lambda folder: (folder / file).unlink(missing_ok=True), files),
+    on_file(
+        lambda content, cut: b"".join(content.splitlines(keepends=True)[: -cut or None]), numbers
+    ),
+    on_file(lambda content, cut: content[: -cut or None], st.integers(0, 3000)),
+    on_file(swapped, numbers, numbers),
+    on_file(crlf),
+    on_file(lambda content: content + content[-400:]),
+)
+
+
+def is_smaller(study: Study) -> bool:
+    """Return whether the last participants are in no log and not in the journal, as never there.
+
+    Only the heads in the operator's notebook tell this from a smaller study.
+    """
+    logs = (study.folder / PARTICIPANTS).glob(f"*/{LOG}")
+    written = sum(b"\n" in each.read_bytes() for each in logs)
+    ends = sum(entry["kind"] == "head" for entry in study.journal)
+    return written == ends == len(study.sessions) < len(NAMES)
+
+
+@fuzz_few
+@given(st.lists(CHANGES, min_size=1, max_size=3))
+def test_any_guise_has_the_same_figures_or_a_line(right: Path, changes: list[Change]) -> None:
+    with TemporaryDirectory() as place:
+        folder = Path(place) / "study"
+        shutil.copytree(right, folder)
+        for change in changes:
+            change(folder)
+        study = Study(folder)
+        try:
+            same = figures(folder) == figures(right)
+            said = [*study.doubts, *exclusions(study.protocol, study.sessions).values()]
+        except ParameterError as error:
+            same, said = False, [str(error)]
+        assert same or said or is_smaller(study)
+        assert all(len(line.splitlines()) == 1 for line in said)

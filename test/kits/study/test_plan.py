@@ -1,0 +1,223 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Trials of a session: practice, catch trials, repetitions, breaks, and the replay of a log."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import islice
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from protocol_maker import make_levels, make_protocol
+from study_runs import always_right, asking, record, run
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits.study.observers import SimulatedParticipant
+from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.protocol import Bounds, Extras, Order, Procedure, Protocol
+from haptic_accel.kits.study.tasks import TASKS
+from haptic_accel.kits.study.trials import CATCH, MAIN, PRACTICE, Answer, PlannedTrial
+
+NOTHING_ELSE = Extras(practice=0, break_every=0)
+
+PROTOCOLS = {
+    **{
+        task: make_protocol(task, 3, procedure=Procedure(repeats=3), extras=Extras(practice=2))
+        for task in TASKS
+    },
+    "blocked": make_levels(
+        surfaces=("wood", "foam"),
+        order=Order("blocked", "surface"),
+        procedure=Procedure(repeats=2),
+        extras=Extras(practice=3, catch_every=4, break_every=5),
+    ),
+    "williams": make_protocol(
+        "rating", 4, order=Order("williams"), procedure=Procedure(repeats=4)
+    ),
+    "staircase": make_levels(
+        surfaces=("wood", "foam"),
+        procedure=Procedure("staircase", step_up=0.1, step_down=0.1, trials=20),
+        extras=Extras(practice=2, catch_every=7),
+    ),
+    "quest_plus": make_levels(
+        task="odd_one_out", scale="log", procedure=Procedure("quest_plus", trials=12)
+    ),
+}
+
+
+def _kinds(plan: Plan) -> list[str]:
+    return [each.trial.kind for each in run(plan, always_right)]
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS.values(), ids=PROTOCOLS)
+def test_a_session_has_no_more_trials_than_planned(protocol: Protocol) -> None:
+    plan = Plan(protocol, 1, 0)
+    records = list(run(plan, asking(SimulatedParticipant(protocol, 1))))
+    assert [each.trial.number for each in records] == list(range(len(records)))
+    assert len(records) <= plan.trials
+    if protocol.procedure.kind != "staircase":
+        assert len(records) == plan.trials
+    assert all(each.correct in (True, False) for each in records if each.trial.right)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS.values(), ids=PROTOCOLS)
+def test_progress_grows_from_0_to_1(protocol: Protocol) -> None:
+    plan = Plan(protocol, 1, 0)
+    shares = [plan.progress]
+    for _ in run(plan, always_right):
+        shares.append(plan.progress)
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, pytest.approx(1.0))
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.sampled_from(sorted(PROTOCOLS)),
+    st.integers(0, 2**40),
+    st.integers(0, 20),
+    st.lists(st.booleans(), max_size=200),
+)
+def test_a_replay_of_any_prefix_plans_the_same_next_trial(
+    name: str, seed: int, row: int, delivered: list[bool]
+) -> None:
+    protocol = PROTOCOLS[name]
+    participant = SimulatedParticipant(protocol, seed)
+    plan, replayed = Plan(protocol, seed, row), Plan(protocol, seed, row)
+    flaws = iter(delivered)
+
+    def answer(trial: PlannedTrial) -> Answer | None:
+        return asking(participant)(trial) if next(flaws, True) else None
+
+    prefix = list(islice(run(plan, answer), len(delivered)))
+    for each in prefix:
+        replayed.record(each)
+    assert replayed.next() == plan.next()
+    assert replayed.attempt == plan.attempt
+    assert replayed.break_due == plan.break_due
+    assert replayed.progress == plan.progress
+    assert list(run(replayed, always_right)) == list(run(plan, always_right))
+
+
+def test_the_next_trial_is_the_same_until_it_is_recorded() -> None:
+    plan = Plan(PROTOCOLS["quest_plus"], 1, 0)
+    assert plan.next() == plan.next()
+
+
+def test_another_seed_has_another_order() -> None:
+    first, second = (
+        [each.trial for each in run(Plan(PROTOCOLS["2ifc"], seed, 0), always_right)]
+        for seed in (1, 2)
+    )
+    assert first != second
+
+
+def test_practice_comes_first_with_the_largest_difference() -> None:
+    protocol = make_levels(extras=Extras(practice=3))
+    trials = [each.trial for each in run(Plan(protocol, 1, 0), always_right)]
+    assert [each.kind for each in trials[:4]] == [PRACTICE, PRACTICE, PRACTICE, MAIN]
+    assert {each.level for each in trials[:3]} == {1.8}
+
+
+def test_practice_shows_each_condition() -> None:
+    protocol = make_protocol("identification", 4, extras=Extras(practice=4))
+    trials = islice(run(Plan(protocol, 1, 0), always_right), 4)
+    assert {each.trial.right for each in trials} == {"s0", "s1", "s2", "s3"}
+
+
+def test_the_largest_difference_may_be_below_the_reference() -> None:
+    protocol = make_levels(values=(0.2, 0.5, 0.9), extras=Extras(practice=1))
+    trial = Plan(protocol, 1, 0).next()
+    assert trial is not None
+    assert trial.level == 0.2
+
+
+def test_catch_trials_come_between_a_number_of_trials() -> None:
+    protocol = make_levels(
+        procedure=Procedure(repeats=2), extras=Extras(practice=0, catch_every=3)
+    )
+    assert _kinds(Plan(protocol, 1, 0)) == [*[MAIN] * 3, CATCH, *[MAIN] * 3, CATCH, *[MAIN] * 2]
+    catch = [each for each in run(Plan(protocol, 1, 0), always_right) if each.trial.kind == CATCH]
+    assert {each.trial.level for each in catch} == {1.8}
+
+
+def test_catch_trials_need_levels() -> None:
+    with pytest.raises(ParameterError, match=r"extras\.catch_every = 5: must be 0 without levels"):
+        Plan(make_protocol(extras=Extras(catch_every=5)), 1, 0)
+
+
+def test_an_undelivered_trial_is_repeated_and_then_left_out() -> None:
+    protocol = make_protocol(bounds=Bounds(repeats=2), extras=NOTHING_ELSE)
+    plan = Plan(protocol, 1, 0)
+    records = list(run(plan, lambda trial: None if trial.number == 1 else always_right(trial)))
+    numbers = [(each.trial.number, each.attempt) for each in records[:5]]
+    assert numbers == [(0, 0), (1, 0), (1, 1), (1, 2), (2, 0)]
+    assert records[1].trial == records[3].trial
+    assert len(records) == plan.trials + 2
+
+
+def test_a_trial_with_a_flaw_is_repeated_although_it_was_answered() -> None:
+    plan = Plan(make_protocol(extras=NOTHING_ELSE), 1, 0)
+    trial = plan.next()
+    assert trial is not None
+    flawed = record(trial, None)
+    plan.record(flawed.__class__(trial, 0, (), Answer("1", 1.0), 0, 0, 0, 0, "late = 50 %"))
+    assert plan.next() == trial
+    assert plan.attempt == 1
+
+
+def test_a_staircase_ends_though_nothing_is_delivered() -> None:
+    protocol = make_levels(
+        procedure=Procedure("staircase", trials=5, tracks=2),
+        bounds=Bounds(repeats=0),
+        extras=NOTHING_ELSE,
+    )
+    assert len(list(run(Plan(protocol, 1, 0), lambda trial: None))) == 10
+
+
+def test_breaks_come_after_a_number_of_trials_but_not_at_the_end() -> None:
+    protocol = make_protocol(
+        procedure=Procedure(repeats=12), extras=Extras(practice=2, break_every=4)
+    )
+    plan = Plan(protocol, 1, 0)
+    breaks = [each.trial.number for each in run(plan, always_right) if plan.break_due]
+    assert breaks == [5, 9]
+
+
+def test_no_break_comes_before_a_repetition() -> None:
+    protocol = make_protocol(extras=Extras(practice=0, break_every=1))
+    plan = Plan(protocol, 1, 0)
+    attempts = [each.attempt for each in run(plan, lambda trial: None) if plan.break_due]
+    assert set(attempts) == {protocol.bounds.repeats}
+
+
+def test_no_breaks_are_made_if_none_are_wanted() -> None:
+    plan = Plan(make_protocol(extras=NOTHING_ELSE), 1, 0)
+    assert not any(plan.break_due for _ in run(plan, always_right))
+
+
+def test_a_record_of_another_trial_is_refused() -> None:
+    plan, other = (Plan(PROTOCOLS["2ifc"], seed, 0) for seed in (1, 2))
+    records = list(run(other, always_right))
+    with pytest.raises(ValueError, match="^trial 1: is not the next one of this plan$"):
+        plan.record(records[1])
+
+
+def test_each_order_of_stimuli_is_equally_frequent() -> None:
+    protocol = make_protocol("odd_one_out", procedure=Procedure(repeats=12), extras=NOTHING_ELSE)
+    trials = [each.trial for each in run(Plan(protocol, 1, 0), always_right)]
+    assert Counter(Counter(each.stimuli for each in trials).values()) == {2: 6}

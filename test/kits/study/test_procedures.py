@@ -1,0 +1,276 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Staircases at the points where theory lets them settle, and QUEST+ beside another program."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from protocol_maker import make_levels, make_protocol
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.procedures import (
+    LAPSES,
+    SLOPES,
+    QuestPlus,
+    Span,
+    Staircase,
+    family,
+    method,
+)
+from haptic_accel.kits.study.protocol import Condition, Levels, Pair, Procedure, Protocol
+
+WIDE = Levels("gain", 0.0, (0.01, 100.0))
+
+
+def _weibull(distance: float, threshold: float, guess: float = 0.5, lapse: float = 0.0) -> float:
+    return float(1 - lapse - (1 - guess - lapse) * np.exp(-((distance / threshold) ** 2)))
+
+
+def _distances(track: Staircase | QuestPlus, correct: Callable[[float], bool]) -> list[float]:
+    distances = []
+    while track.progress < 1:
+        distances.append(track.distance)
+        track.update(correct(track.distance))
+    return distances
+
+
+def _staircase(levels: Levels = WIDE, **changes: Any) -> Staircase:
+    return Staircase(Procedure("staircase", **changes), Span(levels))
+
+
+def _answers(seed: int, proportion: Callable[[float], float]) -> Callable[[float], bool]:
+    generator = np.random.default_rng(seed)
+    return lambda distance: bool(generator.random() < proportion(distance))
+
+
+@pytest.mark.parametrize(
+    ("down", "expected"), [(1, 0.5), (2, 0.707), (3, 0.794), (4, 0.841), (5, 0.871)]
+)
+def test_a_transformed_staircase_settles_where_levitt_says(down: int, expected: float) -> None:
+    # Levitt 1971, table I. Steps are small beside the function, so that it is linear.
+    staircase = _staircase(
+        down=down, step_up=1.0, step_down=1.0, trials=1000, reversals=100, fine_after=100
+    )
+    _settles(staircase, expected, 0.02)
+
+
+@pytest.mark.parametrize(
+    ("up", "down", "expected"), [(3.0, 1.0, 0.75), (1.0, 1.0, 0.5), (4.5, 0.5, 0.9)]
+)
+def test_a_weighted_staircase_settles_where_kaernbach_says(
+    up: float, down: float, expected: float
+) -> None:
+    # Kaernbach 1991: up (1 - p) = down p.
+    staircase = _staircase(
+        down=1, step_up=up / 2, step_down=down / 2, trials=1000, reversals=100, fine_after=100
+    )
+    _settles(staircase, expected, 0.025)
+
+
+def _settles(staircase: Staircase, expected: float, tolerance: float) -> None:
+    """Run a staircase for long, and compare the proportion correct at its levels."""
+    answers = _answers(4, _linear)
+    for _ in range(100):
+        staircase.update(answers(staircase.distance))
+    proportions = []
+    for _ in range(20_000):
+        proportions.append(_linear(staircase.distance))
+        staircase.update(answers(staircase.distance))
+    assert np.mean(proportions) == pytest.approx(expected, abs=tolerance)
+
+
+def _linear(distance: float) -> float:
+    return min(max(distance / 100, 0.0), 1.0)
+
+
+def test_a_staircase_goes_down_after_right_answers_and_up_after_a_wrong_one() -> None:
+    staircase = _staircase(down=2, step_up=5.0, step_down=10.0, fine_after=100)
+    distances = [staircase.distance]
+    for correct in (True, True, True, False, True, True):
+        staircase.update(correct)
+        distances.append(staircase.distance)
+    assert distances == [100, 100, 90, 90, 95, 95, 85]
+    assert staircase.reversals == 2
+
+
+def test_steps_are_halved_after_some_reversals() -> None:
+    staircase = _staircase(down=1, step_up=8.0, step_down=8.0, fine_after=2)
+    distances = []
+    for correct in (True, True, False, True, False):
+        staircase.update(correct)
+        distances.append(staircase.distance)
+    assert distances == [92, 84, 92, 88, 92]
+
+
+def test_steps_are_factors_on_a_logarithmic_scale() -> None:
+    levels = Levels("gain", 1.0, (1.01, 9.0), "log")
+    staircase = _staircase(levels, down=1, step_up=4.0, step_down=4.0, fine_after=2)
+    distances = []
+    for correct in (True, True, False, True):
+        staircase.update(correct)
+        distances.append(staircase.distance)
+    assert distances == pytest.approx([2, 0.5, 2, 1])
+
+
+def test_a_factor_of_a_step_is_above_1() -> None:
+    procedure = Procedure("staircase", step_up=0.5)
+    with pytest.raises(ParameterError, match=r"procedure\.step = 0\.5: must be above 1"):
+        Plan(make_levels(scale="log", procedure=procedure), 1, 0)
+
+
+@given(st.lists(st.sampled_from([True, False, None]), max_size=100))
+def test_a_staircase_stays_between_its_levels(answers: list[bool | None]) -> None:
+    staircase = _staircase(Levels("gain", 1.0, (1.2, 1.5)), step_up=0.2, step_down=0.15)
+    for correct in answers:
+        staircase.update(correct)
+        assert 0.2 <= round(staircase.distance, 9) <= 0.5
+
+
+def test_a_staircase_ends_after_its_reversals_or_trials() -> None:
+    by_reversals = _staircase(down=1, reversals=4, trials=100)
+    generator = np.random.default_rng(1)
+    _distances(by_reversals, lambda distance: bool(generator.random() < 0.5))
+    assert by_reversals.reversals == 4
+    assert len(_distances(_staircase(trials=30), lambda distance: True)) == 30
+
+
+def test_a_trial_that_was_left_out_moves_no_staircase() -> None:
+    staircase = _staircase(down=1)
+    staircase.update(None)
+    assert staircase.distance == 100
+
+
+def test_tracks_are_interleaved_and_each_ends_by_itself() -> None:
+    procedure = Procedure("staircase", tracks=3, trials=10, step_up=0.1, step_down=0.1)
+    work = method(
+        make_levels(surfaces=("wood", "foam"), procedure=procedure), 0, np.random.default_rng(1)
+    )
+    tracks = []
+    while (choice := work.choose(np.random.default_rng(len(tracks)))) is not None:
+        tracks.append(choice.track)
+        work.record(choice.track, True)
+    names = {f"surface={surface} #{track}" for surface in ("wood", "foam") for track in (1, 2, 3)}
+    assert {name: tracks.count(name) for name in names} == dict.fromkeys(names, 10)
+    assert len(set(tracks[:8])) > 2
+
+
+def test_levels_below_the_reference_go_up_towards_it() -> None:
+    span = Span(Levels("gain", 1.0, (0.2, 0.6, 0.9)))
+    assert span.level(span.largest) == 0.2
+    assert span.level(span.moved(span.largest, -0.3)) == 0.5
+    assert span.level(span.moved(span.largest, -5.0)) == 0.9
+
+
+def test_pairs_that_differ_in_their_level_alone_are_a_family() -> None:
+    low, high = Condition((("gain", 1.0),)), Condition((("gain", 2.0),))
+    assert family(Pair(low, high, 2.0)) == "all levels"
+    assert family(Pair(low, high)) == "gain=1 / gain=2"
+
+
+@pytest.mark.parametrize(
+    ("protocol", "message"),
+    [
+        (make_protocol(pairs=()), "task = '2ifc': needs pairs"),
+        (make_protocol("rating", conditions=()), "task = 'rating': needs conditions"),
+        (
+            make_levels(task="same_different", procedure=Procedure("staircase")),
+            "procedure.kind = 'staircase': must be constant for task 'same_different'",
+        ),
+        (
+            make_protocol(procedure=Procedure("quest_plus")),
+            "procedure.kind = 'quest_plus': needs levels",
+        ),
+    ],
+)
+def test_a_procedure_that_cannot_work_is_refused_in_one_line(
+    protocol: Protocol, message: str
+) -> None:
+    with pytest.raises(ParameterError) as raised:
+        method(protocol, 0, np.random.default_rng(1))
+    assert str(raised.value) == message
+
+
+GRID = np.geomspace(0.1, 10.0, 31)
+
+
+@pytest.mark.parametrize("threshold", [0.4, 1.0, 3.0])
+def test_quest_plus_presents_levels_near_the_threshold(threshold: float) -> None:
+    quest = QuestPlus(GRID, 0.5, 100)
+    answers = _answers(2, lambda distance: _weibull(distance, threshold, lapse=0.02))
+    distances = _distances(quest, answers)
+    assert len(distances) == 100
+    assert np.median(distances[20:]) == pytest.approx(threshold, rel=0.6)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.booleans(), min_size=40, max_size=400))
+def test_quest_plus_goes_on_after_any_answers(answers: list[bool]) -> None:
+    # PsychoPy's procedure stopped at a trial whose probabilities were no longer numbers (#4305).
+    quest = QuestPlus(GRID, 1 / 3, len(answers))
+    for correct in answers:
+        quest.update(correct)
+        assert quest.distance in GRID
+
+
+def test_quest_plus_goes_on_after_a_thousand_wrong_answers() -> None:
+    quest = QuestPlus(GRID, 0.5, 2000)
+    for _ in range(1000):
+        quest.update(False)
+    quest.update(True)
+    assert quest.distance in GRID
+
+
+def test_quest_plus_ignores_a_trial_that_was_left_out() -> None:
+    quest = QuestPlus(GRID, 0.5, 10)
+    before = quest.distance
+    quest.update(None)
+    assert (quest.distance, quest.progress) == (before, 0.1)
+
+
+@pytest.mark.parametrize("guess", [0.5, 1 / 3])
+@pytest.mark.parametrize("scale", ["linear", "log10"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_quest_plus_chooses_as_another_program(guess: float, scale: str, seed: int) -> None:
+    questplus = pytest.importorskip("questplus")
+    grid = GRID if scale == "linear" else np.log10(GRID)
+    other = questplus.QuestPlus(
+        stim_domain={"intensity": grid},
+        param_domain={
+            "threshold": grid,
+            "slope": SLOPES,
+            "lower_asymptote": np.array([guess]),
+            "lapse_rate": LAPSES,
+        },
+        outcome_domain={"response": ["right", "wrong"]},
+        func="weibull",
+        stim_scale=scale,
+    )
+    quest = QuestPlus(GRID, guess, 40)
+    answers = _answers(seed, lambda distance: _weibull(distance, 1.3, guess, 0.02))
+    for _ in range(40):
+        chosen = other.next_stim
+        expected = chosen["intensity"] if scale == "linear" else 10 ** chosen["intensity"]
+        assert quest.distance == pytest.approx(expected)
+        correct = answers(quest.distance)
+        quest.update(correct)
+        other.update(stim=chosen, outcome={"response": "right" if correct else "wrong"})

@@ -1,0 +1,214 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Building, showing and rendering textures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from haptic_accel.bags.trial_bag import write_trial
+from haptic_accel.core.parameters import from_flat
+from haptic_accel.core.rig.slave_rig import SlaveRigParameters
+from haptic_accel.core.rig.surface import SurfaceParameters
+from haptic_accel.core.trial import RigParameters, run_trial
+from haptic_accel.core.warning import warn_once
+from haptic_accel.materials.folders import config_folder
+from haptic_accel.materials.recordings import read_recording
+from haptic_accel.materials.texture_files import read_texture
+from haptic_accel.setup.files import surface_parameters
+from verbs import next_command, output_of, refusal, status_of
+
+pytestmark = pytest.mark.usefixtures("here")
+
+RATE = 1000.0
+SHIPPED = config_folder() / "textures"
+
+
+def write_drag(path: Path, force: float) -> None:
+    """Write a recording at two speeds of a texture whose acceleration grows with speed."""
+    random = np.random.default_rng(round(100 * force))
+    speed = np.repeat([60.0, 120.0], 1500)
+    pole = 0.95 * np.exp(2j * np.pi * 100 / RATE)
+    polynomial = np.poly([pole, pole.conj()]).real
+    noise = random.standard_normal(len(speed)) * speed / 60 * force
+    rows = np.column_stack(
+        [speed, np.full(len(speed), force), signal.lfilter([1.0], polynomial, noise)]
+    )
+    np.savetxt(path, rows, delimiter=",", header="speed,force,accel", comments="", fmt="%.6f")
+
+
+def test_a_model_is_built_from_files_with_a_report(tmp_path: Path) -> None:
+    for force in (0.5, 1.0):
+        write_drag(tmp_path / f"{force}.csv", force)
+    words = ("0.5.csv", "1.0.csv", "--rate", "1000", "--out", "wood.yaml", "--json", "report.json")
+    assert status_of(*next_command(output_of("texture", "build", *words))) == 0
+    assert (tmp_path / "wood.wav").is_file()
+    model = read_texture(tmp_path / "wood.yaml")
+    assert model.name == "wood"
+    assert model.provenance.source == "built from 0.5.csv, 1.0.csv"
+    # Columns are in mm/s and N.
+    assert (model.speeds.max(), model.forces.max()) == (0.12, 1.0)
+    frequency = np.linspace(20.0, 450.0, 100)
+    assert frequency[model.spectrum(0.12, 1.0, frequency).argmax()] == pytest.approx(100, abs=5)
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert (report["order"], report["nodes"]) == (model.lsf.shape[1], len(model.speeds))
+    assert report["held_out_spectral_distance_db"] < 1.5
+    assert report["coverage"] == pytest.approx(0.25, abs=0.01)
+    assert report["refused"] == []
+    assert report["follows_speed_and_force"] is True
+    assert report["following"]["rms_error"] < report["following"]["constant_rms_error"]
+    picture = (tmp_path / "wood_report.png").read_bytes()
+    assert len(picture) > 10_000
+    assert status_of("texture", "show", "wood.yaml") == 0
+    assert (tmp_path / "wood_report.png").read_bytes() == picture
+    assert (tmp_path / "wood.png").read_bytes() != picture
+
+
+def test_three_axes_are_reduced_to_one_with_the_power_of_all(tmp_path: Path) -> None:
+    write_drag(tmp_path / "one.csv", 1.0)
+    rows = np.loadtxt(tmp_path / "one.csv", delimiter=",", skiprows=1)
+    # The same vibration along a slanted direction, whose first two components cancel in a sum.
+    three = np.column_stack([rows[:, :2], np.outer(rows[:, 2], [0.48, -0.48, 0.73])])
+    header = "speed,force,ax,ay,az"
+    np.savetxt(tmp_path / "three.csv", three, delimiter=",", header=header, comments="")
+    axes = ("--axes", "ax,ay,az")
+    for name, words in (
+        ("one", ()),
+        ("three", axes),
+        ("along", (*axes, "--reduction", "principal")),
+        ("sum", (*axes, "--reduction", "sum")),
+    ):
+        file = "one.csv" if name == "one" else "three.csv"
+        given = (file, *words, "--rate", "1000", "--out", f"{name}.yaml")
+        assert status_of("texture", "build", *given) == 0
+    rms = {
+        name: read_texture(tmp_path / f"{name}.yaml").rms.max()
+        for name in ("one", "three", "along", "sum")
+    }
+    assert rms["three"] == pytest.approx(rms["one"], rel=0.02)
+    assert rms["along"] == pytest.approx(rms["one"], rel=0.02)
+    assert rms["sum"] == pytest.approx(0.73 * rms["one"], rel=0.02)
+
+
+def test_a_recording_that_shows_no_change_with_speed_and_force_is_called_so(
+    tmp_path: Path,
+) -> None:
+    rows = np.column_stack(
+        [np.tile([100.0, 1.0], (3000, 1)), np.random.default_rng(0).normal(size=3000)]
+    )
+    np.savetxt(tmp_path / "one.csv", rows, delimiter=",", header="speed,force,accel", comments="")
+    words = ("one.csv", "--rate", "1000", "--out", "one.yaml", "--json", "one.json")
+    shown = output_of("texture", "build", *words)
+    assert "does not follow speed and force: no better than" in shown
+    assert json.loads((tmp_path / "one.json").read_text())["follows_speed_and_force"] is False
+
+
+def test_a_glitch_of_the_force_sensor_does_not_change_the_model(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    warn_once.cache_clear()
+    for force in (0.5, 1.0):
+        write_drag(tmp_path / f"{force}.csv", force)
+    words = ("--rate", "1000", "--out")
+    assert status_of("texture", "build", "0.5.csv", "1.0.csv", *words, "good.yaml") == 0
+    assert not caplog.messages
+    lines = (tmp_path / "1.0.csv").read_text().splitlines()
+    speed, _, acceleration = lines[1200].split(",")
+    lines[1200] = f"{speed},36870,{acceleration}"
+    (tmp_path / "bad.csv").write_text("\n".join(lines))
+    assert status_of("texture", "build", "0.5.csv", "bad.csv", *words, "bad.yaml") == 0
+    assert caplog.messages == [
+        "bad.csv: force: 1 of 3000 samples are outliers: replaced by interpolation"
+    ]
+    good, bad = (read_texture(tmp_path / name) for name in ("good.yaml", "bad.yaml"))
+    assert np.array_equal(good.deviation, bad.deviation)
+    assert np.array_equal(good.forces, bad.forces)
+
+
+def test_what_is_rendered_is_read_again_with_the_models_rms(tmp_path: Path) -> None:
+    words = ("plywood", "--speed", "110", "--force", "1", "--out", "ply.wav", "--seconds", "4")
+    assert status_of("texture", "render", *words) == 0
+    sound = read_recording(tmp_path / "ply.wav", 0.0, RATE)
+    assert len(sound) == 4 * RATE
+    frequency = np.linspace(0.0, RATE / 2, 2048)
+    power = read_texture(SHIPPED / "plywood.yaml").spectrum(0.11, 1.0, frequency)
+    assert sound.std() == pytest.approx(np.sqrt(power.mean() * RATE / 2), rel=0.2)
+
+
+def test_silence_is_rendered_as_silence(tmp_path: Path) -> None:
+    words = ("plywood", "--speed", "0", "--force", "1", "--out", "ply.wav", "--seconds", "2")
+    assert status_of("texture", "render", *words) == 0
+    assert not read_recording(tmp_path / "ply.wav", 0.0, RATE).any()
+
+
+def test_a_model_is_shown(tmp_path: Path) -> None:
+    shown = output_of("texture", "show", "vinyl", "--json", "vinyl.json")
+    assert "licence: Apache-2.0" in shown
+    about = json.loads((tmp_path / "vinyl.json").read_text())
+    assert about["name"] == "vinyl"
+    assert about["largest_rms_m_s2"] > 1.0
+    assert (tmp_path / "vinyl.png").stat().st_size > 10_000
+
+
+def test_a_bag_is_a_recording(tmp_path: Path) -> None:
+    surface = from_flat(SurfaceParameters, surface_parameters("plywood"), "simulated.surface.")
+    rig = RigParameters(slave=SlaveRigParameters(surface=surface))
+    write_trial(tmp_path / "ply", run_trial("none", rig, duration=4.0), {}, 0)
+    assert status_of("texture", "build", "ply", "--out", "ply.yaml", "--json", "ply.json") == 0
+    model, built = read_texture(tmp_path / "ply.yaml"), read_texture(SHIPPED / "plywood.yaml")
+    # The scripted hand strokes at 0.1 m/s.
+    assert 0.1 < model.speeds.max() < 0.13
+    rms = [
+        np.sqrt(each.spectrum(0.09, 1.0, np.linspace(20, 450, 500)).mean())
+        for each in (model, built)
+    ]
+    assert rms[0] == pytest.approx(rms[1], rel=0.3)
+    reasons = {
+        each["reason"] for each in json.loads((tmp_path / "ply.json").read_text())["refused"]
+    }
+    assert "out of contact" in reasons
+
+
+@pytest.mark.parametrize("name", ["plywood", "text", "vinyl"])
+def test_shipped_textures_state_their_licence_and_are_small(name: str) -> None:
+    file = SHIPPED / f"{name}.yaml"
+    assert file.stat().st_size < 60_000
+    about = read_texture(file).provenance
+    assert about.licence == "Apache-2.0"
+    assert about.source
+    assert about.author
+    assert about.calibration
+
+
+def test_what_was_rendered_is_imported_with_its_strength(tmp_path: Path) -> None:
+    words = ("plywood", "--speed", "110", "--force", "1", "--seconds", "10", "--out", "ply.wav")
+    assert status_of("texture", "render", *words) == 0
+    assert "calibration = nothing: must be" in refusal(
+        "texture", "import", "ply.wav", "--out", "a.yaml"
+    )
+    words = ("ply.wav", "--calibration", str(5 * 9.80665), "--out", "again.yaml")
+    assert "licence: none stated" in output_of("texture", "import", *words)
+    frequency = np.linspace(40.0, 450.0, 200)
+    first, again = (
+        read_texture(path).spectrum(0.11, 1.0, frequency)
+        for path in (config_folder() / "textures" / "plywood.yaml", tmp_path / "again.yaml")
+    )
+    assert np.sqrt(np.mean((10 * np.log10(again / first)) ** 2)) < 2.0

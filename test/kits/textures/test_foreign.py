@@ -1,0 +1,383 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Textures from other programs' files: their spectrum in m/s^2, and what each file must have."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import signal
+from scipy.io import wavfile
+
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.surfaces.line_spectrum import is_ordered, to_polynomial
+from haptic_accel.core.surfaces.texture import Texture, TextureModel
+from haptic_accel.kits.textures.foreign import REFERENCE, import_texture, read_hatt
+from hatt_file import hatt_file
+
+SPEED, FORCE = (float(value) for value in REFERENCE)
+BAND = np.linspace(40.0, 450.0, 200)
+
+# Resonances at 120 and 300 Hz of a filter at 1 kHz.
+RESONANCES = np.array([0.95 * np.exp(2j * np.pi * 0.12), 0.9 * np.exp(2j * np.pi * 0.3)])
+A = np.poly(np.concatenate([RESONANCES, RESONANCES.conj()])).real
+
+
+def noise(rate: float, seconds: float = 30.0, seed: int = 3) -> FloatArray:
+    """Return white noise through the filter, at a rate that is a multiple of 1 kHz."""
+    white = np.random.default_rng(seed).standard_normal(round(seconds * 1000))
+    wave = np.asarray(signal.lfilter([0.5], A, white))
+    return np.asarray(signal.resample(wave, round(len(wave) * rate / 1000)))
+
+
+def level(density: FloatArray) -> FloatArray:
+    return 10 * np.log10(density)
+
+
+def theory(scale: float = 1.0) -> FloatArray:
+    """Return the one-sided power density of the filter's output, (m/s^2)^2/Hz."""
+    _, response = signal.freqz([0.5 * scale], A, BAND, fs=1000.0)
+    return np.asarray(np.abs(response) ** 2 * 2 / 1000.0)
+
+
+def distance(model: TextureModel, density: FloatArray) -> float:
+    """Return the log-spectral distance within the band, dB."""
+    own = model.spectrum(SPEED, FORCE, BAND)
+    return float(np.sqrt(np.mean((level(own) - level(density)) ** 2)))
+
+
+def write_filter(path: Path, **changed: Any) -> Path:
+    content = {"name": "oak", "method": "lpc", "sample_rate": 1000.0, "b": [0.5], "a": A.tolist()}
+    path.write_text(json.dumps({**content, **changed}))
+    return path
+
+
+def test_a_filter_is_taken_exactly(tmp_path: Path) -> None:
+    model = import_texture(write_filter(tmp_path / "f.json"))
+    assert (model.name, model.rate) == ("oak", 1000.0)
+    assert model.provenance.source == "f.json"
+    assert distance(model, theory()) < 0.01
+    louder = import_texture(tmp_path / "f.json", calibration=3.0)
+    assert distance(louder, theory(3.0)) < 0.01
+    assert louder.provenance.calibration == "3 m/s^2 at 1"
+
+
+def test_a_filter_with_zeros_is_followed(tmp_path: Path) -> None:
+    b = np.poly([0.8 * np.exp(1j), 0.8 * np.exp(-1j), 1.2]).real
+    model = import_texture(write_filter(tmp_path / "f.json", b=b.tolist()))
+    _, response = signal.freqz(b, A, BAND, fs=1000.0)
+    assert distance(model, np.abs(response) ** 2 * 2 / 1000.0) < 0.3
+
+
+@pytest.mark.parametrize("rate", [1000.0, 8000.0])
+def test_a_csv_file_has_its_spectrum_in_metres(tmp_path: Path, rate: float) -> None:
+    path = tmp_path / "drag.csv"
+    rows = "\n".join(f"{value:.6g}" for value in noise(rate))
+    path.write_text(f"acceleration\n{rows}\n")
+    model = import_texture(path, rate=rate)
+    assert model.rate == 1000.0
+    assert distance(model, theory()) < 1.0
+
+
+def test_a_wav_file_is_calibrated(tmp_path: Path) -> None:
+    wave = noise(8000.0)
+    path = tmp_path / "drag.wav"
+    wavfile.write(path, 8000, np.int16(wave / np.abs(wave).max() * 30000))
+    with pytest.raises(ParameterError, match=rf"^{path}: calibration = nothing: .*m/s\^2"):
+        import_texture(path)
+    full_scale = np.abs(wave).max() * 32768 / 30000
+    assert distance(import_texture(path, calibration=float(full_scale)), theory()) < 1.0
+    wavfile.write(path, 8000, wave.astype(np.float32) / np.abs(wave).max())
+    with pytest.raises(ParameterError, match="calibration = nothing"):
+        import_texture(path)
+    peak = float(np.abs(wave).max())
+    assert distance(import_texture(path, calibration=peak), theory()) < 1.0
+
+
+def three_axes(path: Path, names: list[str], **others: Any) -> Path:
+    axes = [0.6 * noise(2000.0, seed=1), 0.8 * noise(2000.0, seed=2)]
+    data = np.array([*axes, np.arange(len(axes[0])) / 2000.0])
+    np.savez(path, data=data, **{"sample_rate": 2000, "channel_names": names, **others})
+    return path
+
+
+def test_units_of_the_channels_of_an_npz_file_are_converted(tmp_path: Path) -> None:
+    path = three_axes(tmp_path / "drag.npz", ["acc_x [g]", "acc_y [g]", "t"])
+    assert distance(import_texture(path), theory(9.80665)) < 1.0
+    with pytest.raises(ParameterError, match=r"^calibration = 2: .*has units, acc_x \[g\]"):
+        import_texture(path, calibration=2.0)
+    three_axes(path, ["acc_x [V]", "acc_y", "t"])
+    with pytest.raises(ParameterError, match=r"column acc_x \[V\] is in V: must be in"):
+        import_texture(path)
+
+
+def test_times_of_an_npz_file_must_agree_with_its_rate(tmp_path: Path) -> None:
+    path = three_axes(tmp_path / "drag.npz", ["acc_x", "acc_y", "t"], sample_rate=4000)
+    match = "channel t says 2000 Hz, sample_rate = 4000: must agree"
+    with pytest.raises(ParameterError, match=match):
+        import_texture(path)
+
+
+def test_other_arrays_of_an_npz_file_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = three_axes(tmp_path / "drag.npz", ["acc_x", "acc_y", "t"], units="g", gain=3.0)
+    import_texture(path)
+    assert caplog.messages == [f"{path}: units, gain: not read"]
+
+
+def test_a_rate_that_contradicts_that_of_a_file_is_refused(tmp_path: Path) -> None:
+    npz = three_axes(tmp_path / "drag.npz", ["acc_x", "acc_y", "t"])
+    wavfile.write(tmp_path / "drag.wav", 2000, np.zeros(4000, np.int16))
+    xml = written(tmp_path / "slate.xml", hatt_file())
+    json_file = write_filter(tmp_path / "f.json")
+    for path, rate in ((npz, 2000), (tmp_path / "drag.wav", 2000), (xml, 1000), (json_file, 1000)):
+        calibration = 5.0 if path.suffix == ".wav" else None
+        with pytest.raises(ParameterError, match=f"rate = 500: must be 0 or {rate} Hz as {path}"):
+            import_texture(path, 500.0, calibration)
+    with pytest.raises(ParameterError, match="has no sampling rate: leave it out"):
+        import_texture(tmp_path / "buzz.ahap", 500.0, 5.0)
+
+
+def test_the_number_of_channels_of_an_npz_file_is_limited(tmp_path: Path) -> None:
+    path = tmp_path / "wide.npz"
+    names = [f"acc_{number}" for number in range(65)]
+    np.savez(path, data=np.ones((65, 9)), sample_rate=2000, channel_names=names)
+    with pytest.raises(ParameterError, match="channel_names: 65 channels: must be at most 64"):
+        import_texture(path)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_axes_of_an_npz_file_add(tmp_path: Path, turned: bool) -> None:
+    axes = np.array([0.6 * noise(2000.0, seed=1), 0.8 * noise(2000.0, seed=2)])
+    data = np.vstack([axes, 100 + np.zeros(axes.shape[1])])
+    path = tmp_path / "drag.npz"
+    names = np.array(["acc_x", "acc_y", "force"])
+    np.savez(path, data=data.T if turned else data, sample_rate=2000, channel_names=names)
+    assert distance(import_texture(path), theory()) < 1.0
+
+
+def test_only_one_channel_of_an_npz_file_is_acceleration_without_its_name(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = three_axes(tmp_path / "drag.npz", ["speed", "load", "t"])
+    with pytest.raises(ParameterError, match="channel_names speed, load: must be one channel"):
+        import_texture(path)
+    np.savez(path, data=noise(2000.0), sample_rate=2000, channel_names=["x"])
+    assert distance(import_texture(path), theory()) < 1.0
+    assert caplog.messages == [f"{path}: channel x: taken as the acceleration"]
+
+
+def test_a_pattern_becomes_a_texture_of_its_frequency_and_strength(tmp_path: Path) -> None:
+    parameters = [{"ParameterID": "HapticSharpness", "ParameterValue": 1.0}]
+    event = {"Time": 0.0, "EventType": "HapticContinuous", "EventDuration": 1.0}
+    pattern = [{"Event": {**event, "EventParameters": parameters}}]
+    path = tmp_path / "buzz.ahap"
+    path.write_text(json.dumps({"Pattern": pattern}))
+    with pytest.raises(ParameterError, match="calibration = nothing"):
+        import_texture(path)
+    model = import_texture(path, calibration=4.0)
+    frequency = np.linspace(1.0, 499.0, 5000)
+    density = model.spectrum(SPEED, FORCE, frequency)
+    assert frequency[np.argmax(density)] == pytest.approx(300.0, abs=2.0)
+    power = float(density.mean()) * 500.0
+    assert np.sqrt(power) == pytest.approx(4.0 / np.sqrt(2), rel=0.05)
+
+
+def test_the_texture_grows_with_speed_and_force_to_its_own_strength(tmp_path: Path) -> None:
+    model = import_texture(write_filter(tmp_path / "f.json"))
+    levels = {
+        (speed, force): float(np.sqrt(np.mean(model.spectrum(speed, force, BAND))))
+        for speed in (0.0, 0.5 * SPEED, SPEED, 3 * SPEED)
+        for force in (0.0, 0.5 * FORCE, FORCE, 3 * FORCE)
+    }
+    full = float(np.sqrt(np.mean(theory())))
+    assert levels[SPEED, FORCE] == pytest.approx(full, rel=1e-3)
+    assert levels[3 * SPEED, 3 * FORCE] == pytest.approx(full, rel=1e-3)
+    assert 0 < levels[0.5 * SPEED, 0.5 * FORCE] < full
+    assert levels[0.0, FORCE] == levels[SPEED, 0.0] == 0.0
+    texture = Texture(model, 1000.0, seed=1)
+    samples = texture.block(np.full(20000, SPEED), np.full(20000, FORCE))
+    power = float(np.var(signal.lfilter([0.5], A, np.eye(1, 4000)[0]))) * 4000
+    assert np.std(samples[1000:]) == pytest.approx(np.sqrt(power), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"a": [1.0, -1.01]}, "a: must have its roots inside the unit circle"),
+        ({"a": [0.0, 1.0]}, "a: must have its roots"),
+        ({"a": [5e-324, 1e9]}, "a: must have its roots"),
+        ({"b": []}, "b: must be 1 to"),
+        ({"b": [0.0]}, "b: .*not all 0"),
+        ({"b": "x"}, "b = 'x': must be a list"),
+        ({"b": [None]}, r"b.0 = None: must be from"),
+        ({"b": [1e200]}, r"b.0 = 1e\+200: must be from -1e\+09 to"),
+        ({"sample_rate": 1}, "sample_rate = 1: must be from 10"),
+    ],
+)
+def test_a_wrong_filter_is_refused(tmp_path: Path, changed: dict[str, Any], words: str) -> None:
+    path = write_filter(tmp_path / "f.json", **changed)
+    with pytest.raises(ParameterError, match=rf"^{path}: {words}"):
+        import_texture(path)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "words"),
+    [
+        ({}, "data = nothing: must be there"),
+        (
+            {"data": np.ones((3, 9)), "sample_rate": 1000, "channel_names": ["x"]},
+            r"shape \(3, 9\)",
+        ),
+        ({"data": [], "sample_rate": 1000, "channel_names": ["x"]}, r"data = .*: must be numbers"),
+        ({"data": np.ones(9), "sample_rate": 0, "channel_names": ["x"]}, "sample_rate = 0"),
+        ({"data": np.zeros(99), "sample_rate": 1000, "channel_names": ["x"]}, "is silent"),
+        ({"data": [1.0, 1e200], "sample_rate": 1000, "channel_names": ["x"]}, "data: must be num"),
+        (
+            {"data": [1.0, np.nan], "sample_rate": 1000, "channel_names": ["x"]},
+            "data: must be num",
+        ),
+    ],
+)
+def test_a_wrong_npz_is_refused(tmp_path: Path, arrays: dict[str, Any], words: str) -> None:
+    path = tmp_path / "wrong.npz"
+    np.savez(path, **arrays)
+    with pytest.raises(ParameterError, match=rf"^{path}: .*{words}"):
+        import_texture(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "calibration", "words"),
+    [
+        ("a.mp3", None, r"a.mp3: must be one of \*.xml, "),
+        ("a.csv", 2.0, "calibration = 2: .*a.csv has units: leave it out"),
+        ("a.wav", 0.0, "calibration = 0.0: must be above 0"),
+        ("a.xml", None, "No such file"),
+        ("a.npz", None, "No such file"),
+        ("a.json", None, "No such file"),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    tmp_path: Path, name: str, calibration: float | None, words: str
+) -> None:
+    with pytest.raises(ParameterError, match=words):
+        import_texture(tmp_path / name, calibration=calibration)
+
+
+SHAPES = {
+    "arma": ((14, 12), 25, 1000.0),
+    "large arma": ((20, 18), 57, 1000.0),
+    "ar": ((20, 0), 40, 10000.0),
+}
+"""Orders, nodes and rate of the toolkit's files."""
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def test_a_file_is_read_in_si_units(tmp_path: Path) -> None:
+    model = read_hatt(written(tmp_path / "slate.xml", hatt_file((14, 12), 25)))
+    assert (model.name, model.rate, model.coulomb_friction) == ("Slate", 1000.0, 0.25)
+    assert (model.lsf.shape, model.ma_lsf.shape) == ((25, 14), (25, 12))
+    assert (model.speeds.max(), model.forces.max()) == (0.3, 4.0)
+    assert np.all(model.gain > 0)
+    assert np.all((model.deviation == 0) == ((model.speeds == 0) | (model.forces == 0)))
+    assert "no redistribution" in model.provenance.licence
+
+
+def test_a_file_without_moving_average_is_autoregressive(tmp_path: Path) -> None:
+    text = hatt_file((20, 0), 40, 10000.0).replace("<numMACoeff>0</numMACoeff>", "")
+    model = read_hatt(written(tmp_path / "slate.xml", text))
+    assert (model.rate, model.ma_lsf.shape) == (10000.0, (40, 0))
+    assert model.gain.tolist() == [1.0] * 40
+
+
+@pytest.mark.parametrize(
+    ("found", "given", "message"),
+    [
+        ("</modelSet>", "", "not XML"),
+        ("modelSet", "model", "model: must be a modelSet"),
+        ("mm/s", "in/s", "SpeedUnits = in/s: must be mm/s"),
+        ("<SampleRate>1000</SampleRate>", "", "SampleRate: missing in modelSet"),
+        ("<SampleRate>1000", "<SampleRate>0", "rate = 0.0: must be above 0 Hz"),
+        ("<SampleRate>1000", "<SampleRate>fast", "SampleRate = 'fast': must be a number"),
+        ("<var>", "<var>-", "var = -.*: must be at least 0"),
+        ("<gain>", "<gain>nan ", "gain = 'nan .*': must be a number"),
+        ('<ARlsf type="array">', "<ARlsf><value>4</value>", "lsf: must rise within 0 to pi"),
+        ("model>", "texture>", "nodes = 0: must be three or more"),
+    ],
+)
+def test_a_wrong_file_is_refused_by_name(
+    tmp_path: Path, found: str, given: str, message: str
+) -> None:
+    path = written(tmp_path / "slate.xml", hatt_file().replace(found, given))
+    with pytest.raises(ParameterError, match=message) as refused:
+        read_hatt(path)
+    assert str(refused.value).startswith(f"{path}: ")
+    assert "\n" not in str(refused.value)
+
+
+def test_nodes_of_different_orders_are_refused(tmp_path: Path) -> None:
+    text = hatt_file().replace('<ARlsf type="array">', "<ARlsf><value>0.001</value>", 1)
+    with pytest.raises(ParameterError, match="ARlsf: 14 to 15 values: must be one order"):
+        read_hatt(written(tmp_path / "slate.xml", text))
+
+
+def are_stable(polynomials: np.ndarray) -> bool:
+    """Return True if all reflection coefficients are below 1, by the recursion backwards."""
+    while polynomials.shape[1] > 1:
+        reflection = polynomials[:, -1:]
+        if not np.all(np.abs(reflection) < 1):
+            return False
+        reversed_ = polynomials[:, ::-1]
+        polynomials = ((polynomials - reflection * reversed_) / (1 - reflection**2))[:, :-1]
+    return True
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("count", [1000, pytest.param(100_000, marks=pytest.mark.slow)])
+def test_a_texture_is_stable_at_every_point_and_along_every_path(
+    shape: str, count: int, tmp_path: Path
+) -> None:
+    orders, nodes, rate = SHAPES[shape]
+    model = read_hatt(written(tmp_path / "slate.xml", hatt_file(orders, nodes, rate)))
+    random = np.random.default_rng(1)
+    places = model.locate(random.uniform(0, 0.4, count), random.uniform(0, 6, count))
+    assert places.weights.min() >= 0
+    assert places.weights.sum(axis=1) == pytest.approx(1.0)
+    for lsf in (places.interpolate(model.lsf), places.interpolate(model.ma_lsf)):
+        assert is_ordered(lsf)
+        assert are_stable(to_polynomial(lsf))
+    # Half of the path jumps, half creeps; a fifth of it is out of contact.
+    for held in (1, 100):
+        texture = Texture(model, rate, seed=1)
+        speeds, forces = (
+            np.repeat(random.uniform(low, high, count // held), held)
+            for low, high in ((0, 0.4), (-1, 4.5))
+        )
+        samples = texture.block(speeds, np.maximum(forces, 0.0))
+        assert np.all(np.abs(samples) <= 100.0)
+        assert texture.saturated == np.sum(np.abs(samples) == 100.0)
+        quiet = texture.block(np.zeros(2_000), np.zeros(2_000))
+        assert np.abs(quiet[-1]) < 1e-3

@@ -1,0 +1,162 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.warning import warn_once
+from haptic_accel.setup.arguments import (
+    GraphArguments,
+    IdentifyArguments,
+    parse_arguments,
+    stated_words,
+)
+from haptic_accel.setup.files import parameter_text
+from haptic_accel.setup.former_names import current_arguments
+from haptic_accel.setup.words import described, parse_words
+
+
+def test_no_words_are_the_defaults() -> None:
+    assert parse_arguments([]) == GraphArguments()
+    assert GraphArguments().rate == 1000.0
+    assert GraphArguments().record is True
+
+
+def test_words_have_their_types() -> None:
+    arguments = parse_arguments(
+        ["rate:=4000", "seed:=7", "record:=False", "bag:=12", "surface:=a:=b"]
+    )
+    assert arguments.rate == 4000.0
+    assert arguments.seed == 7
+    assert arguments.record is False
+    assert arguments.bag == "12"
+    assert arguments.surface == "a:=b"
+
+
+def test_every_argument_is_described_with_its_default() -> None:
+    names = [name for name, _, _ in described(GraphArguments)]
+    listed = ["controller", "surface", "master", "slave", "rate", "duration", "record"]
+    listed += ["bag", "params_file", "seed"]
+    assert set(listed) <= set(names)
+    texts = {name: text for name, _, text in described(GraphArguments)}
+    assert "[Hz]" in texts["rate"]
+    assert "none, constant, dynamic" in texts["controller"]
+    # What is shown as a default can be given as a word.
+    words = [f"{name}:={default}" for name, default, _ in described(GraphArguments)]
+    assert parse_arguments(words) == GraphArguments()
+
+
+@given(st.lists(st.text(), max_size=4))
+def test_any_words_are_read_or_refused_in_one_line(words: list[str]) -> None:
+    try:
+        parse_arguments(words)
+    except ParameterError as error:
+        assert "\n" not in str(error).replace("\\n", "")
+
+
+@given(st.sampled_from(["rate", "seed", "duration", "recording_rate"]), st.text())
+def test_any_value_of_a_number_is_read_or_refused_by_name(key: str, value: str) -> None:
+    try:
+        arguments = parse_arguments([f"{key}:={value}"])
+    except ParameterError as error:
+        assert key in str(error)
+    else:
+        assert getattr(arguments, key) == float(value)
+
+
+def test_stated_words_give_the_same_arguments_and_leave_to_files_what_they_decide(
+    tmp_path: Path,
+) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(parameter_text({"/**": {"rate": 500.0}}))
+    words = [f"params_file:={mine}", "namespace:=/left", "duration:=0.1", "record:=false"]
+    arguments = parse_arguments(["latency:=3", *words])
+    assert arguments.rate == 500.0
+    assert sorted(stated_words(arguments)) == sorted(["latency:=3", *words])
+    assert parse_arguments(stated_words(arguments)) == arguments
+
+
+def test_the_virtual_slave_touches_a_scene() -> None:
+    assert parse_arguments(["slave:=virtual"]).surface == "workshop"
+    assert parse_arguments(["slave:=virtual", "surface:=mine.yaml"]).surface == "mine.yaml"
+    assert parse_arguments(["surface:=text"]).surface == "text"
+
+
+def test_the_hand_of_a_page_begins_with_the_best_controller(tmp_path: Path) -> None:
+    pointer = "master:=pointer"
+    assert parse_arguments([pointer]).controller == "adaptive"
+    assert parse_arguments([pointer, "controller:=dynamic"]).controller == "dynamic"
+    assert parse_arguments(["master:=simulated"]).controller == "dynamic"
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(parameter_text({"compensator": {"controller": "dynamic"}}))
+    assert parse_arguments([pointer, f"params_file:={mine}"]).controller == "dynamic"
+    mine.write_text(parameter_text({"master_device": {"device": "pointer"}}))
+    assert parse_arguments([f"params_file:={mine}"]).controller == "adaptive"
+
+
+def test_a_recording_is_for_the_simulated_slave() -> None:
+    assert parse_arguments(["surface:=drag.csv"]).surface == "drag.csv"
+    with pytest.raises(ParameterError, match=r"surface = 'drag\.wav': .* slave:=simulated"):
+        parse_arguments(["surface:=drag.wav", "slave:=serial"])
+
+
+@pytest.mark.parametrize(
+    ("former", "now", "key"),
+    [
+        ("surface:=recording recording:=drag.csv", "surface:=drag.csv", "recording"),
+        ("recording:=drag.csv surface:=recording", "surface:=drag.csv", "recording"),
+        ("recording:= surface:=text", "surface:=text", "recording"),
+        ("slave:=virtual scene:=mine.yaml", "slave:=virtual surface:=mine.yaml", "scene"),
+    ],
+)
+def test_former_words_are_read_with_one_warning(
+    former: str, now: str, key: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    warn_once.cache_clear()
+    for _ in range(2):
+        assert parse_arguments(former.split()) == parse_arguments(now.split())
+    assert caplog.messages == [
+        f"{key}:= is surface:= now; the former word is read until the next release"
+    ]
+
+
+def test_a_former_word_beside_the_one_in_its_place_is_refused() -> None:
+    with pytest.raises(ParameterError, match="surface: given twice"):
+        parse_arguments(["surface:=text", "recording:=drag.csv"])
+    with pytest.raises(ParameterError, match="scene: no such argument"):
+        parse_words(["scene:=workshop"], IdentifyArguments)
+
+
+@pytest.mark.parametrize(
+    ("recorded", "surface"),
+    [
+        ({"surface": "text", "scene": "workshop", "recording": ""}, "text"),
+        ({"slave": "virtual", "surface": "plywood", "scene": "mine.yaml"}, "mine.yaml"),
+        ({"slave": "virtual", "surface": "workshop"}, "workshop"),
+        ({"surface": "recording", "recording": "drag.csv"}, "drag.csv"),
+        ({"slave": "replay", "surface": "recording", "recording": ""}, "plywood"),
+        ({"surface": "drag.csv"}, "drag.csv"),
+    ],
+)
+def test_what_older_bags_call_otherwise_is_read(recorded: dict[str, str], surface: str) -> None:
+    now = current_arguments(recorded)
+    known = {name: value for name, value in now.items() if name in schema(GraphArguments)}
+    assert GraphArguments(**known).surface == surface

@@ -1,0 +1,260 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from fuzzing import ODD_TEXTS, accepted, fuzz, mutated
+from haptic_accel.core.model import HandleParameters
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.materials.folders import config_folder, preset_file
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.files import (
+    parameter_text,
+    read_parameter_file,
+    surface_parameters,
+)
+from haptic_accel.setup.node_parameters import NODES, node_parameters, node_schema
+from haptic_accel.setup.processes import graph_parameters
+
+
+def test_values_that_nodes_share_are_read_back(tmp_path: Path) -> None:
+    file, handle = tmp_path / "handle.yaml", {"m_h": 0.2}
+    nodes = {
+        "master_device": {"simulated": {"handle": handle}},
+        "compensator": {"plant": {"handle": handle}},
+    }
+    file.write_text(parameter_text(nodes))
+    values = read_parameter_file(file)
+    assert values["master_device"] == {"simulated.handle.m_h": 0.2}
+    assert values["compensator"] == {"plant.handle.m_h": 0.2}
+
+
+@pytest.mark.parametrize("rig", ["ideal", "paper"])
+def test_a_rig_says_what_the_devices_know(rig: str) -> None:
+    values = read_parameter_file(preset_file("rig", rig))
+    _, masters = node_parameters("master_device", values["master_device"])
+    _, slaves = node_parameters("slave_device", values["slave_device"])
+    # Table I in both.
+    assert masters["simulated"].handle == HandleParameters()
+    assert (masters["simulated"].mount.frequency > 0) == (rig == "paper")
+    assert (slaves["simulated"].accelerometer.noise_density > 0) == (rig == "paper")
+
+
+def test_a_rig_there_is_none_of_is_refused_with_those_there_are() -> None:
+    with pytest.raises(ParameterError, match=r"rig = 'mine'.*ideal, paper.*\.yaml"):
+        preset_file("rig", "mine")
+
+
+def test_the_default_file_says_what_the_code_does() -> None:
+    values = read_parameter_file(config_folder() / "teleop.yaml")
+    for executable in NODES:
+        schema = node_schema(executable)
+        for name, value in values[executable].items():
+            default = schema[name][0]
+            expected = default if isinstance(default, str) else pytest.approx(default, rel=1e-3)
+            assert value == expected, name
+
+
+@pytest.mark.parametrize("surface", ["plywood", "text", "vinyl"])
+def test_every_surface_has_its_own_name_and_is_allowed(surface: str) -> None:
+    values = read_parameter_file(preset_file("surface", surface))
+    _, slaves = node_parameters("slave_device", values["slave_device"])
+    assert slaves["simulated"].surface.name == surface
+
+
+@pytest.mark.parametrize("surface", ["plywood", "text", "vinyl"])
+def test_a_surface_file_leaves_nothing_of_the_surface_before(surface: str) -> None:
+    # `ros2 param load` changes what the file names and nothing else.
+    named = read_parameter_file(preset_file("surface", surface))["slave_device"]
+    assert set(named) == set(surface_parameters(surface))
+
+
+def test_a_file_may_give_every_node_the_clock_that_it_has(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("/**: {ros__parameters: {use_sim_time: false, rate: 500.0}}")
+    assert read_parameter_file(file)["coupler"] == {"rate": 500.0}
+    file.write_text("/**: {ros__parameters: {use_sim_time: true}}")
+    with pytest.raises(ParameterError, match="use_sim_time = True: must be false: .* clock"):
+        read_parameter_file(file)
+
+
+FORMER_NAMES = """
+/**:
+  ros__parameters: {can_serial.arm.channel: can0}
+master_device:
+  ros__parameters:
+    can_serial: {handle: {port: /dev/board, rearm: auto}}
+    crtk_serial: {arm: {namespace: /MTML}}
+slave_device:
+  ros__parameters: {can_serial: {arm: {channel: can1}}}
+"""
+
+
+def test_former_names_are_read_with_one_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(FORMER_NAMES)
+    values = graph_parameters(GraphArguments(params_file=str(file)))
+    assert read_parameter_file(file)["master_device"] == {
+        "can.channel": "can0",
+        "serial.port": "/dev/board",
+        "serial.rearm": "auto",
+        "crtk.namespace": "/MTML",
+    }
+    assert values["slave_device"]["can.channel"] == "can1"
+    assert caplog.messages == [
+        f"{file}: can_serial.arm.* is can.* now, can_serial.handle.* is serial.* now,"
+        " crtk_serial.arm.* is crtk.* now; the former names are read until the next release"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        (
+            "can_serial.handle.port: /dev/a, serial.port: /dev/b",
+            "can_serial.handle.port = /dev/a: must be /dev/b, as serial.port is: both are"
+            " serial.port now",
+        ),
+        (
+            "can_serial.handle.port: /dev/a, crtk_serial.handle.port: /dev/b",
+            "must be /dev/b, as crtk_serial.handle.port is",
+        ),
+        ("can_serial.handle.prt: /dev/a", "can_serial.handle.prt = '/dev/a': no such parameter"),
+    ],
+)
+def test_former_names_that_mean_nothing_or_two_things_are_refused(
+    tmp_path: Path, given: str, reason: str
+) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"master_device: {{ros__parameters: {{{given}}}}}")
+    with pytest.raises(ParameterError, match=re.escape(reason)):
+        read_parameter_file(file)
+    file.write_text(
+        "master_device: {ros__parameters: {can_serial.handle.port: /dev/a, serial.port: /dev/a}}"
+    )
+    assert read_parameter_file(file)["master_device"] == {"serial.port": "/dev/a"}
+
+
+def test_a_surface_of_ones_own_is_a_file(tmp_path: Path) -> None:
+    mine = tmp_path / "cork.yaml"
+    mine.write_text("slave_device: {ros__parameters: {simulated: {surface: {name: cork}}}}")
+    assert preset_file("surface", str(mine)) == mine
+    with pytest.raises(ParameterError, match="plywood"):
+        preset_file("surface", "cork")
+
+
+def test_wildcards_reach_the_nodes_that_have_the_parameter(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("/**: {ros__parameters: {latency: 2}}")
+    values = read_parameter_file(file)
+    assert values["master_device"] == values["compensator"] == {"latency": 2}
+    assert values["recorder"] == {}
+
+
+def test_namespaces_before_a_node_are_understood(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("/bench/coupler: {ros__parameters: {k_m: 300}}")
+    assert read_parameter_file(file)["coupler"] == {"k_m": 300}
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.one_of(st.binary(max_size=200), st.text(max_size=200).map(str.encode)))
+def test_any_file_is_read_or_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_bytes(content)
+    try:
+        read_parameter_file(file)
+    except ParameterError as error:
+        assert len(str(error).splitlines()) == 1
+        assert "mine.yaml" in str(error)
+
+
+names = st.sampled_from(["coupler", "/**", "compensator", "x", "ros__parameters", "k_m"])
+trees = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.floats(), st.text(max_size=5)),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=2), st.dictionaries(names, inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+
+
+values = st.one_of(
+    st.sampled_from(ODD_TEXTS),
+    st.sampled_from(["1e5", "-1", "true", "~", "[1, a]", "{a: 1}", "2001-01-01", "!!binary aGk="]),
+    st.sampled_from(
+        ["'text'", "*a", "&a 1", "!!set {a}", "!!python/name:os.system", '"\\0\\e[2J"']
+    ),
+)
+lines = st.builds("    {}: {}".format, st.sampled_from(sorted(node_schema("coupler"))), values)
+nested = trees.map(lambda tree: yaml.safe_dump(tree, default_flow_style=True))
+FILES = [*config_folder().glob("*.yaml"), *config_folder().glob("*/*.yaml")]
+shipped = st.sampled_from([file.read_text(encoding="utf-8") for file in FILES])
+own = st.lists(lines, max_size=4).map(
+    lambda given: "\n".join(["/**:", "  ros__parameters:", "    k_m: 300.0", *given])
+)
+pieces = values | st.sampled_from(
+    ["\n", ": ", "  ", "#", "- ", "|", ">", "<<: ", "? ", "\0", "\t"]
+)
+
+
+@fuzz
+@given(mutated(own, pieces) | mutated(shipped, pieces) | nested)
+def test_any_damage_to_a_file_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_bytes(text.encode())
+
+    def read() -> None:
+        found = read_parameter_file(file)
+        for executable in NODES:
+            node_parameters(executable, found[executable])
+
+    accepted(read)
+
+
+@pytest.mark.parametrize("value", ["1_000", "0x10", "\u0661\u0662", ".nan", "1:30", "0300"])
+def test_what_is_no_plain_decimal_is_no_number(tmp_path: Path, value: str) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"coupler: {{ros__parameters: {{k_m: {value}}}}}", encoding="utf-8")
+    found = read_parameter_file(file)["coupler"]
+    with pytest.raises(ParameterError, match=rf"k_m = '{value}': must be from 0"):
+        node_parameters("coupler", found)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        "a: &a [*a]",
+        '"a\\nb": {}',
+        '/**: {ros__parameters: {"\\e[2J": 1}}',
+        "x" * 2**23,
+    ],
+    ids=["nesting", "alias", "newline", "escape", "size"],
+)
+def test_what_is_hostile_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(text)
+    assert not accepted(lambda: read_parameter_file(file))

@@ -1,0 +1,103 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from haptic_accel.core.parameters import ParameterError, allowed_values
+from haptic_accel.devices import MASTERS, SLAVES
+from haptic_accel.setup.node_parameters import NODES, node_parameters, node_schema
+
+OLDER = {"safety.arm.max_age": 0.2, "safety.actuator.max_age": 0.2}
+
+
+@pytest.mark.parametrize("executable", NODES)
+def test_every_parameter_is_described_and_its_default_allowed(executable: str) -> None:
+    schema = node_schema(executable)
+    assert schema
+    for name, (default, specification) in schema.items():
+        assert specification.text, name
+        if isinstance(default, float):
+            assert specification.admits(default), name
+        if specification.choices:
+            assert default in (*specification.choices, ""), name
+
+
+@pytest.mark.parametrize(
+    ("executable", "devices"), [("master_device", MASTERS), ("slave_device", SLAVES)]
+)
+def test_a_device_with_the_parameters_of_others_adds_none(executable: str, devices: dict) -> None:
+    parts = {name.partition(".")[0] for name in node_schema(executable)}
+    assert set(devices) - parts == set(devices) & {"pointer", "can_serial", "crtk_serial"}
+
+
+FRAGMENT = re.compile(r"(?i)(of|what|which|how|when|where|if|its?|this|that|those|and|or)\b")
+"""Beginnings of texts that need something before them."""
+
+PURE = re.compile(
+    r"\b(ratio|factor|fraction|coefficient|exponent|deviation|margin|per|logarithm)\b"
+)
+"""Words for what has no unit."""
+
+
+@pytest.mark.parametrize("executable", NODES)
+def test_every_text_stands_alone_with_its_unit_and_what_is_allowed(executable: str) -> None:
+    for name, (default, specification) in node_schema(executable).items():
+        text, allowed = specification.text, allowed_values(default, specification)
+        assert not FRAGMENT.match(text), f"{name}: {text}"
+        assert len(text.split()) >= 3, f"{name}: {text}"
+        assert not text.endswith("."), f"{name}: {text}"
+        if isinstance(default, float):
+            assert specification.unit or PURE.search(text), f"{name}: {text}"
+        if isinstance(default, (bool, str)) and not specification.choices:
+            assert allowed == ("true or false" if isinstance(default, bool) else "text")
+        else:
+            assert re.match("one of|from|at least|above|a whole number, ", allowed), name
+        assert all(choice in allowed for choice in specification.choices), name
+
+
+def test_defaults_are_the_papers() -> None:
+    coupler, _ = node_parameters("coupler", {})
+    assert (coupler.k_m, coupler.k_sl) == (250.0, 250.0)
+    compensator, controllers = node_parameters("compensator", {})
+    assert compensator.rate == 1000.0
+    assert compensator.high_pass_frequency == 15.0
+    assert controllers["actuator"].peak_force == 6.6
+    assert controllers["constant"].mass == 0.128
+    _, masters = node_parameters("master_device", {})
+    handle = masters["simulated"].handle
+    table_i = (0.018, 266.0, 2.0, 0.128, 1500.0, 11.0)
+    assert (handle.m_a, handle.k_s, handle.b_s, handle.m_h, handle.k_u, handle.b_u) == table_i
+
+
+def test_values_reach_nested_parameters_by_dotted_name() -> None:
+    _, masters = node_parameters("master_device", {"simulated.handle.m_h": 0.2})
+    assert masters["simulated"].handle.m_h == 0.2
+
+
+@pytest.mark.parametrize("device", ["master_device", "slave_device"])
+def test_a_latency_at_which_every_force_is_outdated_is_refused(device: str) -> None:
+    node_parameters(device, {"latency": 20, "rate": 250.0})
+    with pytest.raises(ParameterError, match=r"^latency = 20: 0\.1 s at rate = 200 Hz, must be"):
+        node_parameters(device, {"latency": 20, "rate": 200.0})
+    node_parameters(device, {"latency": 20, "rate": 200.0} | OLDER)
+
+
+def test_a_wrong_value_is_named_with_its_dots() -> None:
+    with pytest.raises(ParameterError, match=r"^simulated\.handle\.m_h = -1: must be above 0 kg$"):
+        node_parameters("master_device", {"simulated.handle.m_h": -1})
