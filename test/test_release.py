@@ -89,7 +89,16 @@ def test_the_extra_ros_and_make_have_the_same_distribution() -> None:
 def test_every_fragment_of_the_changelog_has_a_known_kind() -> None:
     others = {"README.md", "template.rst"}
     names = {path.name for path in (SOURCE / "changelog.d").iterdir()} - others
-    assert [name for name in sorted(names) if not name.endswith(".change.rst")] == []
+    kinds = ".change.rst", ".upgrade.rst"
+    assert [name for name in sorted(names) if not name.endswith(kinds)] == []
+
+
+def test_the_changes_of_a_version_are_read_in_two_minutes() -> None:
+    fragments = (SOURCE / "changelog.d").glob("*.*.rst")
+    texts = [path.read_text(encoding="utf-8").strip() for path in fragments]
+    assert [text for text in texts if "\n" in text] == []
+    # 250 words a minute: Brysbaert 2019, silent reading of English.
+    assert sum(len(text.split()) for text in texts) <= 2 * 250
 
 
 def test_pixi_has_the_ros_packages_of_the_manifest() -> None:
