@@ -84,6 +84,10 @@ def long_description() -> str:
     return re.sub(r"\[([^\]]+)\]\((?!http)[^)]+\)", r"\1", without_figures)
 
 
+KITS = {"bringup": "bringup", "emulate": "emulators", "study": "study", "texture": "textures"}
+"""Verbs of kits, and their folders below haptic_accel/kits."""
+
+
 def node_scripts() -> list[str]:
     """Return the nodes' executables, which ``ros2 run`` looks for in lib/haptic_accel.
 
@@ -203,5 +207,13 @@ setup(
             "twine",
         ],
     },
-    entry_points={"console_scripts": [f"haptic-accel = {NAME}.cli.start:main", *node_scripts()]},
+    entry_points={
+        "console_scripts": [f"haptic-accel = {NAME}.cli.start:main", *node_scripts()],
+        # A kit without its folder, as in a copy for a robot, has no verb.
+        f"{NAME}.commands": [
+            f"{verb} = {NAME}.kits.{kit}.commands:VERB"
+            for verb, kit in KITS.items()
+            if Path(NAME, "kits", kit).is_dir()
+        ],
+    },
 )

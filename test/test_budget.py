@@ -44,8 +44,8 @@ BUDGETS = {
     "links": 700,
     "pages": 50,
 }
-"""Most lines of code of each folder and kit. Lower a budget with its code; raise it only in a commit that
-says what need of a user it pays for."""
+"""Most lines of code of each folder and kit. Lower a budget with its code; raise it only in a
+commit that says what need of a user it pays for."""
 
 SLACK = 100
 """Lines by which a folder may be smaller than its budget before the budget must be lowered."""

@@ -48,7 +48,7 @@ BELOW: dict[str, set[str]] = {
     "analysis": {"core", "bags", "materials", "setup", "pages"},
     "cli": {
         *("core", "bags", "devices", "links", "materials", "setup", "graph"),
-        *("nodes", "scope", "analysis", "kits"),
+        *("nodes", "scope", "analysis"),
     },
     "kits": {
         *("core", "bags", "devices", "links", "materials", "setup", "graph"),

@@ -18,28 +18,60 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
 import click
 
-from haptic_accel.core.parameters import suggestion
+from haptic_accel.core.parameters import one_line, suggestion
+
+COMMANDS_GROUP = "haptic_accel.commands"
+"""Group of entry points: verbs of kits, of this package and of others."""
+
+
+@dataclass(frozen=True)
+class KitVerb:
+    """Verb of a kit, as an entry point names it.
+
+    Parameters
+    ----------
+    heading : str
+        Heading of the help text that it stands below.
+    summary : str
+        Line of the help text.
+    module : str
+        Module with the verb's command; imported when the verb is used.
+    group : LazyGroup, optional
+        Group of further verbs; then the module is not needed.
+    """
+
+    heading: str
+    summary: str
+    module: str = ""
+    group: LazyGroup | None = None
 
 
 class LazyGroup(click.Group):
     """Verbs under headings, imported one by one.
 
-    An emergency stop must not wait for the import of plotting libraries. A verb is in its group's
-    module or, if that has none of this name, in the module of its own name.
+    An emergency stop must not wait for the import of plotting libraries, nor for a search for
+    other packages.
 
     Parameters
     ----------
     name : str
     sections : mapping
         Summaries of the verbs, by heading and name.
+    module : str
+        Module or package of the verbs. A package has a verb in the module of its group's name or,
+        if that has none of this name, in the module of its own name.
     groups : sequence of click.Group
         Verbs that are groups of further verbs.
+    entry_points : str
+        Group of entry points with further verbs (`KitVerb`); empty for none.
     examples : sequence of str
         Command lines for the help text.
     """
@@ -49,15 +81,47 @@ class LazyGroup(click.Group):
         name: str,
         sections: Mapping[str, Mapping[str, str]],
         *,
+        module: str = "haptic_accel.cli",
         groups: Sequence[click.Group] = (),
+        entry_points: str = "",
         examples: Sequence[str] = (),
         **settings: Any,
     ) -> None:
         super().__init__(name, no_args_is_help=False, subcommand_metavar="VERB ...", **settings)
-        self.sections = sections
-        self.verbs = [verb for verbs in sections.values() for verb in verbs]
-        self.groups = {group.name: group for group in groups}
+        self._own = sections
+        self._own_groups = {group.name or "": group for group in groups}
+        self._module = module
+        self._entry_points = entry_points
         self.examples = examples
+
+    @cached_property
+    def kits(self) -> Mapping[str, KitVerb]:
+        """Verbs of kits by name; a name of this group's own keeps its meaning."""
+        return _kit_verbs(self._entry_points) if self._entry_points else {}
+
+    @cached_property
+    def sections(self) -> Mapping[str, Mapping[str, str]]:
+        """Summaries of all verbs, by heading and name."""
+        found = {heading: dict(verbs) for heading, verbs in self._own.items()}
+        for name, kit in self.kits.items():
+            if not self._has(name):
+                found.setdefault(kit.heading, {})[name] = kit.summary
+        return {heading: verbs for heading, verbs in found.items() if verbs}
+
+    @property
+    def verbs(self) -> list[str]:
+        """Names of all verbs, in the order of their headings."""
+        return [verb for verbs in self.sections.values() for verb in verbs]
+
+    @cached_property
+    def groups(self) -> Mapping[str, click.Group]:
+        """Verbs that are groups of further verbs, by name."""
+        of_kits = {name: kit.group for name, kit in self.kits.items() if kit.group}
+        return of_kits | self._own_groups
+
+    def _has(self, name: str) -> bool:
+        """Return whether a verb is this group's own."""
+        return any(name in verbs for verbs in self._own.values())
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Require a verb."""
@@ -71,20 +135,21 @@ class LazyGroup(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import a verb."""
-        if cmd_name not in self.verbs:
-            return None
-        if cmd_name in self.groups:
-            return self.groups[cmd_name]
-        names = self.name, cmd_name
-        places = [f"haptic_accel.cli.{name}" for name in names]
-        kits = {"emulate": "emulators", "texture": "textures"}
-        for name in names:
-            kit = f"haptic_accel.kits.{kits.get(name or '', name)}"
-            places += [f"{kit}.command_line"] if find_spec(kit) else []
-        modules = (import_module(place) for place in places if find_spec(place))
+        if self._has(cmd_name):
+            return self._own_groups.get(cmd_name) or self._imported(self._module, cmd_name)
+        if kit := self.kits.get(cmd_name):
+            return kit.group or self._imported(kit.module, cmd_name)
+        return None
+
+    def _imported(self, place: str, verb: str) -> click.Command:
+        """Return the command of a verb from a module, or from a package of modules."""
+        modules = [import_module(place)]
+        if hasattr(modules[0], "__path__"):
+            within = (f"{place}.{name}" for name in (self.name, verb))
+            modules = [import_module(each) for each in within if find_spec(each)]
         found = (each for module in modules for each in vars(module).values())
         return next(
-            each for each in found if isinstance(each, click.Command) and each.name == cmd_name
+            each for each in found if isinstance(each, click.Command) and each.name == verb
         )
 
     def resolve_command(
@@ -92,7 +157,7 @@ class LazyGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the verb of a command line, or name the nearest one."""
         word = args[0]
-        if word in self.verbs or word.startswith("-") or ctx.resilient_parsing:
+        if self._has(word) or word in self.kits or word.startswith("-") or ctx.resilient_parsing:
             return super().resolve_command(ctx, args)
         near = suggestion(word, self.verbs)
         ctx.fail(f"{word}: no such verb{near}; there are {', '.join(self.verbs)}")
@@ -106,6 +171,29 @@ class LazyGroup(click.Group):
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the examples."""
         write_examples(formatter, self.examples)
+
+
+def _kit_verbs(group: str) -> dict[str, KitVerb]:
+    """Return the verbs of a group of entry points, sorted by name.
+
+    An entry that is no verb, or whose package cannot be imported, is left out with a warning: it
+    must not take the other verbs away.
+    """
+    from importlib.metadata import entry_points  # takes as long as the rest of the help text
+
+    found: dict[str, KitVerb] = {}
+    for entry in sorted(entry_points(group=group)):
+        try:
+            verb = entry.load()
+        except Exception as error:  # a foreign module may raise anything
+            verb, reason = None, f"{type(error).__name__}: {one_line(error)}"
+        else:
+            reason = "must be a KitVerb"
+        if isinstance(verb, KitVerb):
+            found[entry.name] = verb
+        else:
+            click.echo(f"haptic-accel: {entry.name}: {entry.value}: {reason}", err=True)
+    return found
 
 
 def write_examples(formatter: click.HelpFormatter, examples: Sequence[str]) -> None:
