@@ -38,7 +38,7 @@ from haptic_accel.kits.study.export import FORMS, export_study
 from haptic_accel.kits.study.protocol import Protocol
 from haptic_accel.kits.study.trials import SessionRecord
 
-VALIDATORS = Path(__file__).resolve().parents[2] / ".validators"
+VALIDATORS = Path(__file__).resolve().parents[3] / ".validators"
 """Folder into which ``.ci/run`` installs the validators."""
 
 BIDS_VALIDATOR = VALIDATORS / "bin/bids-validator-deno"

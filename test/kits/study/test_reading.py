@@ -93,7 +93,7 @@ def test_levels_are_compared_with_their_reference_in_each_other_condition(tmp_pa
 
 @pytest.mark.parametrize("name", [*sorted(KEYS), *MEASURES, "gain", "network"])
 def test_each_key_task_and_factor_is_documented(name: str) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "protocol_of_a_study.md").read_text()
+    page = (Path(__file__).parents[3] / "docs" / "protocol_of_a_study.md").read_text()
     assert re.search(rf"^\|.*`{name}[`.]", page, re.MULTILINE)
 
 
