@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import ast
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -207,6 +208,21 @@ def test_rooms_of_the_core_stay_apart(name: str) -> None:
     known = {to for by, to in inside() if within(by, f"haptic_accel.core.{name}")}
     others = [f"haptic_accel.core.{other}" for other in APART[name]]
     assert not [module for module in known for other in others if within(module, other)]
+
+
+KITS = {name.split(".")[2] for name in MODULES if name.startswith("haptic_accel.kits.")}
+
+
+@pytest.mark.parametrize("kit", sorted(KITS))
+def test_a_kit_imports_no_other_kit_and_only_public_names(kit: str) -> None:
+    own = f"haptic_accel.kits.{kit}"
+    known = {to for by, to in inside() if within(by, own) and within(to, "haptic_accel.kits")}
+    assert [to for to in known if not within(to, own)] == []
+    for module in (name for name in MODULES if within(name, own)):
+        for node in ast.walk(ast.parse(MODULES[module].read_text())):
+            if isinstance(node, ast.ImportFrom) and not within(node.module or "", own):
+                private = [each.name for each in node.names if re.match("_[^_]", each.name)]
+                assert not private, (module, private)
 
 
 def closes_a_circle(pair: Import) -> bool:

@@ -13,4 +13,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Simulated rig: mechanics, instruments and the exploring hand."""
+"""Description of a graph: its arguments, parameter files, and the parameters of its nodes."""

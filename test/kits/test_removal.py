@@ -1,0 +1,161 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The package without a kit, without any kit, and with a verb of another package."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Collection
+from pathlib import Path
+
+import pytest
+
+from running import Command
+
+SOURCE = Path(__file__).resolve().parents[2]
+KITS = sorted(path.parent.name for path in SOURCE.glob("haptic_accel/kits/*/__init__.py"))
+VERBS = {"bringup": "bringup", "emulators": "emulate", "study": "study", "textures": "texture"}
+"""Verb of each kit."""
+
+MAIN = "-c", "from haptic_accel.cli.start import main; main()"
+"""What the console script does."""
+
+EVERY_MODULE = """
+import pkgutil, haptic_accel
+from importlib import import_module
+for module in pkgutil.walk_packages(haptic_accel.__path__, "haptic_accel."):
+    # Left out: what only a graph loads, and only where there is all of ROS 2.
+    if not module.name.startswith(("haptic_accel.nodes", "haptic_accel.graph.launching")):
+        import_module(module.name)
+print(haptic_accel.__file__)
+"""
+
+
+def house(folder: Path, removed: Collection[str]) -> Path:
+    """Copy the package without some kits, as if it were installed so."""
+    left_out = {str(SOURCE / "haptic_accel" / "kits" / kit) for kit in removed}
+
+    def ignored(parent: str, names: list[str]) -> list[str]:
+        gone = (name for name in names if f"{parent}/{name}" in left_out)
+        return [*gone, *(name for name in names if name == "__pycache__")]
+
+    shutil.copytree(SOURCE / "haptic_accel", folder / "haptic_accel", ignore=ignored)
+    shutil.copy(SOURCE / "package.xml", folder)
+    (folder / "config").symlink_to(SOURCE / "config")
+    verbs = {VERBS[kit]: f"haptic_accel.kits.{kit}.commands:VERB" for kit in KITS}
+    kept = {verb: place for verb, place in verbs.items() if verb not in map(VERBS.get, removed)}
+    declare(folder, "haptic_accel", kept)
+    return folder
+
+
+def declare(folder: Path, package: str, verbs: dict[str, str]) -> None:
+    """Write what an installer writes of a package and its verbs."""
+    about = folder / f"{package}-9.0.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 9.0.0\n")
+    lines = "".join(f"{verb} = {place}\n" for verb, place in verbs.items())
+    (about / "entry_points.txt").write_text(f"[haptic_accel.commands]\n{lines}")
+
+
+def run(folder: Path, *words: str, beside: str = "") -> subprocess.CompletedProcess[str]:
+    """Run Python with the package in a folder, and what is in another folder beside it."""
+    found = subprocess.run(
+        [sys.executable, *words],
+        env=os.environ | {"PYTHONPATH": f"{folder}:{beside}"},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (found.returncode, "Traceback" in found.stderr) == (0, False), found.stderr
+    return found
+
+
+def command(folder: Path, *words: str, beside: str = "") -> subprocess.CompletedProcess[str]:
+    """Run ``haptic-accel WORDS`` of the package in a folder."""
+    return run(folder, *MAIN, *words, beside=beside)
+
+
+def test_every_kit_has_a_verb() -> None:
+    assert sorted(VERBS) == KITS
+
+
+@pytest.mark.parametrize("kit", KITS)
+def test_a_kit_can_be_taken_away(kit: str, tmp_path: Path) -> None:
+    folder = house(tmp_path, [kit])
+    assert run(folder, "-c", EVERY_MODULE).stdout == f"{folder}/haptic_accel/__init__.py\n"
+    said = command(folder, "--help").stdout
+    verbs = {line.split()[0] for line in said.splitlines() if line.startswith("  ")}
+    assert VERBS[kit] not in verbs
+    assert verbs > {VERBS[other] for other in KITS if other != kit} | {"touch", "teleop"}
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the package without any kit."""
+    return house(tmp_path_factory.mktemp("bare"), KITS)
+
+
+def test_without_kits_the_experiment_runs_and_is_analysed(bare: Path) -> None:
+    words = "duration:=1", "surface:=text", "controller:=dynamic"
+    assert "dynamic" in command(bare, "experiment", "--lockstep", *words, "--out", "found").stdout
+    assert "dynamic" in command(bare, "analyze", "found").stdout
+
+
+@pytest.mark.quiet
+def test_without_kits_a_surface_is_touched(
+    bare: Path, start: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(bare))
+    touching = start(*MAIN, "touch", "--no-open")
+    touching.wait_for("http")
+    assert touching.end(signal.SIGINT) == 0, touching.text
+
+
+@pytest.mark.live
+def test_without_kits_the_graph_runs(
+    bare: Path, start: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(bare))
+    running = start(*MAIN, "teleop", "duration:=1", "record:=false")
+    assert running.end() == 0, running.text
+
+
+def test_another_package_adds_a_verb(bare: Path, tmp_path: Path) -> None:
+    (tmp_path / "lab_kit.py").write_text(
+        "import click\n"
+        "from haptic_accel.cli.lazy import KitVerb\n"
+        "VERB = KitVerb('Devices', 'weigh a handle', 'lab_kit')\n"
+        "@click.command()\n"
+        "def weigh() -> None:\n"
+        "    click.echo('0.064 kg')\n"
+    )
+    declare(tmp_path, "lab_kit", {"weigh": "lab_kit:VERB", "teleop": "lab_kit:VERB"})
+    found = command(bare, "weigh", beside=str(tmp_path))
+    assert (found.stdout, found.stderr) == ("0.064 kg\n", "")
+
+
+def test_a_verb_that_cannot_be_loaded_takes_no_other_away(bare: Path, tmp_path: Path) -> None:
+    declare(tmp_path, "broken_kit", {"weigh": "no_such_module:VERB"})
+    found = command(bare, "--help", beside=str(tmp_path))
+    assert "teleop" in found.stdout
+    assert len(found.stderr.splitlines()) == 1
+    assert "weigh: no_such_module:VERB: ModuleNotFoundError" in found.stderr
