@@ -33,7 +33,6 @@ from haptic_accel.core.process import (
     report_unraisable,
     shortage,
 )
-from haptic_accel.graph.stop_signal import Signalled, hurry, stop_at_once
 
 TYPE_CHECKING = False  # typing is not needed to stop
 if TYPE_CHECKING:
@@ -41,6 +40,8 @@ if TYPE_CHECKING:
     from typing import NoReturn
 
     import click
+
+    from haptic_accel.graph.stop_signal import Signalled
 
 
 def main(words: Sequence[str] | None = None) -> None:
@@ -57,6 +58,8 @@ def main(words: Sequence[str] | None = None) -> None:
     def act() -> int | None:
         signalled: Signalled | None = None
         if given[:1] == ["estop"]:
+            from haptic_accel.graph.stop_signal import hurry, stop_at_once
+
             if words is None:  # this process is for the stop alone
                 hurry()
             signalled = stop_at_once(given[1:])

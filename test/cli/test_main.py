@@ -370,7 +370,7 @@ main()
 
 @pytest.mark.parametrize(
     "module",
-    ["haptic_accel.cli.main", "haptic_accel.graph.stop_signal", "click", "haptic_accel.bags"],
+    ["haptic_accel.cli.main", "haptic_accel.cli.commands", "click", "haptic_accel.bags"],
 )
 @pytest.mark.parametrize(("ignored", "status"), [(False, 130), (True, 2)])
 def test_an_interrupt_during_an_import_is_quiet_unless_a_script_ignores_it(

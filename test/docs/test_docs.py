@@ -28,6 +28,7 @@ from typing import Any
 import pytest
 from matplotlib import pyplot
 
+from haptic_accel.cli.lazy import KitVerb
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.topics import ASKED, HAND_SET_POINT, JOINT_STATES, TOPICS
 from haptic_accel.setup.node_parameters import NODES, node_schema
@@ -38,6 +39,7 @@ PAGES = [*DOCS, *sorted(SOURCE.glob("*.md"))]
 
 READERS = re.compile(r"^\*For: [^*]+\.\*$", re.MULTILINE)
 LINK = re.compile(r"(?<!\\)\[[^\]]*\]\(([^)\s]+)\)")
+PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
 FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 
 
@@ -138,7 +140,7 @@ def test_every_page_is_in_the_index() -> None:
 
 
 def test_the_controller_that_contributing_shows_is_one() -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", (SOURCE / "CONTRIBUTING.md").read_text(), re.S)
+    code, _ = PYTHON.findall((SOURCE / "CONTRIBUTING.md").read_text())
     module = ModuleType("half")
     sys.modules["half"] = module  # where dataclasses look for annotations
     try:
@@ -148,6 +150,13 @@ def test_the_controller_that_contributing_shows_is_one() -> None:
     controller = module.HalfController(module.HalfParameters(), Loop(1000.0))
     assert controller.force(2.0, 0.0) == 0.128
     assert isinstance(controller, Controller)
+
+
+def test_the_verb_that_contributing_shows_is_one() -> None:
+    _, code = PYTHON.findall((SOURCE / "CONTRIBUTING.md").read_text())
+    module = ModuleType("weigh")
+    exec(code, module.__dict__)
+    assert isinstance(module.VERB, KitVerb)
 
 
 def test_the_notebook_of_the_tutorial_runs() -> None:
