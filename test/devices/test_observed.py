@@ -25,10 +25,10 @@ import pytest
 
 from haptic_accel.core.actuator.safety import MasterSafetyParameters
 from haptic_accel.core.axes import along_actuator
-from haptic_accel.core.bring_up import PROBE_FREQUENCY, response
 from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.model import ZERO, AccelerometerParameters, Vector
 from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.signal_checks import PROBE_FREQUENCY, response
 from haptic_accel.devices.interface import DeviceError, Reading
 from haptic_accel.devices.observed import ObservedDevice
 from haptic_accel.devices.simulated import SimulatedMaster

@@ -33,8 +33,8 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.core.axes import NAMES
-from haptic_accel.core.bring_up import STILL
 from haptic_accel.core.model import GRAVITY, FloatArray
+from haptic_accel.core.signal_checks import STILL
 
 BLOCKS = 10
 """Number of blocks whose means give the standard error: the noise of samples is correlated."""

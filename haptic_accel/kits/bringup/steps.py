@@ -32,13 +32,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from haptic_accel.core import bring_up as checks
+from haptic_accel.core import signal_checks as checks
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.bring_up import Check
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import Checked, like, parameter, shown
 from haptic_accel.core.process import module_command
+from haptic_accel.core.signal_checks import Check
 from haptic_accel.core.topics import ARMS
 from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError

@@ -23,7 +23,7 @@ import math
 import numpy as np
 import pytest
 
-from haptic_accel.core.bring_up import (
+from haptic_accel.core.signal_checks import (
     PROBE_FORCES,
     PROBE_FREQUENCY,
     current_check,
