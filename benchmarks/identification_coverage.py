@@ -29,8 +29,8 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from input_family import log_uniform
 
-from haptic_accel.analysis.input_family import log_uniform
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.evaluation import identify_handle

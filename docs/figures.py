@@ -15,7 +15,7 @@
 
 """Draws figures of the documentation that come from lockstep trials.
 
-``python docs/figures.py bounds FILE`` draws the trials of a JSON file of ``bench fidelity``
+``python docs/figures.py bounds FILE`` draws the trials of a file of ``benchmarks/fidelity.py``
 against their bounds, and ``python docs/figures.py excursion`` one landing and one texture of low
 frequency with and without excursion control. ``python docs/figures.py blackout`` draws two hosts
 while the network between them is gone. All write to docs/figures.
@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
@@ -34,7 +35,6 @@ from unittest.mock import patch
 import numpy as np
 from matplotlib.figure import Figure
 
-from haptic_accel.analysis.fidelity import texture
 from haptic_accel.analysis.plots import BLACK, BLUE, GREEN, VERMILION
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
@@ -147,6 +147,9 @@ def _signals(trial: Trial) -> Run:
 def excursion() -> Figure:
     """Draw travel and error of a landing and of a texture of low frequency."""
     free = 1e3 * ActuatorParameters().travel
+    sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+    from fidelity_trials import texture
+
     figure = Figure(figsize=(9, 5), layout="constrained")
     panels = figure.subplots(2, 2, sharex="col")
     inputs = {

@@ -38,12 +38,12 @@ BENCH = LazyGroup(
     {
         "Kinds": {
             "latency": "latency, losses and CPU of the graph, beside two references",
-            "fidelity": "tracking error of each controller on every rig, grip and input",
             "network": "energy, stability and error of two coupled hosts over networks",
         }
     },
-    help="Measure latency, CPU, losses and tracking error.",
-    examples=["haptic-accel bench latency rig:=ideal --rate 2000", "haptic-accel bench fidelity"],
+    help="Measure latency, CPU and losses, and the coupling over networks.",
+    moved={"fidelity": "python benchmarks/fidelity.py in the source"},
+    examples=["haptic-accel bench latency rig:=ideal --rate 2000"],
 )
 
 SECTIONS = {
@@ -74,7 +74,7 @@ SECTIONS = {
     "Surfaces": {},
     "Machine": {
         "keys": "make keys for two hosts",
-        "bench": "measure latency, CPU, losses and tracking error",
+        "bench": "measure latency, CPU and losses, and the coupling over networks",
         "doctor": "find causes of timing jitter on this machine and suggest fixes",
     },
 }

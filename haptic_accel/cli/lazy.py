@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
+from types import MappingProxyType
 from typing import Any
 
 import click
@@ -72,6 +73,8 @@ class LazyGroup(click.Group):
         Verbs that are groups of further verbs.
     entry_points : str
         Group of entry points with further verbs (`KitVerb`); empty for none.
+    moved : mapping
+        Command that replaces a former verb, by the verb's name.
     examples : sequence of str
         Command lines for the help text.
     """
@@ -84,6 +87,7 @@ class LazyGroup(click.Group):
         module: str = "haptic_accel.cli",
         groups: Sequence[click.Group] = (),
         entry_points: str = "",
+        moved: Mapping[str, str] = MappingProxyType({}),
         examples: Sequence[str] = (),
         **settings: Any,
     ) -> None:
@@ -92,6 +96,7 @@ class LazyGroup(click.Group):
         self._own_groups = {group.name or "": group for group in groups}
         self._module = module
         self._entry_points = entry_points
+        self._moved = moved
         self.examples = examples
 
     @cached_property
@@ -159,6 +164,8 @@ class LazyGroup(click.Group):
         word = args[0]
         if self._has(word) or word in self.kits or word.startswith("-") or ctx.resilient_parsing:
             return super().resolve_command(ctx, args)
+        if word in self._moved:
+            ctx.fail(f"{word}: is now {self._moved[word]}")
         near = suggestion(word, self.verbs)
         ctx.fail(f"{word}: no such verb{near}; there are {', '.join(self.verbs)}")
 

@@ -312,7 +312,7 @@ def test_shells_get_a_script(
     ("typed", "found"),
     [
         ("emu", "emulate"),
-        ("bench fid", "fidelity"),
+        ("bench net", "network"),
         ("experiment --lock", "--lockstep"),
         ("teleop contr", "controller:="),
         ("teleop --json x controller:=inv", "controller:=inverse"),

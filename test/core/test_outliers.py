@@ -23,8 +23,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from input_family import MEMBERS, member
 
-from haptic_accel.analysis.input_family import MEMBERS, member
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.outliers import LONGEST, outliers, without_outliers
 from haptic_accel.core.parameters import ParameterError, from_flat

@@ -114,7 +114,6 @@ FREE_OF_ROS = (
     "design",
     "texture render plywood --speed 80 --force 1 --out wood.wav",
     "doctor",
-    "bench fidelity grips --controllers none --rig ideal",
 )
 """Command lines that run in this order without ROS 2."""
 

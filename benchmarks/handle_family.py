@@ -43,8 +43,8 @@ from itertools import count
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from input_family import Random, log_uniform
 
-from haptic_accel.analysis.input_family import Random, log_uniform
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import AccelerometerParameters, HandleParameters, MountParameters
 from haptic_accel.core.trial import GripChange

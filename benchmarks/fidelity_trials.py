@@ -25,11 +25,11 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+import handle_family
 import numpy as np
+from handle_family import SPREAD, WIDE, hand
+from input_family import MEMBERS, band_noise, member, ringing
 
-from haptic_accel.analysis import handle_family
-from haptic_accel.analysis.handle_family import SPREAD, WIDE, hand
-from haptic_accel.analysis.input_family import MEMBERS, band_noise, member, ringing
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.handle.plant import Plant

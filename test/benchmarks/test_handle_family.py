@@ -21,8 +21,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-
-from haptic_accel.analysis.handle_family import (
+from handle_family import (
     FORCE_DEVIATION,
     FRICTION,
     HANDS_EVERY,
@@ -37,6 +36,7 @@ from haptic_accel.analysis.handle_family import (
     members,
     rig_of,
 )
+
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import HandleParameters, MountParameters
 

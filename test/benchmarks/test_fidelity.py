@@ -25,8 +25,24 @@ import pytest
 
 from running import Command
 
-Start = Callable[..., Command]
-Ran = Callable[..., str]
+SCRIPT = Path(__file__).resolve().parents[2] / "benchmarks" / "fidelity.py"
+Begin = Callable[..., Command]
+
+
+@pytest.fixture
+def begin(start: Begin) -> Begin:
+    """Start the benchmark with words, in an empty folder."""
+    return lambda *words: start(SCRIPT, *words)
+
+
+def text_of(command: Command) -> str:
+    """Return what a command writes that is done."""
+    assert command.end() == 0, command.text
+    return command.text
+
+
+pytestmark = pytest.mark.quiet
+
 ROW = {
     "rig",
     "rate_hz",
@@ -46,19 +62,21 @@ ROW = {
 }
 
 
-def test_the_table_is_printed_and_saved(ran: Ran, here: Path) -> None:
+def test_the_table_is_printed_and_saved(begin: Begin, tmp_path: Path) -> None:
     time = np.arange(4000) / 2000.0
     np.savetxt(
-        here / "drag.csv",
+        tmp_path / "drag.csv",
         np.sin(2 * np.pi * 100 * time) + np.sin(2 * np.pi * 150.5 * time),
         header="acceleration",
         comments="",
     )
-    text = ran(
-        *("bench", "fidelity", "--hands", "0", "--controllers", "none,inverse"),
-        *("--recording", "drag.csv", "--recording-rate", "2000", "--json", "figures.json"),
+    text = text_of(
+        begin(
+            *("--hands", "0", "--controllers", "none,inverse"),
+            *("--recording", "drag.csv", "--recording-rate", "2000", "--json", "figures.json"),
+        )
     )
-    figures = json.loads((here / "figures.json").read_text())
+    figures = json.loads((tmp_path / "figures.json").read_text())
     assert figures["rows"]
     for row in figures["rows"]:
         assert set(row) >= ROW
@@ -83,14 +101,18 @@ def test_the_table_is_printed_and_saved(ran: Ran, here: Path) -> None:
     assert "a hand could not tell" in " ".join(text.split())
 
 
-def test_chosen_conditions_give_the_same_with_any_number_of_jobs(ran: Ran, here: Path) -> None:
+def test_chosen_conditions_give_the_same_with_any_number_of_jobs(
+    begin: Begin, tmp_path: Path
+) -> None:
     found = {}
     for jobs in ("1", "3"):
-        text = ran(
-            *("bench", "fidelity", "taps", "--controllers", "none,dynamic", "--rig", "paper"),
-            *("--rate", "500", "--jobs", jobs, "--json", f"{jobs}.json"),
+        text = text_of(
+            begin(
+                *("taps", "--controllers", "none,dynamic", "--rig", "paper"),
+                *("--rate", "500", "--jobs", jobs, "--json", f"{jobs}.json"),
+            )
         )
-        found[jobs] = json.loads((here / f"{jobs}.json").read_text())
+        found[jobs] = json.loads((tmp_path / f"{jobs}.json").read_text())
     assert found["1"] == found["3"]
     for row in found["1"]["rows"]:
         assert (row["condition"], row["rig"], row["rate_hz"]) == ("taps", "paper", 500.0)
@@ -109,12 +131,11 @@ def test_chosen_conditions_give_the_same_with_any_number_of_jobs(ran: Ran, here:
     )
 
 
-@pytest.mark.quiet
 def test_what_is_done_is_saved_at_ctrl_c_and_the_same_command_goes_on(
-    haptic_accel: Start, tmp_path: Path
+    begin: Begin, tmp_path: Path
 ) -> None:
-    words = ("bench", "fidelity", "hands", "--controllers", "none", "--hands", "5")
-    command = haptic_accel(*words, "--json", "figures.json")
+    words = ("hands", "--controllers", "none", "--hands", "5")
+    command = begin(*words, "--json", "figures.json")
     command.wait_for("2 of 5: ")
     assert command.end(signal.SIGINT) == 130, command.text
     assert "Traceback" not in command.text
@@ -123,11 +144,29 @@ def test_what_is_done_is_saved_at_ctrl_c_and_the_same_command_goes_on(
     assert 2 <= done < 5
     assert f"interrupted after {done} of 5 trials; the same command goes on" in command.text
     assert figures["summary"][0]["trials"] == done
-    again, whole = (
-        haptic_accel(*words, "--json", f"{name}.json") for name in ("figures", "whole")
-    )
+    again, whole = (begin(*words, "--json", f"{name}.json") for name in ("figures", "whole"))
     for command in (again, whole):
         assert command.end() == 0, command.text
     assert f"{done} of 5 trials are taken from figures.json.part" in again.text
     assert (tmp_path / "figures.json").read_text() == (tmp_path / "whole.json").read_text()
     assert not (tmp_path / "figures.json.part").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("--controllers none,magic", "'magic': must be one of "),
+        ("texture", "'texture': must be one of surfaces, "),
+        ("recordings", "recordings: needs --recording"),
+        ("--rig no.yaml", "rig = 'no.yaml': must be one of ideal, "),
+        ("--rate 10", "Invalid value for '--rate': 10.0 is not in the range"),
+        ("--recording no.csv --recording-rate 10", "surface = 'no.csv': must be "),
+        ("--recording a --recording b --recording-rate 1", "surface = 'a': "),
+        ("--json no/such.json", "json = 'no/such.json': No such file or directory"),
+    ],
+)
+def test_wrong_words_are_refused_in_one_line(begin: Begin, words: str, line: str) -> None:
+    command = begin(*words.split())
+    assert command.end() == 2
+    assert len(command.lines) == 1
+    assert line in command.text

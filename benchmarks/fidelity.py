@@ -13,7 +13,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``haptic-accel bench fidelity``: tracking error of each controller, beside its lower bound."""
+"""Tracking error of all controllers on every rig, grip and input, and on families of them.
+
+``python benchmarks/fidelity.py`` prints it for the paper's surfaces, hand models and changing
+grips; ``--help`` lists all conditions.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +25,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import click
-
-from haptic_accel.analysis.fidelity import (
+from fidelity_trials import (
     CONDITIONS,
     DEFAULT_CONDITIONS,
     Wanted,
@@ -33,6 +36,8 @@ from haptic_accel.analysis.fidelity import (
     tables,
     with_controllers,
 )
+
+from haptic_accel.cli.main import run
 from haptic_accel.cli.options import (
     controllers_option,
     json_option,
@@ -51,9 +56,9 @@ from haptic_accel.setup.processes import graph
 
 
 @verb(
-    "haptic-accel bench fidelity",
-    "haptic-accel bench fidelity textures taps --controllers none,inverse --json figures.json",
-    "haptic-accel bench fidelity recordings --recording drag.csv --recording-rate 10000",
+    "python benchmarks/fidelity.py",
+    "python benchmarks/fidelity.py textures taps --controllers none,inverse --json figures.json",
+    "python benchmarks/fidelity.py recordings --recording drag.csv --recording-rate 10000",
 )
 @click.argument("conditions", nargs=-1, metavar="[CONDITION ...]")
 @controllers_option(CONTROLLERS, default=CONTROLLERS)
@@ -120,3 +125,7 @@ def fidelity(
         save({"rows": rows, "summary": means}, json_file)
     if end:
         raise end
+
+
+if __name__ == "__main__":
+    run(fidelity, "fidelity")

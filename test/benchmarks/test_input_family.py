@@ -19,8 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from haptic_accel.analysis.input_family import CREST, ENVELOPES, MEMBERS, RMS, SPECTRA, member
+from input_family import CREST, ENVELOPES, MEMBERS, RMS, SPECTRA, member
 
 SECONDS, RATE = 4.0, 1000.0
 

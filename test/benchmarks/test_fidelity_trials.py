@@ -20,8 +20,7 @@ from __future__ import annotations
 import math
 
 import pytest
-
-from haptic_accel.analysis.fidelity import (
+from fidelity_trials import (
     CONDITIONS,
     Case,
     Wanted,
@@ -32,8 +31,9 @@ from haptic_accel.analysis.fidelity import (
     summary,
     tables,
 )
-from haptic_accel.analysis.handle_family import KINDS, SPREAD, hand
-from haptic_accel.analysis.input_family import member
+from handle_family import KINDS, SPREAD, hand
+from input_family import member
+
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial
