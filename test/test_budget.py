@@ -28,11 +28,11 @@ PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
 
 BUDGETS = {
     "core": 14_300,
-    "analysis": 4_960,
+    "analysis": 4_310,
     "nodes": 4_280,
     "kits/study": 3_970,
     "devices": 3_390,
-    "cli": 2_910,
+    "cli": 2_810,
     "bags": 2_640,
     "scope": 1_420,
     "setup": 1_400,
