@@ -139,7 +139,8 @@ def test_both_sides_have_a_serial_device() -> None:
 def test_the_package_does_without_the_libraries_until_a_port_is_opened() -> None:
     code = (
         "import sys; sys.modules['serial'] = sys.modules['cobs'] = None\n"
-        "from haptic_accel.cli import bench, calibrate, emulate, main\n"
+        "from haptic_accel.cli import bench, calibrate, main\n"
+        "from haptic_accel.kits.emulators import command_line\n"
         "from haptic_accel.devices import SLAVES, DeviceError\n"
         "kind = SLAVES['serial']\n"
         "try: kind(kind.Parameters(port='/dev/null'), 1000.0, 0).open()\n"
