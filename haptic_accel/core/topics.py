@@ -18,10 +18,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:  # an emergency stop must not wait for the import of numpy
-    pass
 
 ARMS = ("master", "slave")
 """The two arms, which are also the sides of a coupling between two hosts."""

@@ -161,7 +161,7 @@ def test_the_verb_that_contributing_shows_is_one() -> None:
 
 def test_the_notebook_of_the_tutorial_runs() -> None:
     text = (SOURCE / "docs" / "notebook.md").read_text()
-    (code,) = re.findall(r"```python\n(.*?)```", text, re.S)
+    (code,) = PYTHON.findall(text)
     names: dict[str, Any] = {}
     pyplot.switch_backend("agg")
     exec(code, names)

@@ -13,7 +13,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The package without a kit, without any kit, and with a verb of another package."""
 
 from __future__ import annotations
@@ -151,6 +150,8 @@ def test_another_package_adds_a_verb(bare: Path, tmp_path: Path) -> None:
     declare(tmp_path, "lab_kit", {"weigh": "lab_kit:VERB", "teleop": "lab_kit:VERB"})
     found = command(bare, "weigh", beside=str(tmp_path))
     assert (found.stdout, found.stderr) == ("0.064 kg\n", "")
+    said = command(bare, "--help", beside=str(tmp_path)).stdout
+    assert said.count("weigh a handle") == 1  # teleop keeps its meaning
 
 
 def test_a_verb_that_cannot_be_loaded_takes_no_other_away(bare: Path, tmp_path: Path) -> None:
