@@ -17,12 +17,14 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import ParameterEvent, ParameterValue
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
+from rclpy.task import Future
 
 from haptic_accel.core.parameters import ParameterError, checked, shown
 from haptic_accel.nodes.graph_node import GraphNode
@@ -30,6 +32,10 @@ from haptic_accel.setup.node_parameters import node_schema
 
 LONGEST_TEXT = 1000
 """Maximum length of a parameter's text, characters; no path is as long."""
+
+ANSWERING_TIME = 3.0
+"""Time in which a node answers, s. A request may have gone to a node that was killed: its service
+is found for up to 20 s, also while a new node of its name is there."""
 
 Given = Iterable[tuple[str, ParameterValue]]
 
@@ -68,25 +74,34 @@ class RemoteParameters:
         self._refuse = refuse
         self._client = node.create_client(GetParameters, f"{name}/get_parameters")
         self._found = False
-        self._asked = False
+        self._answer: Future | None = None  # to the request of the present values
+        self._due = 0.0
         self.path = f"{node.get_namespace().rstrip('/')}/{name}"
         """Full name of the other node."""
         self.values: Mapping[str, Any] = {}
 
     def refresh(self) -> None:
-        """Request parameters of a new or changed node; discard those of a lost node."""
+        """Request parameters of a new, changed or silent node; discard those of a lost node."""
         if not self._client.service_is_ready():
             if self._found:  # otherwise the node is new, and told its values
-                self._found = self._asked = False
+                self._found, self._answer = False, None
                 self.values = {}
-        elif not self._asked:
-            self._found = self._asked = True
-            asked = self._client.call_async(GetParameters.Request(names=list(self._wanted)))
-            asked.add_done_callback(lambda answer: self._receive_answer(answer.result()))
+        elif self._answer is None or self._is_overdue(self._answer):
+            self._found = True
+            self._answer = self._client.call_async(GetParameters.Request(names=list(self._wanted)))
+            self._answer.add_done_callback(lambda answer: self._receive_answer(answer.result()))
+            self._due = time.monotonic() + ANSWERING_TIME
+
+    def _is_overdue(self, answer: Future) -> bool:
+        """Drop a request that has been without an answer for too long, and return true."""
+        overdue = not answer.done() and time.monotonic() > self._due
+        if overdue:
+            self._client.remove_pending_request(answer)
+        return overdue
 
     def forget(self) -> None:
         """Discard all values, of a node that has ended."""
-        self._found = self._asked = False
+        self._found, self._answer = False, None
         self._apply(dict.fromkeys(self.values), [])
 
     def receive(self, event: ParameterEvent) -> None:
@@ -94,7 +109,7 @@ class RemoteParameters:
         given = [(p.name, p.value) for p in (*event.new_parameters, *event.changed_parameters)]
         known, refused = admitted(self._name, self._wanted, given)
         if known or refused:
-            self._asked = False
+            self._answer = None
             self._apply(known, refused)
 
     def _receive_answer(self, answer: GetParameters.Response) -> None:
