@@ -93,9 +93,11 @@ def hosts(request: pytest.FixtureRequest) -> Iterator[tuple[list[Host], list[tup
 
 
 def met(pair: list[Host]) -> bool:
-    """Send both ways once; return whether both have heard enough of each other."""
-    for host in pair:
-        host.send()
+    """Send both ways at the rate of a link; return whether both have heard enough."""
+    for _ in range(25):
+        for host in pair:
+            host.send()
+        time.sleep(1.0 / RATE)
     return all(host.hears() and host.end.session.received > 20 for host in pair)
 
 
