@@ -42,7 +42,7 @@ from haptic_accel.core.trial import DEFAULT_RATE, GripChange, Trial
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.setup.arguments import SURFACES, GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial
-from haptic_accel.setup.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.setup import Setup
 
 DURATION = 8.0
 """Duration of a trial with one grip, s."""
@@ -319,7 +319,7 @@ def _handles(wanted: Wanted) -> Iterator[Case]:
         around = wanted.on(handle_family.rig_of(number))
         given = wanted.inputs[number % len(wanted.inputs)]
         arguments = _given(given, around, number)
-        master = rig_parameters(graph_parameters(arguments)).master
+        master = Setup.of(arguments).rig().master
         sensor, delay = master.accelerometer.bandwidth, master.drive.delay
         described = Plant(master.handle, delay=delay, bandwidth=sensor)
         kind, played, reported = handle_family.member(number, described, DURATION, wanted.seed)
@@ -359,13 +359,9 @@ DEFAULT_CONDITIONS = ["surfaces", "hands", "grips"]
 def run_case(case: Case) -> Row:
     """Run one trial and evaluate it from `start` on."""
     arguments = replace(case.arguments, duration=DURATION)
-    values = graph_parameters(arguments)
-    for node, own in case.changes.items():
-        values[node] |= own
-    rig = rig_parameters(values)
-    trial = lockstep_trial(
-        arguments, recording=case.recording, grips=case.grips, changes=case.changes
-    )
+    setup = Setup.of(arguments).changed(case.changes)
+    rig = setup.rig()
+    trial = lockstep_trial(setup, recording=case.recording, grips=case.grips)
     first = round(case.start * trial.rate)
     evaluation = trial.evaluate(first)
     handle = held(rig.master.handle, rig.master.grip, arguments.seed)

@@ -35,7 +35,7 @@ from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluatio
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.trial import RigParameters, run_trial
 from haptic_accel.setup.arguments import SURFACES, GraphArguments
-from haptic_accel.setup.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.setup import Setup
 
 CONTROLLERS = ("constant", "dynamic")
 """Controllers whose results depend on the rig: without one the error is 100 % on any rig."""
@@ -180,7 +180,7 @@ def deviations(evaluations: Evaluations) -> FloatArray:
 def _trial(unknowns: Unknowns, duration: float, condition: tuple[str, str, int]) -> Evaluation:
     surface, controller, seed = condition
     arguments = GraphArguments(rig="paper", surface=surface)
-    rig = unknowns.rig(rig_parameters(graph_parameters(arguments)))
+    rig = unknowns.rig(Setup.of(arguments).rig())
     # In the paper's loop a force takes effect at once.
     return run_trial(controller, rig, duration=duration, latency=0, seed=seed).evaluate()
 

@@ -42,7 +42,7 @@ from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.tables import ResultTable
 from haptic_accel.core.trial import run_identification
 from haptic_accel.setup.arguments import GraphArguments
-from haptic_accel.setup.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.setup import Setup
 
 KINDS = ("ideal", "paper")
 """Rigs of config/rigs around which the random ones lie."""
@@ -143,7 +143,7 @@ def random_rig(kind: str, index: int) -> MasterRigParameters:
     def varied(value: float, spread: float) -> float:
         return value * math.exp(math.log1p(spread) * random.uniform(-1.0, 1.0))
 
-    master = rig_parameters(graph_parameters(GraphArguments(rig=kind))).master
+    master = Setup.of(GraphArguments(rig=kind)).rig().master
     handle = {name: varied(getattr(master.handle, name), w) for name, w in SPREAD.items()}
     mount = {name: varied(getattr(master.mount, name), w) for name, w in MOUNT_SPREAD.items()}
     delay = random.uniform(0.0, LONGEST_DELAY) * random.integers(2)

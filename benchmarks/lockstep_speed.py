@@ -37,6 +37,7 @@ from haptic_accel.cli.options import Verb, json_option, words  # noqa: E402
 from haptic_accel.cli.output import save  # noqa: E402
 from haptic_accel.setup.arguments import GraphArguments, parse_arguments  # noqa: E402
 from haptic_accel.setup.lockstep import lockstep_trial  # noqa: E402
+from haptic_accel.setup.setup import Setup  # noqa: E402
 
 
 @click.command(cls=Verb)
@@ -50,11 +51,12 @@ def lockstep_speed(
 ) -> int:
     """Run one trial in lockstep on one core several times, and print the shortest duration."""
     arguments = replace(parse_arguments(words), rate=rate, duration=seconds)
-    lockstep_trial(replace(arguments, duration=10 / rate))  # imports and tables are loaded once
-    wall = math.inf
+    setup, wall = Setup.of(arguments), math.inf
+    # Imports and tables are loaded once.
+    lockstep_trial(Setup.of(replace(arguments, duration=10 / rate)))
     for _ in range(runs):
         start = time.perf_counter()
-        trial = lockstep_trial(arguments)
+        trial = lockstep_trial(setup)
         wall = min(wall, time.perf_counter() - start)
     results = {
         "rate_hz": rate,

@@ -46,7 +46,8 @@ from haptic_accel.core.process import DONE
 from haptic_accel.core.tables import Row
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.setup.arguments import GraphArguments, parse_arguments
-from haptic_accel.setup.processes import SCOPE, graph
+from haptic_accel.setup.processes import graph
+from haptic_accel.setup.setup import SCOPE
 
 SHORTEST = 3.0
 """Shortest length of a run, s: the page needs some time to connect."""

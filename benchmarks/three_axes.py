@@ -46,8 +46,7 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import SURFACES, GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial
-from haptic_accel.setup.node_parameters import node_parameters
-from haptic_accel.setup.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.setup import Setup
 
 SECONDS = 10.0
 BEGIN = 2.0
@@ -102,7 +101,7 @@ def run(rig: str, surface: str, condition: str, least: float = math.nan) -> tupl
     arguments = GraphArguments(
         rig=rig, surface=surface, controller=controller, duration=SECONDS, record=False
     )
-    trial = lockstep_trial(arguments, changes={"compensator": changes})
+    trial = lockstep_trial(Setup.of(arguments).changed({"compensator": changes}))
     desired, actual = compared(trial)
     row = Row(
         evaluate(desired, actual, trial.rate, 0.0).nrmse_percent,
@@ -117,7 +116,7 @@ def turned(rig: str, controller: str, axis: str, angle: float) -> tuple[float, f
     """Return error from contact on, %, time from contact to a warning, s, and the warning."""
     arguments = GraphArguments(rig=rig, controller=controller, duration=SECONDS, record=False)
     body = {"simulated.body.sensor_rotation": angle, "simulated.body.sensor_axis": axis}
-    trial = lockstep_trial(arguments, changes={"master_device": body})
+    trial = lockstep_trial(Setup.of(arguments).changed({"master_device": body}))
     touched = np.linalg.norm(trial.desired_acceleration, axis=1) > CONTACT
     first = int(np.argmax(touched))
     told = [(time - first / trial.rate, text) for time, text in trial.warnings if text]
@@ -127,9 +126,9 @@ def turned(rig: str, controller: str, axis: str, angle: float) -> tuple[float, f
 
 def bound(arguments: GraphArguments, trial: Trial) -> float:
     """Return the least error of any causal linear controller within the coils' limits, %."""
-    values = graph_parameters(arguments)
-    _, options = node_parameters("compensator", values["compensator"])
-    master = rig_parameters(values).master
+    setup = Setup.of(arguments)
+    _, options = setup.node("compensator")
+    master = setup.rig().master
     return matrix_bounds(
         matrix_plant(options, trial.rate).coupled().delayed(trial.latency),
         trial.rate,

@@ -46,6 +46,7 @@ from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial
+from haptic_accel.setup.setup import Setup
 
 FOLDER = Path(__file__).parent / "figures"
 
@@ -130,7 +131,8 @@ def run(limited: bool, recording: FloatArray | None) -> Run:
     arguments = GraphArguments(rig="ideal", controller="inverse", surface="plywood", duration=8.0)
     changes = FAST_LANDING if recording is None else {}
     with nullcontext() if limited else patch.object(Loop, "travel_limit", ENDLESS):
-        return _signals(lockstep_trial(arguments, recording=recording, changes=changes))
+        setup = Setup.of(arguments).changed(changes)
+        return _signals(lockstep_trial(setup, recording=recording))
 
 
 def _signals(trial: Trial) -> Run:
@@ -182,7 +184,7 @@ def excursion() -> Figure:
 def blackout() -> Figure:
     """Draw positions, forces, energy and vibration of two hosts through two blackouts."""
     arguments = GraphArguments(rig="ideal", surface="text", duration=4.0)
-    trial = lockstep_trial(arguments, channel=NETWORK, blackouts=BLACKOUTS)
+    trial = lockstep_trial(Setup.of(arguments), channel=NETWORK, blackouts=BLACKOUTS)
     crossing = trial.crossing
     assert crossing is not None
     figure = Figure(figsize=(9, 9), layout="constrained")

@@ -34,7 +34,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.due_forces import PAST_TICK
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, on_grid, places
 from haptic_accel.setup.arguments import (
     REPLAY,
@@ -43,8 +43,8 @@ from haptic_accel.setup.arguments import (
     GraphArguments,
     check_lockstep,
 )
-from haptic_accel.setup.former_names import current_arguments
 from haptic_accel.setup.lockstep import lockstep_trial, replayed_track
+from haptic_accel.setup.setup import Setup
 
 COUNTED_BEFORE = "deadlines missed"
 """Suffix of the name under which older devices counted `PAST_TICK`."""
@@ -124,10 +124,12 @@ def find_divergence(path: Path) -> Divergence:
         The bag is of another kind, or its arms never coupled.
     """
     bag = read_bag(path)
-    arguments = _arguments(bag)
+    setup = _setup(bag)
+    arguments = setup.arguments
     start, length = _coupled(bag, arguments.rate)
     track = replayed_track(arguments) if arguments.slave == REPLAY else None
-    trial = lockstep_trial(replace(arguments, duration=length / arguments.rate), track=track)
+    timed = replace(setup, arguments=replace(arguments, duration=length / arguments.rate))
+    trial = lockstep_trial(timed, track=track)
     length = min(length, len(trial.time))
     first, signals = length, []
     for topic, vectors in trial_vectors(trial).items():
@@ -144,21 +146,19 @@ def find_divergence(path: Path) -> Divergence:
     return Divergence(path, length, first, arguments.rate, tuple(signals), reasons)
 
 
-def _arguments(bag: Bag) -> GraphArguments:
-    """Return the arguments of the recorded graph."""
-    known = bag.facts.get("arguments")
-    if not isinstance(known, Mapping) or "latency" not in known:
-        raise ParameterError(f"{bag.path}: does not state the arguments of its graph")
-    known = current_arguments(known)
-    arguments = GraphArguments(**{k: v for k, v in known.items() if k in schema(GraphArguments)})
+def _setup(bag: Bag) -> Setup[GraphArguments]:
+    """Return the setup of the recorded graph, as it was; its files may have changed since."""
     with located(bag.path):
+        setup = Setup.from_metadata(bag.facts)
+        arguments = setup.arguments
         check_lockstep(arguments, "to be compared with lockstep", (SIMULATED, VIRTUAL, REPLAY))
-    if arguments.slave == REPLAY:  # also found from another working directory
-        slave = bag.facts["parameters"]["slave_device"]
-        arguments = replace(arguments, replay=slave[f"{REPLAY}.file"])
-    if arguments.latency == 0:
-        raise ParameterError(f"{bag.path}: latency = 0: forces have no due time")
-    return arguments
+        if arguments.latency == 0:
+            raise ParameterError("latency = 0: forces have no due time")
+    if arguments.slave != REPLAY:
+        return setup
+    # Also found from another working directory.
+    played = setup.values["slave_device"][f"{REPLAY}.file"]
+    return replace(setup, arguments=replace(arguments, replay=played))
 
 
 def _coupled(bag: Bag, rate: float) -> tuple[int, int]:

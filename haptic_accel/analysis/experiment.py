@@ -38,6 +38,7 @@ from haptic_accel.core.trial import Trial
 from haptic_accel.materials.folders import is_recording
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial, record_trial
+from haptic_accel.setup.setup import Setup
 
 EVALUATED = (
     *("nrmse_percent", "bound_percent", "limited_bound_percent", "indistinguishable_percent"),
@@ -103,7 +104,7 @@ def trial_error(trial: Trial) -> float:
 
 def lockstep_error(arguments: GraphArguments) -> float:
     """Return the error of a condition in lockstep, %; NaN for a desired acceleration of zero."""
-    return trial_error(lockstep_trial(arguments))
+    return trial_error(lockstep_trial(Setup.of(arguments)))
 
 
 def channel_setting(channel: ChannelParameters | None) -> dict[str, str]:
@@ -333,8 +334,9 @@ def run_lockstep(condition: RecordedCondition) -> str:
     """Run and record one condition in lockstep; return a line with its error."""
     set_aside(condition.bag)
     start = time.time_ns()
-    trial = lockstep_trial(condition.arguments, channel=condition.channel)
-    record_trial(condition.bag, trial, condition.arguments, start)
+    setup = Setup.of(condition.arguments)
+    trial = lockstep_trial(setup, channel=condition.channel)
+    record_trial(condition.bag, trial, setup, start)
     return condition_line(condition.arguments, trial_error(trial))
 
 

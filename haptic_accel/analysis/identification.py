@@ -67,8 +67,7 @@ from haptic_accel.materials.columns import ACCELERATION, FORCE, Column, Wording
 from haptic_accel.materials.recordings import read_columns
 from haptic_accel.setup.arguments import AVERAGE_GRIP, IdentifyArguments
 from haptic_accel.setup.files import EVERY_NODE
-from haptic_accel.setup.node_parameters import node_parameters
-from haptic_accel.setup.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.setup import Setup
 
 LOWEST_COMPARED = 15.0
 """Frequency below which the compensator's high-pass passes nothing (paper), Hz."""
@@ -265,7 +264,7 @@ def evaluate(
         A handle with three axes is held with several grips.
     """
     check_stops(recorded)
-    _, known = node_parameters("identifier", graph_parameters(arguments)["identifier"])
+    _, known = Setup.of(arguments).node("identifier")
     actuator, sensor = known[ACTUATOR], known["accelerometer"]
     sensed = sensor.range, sensor.bandwidth
     handle = HandleParameters(
@@ -331,7 +330,7 @@ def _coil_travel(found: ThreeAxisIdentification, most: float) -> list[str]:
 
 def axes_of(arguments: IdentifyArguments) -> Axes:
     """Return the axes of the handle that is identified."""
-    return Axes.parsed(graph_parameters(arguments)["identifier"]["axes"])
+    return Axes.parsed(Setup.of(arguments).values["identifier"]["axes"])
 
 
 def beside_truth(
@@ -347,7 +346,7 @@ def beside_truth(
 
 def rig_as_held(arguments: IdentifyArguments) -> RigParameters:
     """Return the simulated rig with one user's grip, for any seed of the noise."""
-    master = rig_parameters(graph_parameters(arguments)).master
+    master = Setup.of(arguments).rig().master
     handle = held(master.handle, master.grip, arguments.seed)
     grip = replace(master.grip, variation=0.0, posture=AVERAGE_GRIP)
     return RigParameters(replace(master, handle=handle, grip=grip))

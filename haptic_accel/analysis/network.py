@@ -29,6 +29,7 @@ from haptic_accel.core.tables import Column, Row
 from haptic_accel.core.two_arms import ENGAGING, RATE, Instant, TwoArms, free, press, stroke, wall
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial
+from haptic_accel.setup.setup import Setup
 
 DURATION = 7.0
 """Length of a contact, and of strokes in free space, s."""
@@ -133,7 +134,7 @@ def _run(
 
 def _vibration(condition: Condition) -> Row:
     """Return error and share of the handle against the played acceleration."""
-    trial = lockstep_trial(VIBRATION, channel=condition.network, law=condition.law)
+    trial = lockstep_trial(Setup.of(VIBRATION), channel=condition.network, law=condition.law)
     return {
         "nrmse_percent": trial.evaluate(SETTLED).nrmse_percent,
         "indistinguishable_percent": 100.0 * trial.indistinguishable(SETTLED),

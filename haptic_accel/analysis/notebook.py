@@ -32,6 +32,7 @@ from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial
 from haptic_accel.setup.node_parameters import NODES, node_schema
+from haptic_accel.setup.setup import Setup
 
 
 @dataclass(frozen=True)
@@ -162,4 +163,4 @@ def run_trial(
     given = {"controller": controller, "rig": rig.name, "surface": surface, **arguments}
     words = {k: os.fspath(v) if isinstance(v, os.PathLike) else v for k, v in given.items()}
     asked = GraphArguments(duration=duration, **words)
-    return NotebookTrial(**vars(lockstep_trial(asked, changes=rig.changes)))
+    return NotebookTrial(**vars(lockstep_trial(Setup.of(asked).changed(rig.changes))))

@@ -30,6 +30,7 @@ from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial, record_trial
 from haptic_accel.setup.replay import Replay, ReplayArguments, replayed_track
+from haptic_accel.setup.setup import Setup
 
 COLUMNS = (
     Column("bag", "bag", value=lambda row: Path(row["bag"]).name),
@@ -58,12 +59,13 @@ def play(condition: PlayedCondition) -> Row:
     """Play a bag through a controller; record the result if a bag is given for it."""
     start = time.time_ns()
     track = replayed_track(condition.own, condition.graph)
-    trial = lockstep_trial(condition.graph, track=track)
+    setup = Setup.of(condition.graph)
+    trial = lockstep_trial(setup, track=track)
     trial = replace(trial, surface=condition.touched)
     metrics = _metrics(condition.own.bag, trial, track)
     if condition.out:
         shutil.rmtree(condition.out, ignore_errors=True)  # that of a lost process
-        record_trial(condition.out, trial, condition.graph, start)
+        record_trial(condition.out, trial, setup, start)
     return metrics
 
 

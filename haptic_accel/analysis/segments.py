@@ -41,23 +41,19 @@ from haptic_accel.core.evaluation.metrics import by_component
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
-from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, places, sampling_rate
 from haptic_accel.core.trial import RigParameters
 from haptic_accel.materials.folders import is_recording
 from haptic_accel.setup.arguments import (
     PLAYED_TOPICS,
     POINTER,
-    RECORDING,
     REPLAY,
     SCENE,
     SIMULATED,
     VIRTUAL,
-    GraphArguments,
 )
-from haptic_accel.setup.former_names import current_arguments
-from haptic_accel.setup.node_parameters import node_parameters
-from haptic_accel.setup.processes import rig_parameters
+from haptic_accel.setup.setup import Parameters, known_arguments
 
 RINGING = 0.2
 """Decay time of handle and tool after a change, s: eight times Table I's 2 m_h / b_u."""
@@ -246,7 +242,7 @@ def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = N
         return Cut([], problems)
     missing = [name for name in _NAMES if name not in recorded.signals]
     problems += [f"has no {name}{_consequence(name, missing)}" for name in missing]
-    described = _known(recorded, rate, rig, problems)
+    described = _known(recorded, Parameters.from_metadata(recorded.facts), rate, rig, problems)
     begin = max(int(signal.stamps.min()) for signal in present)
     end = min(int(signal.stamps.max()) for signal in present)
     if end <= begin:
@@ -286,7 +282,7 @@ def _rate(recorded: Bag, asked: float | None, problems: list[str]) -> float | No
     if found is None:
         return None
     try:
-        stated = float(_arguments(recorded).get("rate") or 0.0)
+        stated = float(known_arguments(recorded.facts).get("rate") or 0.0)
     except (TypeError, ValueError):
         stated = 0.0
     stated = stated if math.isfinite(stated) else 0.0
@@ -311,8 +307,8 @@ class _Known:
     ----------
     condition : Condition
         Condition at the start.
-    slave : dict
-        Parameters of the slave's device at the start, by dotted name.
+    parameters : Parameters
+        Parameters of the nodes that the bag states.
     controllers : dict
         Parameters of the controllers by name.
     rig : RigParameters or None
@@ -326,7 +322,7 @@ class _Known:
     """
 
     condition: Condition
-    slave: dict[str, Any]
+    parameters: Parameters
     controllers: dict[str, Any]
     rig: RigParameters | None
     seed: int
@@ -363,11 +359,16 @@ class _Known:
             return None
 
 
-def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list[str]) -> _Known:
-    """Return a graph's description from its bag's metadata."""
-    arguments, parameters = _arguments(recorded), _mapping(recorded.facts.get("parameters"))
-    nodes = {name: _mapping(parameters.get(name)) for name, _ in _CONDITIONS}
-    if not nodes["compensator"]:
+def _known(
+    recorded: Bag,
+    parameters: Parameters,
+    rate: float,
+    rig: RigParameters | None,
+    problems: list[str],
+) -> _Known:
+    """Return a graph's description from its bag's metadata, and the parameters of its nodes."""
+    arguments, nodes = known_arguments(recorded.facts), parameters.values
+    if not nodes.get("compensator"):
         problems.append(
             "does not state how it was made: the latency is estimated where the signals show it,"
             f" and defaults are used for the high-pass ({HIGH_PASS_FREQUENCY:g} Hz) and the"
@@ -375,35 +376,31 @@ def _known(recorded: Bag, rate: float, rig: RigParameters | None, problems: list
         )
     corner, actuator = HIGH_PASS_FREQUENCY, ActuatorParameters()
     options: dict[str, Any] = {}
-    if rig and parameters:
+    if rig and nodes:
         raise ParameterError(f"rig: {recorded.path} describes its own handle")
     try:
-        if nodes["compensator"]:
-            around, options = node_parameters("compensator", nodes["compensator"])
+        if nodes.get("compensator"):
+            around, options = parameters.node("compensator")
             corner, actuator = around.high_pass_frequency, options[ACTUATOR]
         if arguments.get("master") in (SIMULATED, POINTER):
-            rig = rig_parameters({name: _mapping(parameters.get(name)) for name in _RIG})
+            rig = parameters.rig()
     except ParameterError as error:
         problems.append(f"its parameters are invalid ({error}): defaults are used")
     stated = {
-        field: str(nodes[node].get(name) or arguments.get(field, UNKNOWN))
+        field: str(nodes.get(node, {}).get(name) or arguments.get(field, UNKNOWN))
         for (node, name), field in _CONDITIONS.items()
     }
     condition = Condition(**stated | {"surface": surface_of(recorded)})
     pair: tuple[str, ...] = (recorded.path.name,)
     if arguments:
-        seed = arguments.get("seed", nodes["slave_device"].get("seed", ""))
+        seed = arguments.get("seed", nodes.get("slave_device", {}).get("seed", ""))
         surface = str(arguments.get("surface", ""))
         source = str(arguments.get("replay") or (surface if is_recording(surface) else ""))
         pair = (f"seed {seed}", *([Path(source).name] if source else []))
     seed = arguments.get("seed")
     user = seed if isinstance(seed, int) and seed >= 0 else 0
     around_trial = rate, corner, actuator, pair, recorded.latency
-    return _Known(condition, nodes["slave_device"], options, rig, user, *around_trial)
-
-
-_RIG = ("master_device", "slave_device", "coupler")
-"""Nodes with parameters of the virtual rig."""
+    return _Known(condition, parameters, options, rig, user, *around_trial)
 
 
 def surface_of(recorded: Bag) -> str:
@@ -411,8 +408,8 @@ def surface_of(recorded: Bag) -> str:
 
     An operator's host does not know the surface at the robot.
     """
-    arguments = _arguments(recorded)
-    slave = _mapping(_mapping(recorded.facts.get("parameters")).get("slave_device"))
+    arguments = known_arguments(recorded.facts)
+    slave = Parameters.from_metadata(recorded.facts).values.get("slave_device", {})
     if arguments.get("side") == OPERATOR:
         return UNKNOWN
     asked = str(arguments.get("surface", ""))
@@ -435,7 +432,7 @@ def run_of(recorded: Bag) -> str:
     """
     if recorded.facts.get(RUN) == LOCKSTEP:
         return "in lockstep, without ROS"
-    arguments = _arguments(recorded)
+    arguments = known_arguments(recorded.facts)
     if not arguments or not recorded.diagnostics:
         return ""
     found = "live on ROS 2"
@@ -446,25 +443,6 @@ def run_of(recorded: Bag) -> str:
     if arguments.get("side") in (OPERATOR, ROBOT):
         found += ", the other arm on another host"
     return found
-
-
-def _arguments(recorded: Bag) -> dict[str, Any]:
-    """Return the graph's arguments as stated, or those that its nodes' parameters reveal."""
-    if stated := _mapping(recorded.facts.get("arguments")):
-        return current_arguments(stated)
-    nodes = _mapping(recorded.facts.get("parameters"))
-    found = {}
-    for name, (_, specification) in schema(GraphArguments).items():
-        places = (place.partition(".")[::2] for place in specification.sets)
-        values = (_mapping(nodes.get(node)).get(key) for node, key in places)
-        found[name] = next((value for value in values if value not in (None, "")), None)
-    recording = _mapping(nodes.get("slave_device")).get(RECORDING)
-    found["surface"] = recording or None
-    return {name: value for name, value in found.items() if value is not None}
-
-
-def _mapping(value: Any) -> dict[str, Any]:
-    return value if isinstance(value, dict) else {}
 
 
 def _parts(
@@ -530,16 +508,15 @@ def _conditions(recorded: Bag, known: _Known) -> list[tuple[int, _Known]]:
     """Return the descriptions of a bag's sections and the start of each, ns; the first is 0."""
     conditions = [(0, known)]
     # A node declares the parameters of all its devices, and the recorder may receive these.
-    unused = _SURFACE if _arguments(recorded).get("slave") == VIRTUAL else SCENE
+    unused = _SURFACE if known_arguments(recorded.facts).get("slave") == VIRTUAL else SCENE
     changes = (each for each in recorded.changes if not each.parameter.startswith(unused))
-    nodes = _mapping(recorded.facts.get("parameters"))
-    parameters = {name: dict(own) for name, own in nodes.items() if isinstance(own, dict)}
+    parameters = known.parameters
     for change in sorted(changes, key=lambda change: change.received):
         before = conditions[-1][1]
         after = replace(before, condition=_changed(before.condition, change, known))
-        own = parameters.get(change.node, {})
+        own = parameters.values.get(change.node, {})
         is_other = own.get(change.parameter, change.value) != change.value
-        own[change.parameter] = change.value
+        parameters = parameters.changed({change.node: {change.parameter: change.value}})
         if is_other and after.condition == before.condition and change.node in _FIGURES:
             after = _set(recorded, parameters, after, change)
         if after != before:
@@ -551,10 +528,9 @@ _FIGURES = ("compensator", "coupler", "master_device", "slave_device")
 """Nodes with parameters that a metric or a bound depends on."""
 
 
-def _set(recorded: Bag, parameters: Mapping[str, Any], before: _Known, change: Change) -> _Known:
+def _set(recorded: Bag, parameters: Parameters, before: _Known, change: Change) -> _Known:
     """Return the description after a change of a parameter that belongs to no condition."""
-    now = replace(recorded, facts=recorded.facts | {"parameters": parameters})
-    after = _known(now, before.rate, None, [])
+    after = _known(recorded, parameters, before.rate, None, [])
     name = f"{change.node}: {change.parameter}"
     others = (note for note in before.notes if not note.startswith(f"{name} = "))
     notes = (*others, f"{name} = {change.value} since a change during the recording")
@@ -566,7 +542,8 @@ def _changed(before: Condition, change: Change, known: _Known) -> Condition:
     if field := _CONDITIONS.get((change.node, change.parameter)):
         value = str(change.value)
         return replace(before, **{field: Path(value).stem if change.parameter == SCENE else value})
-    value = known.slave.get(change.parameter, change.value)
+    slave = known.parameters.values.get("slave_device", {})
+    value = slave.get(change.parameter, change.value)
     is_other = change.node == "slave_device" and change.parameter.startswith(_SURFACE)
     # If a surface is replaced completely, its name is known and other fields are redundant.
     if is_other and change.value != value and before.surface == known.condition.surface:
@@ -625,7 +602,7 @@ def _segment(
         known.told,
         start,
         run_of(recorded),
-        _arguments(recorded).get("master") in (SIMULATED, POINTER),
+        known_arguments(recorded.facts).get("master") in (SIMULATED, POINTER),
         axes,
     )
 

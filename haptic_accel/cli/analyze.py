@@ -105,12 +105,12 @@ def analyze(
     from haptic_accel.cli.report import divergences, print_analysis, print_trials
     from haptic_accel.cli.running import stop_on_signal
     from haptic_accel.setup.arguments import GraphArguments
-    from haptic_accel.setup.processes import graph_parameters, rig_parameters
+    from haptic_accel.setup.setup import Setup
 
     chosen = Shift.read(shift)
     if comparison:
         check_comparison(comparison, places)
-    parameters = rig_parameters(graph_parameters(GraphArguments(rig=rig))) if rig else None
+    parameters = Setup.of(GraphArguments(rig=rig)).rig() if rig else None
     folder = results_folder(out)
     with stop_on_signal() as stop:
         spread = partial(workers.map, stop=stop)

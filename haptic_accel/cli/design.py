@@ -41,8 +41,7 @@ from haptic_accel.core.tables import Column, ResultTable
 from haptic_accel.materials.folders import is_recording
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.setup.arguments import GraphArguments, parse_arguments, stated_words
-from haptic_accel.setup.node_parameters import node_parameters
-from haptic_accel.setup.processes import graph_parameters
+from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import given_keys
 
 SHOWN = (10.0, 15.0, 20.0, 30.0, 50.0, 80.0, 120.0, 200.0, 300.0, 400.0)
@@ -79,8 +78,7 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
     name = arguments.controller if "controller" in given_keys(words) else DESIGNED[0]
     if name not in DESIGNED:
         raise ParameterError(f"controller = {name!r}: must be one of {', '.join(DESIGNED)}")
-    values = graph_parameters(arguments)
-    around, options = node_parameters("compensator", values["compensator"])
+    around, options = Setup.of(arguments).node("compensator")
     plant = options[PLANT].coupled().delayed(around.latency)
     actuator: ActuatorParameters = options[ACTUATOR]
     loop = Loop(arguments.rate, around.high_pass_frequency, plant, actuator.travel)

@@ -60,9 +60,9 @@ from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.setup.arguments import SIMULATED, IdentifyArguments, stated_words
 from haptic_accel.setup.files import EVERY_NODE, parameter_text
-from haptic_accel.setup.node_parameters import node_parameters
-from haptic_accel.setup.processes import graph_parameters, identification_graph
+from haptic_accel.setup.processes import identification_graph
 from haptic_accel.setup.rig_file import teleoperation_words, update_parameter_file
+from haptic_accel.setup.setup import Setup
 
 
 @options.verb(
@@ -174,7 +174,7 @@ def identify(
     print_table(parameter_table(result.fits, result.truth))
     print(*result.sentences(), sep="\n")
     if arguments.actuator == AUDIO and isinstance(result, Result):
-        _, devices = node_parameters("master_device", graph_parameters(arguments)["master_device"])
+        _, devices = Setup.of(arguments).node("master_device")
         scale = devices[AUDIO].largest_force / result.found.fit.handle.m_h
         print(f"audio.full_scale: {scale:.4g} N per kg of the handle's mass without m_a")
     print(*result.notes, result.explained, sep="\n")

@@ -37,7 +37,8 @@ from haptic_accel.core.parameters import printable
 from haptic_accel.core.process import ENDING, FAILED, INTERRUPTED, REALTIME, WRONG_ARGUMENTS
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import Outcome, Supervisor
-from haptic_accel.setup.processes import LINK, RECORDER, SCOPE, Process, arrangement
+from haptic_accel.setup.processes import Process, arrangement
+from haptic_accel.setup.setup import LINK, RECORDER, SCOPE
 
 STOP_KEY = b" "
 """Key that stops a graph at once."""

@@ -27,7 +27,8 @@ from haptic_accel.core.process import FAILED
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.setup.namespaces import NamespaceArguments
 from haptic_accel.setup.node_parameters import ScopeNodeParameters
-from haptic_accel.setup.processes import SCOPE, Process
+from haptic_accel.setup.processes import Process
+from haptic_accel.setup.setup import SCOPE
 
 
 @dataclass(frozen=True)

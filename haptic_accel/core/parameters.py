@@ -108,6 +108,10 @@ class Specification:
         a parameter of its dataclass only.
     sets : tuple of str
         Node parameters that an argument of the graph sets, each as ``node.parameter``.
+    yields : bool
+        True for an argument that sets nothing at its default, so that a file may.
+    path : bool
+        True for the name of a file or folder, which nodes are given as an absolute path.
     """
 
     text: str
@@ -118,6 +122,8 @@ class Specification:
     choices: tuple[str, ...] = ()
     block: str = ""
     sets: tuple[str, ...] = ()
+    yields: bool = False
+    path: bool = False
 
     @property
     def allowed(self) -> str:

@@ -45,9 +45,8 @@ from haptic_accel.scope.server import CommandError, check_choice
 from haptic_accel.scope.state import choices, drawing, state_of
 from haptic_accel.scope.windows import GraphSettings, Windows
 from haptic_accel.setup.arguments import POINTER, SIMULATED, GraphArguments
-from haptic_accel.setup.files import POSTURE, SURFACE, Values
-from haptic_accel.setup.node_parameters import node_parameters
-from haptic_accel.setup.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.files import POSTURE, SURFACE
+from haptic_accel.setup.setup import Parameters, Setup
 
 PAUSE = 4e-3
 """Pause between two groups of ticks, s: a quarter of a picture, so that waking costs little."""
@@ -112,17 +111,17 @@ class PacedRig:
     def _build(self) -> None:
         arguments = self._arguments
         self._rate, latency = arguments.rate, arguments.latency
-        values = graph_parameters(arguments)
-        rig = rig_parameters(values)
-        around, controllers = node_parameters("compensator", values["compensator"])
+        setup = Setup.of(arguments)
+        rig = setup.rig()
+        around, controllers = setup.node("compensator")
         self._master_parameters = rig.master
         self._values = {
-            "compensator": dict(values["compensator"]),
+            "compensator": dict(setup.values["compensator"]),
             "master_device": {"device": POINTER, POSTURE: rig.master.grip.posture},
             "slave_device": {"device": SIMULATED, f"{SURFACE}name": arguments.surface},
         }
         self._master = PointerMaster(rig.master, self._rate, arguments.seed)
-        self._slave = SimulatedSlave(_slave(values), self._rate, arguments.seed)
+        self._slave = SimulatedSlave(_slave(setup), self._rate, arguments.seed)
         limits = rig.safety
         sides = {
             MASTER: rig_side(self._master, limits[0], self._rate, latency, axes=self._master.axes),
@@ -270,7 +269,7 @@ class PacedRig:
             windows.compare_anew()
 
     def _set_surface(self, name: str) -> None:
-        self._slave.change(_slave(graph_parameters(replace(self._arguments, surface=name))))
+        self._slave.change(_slave(Setup.of(replace(self._arguments, surface=name))))
         self._values["slave_device"][f"{SURFACE}name"] = name
 
     def _set_grip(self, posture: str) -> None:
@@ -300,8 +299,8 @@ class PacedRig:
             self._reports.receive(part, NodeReport(level, warned or "OK", report, now))
 
 
-def _slave(values: Values) -> SimulatedSlaveParameters:
+def _slave(setup: Parameters) -> SimulatedSlaveParameters:
     """Return the simulated slave's parameters among those of a graph."""
-    _, devices = node_parameters("slave_device", values["slave_device"])
+    _, devices = setup.node("slave_device")
     found: SimulatedSlaveParameters = devices[SIMULATED]
     return found

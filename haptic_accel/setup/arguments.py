@@ -135,12 +135,15 @@ class ConditionArguments(Checked):
         text="reduction of the tool's three axes to one, which moves the coil along z alone: none"
         " (all axes that the handle has), component along z, sum, or component along the strongest"
         " vibration; with one, a simulated tool measures three axes",
+        yields=True,
     )
     rig: str = parameter(
         "paper", "virtual rig: ideal, paper, three_axis_ideal, three_axis, or a .yaml file"
     )
     grip: str = sets(
-        "master_device.simulated.grip.posture", text="grip of the simulated hand on the handle"
+        "master_device.simulated.grip.posture",
+        text="grip of the simulated hand on the handle",
+        yields=True,
     )
     surface: str = parameter(
         SURFACES[0],
@@ -152,11 +155,13 @@ class ConditionArguments(Checked):
         "slave_device.simulated.recording.rate",
         *in_devices("replay.rate"),
         text="rate of a CSV recording without a column of times; other files have their own",
+        yields=True,
     )
     recording_column: str = sets(
         "slave_device.simulated.recording.column",
         *in_devices("replay.column"),
         text="column of a CSV recording; empty for acceleration, accel, acc or a",
+        yields=True,
     )
     seed: int = sets(*in_devices("seed"))
 
@@ -175,10 +180,12 @@ class DeviceArguments(Checked):
     replay: str = sets(
         *in_devices("replay.file"),
         text="bag, or CSV or WAV file, to play with slave:=replay or master:=replay",
+        yields=True,
+        path=True,
     )
-    replay_speed: float = sets(*in_devices("replay.speed"))
-    replay_loop: bool = sets(*in_devices("replay.loop"))
-    replay_start: float = sets(*in_devices("replay.start"))
+    replay_speed: float = sets(*in_devices("replay.speed"), yields=True)
+    replay_loop: bool = sets(*in_devices("replay.loop"), yields=True)
+    replay_start: float = sets(*in_devices("replay.start"), yields=True)
 
 
 @dataclass(frozen=True)
@@ -189,7 +196,7 @@ class NetworkArguments(Checked):
     side: str = sets(*everywhere("side"))
     peer: str = sets("link.peer")
     transport: str = sets("link.transport")
-    keys: str = sets("link.keys")
+    keys: str = sets("link.keys", path=True)
     insecure: bool = sets("link.insecure")
 
     def __post_init__(self) -> None:
@@ -286,8 +293,8 @@ class BagArguments(Checked):
     """Recording."""
 
     record: bool = parameter(True, "record every topic")
-    bag: str = sets("recorder.bag")
-    topics: str = sets("recorder.topics")
+    bag: str = sets("recorder.bag", path=True)
+    topics: str = sets("recorder.topics", yields=True)
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
 
 from haptic_accel.bags.facts import LOCKSTEP, PREFIX, RUN, custom_data
 from haptic_accel.bags.trial_bag import write_trial
@@ -36,47 +33,41 @@ from haptic_accel.devices.playback import ReplayParameters, read_track
 from haptic_accel.devices.simulated import played, textured
 from haptic_accel.materials.scenes import read_scene
 from haptic_accel.setup.arguments import SCENE, VIRTUAL, GraphArguments
-from haptic_accel.setup.node_parameters import PASSIVE, node_parameters
-from haptic_accel.setup.processes import RECORDER, graph, graph_parameters, rig_parameters
+from haptic_accel.setup.node_parameters import PASSIVE
+from haptic_accel.setup.setup import Setup
 
 
 def lockstep_trial(
-    arguments: GraphArguments,
+    setup: Setup[GraphArguments],
     *,
     track: Track | None = None,
     recording: FloatArray | None = None,
     grips: Sequence[GripChange] = (),
-    changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
     channel: ChannelParameters | None = None,
     law: str = PASSIVE,
     blackouts: Sequence[tuple[float, float]] = (),
 ) -> Trial:
-    """Run the condition of the arguments without ROS.
+    """Run a graph without ROS.
 
     Parameters
     ----------
-    arguments : GraphArguments
+    setup : Setup
         Simulated master, and simulated slave unless there is a track.
     track : Track, optional
-        Recorded slave at the arguments' rate, which is played to its end, from the sample after
-        the first force.
+        Recorded slave at the graph's rate, which is played to its end, from the sample after the
+        first force.
     recording : ndarray, optional
-        Tool acceleration at the arguments' rate in place of a simulated one or a file's, m/s^2.
+        Tool acceleration at the graph's rate in place of a simulated one or a file's, m/s^2.
     grips : sequence of GripChange
         Changes of grip, in order of time.
-    changes : mapping
-        Values by node and dotted name, which override all files.
     channel, law, blackouts
         Network between the arms, as for `run_trial`.
     """
-    values = graph_parameters(arguments)
-    for node, own in changes.items():
-        values[node] |= own
-    rig = rig_parameters(values)
-    around, controllers = node_parameters("compensator", values["compensator"])
+    arguments, rig = setup.arguments, setup.rig()
+    around, controllers = setup.node("compensator")
     scene = None
     if arguments.slave == VIRTUAL and track is None:
-        scene = read_scene(Path(values["slave_device"][SCENE]))
+        scene = read_scene(Path(setup.values["slave_device"][SCENE]))
     if track is None:
         duration = arguments.duration
         if recording is None:
@@ -123,7 +114,7 @@ def replayed_track(arguments: GraphArguments) -> Track:
     return quieted(played_at(found, arguments.rate, arguments.replay_speed))
 
 
-def record_trial(bag: Path, trial: Trial, arguments: GraphArguments, start: int) -> None:
+def record_trial(bag: Path, trial: Trial, setup: Setup[GraphArguments], start: int) -> None:
     """Write a trial as a bag with the same metadata as in a live graph's bag.
 
     Parameters
@@ -131,8 +122,8 @@ def record_trial(bag: Path, trial: Trial, arguments: GraphArguments, start: int)
     bag : Path
         Folder to make.
     trial : Trial
-    arguments : GraphArguments
-        Arguments that the trial was run with.
+    setup : Setup
+        Setup of the trial.
     start : int
         Stamp of the first sample, system time in ns.
 
@@ -141,6 +132,5 @@ def record_trial(bag: Path, trial: Trial, arguments: GraphArguments, start: int)
     ParameterError
         The folder exists already, or cannot be written.
     """
-    recorder = next(p for p in graph(replace(arguments, record=True)) if p.executable == RECORDER)
-    facts = custom_data(recorder.parameters[RECORDER]["facts"])
+    facts = custom_data(setup.metadata())
     write_trial(bag, trial, facts | {PREFIX + RUN: json.dumps(LOCKSTEP)}, start)

@@ -44,9 +44,9 @@ from haptic_accel.setup.arguments import (
     GraphArguments,
     parse_arguments,
 )
-from haptic_accel.setup.former_names import current_arguments
 from haptic_accel.setup.node_parameters import HIGHEST_RATE
 from haptic_accel.setup.processes import graph
+from haptic_accel.setup.setup import recorded_arguments
 from haptic_accel.setup.words import described, given_keys, parse_words, unknown_key
 
 if TYPE_CHECKING:
@@ -219,10 +219,7 @@ def _inherited(bag: Bag, given: dict[str, Any]) -> dict[str, Any]:
     ParameterError
         One of them is no longer allowed.
     """
-    recorded = bag.facts.get("arguments")
-    if not isinstance(recorded, dict):
-        return {}
-    recorded = current_arguments(recorded)
+    recorded = recorded_arguments(bag.facts)
     found = {name: recorded[name] for name in INHERITED if name in recorded.keys() - given}
     if found.get("master") == REPLAY:
         del found["master"]

@@ -35,6 +35,7 @@ from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.core.topics import DESCRIPTION
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial, record_trial
+from haptic_accel.setup.setup import Setup
 from observing import Observer
 from reading import with_types
 from running import Command
@@ -50,7 +51,8 @@ LONG_ENOUGH = 6.0
 def run(folder: Path, **given: object) -> Path:
     """Record a trial in lockstep; return its bag."""
     arguments = GraphArguments(**{"duration": 2.0, "surface": "vinyl"} | given)
-    record_trial(folder / "bag", lockstep_trial(arguments), arguments, START)
+    setup = Setup.of(arguments)
+    record_trial(folder / "bag", lockstep_trial(setup), setup, START)
     return folder / "bag"
 
 

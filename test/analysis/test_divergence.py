@@ -25,12 +25,14 @@ import pytest
 
 from bag_maker import of_trial, write_bag
 from haptic_accel.analysis.divergence import find_divergence
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.due_forces import PAST_TICK
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial, record_trial
+from haptic_accel.setup.setup import Setup
 
 START = 1_700_000_000_000_000_000
 ARGUMENTS = GraphArguments(rig="ideal", surface="text", duration=1.0)
@@ -38,11 +40,11 @@ ARGUMENTS = GraphArguments(rig="ideal", surface="text", duration=1.0)
 
 @pytest.fixture(scope="module")
 def trial() -> Trial:
-    return lockstep_trial(ARGUMENTS)
+    return lockstep_trial(Setup.of(ARGUMENTS))
 
 
 def test_the_same_trial_does_not_part(trial: Trial, tmp_path: Path) -> None:
-    record_trial(tmp_path / "bag", trial, ARGUMENTS, START)
+    record_trial(tmp_path / "bag", trial, Setup.of(ARGUMENTS), START)
     found = find_divergence(tmp_path / "bag")
     assert found.first is None
     assert found.samples == pytest.approx(len(trial.time), abs=1)
@@ -53,7 +55,9 @@ def test_the_first_sample_that_differs_by_a_bit_is_named(trial: Trial, tmp_path:
     handle = trial.handle_acceleration.copy()
     handle[700] = np.nextafter(handle[700], np.inf)
     handle[800] += 1.0
-    record_trial(tmp_path / "bag", replace(trial, handle_acceleration=handle), ARGUMENTS, START)
+    record_trial(
+        tmp_path / "bag", replace(trial, handle_acceleration=handle), Setup.of(ARGUMENTS), START
+    )
     found = find_divergence(tmp_path / "bag")
     assert (found.first, found.signals) == (700, (topics.HANDLE_ACCELERATION.name,))
     assert found.reasons == ("no node reported a reason",)
@@ -81,16 +85,31 @@ def test_a_force_that_was_late_by_the_clock_alone_is_no_reason(
 
 
 @pytest.mark.parametrize(
-    ("given", "named"), [({"slave": "replay"}, "slave"), ({"latency": 0}, "latency")]
+    ("given", "named"), [({"slave": "replay"}, "replay.file = ''"), ({"latency": 0}, "latency")]
 )
 def test_what_has_no_counterpart_in_lockstep_is_refused(
     trial: Trial, tmp_path: Path, given: dict[str, str], named: str
 ) -> None:
-    arguments = replace(ARGUMENTS, **given)
-    if "slave" in given:
-        with pytest.raises(ParameterError):
-            record_trial(tmp_path / "bag", trial, arguments, START)
-        return
-    record_trial(tmp_path / "bag", trial, arguments, START)
+    record_trial(tmp_path / "bag", trial, Setup.of(replace(ARGUMENTS, **given)), START)
     with pytest.raises(ParameterError, match=named):
         find_divergence(tmp_path / "bag")
+
+
+def test_a_file_that_was_edited_after_the_recording_is_no_divergence(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    text = "master_device: {{ros__parameters: {{simulated: {{handle: {{m_h: {}}}}}}}}}"
+    mine.write_text(text.format(0.2))
+    setup = Setup.of(replace(ARGUMENTS, params_file=str(mine)))
+    record_trial(tmp_path / "bag", lockstep_trial(setup), setup, START)
+    mine.write_text(text.format(0.3))
+    assert find_divergence(tmp_path / "bag").first is None
+    mine.unlink()
+    assert find_divergence(tmp_path / "bag").first is None
+
+
+def test_a_bag_states_the_changes_of_its_trial(tmp_path: Path) -> None:
+    setup = Setup.of(ARGUMENTS).changed({"coupler": {"k_m": 150.0}})
+    record_trial(tmp_path / "bag", lockstep_trial(setup), setup, START)
+    stated = read_bag(tmp_path / "bag").facts["parameters"]["coupler"]["k_m"]
+    assert stated == 150.0
+    assert find_divergence(tmp_path / "bag").first is None

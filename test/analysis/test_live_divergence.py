@@ -26,6 +26,7 @@ from haptic_accel.analysis.divergence import find_divergence
 from haptic_accel.core.due_forces import PAST_TICK
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial, record_trial
+from haptic_accel.setup.setup import Setup
 from running import Command, MachineStoodStillError
 
 RATE, LATENCY = 500, 8
@@ -77,7 +78,8 @@ def test_a_recorded_slave_gives_the_signals_of_lockstep_too(
     haptic_accel: Callable[..., Command], tmp_path: Path
 ) -> None:
     recorded = GraphArguments(surface="text", rate=RATE, latency=LATENCY, duration=3.0)
-    record_trial(tmp_path / "played", lockstep_trial(recorded), recorded, 0)
+    setup = Setup.of(recorded)
+    record_trial(tmp_path / "played", lockstep_trial(setup), setup, 0)
     command = haptic_accel(
         *("teleop", f"rate:={RATE}", f"latency:={LATENCY}", "slave:=replay", "replay:=played"),
         *("rig:=ideal", "controller:=adaptive", "bag:=bag"),

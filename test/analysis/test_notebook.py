@@ -34,6 +34,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial, record_trial
+from haptic_accel.setup.setup import Setup
 
 SHORT = {"duration": 2.0}
 
@@ -53,7 +54,7 @@ def hidden() -> Iterator[None]:
 
 def test_it_is_the_trial_of_the_command_line(trial: Any) -> None:
     asked = GraphArguments(controller="dynamic", rig="ideal", surface="text", latency=2, **SHORT)
-    expected = lockstep_trial(asked)
+    expected = lockstep_trial(Setup.of(asked))
     assert trial.nrmse() == expected.evaluate().nrmse_percent
     assert np.array_equal(trial.handle_acceleration, expected.handle_acceleration)
 
@@ -94,7 +95,8 @@ def test_a_path_may_be_a_string_or_a_path(trial: Any) -> None:
 
 
 def test_a_bag_is_read_by_its_path_as_a_string(trial: Any, tmp_path: Path) -> None:
-    record_trial(tmp_path / "bag", trial, GraphArguments(rig="ideal", surface="text"), 10**9)
+    setup = Setup.of(GraphArguments(rig="ideal", surface="text"))
+    record_trial(tmp_path / "bag", trial, setup, 10**9)
     signal = read_bag(str(tmp_path / "bag")).signals[topics.TOOL_ACCELERATION.name]
     assert np.array_equal(signal.values[:, 2], trial.tool_acceleration)
 

@@ -37,6 +37,7 @@ from input_family import member
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial
+from haptic_accel.setup.setup import Setup
 
 
 @pytest.mark.slow
@@ -97,7 +98,7 @@ def test_the_family_of_inputs_is_measured_by_halves() -> None:
 def test_a_better_controller_leaves_less_that_a_hand_could_tell(rig: str, gain: float) -> None:
     none, constant, dynamic, adaptive = (
         lockstep_trial(
-            GraphArguments(rig=rig, surface="text", controller=name, duration=3.0)
+            Setup.of(GraphArguments(rig=rig, surface="text", controller=name, duration=3.0))
         ).indistinguishable()
         for name in ("none", "constant", "dynamic", "adaptive")
     )

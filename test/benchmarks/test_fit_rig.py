@@ -27,7 +27,7 @@ from haptic_accel.analysis.experiment import RIG_NOTES
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation
 from haptic_accel.core.trial import RigParameters
 from haptic_accel.setup.arguments import SURFACES, GraphArguments
-from haptic_accel.setup.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.setup import Setup
 
 SOURCE = Path(__file__).resolve().parents[2]
 
@@ -45,7 +45,7 @@ def paper() -> dict[tuple[str, str], list[Evaluation]]:
 
 def kept(surface: str) -> RigParameters:
     """Return the rig as config/ describes it."""
-    return rig_parameters(graph_parameters(GraphArguments(rig="paper", surface=surface)))
+    return Setup.of(GraphArguments(rig="paper", surface=surface)).rig()
 
 
 def test_the_papers_own_figures_do_not_deviate() -> None:

@@ -48,7 +48,8 @@ from haptic_accel.core.cdr import StampedVector
 from haptic_accel.core.topics import DEVICES, EMERGENCY_STOP, SIGNALS, Topic
 from haptic_accel.graph.stop_signal import stop_senders
 from haptic_accel.nodes.topic_node import message_type, quality
-from haptic_accel.setup.processes import COMPOSED, RECORDER, SCOPE
+from haptic_accel.setup.processes import COMPOSED
+from haptic_accel.setup.setup import RECORDER, SCOPE
 from running import PATIENCE, Command, limit_size
 
 WITHOUT: dict[str, tuple[Force, ...]] = {

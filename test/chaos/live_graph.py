@@ -29,7 +29,8 @@ from haptic_accel.core.process import CUT_SHORT, DONE
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
 from haptic_accel.nodes.topic_node import message_type, quality
 from haptic_accel.setup.arguments import GraphArguments
-from haptic_accel.setup.processes import COMPOSED, RECORDER, SCOPE, graph
+from haptic_accel.setup.processes import COMPOSED, graph
+from haptic_accel.setup.setup import RECORDER, SCOPE
 from observing import Observer
 from running import PATIENCE, Command, free_port, processes_of
 

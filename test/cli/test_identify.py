@@ -34,7 +34,8 @@ from haptic_accel.core.model import POSTURES
 from haptic_accel.core.topics import ACTUATOR_FORCE, HANDLE_ACCELERATION
 from haptic_accel.core.trial import run_identification
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.setup.processes import graph, graph_parameters, rig_parameters
+from haptic_accel.setup.processes import graph
+from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import parse_words
 from observing import Observer
 from running import Command
@@ -60,7 +61,7 @@ def test_table_i_comes_back_as_a_parameter_file(ran: Callable[..., str], tmp_pat
     metrics = json.loads((tmp_path / "metrics.json").read_text())
     assert set(metrics["parameters"]) == set(TABLE_I)
     for file in ("noise.yaml", "found/handle.yaml"):
-        held = graph_parameters(GraphArguments(params_file=str(tmp_path / file)))["compensator"]
+        held = Setup.of(GraphArguments(params_file=str(tmp_path / file))).values["compensator"]
         for name in ("b_s", "k_s"):
             known = metrics["parameters"][name]["value"]
             assert held[f"actuator.{name}"] == pytest.approx(known, rel=1e-5)
@@ -84,7 +85,7 @@ def test_table_i_comes_back_as_a_parameter_file(ran: Callable[..., str], tmp_pat
     # What was written is what the graph takes.
     arguments = GraphArguments(rig="ideal", params_file=str(tmp_path / "found" / "handle.yaml"))
     graph(arguments)
-    handle = rig_parameters(graph_parameters(arguments)).master.handle
+    handle = Setup.of(arguments).rig().master.handle
     assert handle.m_h == pytest.approx(metrics["parameters"]["m_h"]["value"], rel=1e-5)
     # A friction that may be none is left out.
     assert abs(metrics["friction_n"]) <= 2 * metrics["friction_standard_error_n"]
@@ -359,7 +360,7 @@ def test_a_recording_in_three_axes_gives_one_file_for_the_compensator(
     shown = output_of("identify", "--from", "bag", *words, "--out", "found")
     assert "cross-coupling: -1" in shown
     model = here / "found" / "identification.json"
-    held = graph_parameters(GraphArguments(params_file=str(here / "found" / "handle.yaml")))
+    held = Setup.of(GraphArguments(params_file=str(here / "found" / "handle.yaml"))).values
     assert held["compensator"]["axes"] == "x, y, z"
     assert held["compensator"]["plant.model"] == str(model)
     frequency = np.arange(20.0, 401.0)

@@ -32,6 +32,7 @@ from haptic_accel.devices.playback import ReplayParameters, read_track
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial, record_trial
 from haptic_accel.setup.replay import replay_arguments
+from haptic_accel.setup.setup import Setup
 from running import Command
 from verbs import next_command, output_of, refusal, status_of
 
@@ -79,7 +80,7 @@ def test_golden_figures_are_as_the_paper_orders_them() -> None:
 def test_signals_are_the_same_bit_by_bit_and_the_tool_s_is_the_bag_s() -> None:
     asked = replay_arguments([f"bag:={DATA / 'text'}", "controller:=inverse"])
     track = read_track(ReplayParameters(str(DATA / "text")), topics.SLAVE, 1000.0)
-    one, two = (lockstep_trial(asked.graph, track=track) for _ in range(2))
+    one, two = (lockstep_trial(Setup.of(asked.graph), track=track) for _ in range(2))
     for name in ("desired_acceleration", "handle_acceleration", "actuator_force"):
         assert np.array_equal(getattr(one, name), getattr(two, name))
     # It waits at rest for the first force, which takes effect after the latency of one sample.
@@ -125,7 +126,8 @@ def test_bags_in_which_nothing_was_recorded_are_named_and_skipped(
 
 def test_a_bag_of_a_virtual_tool_is_replayed_under_the_name_of_its_scene(tmp_path: Path) -> None:
     arguments = GraphArguments(slave="virtual", duration=1.5)
-    record_trial(tmp_path / "bag", lockstep_trial(arguments), arguments, 0)
+    setup = Setup.of(arguments)
+    record_trial(tmp_path / "bag", lockstep_trial(setup), setup, 0)
     words = ["--lockstep", "controller:=constant", "--json", tmp_path / "metrics.json"]
     assert status_of("replay", tmp_path / "bag", *words) == 0
     (played,) = json.loads((tmp_path / "metrics.json").read_text())["conditions"]

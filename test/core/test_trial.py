@@ -43,7 +43,7 @@ from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig
 from haptic_accel.core.trial import RigParameters, Trial, run_identification, run_trial
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.node_parameters import node_parameters
-from haptic_accel.setup.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.setup import Setup
 
 SURFACES = ("plywood", "text", "vinyl")
 CONTROLLERS = ("none", "constant", "dynamic")
@@ -62,7 +62,7 @@ USERS = {"paper": 5, "ideal": 2}
 @lru_cache
 def rig_with(surface: str, rig: str = "paper") -> RigParameters:
     """Return the rig as config/ describes it."""
-    return rig_parameters(graph_parameters(GraphArguments(surface=surface, rig=rig)))
+    return Setup.of(GraphArguments(surface=surface, rig=rig)).rig()
 
 
 @lru_cache
@@ -290,7 +290,7 @@ def test_with_a_latency_that_the_design_knows_the_handle_follows(
 
 
 def options_of(rig: str) -> dict[str, Checked]:
-    values = graph_parameters(GraphArguments(rig=rig))
+    values = Setup.of(GraphArguments(rig=rig)).values
     return node_parameters("compensator", values["compensator"])[1]
 
 

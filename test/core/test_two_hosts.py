@@ -29,14 +29,14 @@ from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.sampling import RELEASED
 from haptic_accel.core.trial import Crossing, RigParameters, Trial, run_trial
 from haptic_accel.setup.arguments import GraphArguments
-from haptic_accel.setup.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.setup import Setup
 
 SETTLED = 1000
 """Samples after which playout knows the network."""
 
 
 def textured() -> RigParameters:
-    return rig_parameters(graph_parameters(GraphArguments(rig="ideal", surface="text")))
+    return Setup.of(GraphArguments(rig="ideal", surface="text")).rig()
 
 
 @lru_cache

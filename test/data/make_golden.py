@@ -42,8 +42,7 @@ from haptic_accel.core.rig.master_rig import MasterRig
 from haptic_accel.core.rig.slave_rig import SlaveRig
 from haptic_accel.core.topics import SLAVE_SIGNALS, Topic
 from haptic_accel.setup.arguments import GraphArguments
-from haptic_accel.setup.node_parameters import node_parameters
-from haptic_accel.setup.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.setup import Setup
 from verbs import status_of
 
 FOLDER = Path(__file__).parent
@@ -79,9 +78,9 @@ def main() -> None:
 def samples(arguments: GraphArguments) -> dict[Topic, FloatArray]:
     """Return what the topics carry, with numbers of single precision: they compress well."""
     rows: dict[Topic, list[Vector]] = {topic: [] for topic in TOPICS}
-    values = graph_parameters(arguments)
-    rig = rig_parameters(values)
-    around, controllers = node_parameters("compensator", values["compensator"])
+    setup = Setup.of(arguments)
+    rig = setup.rig()
+    around, controllers = setup.node("compensator")
     master = MasterRig(rig.master, arguments.rate, arguments.seed)
     slave = SlaveRig(rig.slave, arguments.rate, arguments.seed)
     coupling = PositionPositionCoupling(rig.coupling)

@@ -33,7 +33,7 @@ from haptic_accel.devices.serial.device import SerialMaster
 from haptic_accel.devices.simulated import SimulatedMaster
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.setup.node_parameters import SAFETY, node_parameters
-from haptic_accel.setup.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.setup import Setup
 
 COIL = ActuatorParameters(
     m_a=0.031,
@@ -78,7 +78,7 @@ def test_every_number_of_the_coil_differs_from_the_papers() -> None:
 
 @pytest.mark.parametrize("rig", ["ideal", "paper"])
 def test_one_block_describes_the_actuator_to_every_node(file: Path, rig: str) -> None:
-    values = graph_parameters(GraphArguments(params_file=str(file), rig=rig))
+    values = Setup.of(GraphArguments(params_file=str(file), rig=rig)).values
     suspension = (COIL.m_a, COIL.k_s, COIL.b_s)
     _, master = node_parameters("master_device", values["master_device"])
     _, compensator = node_parameters("compensator", values["compensator"])
@@ -87,13 +87,13 @@ def test_one_block_describes_the_actuator_to_every_node(file: Path, rig: str) ->
     for handle in (compensator[PLANT].handle, master["simulated"].handle):
         assert (handle.m_a, handle.k_s, handle.b_s) == suspension
     _, identifier = node_parameters(
-        "identifier", graph_parameters(IdentifyArguments(params_file=str(file)))["identifier"]
+        "identifier", Setup.of(IdentifyArguments(params_file=str(file))).values["identifier"]
     )
     assert identifier[ACTUATOR] == COIL
 
 
 def test_all_that_drives_or_limits_the_coil_uses_it(file: Path) -> None:
-    values = graph_parameters(GraphArguments(params_file=str(file), controller="constant"))
+    values = Setup.of(GraphArguments(params_file=str(file), controller="constant")).values
     _, master = node_parameters("master_device", values["master_device"])
     own, options = node_parameters("compensator", values["compensator"])
 
@@ -128,7 +128,8 @@ def test_one_node_may_believe_in_another_actuator(file: Path, tmp_path: Path) ->
     content["compensator"] = {"ros__parameters": {ACTUATOR: {"m_a": 0.04}}}
     mine = tmp_path / "mine.yaml"
     mine.write_text(yaml.safe_dump(content))
-    values = graph_parameters(GraphArguments(params_file=str(mine)))
+    setup = Setup.of(GraphArguments(params_file=str(mine)))
+    values = setup.values
     _, options = node_parameters("compensator", values["compensator"])
     assert options[PLANT].handle.m_a == options[ACTUATOR].m_a == 0.04
-    assert rig_parameters(values).master.handle.m_a == COIL.m_a
+    assert setup.rig().master.handle.m_a == COIL.m_a

@@ -34,7 +34,7 @@ from haptic_accel.setup.files import (
     surface_parameters,
 )
 from haptic_accel.setup.node_parameters import NODES, node_parameters, node_schema
-from haptic_accel.setup.processes import graph_parameters
+from haptic_accel.setup.setup import Setup
 
 
 def test_values_that_nodes_share_are_read_back(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_former_names_are_read_with_one_warning(
 ) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text(FORMER_NAMES)
-    values = graph_parameters(GraphArguments(params_file=str(file)))
+    values = Setup.of(GraphArguments(params_file=str(file))).values
     assert read_parameter_file(file)["master_device"] == {
         "can.channel": "can0",
         "serial.port": "/dev/board",

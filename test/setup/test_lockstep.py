@@ -24,10 +24,13 @@ from haptic_accel.core.topics import CONTACT_FORCE, MASTER_ARM_FORCE
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial
+from haptic_accel.setup.setup import Setup
 
 
 def trial(coupling: str) -> Trial:
-    return lockstep_trial(GraphArguments(surface="text", duration=5.0, coupling=coupling))
+    return lockstep_trial(
+        Setup.of(GraphArguments(surface="text", duration=5.0, coupling=coupling))
+    )
 
 
 def test_on_one_host_both_couplings_let_feel_the_surface_alike() -> None:
@@ -68,7 +71,7 @@ def test_a_tap_is_felt_one_sample_after_the_latency_and_as_strong() -> None:
 
 def virtual(controller: str, rig: str, duration: float = 2.0) -> Trial:
     given = GraphArguments(slave="virtual", controller=controller, rig=rig, duration=duration)
-    return lockstep_trial(given)
+    return lockstep_trial(Setup.of(given))
 
 
 @pytest.mark.parametrize("reduction", ["axis", "sum", "principal"])
@@ -76,8 +79,10 @@ def test_of_three_coils_one_alone_has_the_error_of_a_handle_with_one(reduction: 
     arguments = GraphArguments(
         rig="three_axis_ideal", controller="inverse", reduction=reduction, duration=4.0
     )
-    alone = lockstep_trial(arguments)
-    single = lockstep_trial(arguments, changes={"compensator": {"axes": "z", "plant.model": ""}})
+    setup = Setup.of(arguments)
+    alone = lockstep_trial(setup)
+    one_coil = setup.changed({"compensator": {"axes": "z", "plant.model": ""}})
+    single = lockstep_trial(one_coil)
     assert not alone.actuator_force[:, :2].any()
     errors = [vector_error(each) for each in (alone, single)]
     # The single coil's plant is that of Table I, with a tenth too little force.

@@ -29,10 +29,9 @@ from haptic_accel.setup.node_parameters import node_schema
 from haptic_accel.setup.processes import (
     arrangement,
     graph,
-    graph_parameters,
     identification_graph,
-    rig_parameters,
 )
+from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import parse_words
 
 TELEOPERATION = {"recorder", "master_device", "slave_device", "coupler", "compensator"}
@@ -93,7 +92,7 @@ def test_beside_a_peer_the_link_has_a_process_of_its_own() -> None:
 
 
 def test_with_both_arms_here_there_is_no_link_and_the_coupling_is_the_papers() -> None:
-    values = graph_parameters(GraphArguments())["coupler"]
+    values = Setup.of(GraphArguments()).values["coupler"]
     assert (values["coupling"], values["side"]) == ("spring", "")
     assert "recovery" not in values
 
@@ -182,7 +181,7 @@ def test_an_identification_has_no_other_arrangement() -> None:
 def test_who_leads_the_hand_changes_nothing_else_of_the_simulated_handle() -> None:
     words = ["rig:=ideal", "grip:=pinch", "controller:=adaptive"]
     scripted, led = (
-        graph_parameters(parse_arguments([f"master:={master}", *words]))
+        Setup.of(parse_arguments([f"master:={master}", *words])).values
         for master in ("simulated", "pointer")
     )
     assert led["master_device"] == scripted["master_device"] | {"device": "pointer"}
@@ -273,10 +272,10 @@ def test_a_users_key_must_hold_in_the_namespace_of_the_graph(
     mine.write_text(f"{key}: {{ros__parameters: {{k_m: 300.0}}}}")
     arguments = GraphArguments(params_file=str(mine), namespace=namespace)
     if holds:
-        assert graph_parameters(arguments)["coupler"]["k_m"] == 300.0
+        assert Setup.of(arguments).values["coupler"]["k_m"] == 300.0
     else:
         with pytest.raises(ParameterError) as refused:
-            graph_parameters(arguments)
+            Setup.of(arguments)
         assert f"{mine}:1: {key}: holds in another namespace, not for /" in str(refused.value)
         assert str(refused.value).endswith("coupler; write /**/coupler")
 
@@ -290,7 +289,7 @@ def test_a_file_may_serve_graphs_in_several_namespaces(tmp_path: Path) -> None:
     )
     for namespace, k_m, corner in (("left", 200.0, 15.0), ("right", 300.0, 20.0)):
         arguments = GraphArguments(params_file=str(mine), namespace=namespace)
-        values = graph_parameters(arguments)
+        values = Setup.of(arguments).values
         assert values["coupler"]["k_m"] == k_m
         assert values["compensator"]["high_pass_frequency"] == corner
 
@@ -312,7 +311,7 @@ def test_the_users_file_goes_over_the_defaults(tmp_path: Path) -> None:
         "coupler: {ros__parameters: {k_m: 300.0}}\n"
         "compensator: {ros__parameters: {rate: 500, actuator: {peak_force: 1.0}}}"
     )
-    values = graph_parameters(GraphArguments(params_file=str(mine), rate=500.0))
+    values = Setup.of(GraphArguments(params_file=str(mine), rate=500.0)).values
     assert values["coupler"]["k_m"] == 300.0
     assert values["coupler"]["k_sl"] == 250.0
     assert values["compensator"]["rate"] == 500.0
@@ -389,7 +388,7 @@ def rig_file(tmp_path: Path) -> Path:
 def test_a_rigs_file_decides_the_devices_and_the_rate(rig_file: Path) -> None:
     arguments = parse_arguments([f"params_file:={rig_file}"])
     assert (arguments.master, arguments.slave, arguments.rate) == ("serial", "serial", 500.0)
-    values = graph_parameters(arguments)
+    values = Setup.of(arguments).values
     assert values["master_device"]["device"] == "serial"
     assert values["master_device"]["serial.port"] == "/dev/ttyACM0"
     assert values["coupler"]["rate"] == 500.0
@@ -399,7 +398,7 @@ def test_a_word_wins_over_the_file_even_if_it_is_the_default(rig_file: Path) -> 
     words = [f"params_file:={rig_file}", "master:=simulated", "rate:=1000"]
     arguments = parse_arguments(words)
     assert (arguments.master, arguments.slave, arguments.rate) == ("simulated", "serial", 1000.0)
-    assert graph_parameters(arguments)["master_device"]["device"] == "simulated"
+    assert Setup.of(arguments).values["master_device"]["device"] == "simulated"
 
 
 def test_an_identification_keeps_its_own_latency(tmp_path: Path, rig_file: Path) -> None:
@@ -433,7 +432,7 @@ def test_the_last_of_several_files_wins_and_the_replaced_value_is_stated(
         "coupler: {ros__parameters: {k_m: 200.0, k_sl: 300.0}}\n"
         "/**: {ros__parameters: {actuator: {m_a: 0.03}}}"
     )
-    values = graph_parameters(GraphArguments(params_file="a.yaml,b.yaml"))
+    values = Setup.of(GraphArguments(params_file="a.yaml,b.yaml")).values
     assert (values["coupler"]["k_m"], values["coupler"]["k_sl"]) == (200.0, 300.0)
     a, b = tmp_path / "a.yaml", tmp_path / "b.yaml"
     assert f"{b}: k_m of coupler = 200.0: replaces 300.0 of {a}" in caplog.messages
@@ -457,7 +456,7 @@ def test_of_two_files_that_decide_an_argument_the_earlier_is_stated_once(
     for file, controller in files.items():
         file.write_text(f"compensator: {{ros__parameters: {{controller: {controller}}}}}")
     a, b = files
-    graph_parameters(parse_arguments([f"params_file:={a},{b}", *typed]))
+    Setup.of(parse_arguments([f"params_file:={a},{b}", *typed]))
     here = f"{b}: controller of compensator = adaptive: "
     assert caplog.messages == [f"{here}replaces inverse of {a}", *(here + why for why in unused)]
 
@@ -486,14 +485,14 @@ def test_what_no_argument_sets_a_file_may_give(tmp_path: Path, node: str, given:
     mine = tmp_path / "mine.yaml"
     mine.write_text(f"{node}: {{ros__parameters: {{{given}}}}}")
     name, value = given.split(": ")
-    values = graph_parameters(GraphArguments(params_file=str(mine)))
+    values = Setup.of(GraphArguments(params_file=str(mine))).values
     assert str(values[node][name]) == value
 
 
 def test_the_rig_is_made_of_the_same_parameters(tmp_path: Path) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_text("master_device: {ros__parameters: {simulated: {handle: {m_h: 0.2}}}}")
-    rig = rig_parameters(graph_parameters(GraphArguments(surface="vinyl", params_file=str(mine))))
+    rig = Setup.of(GraphArguments(surface="vinyl", params_file=str(mine))).rig()
     assert rig.master.handle.m_h == 0.2
     assert rig.slave.surface.name == "vinyl"
 

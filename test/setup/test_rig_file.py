@@ -22,8 +22,8 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.setup.arguments import parse_arguments
 from haptic_accel.setup.files import parameter_text, read_parameter_file
-from haptic_accel.setup.processes import graph_parameters
 from haptic_accel.setup.rig_file import teleoperation_words, update_parameter_file
+from haptic_accel.setup.setup import Setup
 
 RIG = """\
 # The bench by the window.
@@ -65,7 +65,7 @@ def test_a_new_file_runs_the_rig_alone(tmp_path: Path) -> None:
     update_parameter_file(rig, {"/**": {"rate": 500.0}, "master_device": board})
     arguments = parse_arguments([f"params_file:={rig}"])
     assert (arguments.master, arguments.rate) == ("serial", 500.0)
-    assert graph_parameters(arguments)["master_device"]["serial.port"] == "/dev/ttyACM0"
+    assert Setup.of(arguments).values["master_device"]["serial.port"] == "/dev/ttyACM0"
 
 
 def test_a_file_of_another_form_is_left_as_it_is(tmp_path: Path) -> None:

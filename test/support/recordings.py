@@ -27,7 +27,7 @@ from scipy.io import wavfile
 
 from haptic_accel.core.trial import run_trial
 from haptic_accel.setup.arguments import GraphArguments
-from haptic_accel.setup.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.setup import Setup
 
 RATE = 10_000
 """Sampling rate of the recordings, Hz."""
@@ -40,7 +40,7 @@ SETTLED = 0.5
 @cache
 def dragged_over(surface: str) -> np.ndarray:
     """Return the acceleration of a tool on a surface, m/s^2."""
-    rig = rig_parameters(graph_parameters(GraphArguments(surface=surface)))
+    rig = Setup.of(GraphArguments(surface=surface)).rig()
     trial = run_trial("none", rig, duration=SETTLED + SECONDS, rate=RATE)
     return trial.tool_acceleration[round(SETTLED * RATE) :]
 

@@ -48,14 +48,14 @@ from haptic_accel.devices.serial.calibration import CalibrationError, calibrate,
 from haptic_accel.devices.serial.device import PortParameters
 from haptic_accel.setup.arguments import POINTER, SIMULATED, VIRTUAL, GraphArguments
 from haptic_accel.setup.files import EVERY_NODE, SEPARATOR, parameter_paths, read_parameter_file
-from haptic_accel.setup.node_parameters import SAFETY, build_device, node_parameters
-from haptic_accel.setup.processes import graph_parameters
+from haptic_accel.setup.node_parameters import SAFETY, build_device
 from haptic_accel.setup.rig_file import (
     note_step,
     noted_steps,
     teleoperation_words,
     update_parameter_file,
 )
+from haptic_accel.setup.setup import Setup
 
 MASTER, SLAVE = ARMS
 
@@ -691,8 +691,7 @@ class BringUp:
 
     def _parameters(self, side: str) -> tuple[Any, dict[str, Any]]:
         arguments = GraphArguments.from_given(params_file=str(self._path), record=False)
-        node = f"{side}_device"
-        return node_parameters(node, graph_parameters(arguments)[node])
+        return Setup.of(arguments).node(f"{side}_device")
 
     def _device_name(self, side: str) -> str:
         return str(self._parameters(side)[0].device)

@@ -54,7 +54,7 @@ from haptic_accel.kits.emulators.pseudo_terminal import run
 from haptic_accel.links.addresses import host_and_port, is_loopback
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.files import parameter_text
-from haptic_accel.setup.processes import graph_parameters, rig_parameters
+from haptic_accel.setup.setup import Setup
 
 if TYPE_CHECKING:
     from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
@@ -117,7 +117,7 @@ class EmulationArguments(Checked):
     def virtual_rig(self) -> RigParameters:
         """Return a graph's parameters of the virtual rig."""
         graph = GraphArguments(rig=self.rig, grip=self.grip, surface=self.surface, seed=self.seed)
-        return rig_parameters(graph_parameters(graph))
+        return Setup.of(graph).rig()
 
     def made_folder(self, kind: str) -> Path:
         """Return the folder for the emulation, which is made if it does not exist.

@@ -44,7 +44,8 @@ from haptic_accel.scope.intervals import late_percent, measure
 from haptic_accel.scope.node_reports import LEVELS
 from haptic_accel.scope.windows import CHANGING, EDGE, Windows
 from haptic_accel.setup.arguments import GraphArguments
-from haptic_accel.setup.processes import RECORDER, graph
+from haptic_accel.setup.processes import graph
+from haptic_accel.setup.setup import RECORDER
 
 NODE = "study"
 """Name of the node that follows the graph."""

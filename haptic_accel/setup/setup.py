@@ -1,0 +1,346 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One frozen description of what runs: its arguments, and the parameters of all its nodes.
+
+Whatever starts, simulates, shows or analyses a graph reads it, so that files and
+arguments are resolved once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Generic, TypeAlias, TypeVar
+
+from haptic_accel.bags.facts import ARGUMENTS, PARAMETERS, facts_text
+from haptic_accel.core.axes import ALL_AXES
+from haptic_accel.core.control.compensation import CompensationParameters
+from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.topics import CONTACT_FORCE
+from haptic_accel.core.trial import RigParameters
+from haptic_accel.materials.folders import config_folder, is_recording, preset_file
+from haptic_accel.setup import arguments as names
+from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
+from haptic_accel.setup.files import (
+    SEPARATOR,
+    Unused,
+    Values,
+    parameter_paths,
+    read_parameter_file,
+    read_parameter_files,
+    surface_file,
+    warn_of,
+)
+from haptic_accel.setup.former_names import current_arguments, current_names
+from haptic_accel.setup.node_parameters import NODES, PASSIVE, SAFETY, node_parameters, node_schema
+
+RECORDER = "recorder"
+"""Executable that writes the bag."""
+
+SCOPE = "scope"
+"""Executable that shows the graph."""
+
+LINK = "link"
+"""Executable that exchanges packets with the peer host."""
+
+Arguments: TypeAlias = GraphArguments | IdentifyArguments
+A = TypeVar("A", GraphArguments, IdentifyArguments)
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Parameters of all nodes of a graph.
+
+    Attributes
+    ----------
+    values : mapping
+        Values of each node by dotted name; missing ones have their default.
+    """
+
+    values: Mapping[str, Mapping[str, Any]]
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, Any]) -> Parameters:
+        """Return those that a bag's metadata states, in an older bag by their present names."""
+        stated = metadata.get(PARAMETERS)
+        nodes = stated if isinstance(stated, Mapping) else {}
+        known = {name: own for name, own in nodes.items() if isinstance(own, Mapping)}
+        return cls({name: _current(own) for name, own in known.items()})
+
+    def node(self, name: str) -> tuple[Any, dict[str, Any]]:
+        """Return a node's own parameters, and those of its options by name.
+
+        Raises
+        ------
+        ParameterError
+            A value is not allowed.
+        """
+        return node_parameters(name, self.values.get(name, {}))
+
+    def rig(self) -> RigParameters:
+        """Return the virtual rig of the simulated devices.
+
+        Raises
+        ------
+        ParameterError
+            A value is not allowed.
+        """
+        _, masters = self.node("master_device")
+        _, slaves = self.node("slave_device")
+        coupling, _ = self.node("coupler")
+        halves = coupling if coupling.coupling == PASSIVE else None
+        return RigParameters(
+            *(masters["simulated"], slaves["simulated"], coupling, halves, slaves["virtual"]),
+            *(masters[SAFETY], slaves[SAFETY]),
+        )
+
+    def changed(self: P, changes: Mapping[str, Mapping[str, Any]]) -> P:
+        """Return a copy in which nodes have other values."""
+        known = {name: {**self.values.get(name, {}), **own} for name, own in changes.items()}
+        return replace(self, values={**self.values, **known})
+
+
+P = TypeVar("P", bound=Parameters)
+
+
+def _current(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by the present names of their parameters."""
+    return {now: values[name] for name, now in current_names(values).items()}
+
+
+@dataclass(frozen=True)
+class Setup(Parameters, Generic[A]):
+    """Everything that describes what runs.
+
+    Attributes
+    ----------
+    arguments : GraphArguments or IdentifyArguments
+
+    Examples
+    --------
+    >>> setup = Setup.of(GraphArguments(rig="ideal", controller="inverse"))
+    >>> setup.nodes
+    ['master_device', 'slave_device', 'coupler', 'compensator', 'recorder']
+    >>> setup.node("compensator")[0].controller
+    'inverse'
+    """
+
+    arguments: A
+
+    @classmethod
+    def of(cls, arguments: A) -> Setup[A]:
+        """Resolve arguments and the files that they name.
+
+        Raises
+        ------
+        ParameterError
+            A file is not usable, or contradicts the arguments.
+        """
+        return cls(_resolved(arguments), arguments)
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, Any]) -> Setup[GraphArguments]:
+        """Return the setup of a recorded graph, also of an older one; no file is read.
+
+        Raises
+        ------
+        ParameterError
+            The metadata states no arguments, or one that is not allowed any more.
+        """
+        given = recorded_arguments(metadata)
+        if "latency" not in given:  # before 0.1, or of another program
+            raise ParameterError("does not state the arguments of its graph")
+        known = schema(GraphArguments).keys() & given
+        arguments = GraphArguments(**{name: given[name] for name in known})
+        return Setup(Parameters.from_metadata(metadata).values, arguments)
+
+    @property
+    def nodes(self) -> list[str]:
+        """Executables of the nodes that run."""
+        return _nodes(self.arguments)
+
+    def metadata(self) -> str:
+        """Return the JSON text with arguments and all parameters, for a bag."""
+        effective = {
+            node: {name: default for name, (default, _) in node_schema(node).items()}
+            | dict(self.values[node])
+            for node in self.nodes
+            if node not in (RECORDER, SCOPE)
+        }
+        recorded = asdict(self.arguments)
+        if self.arguments.params_file:  # found from another working directory, too
+            paths = parameter_paths(self.arguments.params_file)
+            recorded["params_file"] = SEPARATOR.join(map(str, paths))
+        return facts_text(recorded, effective)
+
+
+def recorded_arguments(metadata: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments that a bag's metadata states, by present names; empty without any."""
+    stated = metadata.get(ARGUMENTS)
+    return current_arguments(stated) if isinstance(stated, Mapping) else {}
+
+
+def known_arguments(metadata: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments that a bag states, or else those that its nodes' parameters reveal."""
+    if stated := recorded_arguments(metadata):
+        return stated
+    values = Parameters.from_metadata(metadata).values
+    found: dict[str, Any] = {"surface": values.get("slave_device", {}).get(names.RECORDING)}
+    for name, (_, specification) in schema(GraphArguments).items():
+        places = (place.partition(".")[::2] for place in specification.sets)
+        given = (values.get(node, {}).get(key) for node, key in places)
+        found.setdefault(name, next((value for value in given if value not in (None, "")), None))
+    return {name: value for name, value in found.items() if value not in (None, "")}
+
+
+def _resolved(arguments: Arguments) -> Values:
+    """Return the values that files and arguments give each node, by dotted name."""
+    values: Values = {executable: {} for executable in NODES}
+    set_here = _set_by(arguments)
+    own = [(path, read_parameter_file(path, arguments.namespace)) for path in _files(arguments)]
+    given = read_parameter_files(arguments.params_file, arguments.namespace)
+    files = [*own, *given]
+    for place, (path, content) in enumerate(files, 1):
+        if path != _defaults_file():
+            _check_given(path, content, set_here, [later for _, later in files[place:]])
+        for executable in NODES:
+            values[executable] |= content[executable]
+    for executable, set_values in set_here.items():
+        values[executable] |= set_values
+    values["identifier"] = _known_handle(arguments, values) | values["identifier"]
+    if side := getattr(arguments, "side", ""):
+        _, device = node_parameters(f"{side}_device", values[f"{side}_device"])
+        values["coupler"]["recovery"] = device[SAFETY].recovery
+    return values
+
+
+def _known_handle(arguments: Arguments, values: Values) -> dict[str, Any]:
+    """Return the identifier's parameters of a handle; a simulated one needs no measurement."""
+    if arguments.master not in (names.SIMULATED, names.POINTER):
+        return {"axes": values["compensator"].get("axes", CompensationParameters.axes)}
+    _, devices = node_parameters("master_device", values["master_device"])
+    simulated = devices[names.SIMULATED]
+    sensor = asdict(simulated.accelerometer)
+    known = {f"accelerometer.{name}": value for name, value in sensor.items()}
+    return {**known, "axes": simulated.axes}
+
+
+def _check_given(path: Path, content: Values, set_here: Values, later: Sequence[Values]) -> None:
+    """Refuse a file's values that the graph sets; state those that an argument replaces.
+
+    What a later file replaces, `read_parameter_files` states.
+    """
+    replaced: list[Unused] = []
+    for node, own in set_here.items():
+        for name, value in content[node].items():
+            if own.get(name, value) == value:
+                continue
+            argument = _argument(node, name)
+            if not argument:
+                made = f"the graph's arguments make it {own[name]}; leave it out"
+                raise ParameterError(f"{path}: {name} of {node} = {value}: {made}")
+            if any(name in values[node] for values in later):
+                continue
+            reason = f"not used, as the argument {argument}:= replaces it"
+            replaced.append(Unused(path, name, node, value, reason))
+    warn_of(replaced)
+
+
+def _argument(node: str, name: str) -> str:
+    """Return the argument that sets a node's parameter; empty if there is none."""
+    known = schema(IdentifyArguments) | schema(GraphArguments)
+    found = (key for key, (_, given) in known.items() if f"{node}.{name}" in given.sets)
+    return next(found, "")
+
+
+def _files(arguments: Arguments) -> list[Path]:
+    """Return the files of the package and of presets, in order of increasing precedence."""
+    paths = [_defaults_file(), preset_file("rig", arguments.rig)]
+    if isinstance(arguments, GraphArguments) and arguments.slave != names.VIRTUAL:
+        paths.append(surface_file(arguments.surface))
+    return paths
+
+
+def _defaults_file() -> Path:
+    """Return the parameter file of lowest precedence."""
+    return config_folder() / "teleop.yaml"
+
+
+def _set_by(arguments: Arguments) -> Values:
+    """Return the parameters that arguments set, by the executables of the graph."""
+    own: Values = {node: {} for node in _nodes(arguments)}
+
+    def put(place: str, value: Any) -> None:
+        node, _, parameter = place.partition(".")
+        if node in own:
+            own[node][parameter] = value
+
+    for name, (default, specification) in schema(type(arguments)).items():
+        value = getattr(arguments, name)
+        if not (specification.yields and value == default):
+            for place in specification.sets:
+                put(place, _absolute(value) if specification.path else value)
+    for place, value in _derived(arguments).items():
+        if value is not None:
+            put(place, value)
+    return own
+
+
+def _derived(arguments: Arguments) -> dict[str, Any]:
+    """Return the parameters that follow from several arguments; None for one that is not set."""
+    if isinstance(arguments, IdentifyArguments):
+        sweep = {f"identifier.{name}": value for name, value in asdict(arguments.sweep).items()}
+        return {**sweep, "identifier.listeners": 2}
+    # Receivers of a signal: its destination and the recorder.
+    listeners = 2 if arguments.record else 1
+    is_reduced = arguments.reduction != CompensationParameters.reduction
+    tool_axes = ", ".join(ALL_AXES.names) if is_reduced else None
+    surface, is_virtual = arguments.surface, arguments.slave == names.VIRTUAL
+    scene = str(preset_file("scene", surface)) if is_virtual else None
+    recorded = ",".join(filter(None, (arguments.topics, CONTACT_FORCE.name)))
+    return {
+        "coupler.listeners": listeners,
+        "restamper.listeners": listeners,
+        # The hand starts to explore when the arms engage: all others must exist.
+        "coupler.compensated": "compensator" in _nodes(arguments),
+        "coupler.axes": tool_axes if arguments.side == "slave" else None,  # to cross the network
+        f"slave_device.{names.SIMULATED}.{names.TOOL_AXES}": tool_axes,
+        f"slave_device.{names.VIRTUAL}.{names.TOOL_AXES}": tool_axes,
+        f"slave_device.{names.SCENE}": scene,
+        f"slave_device.{names.RECORDING}": _absolute(surface) if is_recording(surface) else None,
+        "recorder.topics": recorded if is_virtual else None,
+    }
+
+
+def _nodes(arguments: Arguments) -> list[str]:
+    """Return the executables of the nodes that arguments ask for."""
+    if isinstance(arguments, IdentifyArguments):
+        return ["master_device", "identifier", RECORDER]
+    slave = "restamper" if arguments.slave == names.PLAYED_TOPICS else "slave_device"
+    arms = [f"{arguments.side}_device"] if arguments.side else ["master_device", slave]
+    asked = {
+        "compensator": arguments.side != "slave",
+        LINK: arguments.peer,
+        RECORDER: arguments.record,
+        SCOPE: arguments.scope,
+    }
+    return [*arms, "coupler", *(name for name, wanted in asked.items() if wanted)]
+
+
+def _absolute(path: str) -> str:
+    """Return the absolute path of a file or folder; empty for an empty one."""
+    return path and str(Path(path).absolute())
