@@ -36,9 +36,10 @@ from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import crossfaded
+from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.core.tables import ResultTable, Row
 from haptic_accel.core.tables import number as figure
-from haptic_accel.core.trial import DEFAULT_RATE, GripChange, Trial
+from haptic_accel.core.trial import GripChange, Trial
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.setup.arguments import SURFACES, GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial

@@ -33,7 +33,8 @@ import numpy as np
 
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.trial import RigParameters, run_trial
+from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.trial import run_trial
 from haptic_accel.setup.arguments import SURFACES, GraphArguments
 from haptic_accel.setup.setup import Setup
 

@@ -39,8 +39,8 @@ from haptic_accel.core.identification.stops import check_stops
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.core.tables import ResultTable
-from haptic_accel.core.trial import run_identification
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.setup import Setup
 

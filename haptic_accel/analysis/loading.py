@@ -34,7 +34,7 @@ from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import shortage
-from haptic_accel.core.trial import RigParameters
+from haptic_accel.core.simulated_rig import RigParameters
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, places, sampling_rate
-from haptic_accel.core.trial import RigParameters
+from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.materials.folders import is_recording
 from haptic_accel.setup.arguments import (
     PLAYED_TOPICS,

@@ -32,8 +32,8 @@ from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import json_option, verb
 from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
+from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.core.tables import ResultTable
-from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.graph import machine
 from haptic_accel.graph.machine import Finding
 from haptic_accel.graph.ros_packages import INSTALL_ROS, has_ros

@@ -30,6 +30,9 @@ from haptic_accel.core.parameters import ParameterError
 NANOSECONDS = 1_000_000_000
 """Nanoseconds in a second."""
 
+DEFAULT_RATE = 1000.0
+"""Samples per second of the paper's servo loop."""
+
 LATENCY = 1
 """Default delay from sample to force, in samples: the minimum for which the due time of a force is
 known in advance."""

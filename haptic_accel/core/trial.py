@@ -24,12 +24,9 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from haptic_accel.core import topics
-from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
-from haptic_accel.core.control.building import build_compensation
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.filters import (
@@ -39,12 +36,6 @@ from haptic_accel.core.control.filters import (
     without_hand_motion,
 )
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
-from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
-from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
-from haptic_accel.core.coupling.position_position import (
-    CouplingParameters,
-    PositionPositionCoupling,
-)
 from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import (
     Evaluation,
@@ -52,40 +43,28 @@ from haptic_accel.core.evaluation.metrics import (
     by_component,
     evaluate,
 )
-from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.handle.response import sampled_response
-from haptic_accel.core.identification.multisine import orthogonal_excitation
-from haptic_accel.core.identification.stops import LIMITED
-from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters, excitation
-from haptic_accel.core.loop.compensation import Compensating, CompensationPart
-from haptic_accel.core.loop.coupling import CouplingPart
-from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, rig_side
+from haptic_accel.core.loop.compensation import Compensating
 from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
 from haptic_accel.core.model import (
     ZERO,
-    ComplexArray,
     FloatArray,
     HandleParameters,
-    ModeParameters,
     MountParameters,
 )
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.network.playout import Played
-from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate, like
-from haptic_accel.core.rig.held_rig import DriveParameters
+from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate
 from haptic_accel.core.rig.interface import Rig
-from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+from haptic_accel.core.rig.master_rig import MasterRig
 from haptic_accel.core.rig.masters import axes_of, simulated_master
-from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, SlaveRigParameters, Vibrating
+from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, Vibrating
 from haptic_accel.core.rig.three_axis_rig import ThreeAxisRig
-from haptic_accel.core.sampling import LATENCY, NANOSECONDS, check_latency
+from haptic_accel.core.sampling import DEFAULT_RATE, LATENCY, check_latency
+from haptic_accel.core.simulated_rig import RigParameters, build_loop, build_parts
 from haptic_accel.core.surfaces.scene import Scene
-from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
+from haptic_accel.core.surfaces.virtual_rig import VirtualRig
 from haptic_accel.core.track import ReplayRig, Track
 from haptic_accel.core.two_hosts import TwoHosts
-
-DEFAULT_RATE = 1000.0
-"""Samples per second of the paper's servo loop."""
 
 GripChange = tuple[float, HandleParameters | MountParameters]
 """Time of a change of the handle, s, and its new parameters with the grip, or the new mount."""
@@ -96,68 +75,6 @@ Warned = tuple[float, str]
 
 LOOK = 0.05
 """Interval for checking the compensator's warnings, s."""
-
-
-@dataclass(frozen=True)
-class PlayedPlant(Plant):
-    """Plant of a virtual rig, with what only a rig can play."""
-
-    second: ModeParameters = field(default_factory=ModeParameters)
-    force_scale: float = like(DriveParameters, "force_scale")
-
-    def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
-        """Return sampled acceleration over held force, m/s^2 per N, at frequencies in Hz."""
-        return self.force_scale * sampled_response(
-            *(self.handle, frequency, rate, self.delay, self.bandwidth, self.mount, self.second)
-        )
-
-
-@dataclass(frozen=True)
-class RigParameters:
-    """Both sides of the virtual rig and their coupling; `virtual` is the slave in a scene.
-
-    If parameters of the passive coupling are given, it replaces the paper's coupling. By default,
-    the master's safety layer uses the limits of the actuator.
-    """
-
-    master: MasterRigParameters = field(default_factory=MasterRigParameters)
-    slave: SlaveRigParameters = field(default_factory=SlaveRigParameters)
-    coupling: CouplingParameters = field(default_factory=CouplingParameters)
-    halves: PassiveParameters | None = None
-    virtual: VirtualRigParameters = field(default_factory=VirtualRigParameters)
-    master_safety: MasterSafetyParameters | None = None
-    slave_safety: SafetyParameters = field(default_factory=SafetyParameters)
-
-    def coupled(self, rate: float, latency: int) -> PositionPositionCoupling | PassivePair:
-        """Return the coupling of arms on one host."""
-        if self.halves:
-            return PassivePair(self.halves, rate, latency)
-        return PositionPositionCoupling(self.coupling)
-
-    def plant(self, handle: HandleParameters) -> Plant:
-        """Return the plant of a controller, with a handle as held by one user."""
-        master = self.master
-        sensor, delay = master.accelerometer.bandwidth, master.drive.delay
-        stiffness = self.halves.stiffness if self.halves else self.coupling.k_m
-        return PlayedPlant(
-            *(handle, master.mount, delay, sensor),
-            coupling=stiffness,
-            second=master.second,
-            force_scale=master.drive.force_scale,
-        ).coupled()
-
-    @property
-    def safety(self) -> tuple[SafetyParameters, SafetyParameters]:
-        """Return the limits of the devices of master and slave."""
-        master = self.master_safety or MasterSafetyParameters(hardware=self.master.actuator)
-        return master, self.slave_safety
-
-    def passive(self, law: str) -> PassiveParameters:
-        """Return the parameters of the passive coupling for a law."""
-        if self.halves:
-            return replace(self.halves, law=law)
-        c = self.coupling
-        return PassiveParameters(law=law, stiffness=c.k_m, scale=c.scale, max_force=c.max_force)
 
 
 @dataclass(frozen=True)
@@ -409,19 +326,19 @@ def run_trial(
     warnings: list[Warned] = []
     crossings: list[Crossed] = []
     rigs = simulated_master(rig.master, rate, seed), slave
-    master_limits, slave_limits = rig.safety
-    sides = {
-        MASTER: rig_side(rigs[0], master_limits, rate, latency, axes=axes),
-        SLAVE: rig_side(slave, slave_limits, rate, latency, (ARM,)),
-    }
-    controlled = build_compensation(around, rate, controllers, latency=latency)
-    part = CompensationPart(controlled, rate, latency)
-    hosts = (
-        one_host(sides, part, rig, rate, latency)
-        if channel is None
-        else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts, tool_axes)
+    devices = dict(zip(topics.ARMS, rigs, strict=True))
+    parameters = rig, devices, around, controllers or {}, rate, latency
+    hosts: HostLoop | TwoHosts
+    if channel is None:
+        hosts = build_loop(*parameters)
+        part = hosts.compensation
+    else:
+        sides, part = build_parts(*parameters)
+        hosts = TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts, tool_axes)
+    assert part
+    samples = _samples(
+        rigs, hosts, part.compensation, time.tolist(), deque(grips), warnings, crossings
     )
-    samples = _samples(rigs, hosts, controlled, time.tolist(), deque(grips), warnings, crossings)
     # Number by number, as an array takes three times longer to read nested tuples.
     rows = np.fromiter(chain.from_iterable(samples), float).reshape(len(time), -1)
     vectors = rows.reshape(len(time), -1, 3).swapaxes(0, 1)
@@ -466,34 +383,6 @@ class Crossed(NamedTuple):
     played: Played
     position: float
     energy: tuple[float, float]
-
-
-def one_host(
-    sides: Mapping[str, DeviceSide],
-    compensation: CompensationPart,
-    rig: RigParameters,
-    rate: float,
-    latency: int,
-) -> HostLoop:
-    """Return the loop of both arms on one host, whose devices are not stopped.
-
-    Parameters
-    ----------
-    sides : mapping of str to DeviceSide
-        Devices by arm: master, slave.
-    compensation : CompensationPart
-    rig : RigParameters
-        Parameters of the coupling.
-    rate : float
-        Samples per second.
-    latency : int
-        Delay from sample to force, in samples.
-    """
-    engagement = Engagement(EngagementParameters(), now=0.0)
-    for arm in topics.ARMS:
-        engagement.arm_stopped(arm, False)
-    coupling = CouplingPart(rig.coupled(rate, latency), engagement, rate)
-    return HostLoop(sides, coupling, compensation)
 
 
 _SIGNALS = 4
@@ -562,103 +451,3 @@ def _samples(
             *(*tool.position, *tool.velocity, *forces.get(SLAVE, ZERO)),
             *(touching.contact_force if touching else ()),
         )
-
-
-def run_identification(
-    rig: MasterRigParameters | None = None,
-    parameters: SweepParameters | None = None,
-    rate: float = DEFAULT_RATE,
-    seed: int = 0,
-    trials: int = 1,
-    latency: int = LATENCY,
-) -> list[IdentificationTrial]:
-    """Excite the simulated handle in lockstep, without clock, with reproducible results.
-
-    In each sample the rig is read, and the force from `latency` samples before is applied, limited
-    by the device's safety layer. It acts until the next sample, so that the acceleration shows it
-    at the earliest one sample later. Arm and hand do not move.
-
-    Parameters
-    ----------
-    rig : MasterRigParameters, optional
-        Parameters of the simulated master; default: Table I.
-    parameters : SweepParameters, optional
-        Parameters of the sweep; default: those of the paper.
-    rate : float
-        Samples per second.
-    seed : int
-        Seed of the noise; each trial derives its own.
-    trials : int
-        Number of trials, each from rest.
-    latency : int
-        Delay from sample to force, in samples.
-
-    Returns
-    -------
-    list of IdentificationTrial
-
-    Raises
-    ------
-    ParameterError
-        The number of trials is below 1, the latency is invalid, or the end frequency is not below
-        half the rate.
-    """
-    if trials < 1:
-        raise ParameterError(f"trials = {trials}: must be at least 1")
-    check_latency(latency)
-    rig = rig or MasterRigParameters()
-    axes = axes_of(rig)
-    excite = excitation if len(axes.names) == 1 else orthogonal_excitation
-    exciting = excite(parameters or SweepParameters(), rate)
-    force = np.concatenate([exciting, np.zeros((latency, *exciting.shape[1:]))])
-    return [
-        _excite(rig, _trial_seed(seed, index), force, rate, latency) for index in range(trials)
-    ]
-
-
-def master_response(
-    rig: MasterRigParameters,
-    frequency: npt.ArrayLike,
-    rate: float,
-    delay: float | None = None,
-) -> ComplexArray:
-    """Return the true response of a simulated master with three coils, m/s^2 per N, (f, 3, 3).
-
-    Parameters
-    ----------
-    rig : MasterRigParameters
-    frequency : array_like, shape (f,)
-        Hz.
-    rate : float
-        Samples per second.
-    delay : float, optional
-        Delay of the drive in place of the rig's own, s.
-    """
-    if delay is not None:
-        rig = replace(rig, drive=replace(rig.drive, delay=delay))
-    master = simulated_master(rig, rate)
-    assert isinstance(master, ThreeAxisRig)
-    return master.response(frequency, rate)
-
-
-def _trial_seed(seed: int, trial: int) -> int:
-    """Return a seed for a trial, so that trials of adjacent seeds have different noise."""
-    return int(np.random.SeedSequence((seed, trial)).generate_state(1)[0])
-
-
-def _excite(
-    rig: MasterRigParameters, seed: int, force: FloatArray, rate: float, latency: int
-) -> IdentificationTrial:
-    master, axes = simulated_master(rig, rate, seed), axes_of(rig)
-    limits = MasterSafetyParameters(hardware=rig.actuator)
-    side = rig_side(master, limits, rate, latency, (ACTUATOR,), axes)
-    acceleration = np.zeros((len(force), 3))
-    for tick, exciting in enumerate(force.reshape(len(force), -1).tolist()):
-        side.begin(tick)
-        acceleration[tick] = next(side.read()).sample.acceleration
-        side.command(ACTUATOR, tick * NANOSECONDS / rate, axes.vector(exciting))
-        side.apply()
-        side.watch()
-    values: dict[str, str | int] = {**master.counters(), **side.safety.diagnostics()}
-    counts = {key: int(values[key]) for key in (*master.counters(), *LIMITED)}
-    return IdentificationTrial(rate, force, along(axes, acceleration), counts, latency)

@@ -31,7 +31,7 @@ from typing import Any, Literal
 import psutil
 
 from haptic_accel.core.due_forces import IN_TIME, MISSED_SHARE
-from haptic_accel.core.trial import DEFAULT_RATE
+from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
 from haptic_accel.graph.middleware import DISCOVERY_RANGE, LOOPBACK_PROFILE
 

@@ -27,14 +27,11 @@ from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
 
 from haptic_accel.core.axes import ACTUATOR_AXIS, NAMES
-from haptic_accel.core.control.building import build_compensation
-from haptic_accel.core.loop.compensation import CompensationPart
-from haptic_accel.core.loop.device_side import ARM, rig_side
 from haptic_accel.core.loop.wiring import MASTER, SLAVE
 from haptic_accel.core.model import ACTUATOR, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.trial import one_host
+from haptic_accel.core.simulated_rig import build_loop
 from haptic_accel.devices.simulated import (
     PointerMaster,
     SimulatedSlave,
@@ -122,14 +119,10 @@ class PacedRig:
         }
         self._master = PointerMaster(rig.master, self._rate, arguments.seed)
         self._slave = SimulatedSlave(_slave(setup), self._rate, arguments.seed)
-        limits = rig.safety
-        sides = {
-            MASTER: rig_side(self._master, limits[0], self._rate, latency, axes=self._master.axes),
-            SLAVE: rig_side(self._slave, limits[1], self._rate, latency, (ARM,)),
-        }
-        self._compensation = build_compensation(around, self._rate, controllers, latency=latency)
-        part = CompensationPart(self._compensation, self._rate, latency)
-        self._loop = one_host(sides, part, rig, self._rate, latency)
+        devices = {MASTER: self._master, SLAVE: self._slave}
+        self._loop = build_loop(rig, devices, around, controllers, self._rate, latency)
+        assert self._loop.compensation
+        self._compensation = self._loop.compensation.compensation
         self.windows.show_axes(self._master.axes)
         self._axes = [
             (NAMES.index(axis), windows) for axis, windows in self.windows.by_axis.items()

@@ -46,9 +46,13 @@ from haptic_accel.core.parameters import (
     schema,
     shown,
 )
-from haptic_accel.core.sampling import HIGHEST_LATENCY, IDENTIFICATION_LATENCY, LATENCY
+from haptic_accel.core.sampling import (
+    DEFAULT_RATE,
+    HIGHEST_LATENCY,
+    IDENTIFICATION_LATENCY,
+    LATENCY,
+)
 from haptic_accel.core.topics import ARMS
-from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices import MASTERS, SLAVES, Device
 from haptic_accel.devices.audio import AUDIO, AudioActuator, AudioParameters
 from haptic_accel.links.parameters import LinkNodeParameters

@@ -25,9 +25,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.parameters import Checked, ParameterError, checked, like, parameter, schema
+from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.core.topics import MASTER, PLAYED, SLAVE, SLAVE_SIGNALS
 from haptic_accel.core.track import SHORTEST, Track, played_at
-from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices.playback import (
     ReplayParameters,
     bag_rate,

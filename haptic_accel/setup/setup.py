@@ -30,8 +30,8 @@ from haptic_accel.bags.facts import ARGUMENTS, PARAMETERS, facts_text
 from haptic_accel.core.axes import ALL_AXES
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.topics import CONTACT_FORCE
-from haptic_accel.core.trial import RigParameters
 from haptic_accel.materials.folders import config_folder, is_recording, preset_file
 from haptic_accel.setup import arguments as names
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments

@@ -38,7 +38,8 @@ from haptic_accel.core.due_forces import LATE_TIME, LONGEST, PAST_TICK
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, MountParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.trial import RigParameters, Trial
+from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.trial import Trial
 
 RATE = 1000.0
 

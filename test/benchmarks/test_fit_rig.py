@@ -25,7 +25,7 @@ import pytest
 from fit_rig import CONTROLLERS, HIGHEST, LOWEST, Unknowns, deviations, run
 from haptic_accel.analysis.experiment import RIG_NOTES
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation
-from haptic_accel.core.trial import RigParameters
+from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.setup.arguments import SURFACES, GraphArguments
 from haptic_accel.setup.setup import Setup
 

@@ -31,8 +31,8 @@ from haptic_accel.core.handle.matrix_plant import read_matrix_plant
 from haptic_accel.core.identification.evaluation import stages
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import POSTURES
+from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.core.topics import ACTUATOR_FORCE, HANDLE_ACCELERATION
-from haptic_accel.core.trial import run_identification
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.setup.processes import graph
 from haptic_accel.setup.setup import Setup

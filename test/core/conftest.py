@@ -27,7 +27,7 @@ from haptic_accel.core.rig.held_rig import DriveParameters
 from haptic_accel.core.rig.instruments import ArmParameters
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.rig.slave_rig import SlaveRigParameters
-from haptic_accel.core.trial import RigParameters
+from haptic_accel.core.simulated_rig import RigParameters
 
 
 @pytest.fixture

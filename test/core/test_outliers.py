@@ -30,7 +30,8 @@ from haptic_accel.core.outliers import LONGEST, outliers, without_outliers
 from haptic_accel.core.parameters import ParameterError, from_flat
 from haptic_accel.core.rig.slave_rig import SlaveRigParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
-from haptic_accel.core.trial import RigParameters, run_trial
+from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.trial import run_trial
 from haptic_accel.setup.files import surface_parameters
 
 REAL = Path(__file__).resolve().parents[3] / "shared/data"

@@ -27,7 +27,8 @@ from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.sampling import RELEASED
-from haptic_accel.core.trial import Crossing, RigParameters, Trial, run_trial
+from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.trial import Crossing, Trial, run_trial
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.setup import Setup
 

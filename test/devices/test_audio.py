@@ -38,7 +38,7 @@ from haptic_accel.core.identification.sweep import SweepParameters, kept_repeats
 from haptic_accel.core.model import ZERO, HandleParameters, Vector, vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.trial import run_identification
+from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.devices import Device, DeviceError, Sample
 from haptic_accel.devices.audio import AudioActuator, AudioParameters, HeldForce
 from haptic_accel.devices.simulated import SimulatedMaster

@@ -59,6 +59,9 @@ class Compensating(Protocol):
     def process(self, tool: Vector, handle: Vector | None) -> tuple[Vector, Vector]:
         """Return desired acceleration, m/s^2, and coils' forces, N, for a sample."""
 
+    def select(self, name: str) -> None:
+        """Use another controller, by its name."""
+
     def adapt(self) -> None:
         """Execute a part of the slow computations."""
 
@@ -81,6 +84,7 @@ class CompensationPart:
 
     Attributes
     ----------
+    compensation : Compensating
     samples, lost, bridged, without : int
         Numbers of tool samples: received; lost; lost and predicted; used without the handle's
         sample.
@@ -94,7 +98,7 @@ class CompensationPart:
     def __init__(
         self, compensation: Compensating, rate: float, latency: int, longest: int = 2
     ) -> None:
-        self._compensation = compensation
+        self.compensation = compensation
         self._period = NANOSECONDS / rate
         self._longest_wait = (max(1, latency) - SENDING_TIME) * self._period
         self._longest_bridge = LONGEST_BRIDGE * rate
@@ -152,8 +156,8 @@ class CompensationPart:
             self.without += handle is None and self.samples > 0  # no sample precedes the first
             self.samples += 1
             self._store(tool)
-            yield Caused(stamp, *self._compensation.process(tool, handle))
-            self._compensation.adapt()
+            yield Caused(stamp, *self.compensation.process(tool, handle))
+            self.compensation.adapt()
 
     def _before(self, stamp: int) -> tuple[bool, Vector | None]:
         """Return True and the previous tick's handle sample (None if lost); False if awaited."""
@@ -175,7 +179,7 @@ class CompensationPart:
             for predicted in zip(
                 *(each.predict(lost) for each in self._concealments), strict=True
             ):
-                self._compensation.process(self._axes.vector(predicted), None)
+                self.compensation.process(self._axes.vector(predicted), None)
 
     def _store(self, tool: Vector) -> None:
         """Store a sample for predictions; one with an axis that is not finite counts as zero."""

@@ -38,9 +38,9 @@ from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import Checked, like, parameter, shown
 from haptic_accel.core.process import module_command
+from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.core.signal_checks import Check
 from haptic_accel.core.topics import ARMS
-from haptic_accel.core.trial import DEFAULT_RATE
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.devices.observed import Force, Observation, ObservedDevice

@@ -27,7 +27,7 @@ from haptic_accel.core.identification.stops import LIMITED, STOPS_HIT, check_sto
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
 from haptic_accel.core.model import Suspension
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.trial import run_identification
+from haptic_accel.core.simulated_identification import run_identification
 
 RATE = 1000.0
 RIG = MasterRigParameters()

@@ -39,8 +39,8 @@ from haptic_accel.core.rig.instruments import (
 from haptic_accel.core.rig.master_rig import MasterRig
 from haptic_accel.core.rig.slave_rig import SlaveRig
 from haptic_accel.core.rig.surface import SurfaceParameters
+from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.topics import ARMS
-from haptic_accel.core.trial import RigParameters
 
 # Converters
 

@@ -36,8 +36,8 @@ from haptic_accel.analysis.segments import read_segment
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.axes import ALL_AXES, Axes, read_numbers
 from haptic_accel.core.parameters import from_flat
+from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.topics import ACTUATOR_FORCE
-from haptic_accel.core.trial import RigParameters
 from haptic_accel.devices.interface import LATER, Sample
 from haptic_accel.devices.serial.device import SerialMaster, SerialMasterParameters
 from haptic_accel.devices.serial.protocol import FULL_SCALE

@@ -38,7 +38,8 @@ from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.sampling import LATENCY
-from haptic_accel.core.trial import RigParameters, Trial, run_trial
+from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.trial import Trial, run_trial
 
 RATE = 1000.0
 LOOP = Loop(RATE)

@@ -44,7 +44,8 @@ from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
-from haptic_accel.core.trial import RigParameters, run_trial
+from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.trial import run_trial
 
 RATE = 4000.0
 LOOP = Loop(RATE)

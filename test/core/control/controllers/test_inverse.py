@@ -51,7 +51,8 @@ from haptic_accel.core.rig.exploration import ExplorationParameters
 from haptic_accel.core.rig.held_rig import DriveParameters
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.sampling import LATENCY
-from haptic_accel.core.trial import RigParameters, Trial, run_trial
+from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.trial import Trial, run_trial
 
 RATE = 1000.0
 SILENT = AccelerometerParameters(noise_density=0.0, bits=32)

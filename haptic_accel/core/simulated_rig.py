@@ -1,0 +1,169 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Virtual rig of two arms: its parameters, and the loop that couples them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy.typing as npt
+
+from haptic_accel.core import topics
+from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
+from haptic_accel.core.control.building import build_compensation
+from haptic_accel.core.control.compensation import CompensationParameters
+from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
+from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
+from haptic_accel.core.coupling.position_position import (
+    CouplingParameters,
+    PositionPositionCoupling,
+)
+from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.response import sampled_response
+from haptic_accel.core.loop.compensation import CompensationPart
+from haptic_accel.core.loop.coupling import CouplingPart
+from haptic_accel.core.loop.device_side import ARM, DeviceSide, rig_side
+from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
+from haptic_accel.core.model import ComplexArray, HandleParameters, ModeParameters
+from haptic_accel.core.parameters import Checked, like
+from haptic_accel.core.rig.held_rig import DriveParameters
+from haptic_accel.core.rig.interface import Rig, SampledRig
+from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.rig.masters import axes_of
+from haptic_accel.core.rig.slave_rig import SlaveRigParameters
+from haptic_accel.core.surfaces.virtual_rig import VirtualRigParameters
+
+
+@dataclass(frozen=True)
+class PlayedPlant(Plant):
+    """Plant of a virtual rig, with what only a rig can play."""
+
+    second: ModeParameters = field(default_factory=ModeParameters)
+    force_scale: float = like(DriveParameters, "force_scale")
+
+    def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
+        """Return sampled acceleration over held force, m/s^2 per N, at frequencies in Hz."""
+        return self.force_scale * sampled_response(
+            *(self.handle, frequency, rate, self.delay, self.bandwidth, self.mount, self.second)
+        )
+
+
+@dataclass(frozen=True)
+class RigParameters:
+    """Both sides of the virtual rig and their coupling; `virtual` is the slave in a scene.
+
+    If parameters of the passive coupling are given, it replaces the paper's coupling. By default,
+    the master's safety layer uses the limits of the actuator.
+    """
+
+    master: MasterRigParameters = field(default_factory=MasterRigParameters)
+    slave: SlaveRigParameters = field(default_factory=SlaveRigParameters)
+    coupling: CouplingParameters = field(default_factory=CouplingParameters)
+    halves: PassiveParameters | None = None
+    virtual: VirtualRigParameters = field(default_factory=VirtualRigParameters)
+    master_safety: MasterSafetyParameters | None = None
+    slave_safety: SafetyParameters = field(default_factory=SafetyParameters)
+
+    def coupled(self, rate: float, latency: int) -> PositionPositionCoupling | PassivePair:
+        """Return the coupling of arms on one host."""
+        if self.halves:
+            return PassivePair(self.halves, rate, latency)
+        return PositionPositionCoupling(self.coupling)
+
+    def plant(self, handle: HandleParameters) -> Plant:
+        """Return the plant of a controller, with a handle as held by one user."""
+        master = self.master
+        sensor, delay = master.accelerometer.bandwidth, master.drive.delay
+        stiffness = self.halves.stiffness if self.halves else self.coupling.k_m
+        return PlayedPlant(
+            *(handle, master.mount, delay, sensor),
+            coupling=stiffness,
+            second=master.second,
+            force_scale=master.drive.force_scale,
+        ).coupled()
+
+    @property
+    def safety(self) -> tuple[SafetyParameters, SafetyParameters]:
+        """Return the limits of the devices of master and slave."""
+        master = self.master_safety or MasterSafetyParameters(hardware=self.master.actuator)
+        return master, self.slave_safety
+
+    def passive(self, law: str) -> PassiveParameters:
+        """Return the parameters of the passive coupling for a law."""
+        if self.halves:
+            return replace(self.halves, law=law)
+        c = self.coupling
+        return PassiveParameters(law=law, stiffness=c.k_m, scale=c.scale, max_force=c.max_force)
+
+
+def build_parts(
+    rig: RigParameters,
+    devices: Mapping[str, Rig | SampledRig],
+    compensation: CompensationParameters,
+    controllers: Mapping[str, Checked],
+    rate: float,
+    latency: int,
+) -> tuple[dict[str, DeviceSide], CompensationPart]:
+    """Return both arms' sides, which allow forces, and the compensation.
+
+    Parameters
+    ----------
+    rig : RigParameters
+        Limits of the devices, and the master's axes.
+    devices : mapping of str to Rig
+        Master and slave, by arm.
+    compensation : CompensationParameters
+    controllers : mapping
+        Parameters of controllers, plant and actuator by name.
+    rate : float
+        Samples per second.
+    latency : int
+        Delay from sample to force, in samples.
+
+    Raises
+    ------
+    ParameterError
+        A value is not allowed.
+    """
+    on_master, on_slave = rig.safety
+    axes = axes_of(rig.master)
+    sides = {
+        MASTER: rig_side(devices[MASTER], on_master, rate, latency, axes=axes),
+        SLAVE: rig_side(devices[SLAVE], on_slave, rate, latency, (ARM,)),
+    }
+    built = build_compensation(compensation, rate, controllers, latency=latency)
+    return sides, CompensationPart(built, rate, latency)
+
+
+def build_loop(
+    rig: RigParameters,
+    devices: Mapping[str, Rig | SampledRig],
+    compensation: CompensationParameters,
+    controllers: Mapping[str, Checked],
+    rate: float,
+    latency: int,
+) -> HostLoop:
+    """Return the loop of both arms on one host, whose devices are not stopped.
+
+    Parameters as for `build_parts`.
+    """
+    sides, part = build_parts(rig, devices, compensation, controllers, rate, latency)
+    engagement = Engagement(EngagementParameters(), now=0.0)
+    for arm in topics.ARMS:
+        engagement.arm_stopped(arm, False)
+    coupling = CouplingPart(rig.coupled(rate, latency), engagement, rate)
+    return HostLoop(sides, coupling, part)
