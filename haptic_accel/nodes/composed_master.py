@@ -23,14 +23,14 @@ from __future__ import annotations
 from haptic_accel.nodes.compensator import Compensator
 from haptic_accel.nodes.half_coupler import HalfCoupler
 from haptic_accel.nodes.loop_runner import join
-from haptic_accel.nodes.master_device import MasterDevice
+from haptic_accel.nodes.master_device import master_device
 from haptic_accel.nodes.scheduling import run
 
 
 def main() -> None:
     """Run the nodes."""
     # The arm is sampled first; the resulting forces are due at the next tick.
-    run("composed_master", MasterDevice, HalfCoupler, Compensator, join=join)
+    run("composed_master", master_device, HalfCoupler, Compensator, join=join)
 
 
 if __name__ == "__main__":

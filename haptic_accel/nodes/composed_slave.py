@@ -23,13 +23,13 @@ from __future__ import annotations
 from haptic_accel.nodes.half_coupler import HalfCoupler
 from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.scheduling import run
-from haptic_accel.nodes.slave_device import SlaveDevice
+from haptic_accel.nodes.slave_device import slave_device
 
 
 def main() -> None:
     """Run the nodes."""
     # The arm is sampled first; its forces are due at the next tick.
-    run("composed_slave", SlaveDevice, HalfCoupler, join=join)
+    run("composed_slave", slave_device, HalfCoupler, join=join)
 
 
 if __name__ == "__main__":

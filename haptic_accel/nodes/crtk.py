@@ -47,7 +47,7 @@ from haptic_accel.core.topics import ArmTopics, Topic
 from haptic_accel.devices.interface import Joints
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.joint_states import joint_state
-from haptic_accel.nodes.managed import ACTIVE, INACTIVE, ManagedNode
+from haptic_accel.nodes.managed import ACTIVE, INACTIVE, Managed
 from haptic_accel.nodes.signals import Sender
 from haptic_accel.nodes.topic_node import message_type
 
@@ -218,7 +218,7 @@ class OperatingState:
 
     Parameters
     ----------
-    node : ManagedNode
+    node : Managed
     arm : ArmTopics
     safety : SafetyLayer
     fault : callable
@@ -229,7 +229,7 @@ class OperatingState:
 
     def __init__(
         self,
-        node: ManagedNode,
+        node: Managed,
         arm: ArmTopics,
         safety: SafetyLayer,
         fault: Callable[[], str],

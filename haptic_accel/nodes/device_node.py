@@ -36,8 +36,9 @@ from haptic_accel.core.topics import ArmTopics
 from haptic_accel.devices import Device, DeviceError
 from haptic_accel.nodes.crtk import MotionCommands, OperatingState, Queries
 from haptic_accel.nodes.emergency_stop import DeviceStop
+from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.joint_states import JointStates
-from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, ManagedNode
+from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, Managed
 from haptic_accel.nodes.timing import RateKeeper
 from haptic_accel.setup.node_parameters import POSITION_SERVO, SAFETY, build_device
 
@@ -56,7 +57,7 @@ def steady_now() -> float:
     return time.monotonic_ns() / NANOSECONDS
 
 
-class DeviceNode(ManagedNode):
+class DeviceNode(Managed, GraphNode):
     """Samples a device on the machine's sampling grid, publishes, and applies commands when due.
 
     At each tick the node takes a sample, applies the due forces, caused by the samples `latency`
@@ -87,14 +88,13 @@ class DeviceNode(ManagedNode):
     polls = True
 
     def __init__(self, executable: str, devices: dict[str, type[Device]], arm: ArmTopics) -> None:
-        super().__init__(
-            executable,
-            [
-                f"{kind.description.owners(name)[0]}.{field}"
-                for name, kind in devices.items()
-                for field in kind.description.changeable
-            ],
-        )
+        changeable = [
+            f"{kind.description.owners(name)[0]}.{field}"
+            for name, kind in devices.items()
+            for field in kind.description.changeable
+        ]
+        GraphNode.__init__(self, executable, changeable)
+        self.begin_lifecycle()
         p = self.parameters
         self._executable = executable
         self._kind = devices[p.device]

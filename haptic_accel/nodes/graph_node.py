@@ -25,14 +25,17 @@ from functools import partial
 from itertools import cycle
 from typing import Any, NamedTuple
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from haptic_accel.bags.facts import description
 from haptic_accel.core.cdr import pack_diagnostics
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import BUNDLES, DESCRIPTION, DIAGNOSTICS, SIGNALS, Topic
 from haptic_accel.graph.locks import lock_signal
 from haptic_accel.nodes.bundling import BUNDLES_KEPT, BundleSender, join, participant
+from haptic_accel.nodes.parameters import DeclaredParameters
 from haptic_accel.nodes.scheduling import scheduling_class
 from haptic_accel.nodes.signals import (
     RIVALS_PERIOD,
@@ -43,7 +46,8 @@ from haptic_accel.nodes.signals import (
     Sender,
     ignore,
 )
-from haptic_accel.nodes.topic_node import DEPTH, TopicNode, message_type
+from haptic_accel.nodes.supervised_node import SupervisedNode
+from haptic_accel.nodes.topic_node import DEPTH, message_type
 
 DIAGNOSTICS_PERIOD = 1.0
 """Interval between diagnostics, s."""
@@ -55,17 +59,31 @@ _UNKNOWN = "_NODE_NAME_UNKNOWN_"
 """Name that ROS gives to a node whose name it has not heard yet."""
 
 
-class GraphNode(TopicNode):
+class GraphNode(SupervisedNode):
     """A node of the graph: the only sender of its signals, which reports once a second.
 
-    Parameters as for `ParameterNode`.
+    Parameters
+    ----------
+    executable : str
+        Name of the executable, and of the node unless remapped.
+    changeable : collection of str
+        Parameters that can be changed while the node runs.
 
     Attributes
     ----------
+    parameters
+        The node's own parameters, checked.
+    options : dict
+        Parameters of its possible parts (devices, controllers), by name.
     task : str
         Subject of its diagnostics.
     contested_in_loop : int
         Number of samples withheld by this process's loop, as other nodes published the signal.
+
+    Raises
+    ------
+    ParameterError
+        A parameter has a value that is not allowed.
     """
 
     task: str
@@ -79,9 +97,17 @@ class GraphNode(TopicNode):
         self.contested_in_loop = 0
         self._told: set[str] = set()
         self._refused_before: Counter[str] = Counter()
-        super().__init__(executable, changeable)
+        # Values of the command line and of files are checked before declaration: ROS would ignore
+        # a wrong name, and itself report a wrong value.
+        super().__init__(executable, automatically_declare_parameters_from_overrides=True)
+        self._declared = DeclaredParameters(
+            self, executable, changeable, self.change, self._guard.note
+        )
+        self.parameters, self.options = self._declared.own, self._declared.options
+        for service in super().services:
+            service.callback = self._declared.services.get(service.srv_type, service.callback)
         self._gathered = b""
-        self._described = {name: self.get_parameter(name).value for name in self._schema}
+        self._described = {name: self.get_parameter(name).value for name in self._declared.schema}
         self._publish_description = self.publisher(DESCRIPTION).publish
         self.add_post_set_parameters_callback(self._publish_parameters)
         self._publish_parameters(())
@@ -92,6 +118,23 @@ class GraphNode(TopicNode):
         parts = (self._gather_diagnostics, self._report_gathered, self.repeat_states)
         turns = cycle(parts)
         self.create_timer(DIAGNOSTICS_PERIOD / len(parts), lambda: next(turns)())
+
+    def change(self, values: dict[str, Any]) -> None:
+        """Apply new, checked values of parameters that can be changed; all or none.
+
+        Raises
+        ------
+        ParameterError
+            A value cannot be applied; nothing has changed.
+        """
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters, all or none; a fixed parameter may be set to its present value."""
+        try:
+            new = self._declared.new(parameter_list)
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return super().set_parameters_atomically(new)
 
     def sender(self, topic: Topic) -> Sender:
         """Create the only sender of a signal on this machine.

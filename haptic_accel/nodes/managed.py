@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import Any
 
 from lifecycle_msgs.srv import (
@@ -29,7 +28,6 @@ from lifecycle_msgs.srv import (
 from rclpy.lifecycle import LifecycleNodeMixin
 
 from haptic_accel.core.parameters import shown
-from haptic_accel.nodes.graph_node import GraphNode
 
 UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
 """Stable states of a managed node, by ROS' names."""
@@ -44,20 +42,15 @@ SERVICES = {
 """Types of a managed node's services by name."""
 
 
-class ManagedNode(LifecycleNodeMixin, GraphNode):
-    """Graph node with the states and services of ROS 2's lifecycle.
+class Managed(LifecycleNodeMixin):
+    """The states and services of ROS 2's lifecycle, for a graph node that has it as a base.
 
     It makes the services of rclpy's node itself: the queue of rclpy's own is short, and what it
     drops gets no answer.
-
-    Parameters
-    ----------
-    executable, changeable
-        As for `GraphNode`.
     """
 
-    def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
-        GraphNode.__init__(self, executable, changeable)
+    def begin_lifecycle(self) -> None:
+        """Make the services, once the node is made."""
         LifecycleNodeMixin.__init__(self, enable_communication_interface=False)
         for name, kind in SERVICES.items():
             callback = getattr(self, f"_LifecycleNodeMixin__on_{name}")

@@ -24,16 +24,14 @@ from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.scheduling import run
 
 
-class MasterDevice(DeviceNode):
-    """The device node of the master, which also applies the actuator's force."""
-
-    def __init__(self) -> None:
-        super().__init__("master_device", MASTERS, MASTER)
+def master_device() -> DeviceNode:
+    """Return the device node of the master, which also applies the actuator's force."""
+    return DeviceNode("master_device", MASTERS, MASTER)
 
 
 def main() -> None:
     """Run the node."""
-    run("master_device", MasterDevice, join=join)
+    run("master_device", master_device, join=join)
 
 
 if __name__ == "__main__":

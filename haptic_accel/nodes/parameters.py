@@ -18,7 +18,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from rcl_interfaces.msg import (
 )
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from haptic_accel.core.decimals import read_decimal
@@ -41,8 +42,6 @@ from haptic_accel.core.parameters import (
     checked,
     shown,
 )
-from haptic_accel.nodes.callbacks import CallbackGuard
-from haptic_accel.nodes.scheduling import SupervisedNode
 from haptic_accel.setup.files import check_reached
 from haptic_accel.setup.former_names import current_names, warning_of
 from haptic_accel.setup.node_parameters import (
@@ -59,22 +58,30 @@ _OF_EVERY_NODE = (USE_SIM_TIME, "start_type_description_service")
 _LARGEST = sys.float_info.max
 
 
-class ParameterNode(SupervisedNode):
-    """A node whose parameters come from its schema.
+class DeclaredParameters:
+    """Parameters of a node, declared from its schema.
 
     Parameters
     ----------
+    node : Node
+        It has declared what command line and files give.
     executable : str
-        Name of the executable, and of the node unless remapped.
+        Key of the schema.
     changeable : collection of str
         Parameters that can be changed while the node runs.
+    change : callable
+        Applies new, checked values of changeable parameters by name, or raises a ParameterError.
+    note : callable
+        Notes an exception of a callback by its name; returns a line.
 
     Attributes
     ----------
-    parameters
+    own
         The node's own parameters, checked.
     options : dict
         Parameters of its possible parts (devices, controllers), by name.
+    schema : mapping
+        Default and specification by dotted name.
 
     Raises
     ------
@@ -82,45 +89,39 @@ class ParameterNode(SupervisedNode):
         A parameter has a value that is not allowed.
     """
 
-    def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
-        self._guard = CallbackGuard(
-            lambda line: self.get_logger().error(line), lambda text: self.get_logger().debug(text)
-        )
-        # Values of the command line and of files are checked before declaration: ROS would ignore
-        # a wrong name, and itself report a wrong value.
-        super().__init__(executable, automatically_declare_parameters_from_overrides=True)
-        self._schema = node_schema(executable)
+    def __init__(
+        self,
+        node: Node,
+        executable: str,
+        changeable: Collection[str],
+        change: Callable[[dict[str, Any]], None],
+        note: Callable[[str, Exception], str],
+    ) -> None:
+        self._node, self._apply, self._note = node, change, note
         self._changeable = changeable
+        self.schema = node_schema(executable)
         given = self._given()
-        self.parameters, self.options = node_parameters(executable, given)
+        self.own, self.options = node_parameters(executable, given)
         self._declare(given)
-        self.add_on_set_parameters_callback(self._change)
-        own = {
+        node.add_on_set_parameters_callback(self._change)
+
+    @property
+    def services(self) -> dict[type, Callable[..., Any]]:
+        """Callbacks of the services that set parameters, in place of rclpy's, by their type."""
+        return {
             SetParameters: self._serve_parameters,
             SetParametersAtomically: self._serve_parameters_atomically,
         }
-        for service in super().services:
-            service.callback = own.get(service.srv_type, service.callback)
 
-    def change(self, values: dict[str, Any]) -> None:
-        """Apply new, checked values of parameters that can be changed; all or none.
+    def new(self, parameters: Iterable[Parameter]) -> list[Parameter]:
+        """Return those that differ from their present values, in the types of the schema.
 
         Raises
         ------
         ParameterError
-            A value cannot be applied; nothing has changed.
+            One has no such value, or is fixed.
         """
-
-    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Set parameters, all or none; a fixed parameter may be set to its present value.
-
-        The type of a value may differ from its parameter's type; see `_as_meant`.
-        """
-        try:
-            new = [each for each in map(self._checked, parameter_list) if not self._holds(each)]
-        except ParameterError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return super().set_parameters_atomically(new)
+        return [each for each in map(self._checked, parameters) if not self._holds(each)]
 
     def _serve_parameters(
         self, request: SetParameters.Request, response: SetParameters.Response
@@ -138,11 +139,11 @@ class ParameterNode(SupervisedNode):
     def _set(self, messages: Sequence[ParameterMessage]) -> SetParametersResult:
         """Set the parameters of a request, all or none; the result holds any failure."""
         try:
-            return self.set_parameters_atomically([_parameter(each) for each in messages])
+            return self._node.set_parameters_atomically([_parameter(each) for each in messages])
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         except Exception as error:
-            reason = self._guard.note("set_parameters", error)
+            reason = self._note("set_parameters", error)
             return SetParametersResult(successful=False, reason=reason)
 
     def _checked(self, parameter: Parameter) -> Parameter:
@@ -152,18 +153,18 @@ class ParameterNode(SupervisedNode):
             check_clock(value)
         if name in _OF_EVERY_NODE:
             return parameter
-        if name not in self._schema:
-            raise ParameterError(f"{shown(name)}: {self.get_name()} has no such parameter")
-        default, specification = self._schema[name]
+        if name not in self.schema:
+            raise ParameterError(f"{shown(name)}: {self._node.get_name()} has no such parameter")
+        default, specification = self.schema[name]
         value = _as_meant(value, default)
         return Parameter(name, value=checked(name, value, default, specification))
 
     def _holds(self, parameter: Parameter) -> bool:
         """Return whether a parameter has its value already; refuse to change a fixed one."""
-        value = self.get_parameter(parameter.name).value
+        value = self._node.get_parameter(parameter.name).value
         if parameter.value == value:
             return True
-        if parameter.name in self._schema and parameter.name not in self._changeable:
+        if parameter.name in self.schema and parameter.name not in self._changeable:
             raise ParameterError(
                 f"{parameter.name} = {parameter.value}: must stay {value} while the node runs"
             )
@@ -174,26 +175,26 @@ class ParameterNode(SupervisedNode):
         values = {each.name: each.value for each in parameters if each.name in self._changeable}
         try:
             if values:
-                self.change(values)
+                self._apply(values)
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _given(self) -> dict[str, Any]:
         """Return the values of the command line and of files, and undeclare them."""
-        check_clock(self.get_parameter(USE_SIM_TIME).value)
+        check_clock(self._node.get_parameter(USE_SIM_TIME).value)
         for path in _parameter_files():
-            check_reached(path, self.get_fully_qualified_name())
+            check_reached(path, self._node.get_fully_qualified_name())
         given = {
             name: parameter.value
-            for name, parameter in self.get_parameters_by_prefix("").items()
+            for name, parameter in self._node.get_parameters_by_prefix("").items()
             if name not in _OF_EVERY_NODE
         }
         names = current_names(given)
         if warning := warning_of(given):
-            self.get_logger().warning(warning)
+            self._node.get_logger().warning(warning)
         for name, now in names.items():
-            self.undeclare_parameter(name)
+            self._node.undeclare_parameter(name)
             # A file may set in all nodes (/**) what only some have.
             if not any(now in node_schema(executable) for executable in NODES):
                 raise ParameterError(f"{name}: no such parameter")
@@ -204,12 +205,12 @@ class ParameterNode(SupervisedNode):
 
         All are read-only except those that can be changed while the node runs.
         """
-        for name, (default, specification) in self._schema.items():
+        for name, (default, specification) in self.schema.items():
             value = checked(name, given.get(name, default), default, specification)
             descriptor = _descriptor(default, specification)
             descriptor.read_only = name not in self._changeable
             # ROS would take the value as given: 300 is no double to it.
-            self.declare_parameter(name, value, descriptor, ignore_override=True)
+            self._node.declare_parameter(name, value, descriptor, ignore_override=True)
 
 
 def _parameter_files() -> Iterator[Path]:

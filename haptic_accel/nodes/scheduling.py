@@ -34,9 +34,7 @@ import rclpy
 from rclpy.exceptions import InvalidParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.rcutils_logger import CallerId
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
 from haptic_accel.core.parameters import ParameterError
@@ -53,7 +51,8 @@ from haptic_accel.core.process import (
 )
 from haptic_accel.devices import DeviceError
 from haptic_accel.graph.middleware import check_middleware, middleware_defaults
-from haptic_accel.nodes.standard_streams import NodeLogger, unblock_standard_streams
+from haptic_accel.nodes.standard_streams import unblock_standard_streams
+from haptic_accel.nodes.supervised_node import SupervisedNode
 from haptic_accel.nodes.wires import WIRES
 
 try:
@@ -108,61 +107,6 @@ PR_SET_TIMERSLACK = 29
 SUSPENDING = (signal.SIGTSTP, signal.SIGTTOU)
 """Signals by which a terminal suspends a program (Ctrl-Z), with its forces held. Of a launch only
 the launch itself is suspended, as of `teleop`, whose nodes have sessions of their own."""
-
-
-class SupervisedNode(Node):
-    """A node that can end by itself and be closed.
-
-    Attributes
-    ----------
-    polls : bool
-        True if `work` takes all urgent messages from their inboxes, so that the executor need only
-        serve requests and timers.
-    follows_stop : bool
-        True if `follow_stop` is to be called once in `STOP_PERIOD`.
-    """
-
-    polls = False
-    follows_stop = False
-
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self._logger = NodeLogger(self.get_logger().name)
-        self.finished: Future = Future()
-        """Its result is set when the node's task is done."""
-
-    def begin(self) -> None:
-        """Get ready for the first `work`, once all nodes of the process are made."""
-
-    def work(self) -> float:
-        """Do the work that is due; return the steady time of the next call, s.
-
-        The node's callbacks run in between, when a message or a request comes.
-        """
-        return math.inf
-
-    def finish(self, line: str = "") -> None:
-        """Mark the node's task as done, once, with an optional line for the log."""
-        if not self.finished.done():
-            if line:
-                self.get_logger().info(line)
-            self.finished.set_result(None)
-
-    def callback_failed(self, error: Exception) -> None:
-        """Record an exception of the executor, which serves this node and others."""
-        raise error
-
-    def follow_stop(self) -> None:
-        """Read messages on the emergency stop, and act upon them."""
-
-    def stop_forces(self) -> None:
-        """Execute the emergency stop; do nothing in a node without forces."""
-
-    def close(self) -> None:
-        """Release all resources; called once, however the node ended."""
-
-    def publish_final_diagnostics(self) -> None:
-        """Publish the final messages, which may be lost; called once after `close`."""
 
 
 class Signals:

@@ -34,7 +34,7 @@ from haptic_accel.core.topics import Topic
 from haptic_accel.devices.matched import MatchedPublishers
 from haptic_accel.nodes.bundling import BundleSender, owner
 from haptic_accel.nodes.callbacks import CallbackGuard
-from haptic_accel.nodes.topic_node import TopicNode
+from haptic_accel.nodes.supervised_node import SupervisedNode
 
 RIVALS_PERIOD = 0.1
 """Interval between looks for who has become a second publisher of a signal, s: samples are refused
@@ -53,13 +53,15 @@ class Sender:
 
     Parameters
     ----------
-    node : TopicNode
+    node : SupervisedNode
     topic : Topic
     bundles : BundleSender, optional
         Bundles to which all messages are added.
     """
 
-    def __init__(self, node: TopicNode, topic: Topic, bundles: BundleSender | None = None) -> None:
+    def __init__(
+        self, node: SupervisedNode, topic: Topic, bundles: BundleSender | None = None
+    ) -> None:
         self._node, self._topic, self._bundles = node, topic, bundles
         self._pack = StampedVector(topic).pack
         self._wire = node.wire(topic)
@@ -147,7 +149,7 @@ class Inbox:
 
     Parameters
     ----------
-    node : TopicNode
+    node : SupervisedNode
     topic : Topic
     depth : int
         Maximum number of waiting messages.
@@ -169,7 +171,7 @@ class Inbox:
         sent in this process.
     """
 
-    def __init__(self, node: TopicNode, topic: Topic, depth: int) -> None:
+    def __init__(self, node: SupervisedNode, topic: Topic, depth: int) -> None:
         self._node, self._topic = node, topic
         self._depth = depth
         self.name = node.resolve_topic_name(topic.name)

@@ -24,16 +24,14 @@ from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.scheduling import run
 
 
-class SlaveDevice(DeviceNode):
-    """The device node of the slave."""
-
-    def __init__(self) -> None:
-        super().__init__("slave_device", SLAVES, SLAVE)
+def slave_device() -> DeviceNode:
+    """Return the device node of the slave."""
+    return DeviceNode("slave_device", SLAVES, SLAVE)
 
 
 def main() -> None:
     """Run the node."""
-    run("slave_device", SlaveDevice, join=join)
+    run("slave_device", slave_device, join=join)
 
 
 if __name__ == "__main__":

@@ -13,195 +13,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Topics of a node: publishers and subscriptions by the topic table, guarded callbacks."""
+"""Message classes and qualities of service of the topics."""
 
 from __future__ import annotations
 
 import importlib
-from collections import Counter
-from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
-from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.publisher import Publisher
-from rclpy.qos import (
-    DurabilityPolicy,
-    QoSProfile,
-    ReliabilityPolicy,
-    qos_profile_parameters,
-)
-from rclpy.service import Service
-from rclpy.subscription import Subscription
-from rclpy.timer import Timer
-from rclpy.waitable import Waitable
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from haptic_accel.core.cdr import unpack_stamped_vector, unpack_state
-from haptic_accel.core.model import Vector
-from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import Topic
-from haptic_accel.devices.matched import MatchedPublishers
-from haptic_accel.nodes.parameters import ParameterNode
-from haptic_accel.nodes.wires import WIRES, Wire
 
 DEPTH = 1000
 """Number of messages kept for a subscriber: what comes in `CATCH_UP` at the highest rates."""
 
 SENT = 10
 """Number of messages kept by a publisher."""
-
-Value = TypeVar("Value")
-
-
-class TopicNode(ParameterNode):
-    """A node whose topics come from the topic table, and whose callbacks cannot end it.
-
-    Parameters as for `ParameterNode`.
-
-    Attributes
-    ----------
-    unserved : set of Subscription
-        Subscriptions that the executor ignores: their messages are taken when needed.
-    """
-
-    def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
-        self.unserved: set[Subscription] = set()
-        self._polled: set[Service] = set()
-        self._malformed: Counter[str] = Counter()
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        super().__init__(executable, changeable)
-
-    def wire(self, topic: Topic) -> Wire:
-        """Return the wire of a topic between the nodes of this process."""
-        return WIRES.of(self.resolve_topic_name(topic.name))
-
-    def publisher(self, topic: Topic, depth: int = SENT) -> Publisher:
-        """Create a topic's publisher, which keeps the last `depth` messages."""
-        return self.create_publisher(
-            message_type(topic), topic.name, offered_quality(topic, depth)
-        )
-
-    def subscribe_raw(
-        self, topic: Topic, callback: Callable[[bytes], None], depth: int = DEPTH
-    ) -> Subscription:
-        """Subscribe to a topic's messages as they are serialised."""
-        # Another subscription receives stops from volatile publishers: no warning.
-        events = SubscriptionEventCallbacks(use_default_callbacks=not topic.latched)
-        return self.create_subscription(
-            message_type(topic),
-            topic.name,
-            callback,
-            quality(topic, depth),
-            event_callbacks=events,
-            raw=True,
-        )
-
-    def listen(self, topic: Topic, callback: Callable[[int, Vector], None]) -> Subscription:
-        """Subscribe to a signal; the callback gets stamps, system time in ns, and vectors."""
-        return self._listen(topic, unpack_stamped_vector, lambda taken: callback(*taken))
-
-    def listen_state(self, topic: Topic, callback: Callable[[bool], None]) -> Subscription:
-        """Subscribe to a latched state, true or false."""
-        return self._listen(topic, unpack_state, callback)
-
-    def refuse(self, topic: Topic, reason: str) -> None:
-        """Count a malformed message; log the first of its topic."""
-        self._malformed[topic.name] += 1
-        if self._malformed[topic.name] == 1:
-            self.get_logger().warning(f"{topic.name}: malformed message refused: {reason}")
-
-    def create_timer(self, period: float, callback: Callable[[], object], **given: Any) -> Timer:
-        """Create a timer of the steady clock, since setting system time back must not delay it.
-
-        Parameters
-        ----------
-        period : float
-            Interval between calls, s.
-        callback : callable
-        **given
-            As for rclpy's own.
-        """
-        return super().create_timer(period, callback, clock=self._steady, **given)
-
-    def create_service(
-        self,
-        kind: Any,
-        name: str,
-        callback: Callable[..., Any],
-        *,
-        qos_profile: QoSProfile = qos_profile_parameters,
-        **given: Any,
-    ) -> Service:
-        """Create a service whose requests wait, as do those to the services of parameters.
-
-        Of usual services ten requests wait, and the older ones get no answer.
-
-        Parameters
-        ----------
-        kind
-            Type of the service.
-        name, callback, qos_profile, **given
-            As for rclpy's own; by default 1000 requests wait.
-        """
-        return super().create_service(kind, name, callback, qos_profile=qos_profile, **given)
-
-    # An executor gets all that it serves from these four, including rclpy's own services, so every
-    # callback is guarded.
-
-    @property
-    def services(self) -> Iterator[Service]:
-        """Services whose requests wake the executor."""
-        return (self._guard.service(each) for each in super().services if each not in self._polled)
-
-    @property
-    def subscriptions(self) -> Iterator[Subscription]:
-        """Subscriptions whose messages wake the executor."""
-        return (
-            self._guard.guarded(each, each.topic_name)
-            for each in super().subscriptions
-            if each not in self.unserved
-        )
-
-    @property
-    def timers(self) -> Iterator[Timer]:
-        """Timers, which wake the executor."""
-        return (
-            self._guard.guarded(each, f"timer of {each.timer_period_ns / NANOSECONDS:g} s")
-            for each in super().timers
-        )
-
-    @property
-    def waitables(self) -> Iterator[Waitable]:
-        """Events of publishers and subscriptions, which wake the executor.
-
-        The counts of a polled subscription do not: the executor fails for their event once the
-        subscription is destroyed.
-        """
-        return (
-            self._guard.guarded(each, "event of a topic") if hasattr(each, "callback") else each
-            for each in super().waitables
-            if not isinstance(each, MatchedPublishers)
-        )
-
-    def callback_failed(self, error: Exception) -> None:
-        """Count and log an exception of the executor, for example in taking a message."""
-        self._guard.note("executor", error)
-
-    def _listen(
-        self, topic: Topic, unpack: Callable[[bytes], Value], callback: Callable[[Value], None]
-    ) -> Subscription:
-        """Subscribe to a topic's messages as they are unpacked."""
-
-        def receive(data: bytes) -> None:
-            try:
-                value = unpack(data)
-            except ValueError as error:
-                self.refuse(topic, str(error))
-            else:
-                callback(value)
-
-        return self.subscribe_raw(topic, receive)
 
 
 def message_type(topic: Topic) -> Any:

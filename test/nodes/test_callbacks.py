@@ -26,7 +26,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.managed import ManagedNode
+from haptic_accel.nodes.managed import Managed
 from haptic_accel.nodes.scheduling import EventsExecutor
 from observing import Observer
 from running import wait_until
@@ -45,13 +45,14 @@ def unsendable(request: Any, response: Any) -> Any:
     return response
 
 
-class Faulty(ManagedNode):
+class Faulty(Managed, GraphNode):
     """A node all of whose callbacks fail."""
 
     task = "failing"
 
     def __init__(self) -> None:
-        super().__init__("slave_device")
+        GraphNode.__init__(self, "slave_device")
+        self.begin_lifecycle()
         self.create_service(Trigger, "~/fail", fail)
         self.create_service(SetBool, "~/answer", unsendable)
         self.create_subscription(Bool, "fails", fail, 10)

@@ -32,7 +32,7 @@ from std_msgs.msg import Bool, Empty
 from haptic_accel.core import emergency_stop
 from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.scheduling import StopPoll
-from haptic_accel.nodes.slave_device import SlaveDevice
+from haptic_accel.nodes.slave_device import slave_device
 from running import PATIENCE
 
 GOAL = (0.02, 0.0, 0.015)
@@ -47,7 +47,7 @@ class Client:
     """A slave device, and a node that asks and commands it."""
 
     def __init__(self) -> None:
-        self.arm = SlaveDevice()
+        self.arm = slave_device()
         self.loop = join([self.arm])
         self.loop.begin()
         self.stop_poll = StopPoll([self.loop])

@@ -24,7 +24,8 @@ from lifecycle_msgs.msg import TransitionEvent
 from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
 from rclpy.qos import QoSProfile
 
-from haptic_accel.nodes.managed import ManagedNode
+from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.managed import Managed
 from haptic_accel.nodes.scheduling import EventsExecutor
 from observing import Observer
 from running import Command, wait_until
@@ -36,7 +37,7 @@ DESTROYED = """
 import os
 import rclpy
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.slave_device import SlaveDevice
+from haptic_accel.nodes.slave_device import slave_device
 
 def threads_after(build):
     node = build()
@@ -47,7 +48,7 @@ def threads_after(build):
 rclpy.init()
 running, left = threads_after(lambda: GraphNode("coupler"))
 assert left < running, (running, left)
-print("left", left, threads_after(SlaveDevice)[1])
+print("left", left, threads_after(slave_device)[1])
 """
 
 
@@ -60,17 +61,21 @@ def test_no_thread_of_the_middleware_outlives_a_managed_node(
     assert managed == plain
 
 
-class Managed(ManagedNode):
+class Idle(Managed, GraphNode):
     """A managed node that does nothing."""
 
     task = "nothing"
+
+    def __init__(self) -> None:
+        GraphNode.__init__(self, "slave_device")
+        self.begin_lifecycle()
 
 
 @pytest.fixture
 def executor(domain: int) -> Iterator[EventsExecutor]:
     """Give the executor of a managed node, not spinning yet."""
     rclpy.init()
-    node = Managed("slave_device")
+    node = Idle()
     executor = EventsExecutor()
     executor.add_node(node)
     yield executor
