@@ -37,6 +37,8 @@ from terminals import Terminal
 from verbs import output_of, status_of
 
 if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
     from observing import Observer
 
 # The machine's speed is not what a property is about, and the same tree gives the same result.
@@ -216,6 +218,15 @@ def ask(domain: int, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[
         return status, (captured.out + captured.err).strip()
 
     return asked
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Give the tests of a module one browser."""
+    from browsing import chromium
+
+    with chromium() as opened:
+        yield opened
 
 
 @pytest.fixture

@@ -46,14 +46,12 @@ from haptic_accel.core.model import Vector
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
-from haptic_accel.core.surfaces.texture import Texture
+from haptic_accel.core.surfaces.texture import Texture, TextureModel
 from haptic_accel.core.surfaces.tool import VirtualTool
 from haptic_accel.core.topics import TOOL_ACCELERATION
 from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
-from haptic_accel.kits.textures.foreign import read_hatt
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.signals import Sender
-from hatt_file import hatt_file
 
 # A look at each piece in every run of the tests; for figures to rely on: --benchmark-max-time=5
 pytestmark = pytest.mark.benchmark(max_time=0.1, min_rounds=5)
@@ -152,11 +150,19 @@ def test_tick_of_a_simulated_device(benchmark: Benchmark, device_class: type[Dev
 
 
 @pytest.mark.parametrize("rate", [RATE, 4 * RATE, 10 * RATE])
-def test_sample_of_a_texture(benchmark: Benchmark, rate: float, tmp_path: Path) -> None:
+def test_sample_of_a_texture(benchmark: Benchmark, rate: float) -> None:
     """As large as those of the Penn Haptic Texture Toolkit, at ever new speeds and forces."""
-    file = tmp_path / "slate.xml"
-    file.write_text(hatt_file((20, 0), 57, rate))
-    texture = Texture(read_hatt(file), rate, seed=1)
+    random, nodes = np.random.default_rng(0), 57
+    steps = np.cumsum(random.uniform(0.2, 1.0, (nodes, 21)), axis=1)
+    model = TextureModel(
+        "slate",
+        rate,
+        speeds=random.uniform(0.0, 0.3, nodes),
+        forces=random.uniform(0.0, 4.0, nodes),
+        lsf=steps[:, :-1] * np.pi / steps[:, -1:],
+        deviation=random.uniform(0.1, 5.0, nodes),
+    )
+    texture = Texture(model, rate, seed=1)
     angles = (10 * tick / rate for tick in itertools.count())
 
     def slide() -> float:

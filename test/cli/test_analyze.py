@@ -20,7 +20,7 @@ from __future__ import annotations
 import csv
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +29,6 @@ import pytest
 from PIL import Image
 
 from bag_maker import BagContent, of_trial, write_bag
-from browsing import chromium
 from haptic_accel.analysis import load
 from haptic_accel.analysis.page import write_page
 from haptic_accel.core import topics
@@ -194,12 +193,6 @@ def test_of_bags_of_which_nothing_can_be_said_the_status_is_one(
 
 
 # The page in a browser
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as opened:
-        yield opened
 
 
 PLOTS = ("time", "error", "cloud", "spectra", "coherence", "force", "travel")

@@ -41,7 +41,6 @@ from haptic_accel.cli.lazy import LazyGroup
 from haptic_accel.cli.options import Verb, Words
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import module_command
-from haptic_accel.kits.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, Faults
 from haptic_accel.setup.arguments import parse_arguments
 from haptic_accel.setup.processes import graph, identification_graph
 from haptic_accel.setup.replay import replay_arguments
@@ -160,8 +159,6 @@ CHECKS: dict[str, Callable[..., object]] = {
     "bench latency": lambda words, **_: graph(parse_arguments(words)),
     "replay": lambda words, **_: replay_arguments(words),
     "analyze": lambda shift, **_: Shift.read(shift),
-    "emulate serial": lambda arguments, **_: Faults(arguments.faults, SERIAL_FAULTS, 1.0, 0),
-    "emulate can": lambda arguments, **_: Faults(arguments.faults, CAN_FAULTS, 1.0, 0),
 }
 """Checks that verbs make of their arguments before anything is started."""
 
@@ -311,7 +308,7 @@ def test_shells_get_a_script(
 @pytest.mark.parametrize(
     ("typed", "found"),
     [
-        ("emu", "emulate"),
+        ("tel", "teleop"),
         ("bench net", "network"),
         ("experiment --lock", "--lockstep"),
         ("teleop contr", "controller:="),

@@ -16,41 +16,23 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.io import wavfile
+from refusals import assert_refused, rows, written
 
 from bag_maker import BagContent, write_bag
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.topics import MASTER_POSITION
-from haptic_accel.kits.study.templates import templates
-from studies import TEXT
-from verbs import refusal, tells
-
-DATA = Path(__file__).parents[1] / "data"
 
 CONTROLLED = ", ".join(CONTROLLERS)
-TEMPLATES = ", ".join(templates())
-
-LONG = "x" * 300
-"""Name longer than a file can have; in the table, LONG."""
 
 SAMPLES = "".join(f"{index},60,1,{index % 7}\n" for index in range(2000))
 
 FILES = {
-    "axis.csv": f"t [ms],speed,force,ax [g]\n{SAMPLES}",
     "drag.csv": f"index,speed,force,accel\n{SAMPLES}",
-    "slow.csv": "force,accel\n1,2\n",
-    "timed.csv": f"t [ms],speed,force,accel\n{SAMPLES}",
-    "file": "",
     "junk.mcap": "\0\1\2" * 1000,
-    "misspelt/study.yaml": TEXT.replace("adaptive", "adaptve"),
-    "blank/study.yaml": TEXT.replace("I agree to take part.", '"[[ blank: purpose ]] I agree."'),
-    "study/study.yaml": TEXT,
-    "untested/study.yaml": TEXT.partition("tests:")[0],
     "mass.yaml": "compensator: {ros__parameters: {constant: {mass: .nan}}}",
     "peak.yaml": "compensator: {ros__parameters: {actuator: {peak_force: -6.6}}}",
     "pek.yaml": "compensator: {ros__parameters: {pek_force: 6.6}}",
@@ -95,10 +77,6 @@ REFUSED = {
     "bench latency --rates 100,fast": "Invalid value for '--rates': '100,fast': must be ...",
     "bench latency --rates 100,0": "rate = 0.0: must be from 50 to 20000 Hz",
     "bench fidelity taps": "fidelity: is now python benchmarks/fidelity.py in the source",
-    "bringup redo:=paint": "redo = 'paint': must be one of ...",
-    "bringup master:=violin": "master = 'violin': must be one of simulated, ...",
-    "bringup params_file:=nowhere.yaml": "params_file: .../nowhere.yaml: ...: No such file ...",
-    "bringup rate:=5": "rate = 5.0: must be from 100 to 10000 Hz",
     "calibrate": "port = '': must be given, or usb_serial, and not both",
     "calibrate port:=none file:=no/a.yaml": "file = 'no/a.yaml': must be a file in ...",
     "calibrate port:=none --update no.yaml": "...'--update': File 'no.yaml' does not exist...",
@@ -115,17 +93,6 @@ REFUSED = {
     "design rig:=mine": "rig = 'mine': must be one of ideal, ..., or a .yaml file",
     "design --json no/such.json": "json = 'no/such.json': No such file or directory",
     "doctor --json no/such.json": "json = 'no/such.json': No such file or directory",
-    "emulate can faults:=fire": "faults: 'fire': must be NAME or NAME@SECONDS of drop, ...",
-    "emulate can kinematics:=delta": "kinematics = 'delta': must be one of stage, planar, arm",
-    "emulate can interface:=tin": "can.interface = 'tin': must be one of ...",
-    "emulate can surface:=cheese": "surface = 'cheese': must be one of plywood, ...",
-    "emulate can folder:=/dev/null": "folder = '/dev/null': must be a folder or new: File exists",
-    "emulate can speed:=3": "speed: no such argument...",
-    "emulate network delay:=-1": "delay = -1.0: must be from 0 to 10 s",
-    "emulate serial faults:=fire": "faults: 'fire': must be NAME or NAME@SECONDS of garbage, ...",
-    "emulate serial surface:=ice": "surface = 'ice': must be one of plywood, ...",
-    "emulate serial folder:=file": "folder = 'file': must be a folder or new: File exists",
-    "emulate serial rate:=1000": "rate: no such argument; ...",
     "estop release:=perhaps": "release = 'perhaps': must be true or false",
     "estop relase:=true": "relase: no such argument (did you mean release?); ...",
     "estop namespace:=a-b": "namespace = 'a-b': must be letters, digits and _, ...",
@@ -186,19 +153,6 @@ REFUSED = {
     "scope port:=70000": "port = 70000: must be a whole number, from 0 to 65535",
     "scope control:=perhaps": "control = 'perhaps': must be true or false",
     "scope ports:=1": "ports: no such argument (did you mean port?); ...",
-    "study new --template gain mine": f"...: must be one of {TEMPLATES} (did you mean gain_jnd?)",
-    "study check empty": "empty: must be a study's folder, ...",
-    "study simulate empty": "empty: must be a study's folder, ...",
-    "study status empty": "empty: must be a study's folder, ...",
-    "study analyze empty": "empty: must be a study's folder, ...",
-    "study export empty": "empty: must be a study's folder, ...",
-    "study check misspelt": "misspelt/study.yaml:6: factors.controller = 'adaptve': ...",
-    "study simulate untested": "untested/study.yaml: tests = nothing: must be there for a power",
-    "study run blank --participant P07": (
-        "blank/study.yaml:5: consent.text: must have its 1 blanks filled in: purpose"
-    ),
-    "study run study --participant Anna": "participant = 'Anna': must be a pseudonym ...",
-    "study resume study --participant Anna": "participant = 'Anna': must be a pseudonym ...",
     "teleop --fast": "No such option...--fast...",
     "teleop fast": "'fast': must have the form key:=value",
     "teleop speed:=3": "speed: no such argument (did you mean seed?); ...controller, ...",
@@ -232,29 +186,6 @@ REFUSED = {
     "teleop params_file:=open.yaml": "params_file: ...open.yaml: must be YAML: ...",
     "teleop params_file:=zero.yaml": "params_file: ...zero.yaml: must be YAML: ...",
     "teleop params_file:=words.yaml": "params_file: ...:1: must map nodes to ros__parameters",
-    "texture build drag.csv --out a.yaml": "rate = 0: must be given for a CSV file ...",
-    "texture build text --rate 500 --out a.yaml": "rate = 500: a bag states its own: leave ...",
-    "texture build text --axes x,y,z --out a.yaml": "axes = x,y,z: a bag states its own: ...",
-    "texture build no.csv --rate 1000 --out a.yaml": "no.csv: No such file or directory, ...",
-    "texture build drag.csv --rate 100 --out a.yaml": "...must be at least 500 Hz...",
-    "texture build drag.csv --rate 1000": "Missing option ...--out...",
-    "texture build drag.csv --rate 1000 --out no/a.yaml": "out = 'no/a.yaml': No such file ...",
-    "texture build drag.csv --rate 1000 --axes a,b --out a.yaml": "axes = a,b: must be 3 ...",
-    "texture build drag.wav --out a.yaml": "drag.wav: is a WAV file, must be a CSV file ...",
-    "texture build timed.csv --rate 2000 --out a.yaml": (
-        "timed.csv: column t [ms] says 1000 Hz, rate = 2000: must agree"
-    ),
-    "texture import axis.csv --out a.yaml": (
-        "axis.csv: column = acceleration or ...: no such column; there are t [ms], ..., ax [g]"
-    ),
-    "texture build axis.csv --out a.yaml": (
-        "axis.csv: ...there are t [ms], speed, force, ax [g]; choose one with --axes X,Y,Z"
-    ),
-    "texture build slow.csv --rate 1000 --out a.yaml": (
-        "slow.csv: column = speed: no such column; there are force, accel"
-    ),
-    "texture show oak": "texture = 'oak': must be one of plywood, text, vinyl, ...",
-    "texture render vinyl --speed -1 --force 1 --out a.wav": "...--speed...: -1.0 is not in ...",
     "touch --surface ice": "surface = 'ice': must be one of plywood, ...",
     "touch --port 70000": "Invalid value for '--port': 70000 is not in the range...",
 }
@@ -263,28 +194,13 @@ REFUSED = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write the files that the command lines name; return their folder."""
-    folder = tmp_path_factory.mktemp("folder")
-    (folder / "empty").mkdir()
-    for name, text in FILES.items():
-        (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).write_text(text)
-    wavfile.write(folder / "drag.wav", 1000, np.zeros(2000))
-    for bag in ("text", "plywood"):
-        (folder / bag).symlink_to(DATA / bag)
+    """Return a folder with the files that the command lines name."""
+    folder = written(tmp_path_factory.mktemp("folder"), FILES)
     signals = {MASTER_POSITION.name: np.zeros((300, 3))}
     write_bag(folder / "toolless", BagContent(signals, arms=False))
     return folder
 
 
-@pytest.mark.parametrize(
-    ("words", "line"), REFUSED.items(), ids=[f"haptic-accel {words}" for words in REFUSED]
-)
-def test_a_wrong_command_line_is_refused_in_one_line(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, words: str, line: str
-) -> None:
-    monkeypatch.chdir(folder)
-    before = sorted(folder.rglob("*"))
-    said = refusal(*shlex.split(words.replace("LONG", LONG))).replace(LONG, "LONG")
-    assert tells(said, line), said
-    assert sorted(folder.rglob("*")) == before
+@rows(REFUSED)
+def test_a_wrong_command_line_is_refused_in_one_line(folder: Path, words: str, line: str) -> None:
+    assert_refused(folder, words, line)

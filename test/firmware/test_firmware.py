@@ -21,95 +21,30 @@ import random
 import shutil
 import struct
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from host_firmware import SKETCH, STRICT, compiled, garbled, random_frames, record, run
 
-from haptic_accel.core.axes import NAMES
 from haptic_accel.devices.serial.protocol import (
-    CLOCKS,
     FIRMWARE,
     VERSION,
-    Align,
-    ArmRequest,
-    Configure,
     Decoder,
-    DisarmRequest,
-    Encoder,
-    Frame,
     FrameType,
-    Identify,
     Identity,
-    Message,
-    ScheduleCurrent,
-    SetCurrent,
-    Status,
     encode,
 )
-from haptic_accel.kits.emulators.serial_board import Board
 
 pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="no g++ on this machine")
 
 HERE = Path(__file__).parent
-SKETCH = HERE.parents[1] / "firmware" / "haptic_handle"
-STRICT = ["-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
-CHECKED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-
 HANDLE = Identity((1, 2, 3), 0b101, 10_000, 84.6, (0.0, 0.0, 2.75), "7654321")
-THREE = Identity((1, 2, 3), 0b111, 10_000, 84.6, (2.75, 1.0, 0.5), "three coils")
-TOOL = Identity((1, 0, 0), 0b111, 4000, 49.0, (0.0, 0.0, 0.0), "sixteen letters!")
-STEPS = 5_000
 FRAMES = 3_000
 
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Compile the core as the board does, but for the host, and with its errors looked for."""
-    path = tmp_path_factory.mktemp("firmware") / "host_board"
-    sources = [HERE / "host_board.cpp", SKETCH / "board.cpp", SKETCH / "protocol.cpp"]
-    subprocess.run(["g++", *STRICT, *CHECKED, f"-I{SKETCH}", *sources, "-o", path], check=True)
-    return path
-
-
-def run(program: Path, identity: Identity, script: bytes) -> bytes:
-    """Return what the program says to a script."""
-    done = subprocess.run(
-        [program], input=identity.pack() + script, capture_output=True, timeout=60
-    )
-    assert done.returncode == 0, done.stderr.decode()
-    return done.stdout
-
-
-def record(letter: bytes, content: bytes) -> bytes:
-    return letter + struct.pack("<H", len(content)) + content
-
-
-def random_frames(random: random.Random, number: int) -> Iterator[Frame]:
-    for _ in range(number):
-        length = random.choice((0, 1, 2, 4, random.randrange(241), 240))
-        # Zeros are what COBS is about.
-        payload = bytes(random.choice((0, 0, 1, random.randrange(256))) for _ in range(length))
-        yield Frame(
-            random.randrange(256),
-            random.randrange(256),
-            random.randrange(1 << 16),
-            random.randrange(1 << 32),
-            payload,
-        )
-
-
-def garbled(random: random.Random, wire: bytes) -> bytes:
-    """Return bytes as a bad cable delivers them."""
-    kind = random.randrange(6)
-    at = random.randrange(len(wire))
-    if kind == 0:
-        return wire[:at] + wire[at + 1 :]
-    if kind == 1:
-        return wire[:at] + random.randbytes(1) + wire[at + 1 :]
-    if kind == 2:
-        return random.randbytes(random.randrange(600)) + wire
-    return wire
+    return compiled(tmp_path_factory.mktemp("firmware"))
 
 
 def test_both_sides_read_and_write_the_same_bytes(program: Path) -> None:
@@ -125,125 +60,6 @@ def test_both_sides_read_and_write_the_same_bytes(program: Path) -> None:
     assert decoder.received > FRAMES / 3
     assert decoder.damaged > FRAMES / 20
     assert run(program, HANDLE, b"".join(script)) == b"".join(expected)
-
-
-class Pair:
-    """A board in Python, and the script that makes the one in C++ do the same."""
-
-    def __init__(self, identity: Identity) -> None:
-        self.script: list[bytes] = []
-        self.expected: list[bytes] = []
-        self.room = True
-        self.status: Status | None = None
-        self.coils = identity.coils
-        self.board = Board(identity, self._send)
-
-    def _send(self, wire: bytes) -> bool:
-        (frame,) = Decoder().feed(wire)
-        if frame.type == FrameType.STATUS:
-            self.status = Status.unpack(frame.payload)
-        if self.room:
-            self.expected.append(record(b"F", wire))
-        return self.room
-
-    def receive(self, data: bytes, now: int) -> None:
-        self.script.append(b"r" + struct.pack("<IH", now, len(data)) + data)
-        self.board.receive(data, now)
-
-    def sample(self, values: tuple[int, int, int], now: int) -> None:
-        self.script.append(b"s" + struct.pack("<I3h", now, *values))
-        self.board.send_sample(values, now)
-
-    def tick(self, now: int) -> None:
-        self.script.append(b"t" + struct.pack("<I", now))
-        self.board.tick(now)
-
-    def fault(self, present: bool, now: int) -> None:
-        self.script.append(b"f" + struct.pack("<?I", present, now))
-        self.board.fault(present, now)
-
-    def disconnect(self) -> None:
-        self.script.append(b"d")
-        self.board.disconnect()
-
-    def have_room(self, room: bool) -> None:
-        self.script.append(b"m" + struct.pack("<?", room))
-        self.room = room
-
-    def look(self) -> None:
-        board = self.board
-        rate = board.configuration.rate
-        flowing = dict(zip(self.coils, board.currents, strict=True))
-        currents = [flowing.get(axis, 0) for axis in NAMES]
-        state = struct.pack("<B3hHI", board.state, *currents, rate, board.period)
-        self.expected.append(record(b"S", state))
-
-
-def random_message(random: random.Random, now: int, coils: int) -> Message:
-    counts = tuple(random.randrange(-32768, 32768) for _ in range(coils))
-    extremes = tuple(random.choice((-32768, -32767, 0, 1, 32767)) for _ in range(coils))
-    near = (now + random.choice((-600_000, -500, 0, 500, 1500, 6000, 600_000))) % CLOCKS
-    period = random.choice((1_000_000, 1_000_100, 100_000, 984_375, 1_015_626, 0, CLOCKS - 1))
-    return random.choice(
-        [
-            SetCurrent(extremes),
-            *[ScheduleCurrent(counts, near)] * 6,
-            Align(near, period),
-            Align(random.randrange(CLOCKS), period),
-            ArmRequest(),
-            DisarmRequest(),
-            Identify(),
-            Configure(
-                random.choice((0, 49, 50, 1000, 10_000, 10_001)),
-                random.choice((0, 1, 4, 5, 7, 255)),
-                random.choice((0, 1, 2, 4, 58, 59, 255)),
-            ),
-        ]
-    )
-
-
-@pytest.mark.parametrize("identity", [HANDLE, THREE, TOOL], ids=["handle", "three", "tool"])
-def test_both_boards_do_the_same_whatever_comes(program: Path, identity: Identity) -> None:
-    rng = random.Random(2)
-    encoder = Encoder()
-    pair = Pair(identity)
-    now = (1 << 32) - 10_000_000  # the clock begins anew on the way
-    coils = len(identity.coils)
-    states, periods = set(), set()
-    for _ in range(STEPS):
-        now = (now + rng.choice((1, 100, 500, 1000, 1000, 4999, 6000))) % (1 << 32)
-        chance = rng.random()
-        if chance < 0.01:
-            due = [now + rng.randrange(100_000) for _ in range(40)]
-            burst = (ScheduleCurrent((each % 100,) * coils, each % CLOCKS) for each in due)
-            pair.receive(b"".join(encoder.encode(each, now) for each in burst), now)
-        elif chance < 0.5:
-            # Now and then one coil too many, which is refused.
-            most = coils + (rng.random() < 0.1 and coils < 3)
-            wire = encoder.encode(random_message(rng, now, most), now)
-            pair.receive(wire if rng.random() < 0.8 else garbled(rng, wire), now)
-        elif chance < 0.55:
-            pair.receive(encode(next(random_frames(rng, 1))), now)
-        elif chance < 0.8:
-            x, y, z = (rng.randrange(-32768, 32768) for _ in range(3))
-            pair.sample((x, y, z), now)
-        elif chance < 0.99:
-            pair.tick(now)
-        elif chance < 0.994:
-            pair.fault(rng.random() < 0.3, now)
-        elif chance < 0.997:
-            pair.have_room(rng.random() < 0.8)
-        else:
-            pair.disconnect()
-        pair.look()
-        states.add(pair.board.state)
-        periods.add(pair.board.period)
-    assert len(states) == (4 if coils else 2)
-    assert len(periods) > 20
-    assert pair.status
-    counted = min(pair.status.late, pair.status.overflowed, pair.status.refused)
-    assert counted > 0 or not coils
-    assert run(program, identity, b"".join(pair.script)) == b"".join(pair.expected)
 
 
 @pytest.mark.parametrize("coils", [0, 1, 3])

@@ -84,7 +84,8 @@ def run(folder: Path, *words: str, beside: str = "") -> subprocess.CompletedProc
         text=True,
         check=False,
     )
-    assert (found.returncode, "Traceback" in found.stderr) == (0, False), found.stderr
+    said = found.stdout + found.stderr
+    assert (found.returncode, "Traceback" in found.stderr) == (0, False), said
     return found
 
 
@@ -105,6 +106,14 @@ def test_a_kit_can_be_taken_away(kit: str, tmp_path: Path) -> None:
     verbs = {line.split()[0] for line in said.splitlines() if line.startswith("  ")}
     assert VERBS[kit] not in verbs
     assert verbs > {VERBS[other] for other in KITS if other != kit} | {"touch", "teleop"}
+
+
+@pytest.mark.parametrize("kit", KITS)
+def test_the_tests_of_the_rest_can_be_read_without_a_kit(kit: str, tmp_path: Path) -> None:
+    collect = ("-m", "pytest", "--collect-only", "-qq", "--assert=plain", "-p", "no:cacheprovider")
+    suite = ("-c", SOURCE / "pyproject.toml", "--ignore", SOURCE / "test" / "kits" / kit)
+    words = map(str, (*collect, *suite, SOURCE / "test"))
+    run(house(tmp_path, [kit]), *words)
 
 
 @pytest.fixture(scope="module")

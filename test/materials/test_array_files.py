@@ -17,21 +17,17 @@
 
 from __future__ import annotations
 
-import io
-import json
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from archive_bombs import BOMBS, header
 
 from fuzzing import measured
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.kits.textures.foreign import import_texture
 from haptic_accel.materials.array_files import (
-    LARGEST,
     MOST_MEMBERS,
     MOST_NUMBERS,
     read_array,
@@ -64,71 +60,10 @@ def test_arrays_are_read_as_they_were(tmp_path: Path, save: Callable[..., None])
         np.testing.assert_array_equal(read_array(tmp_path / "a.npy"), values)
 
 
-def header(shape: Any, kind: str = "<f8", **others: Any) -> bytes:
-    """Return the beginning of an NPY file that states a shape."""
-    file = io.BytesIO()
-    stated = {"descr": kind, "fortran_order": False, "shape": shape, **others}
-    np.lib.format.write_array_header_2_0(file, stated)
-    return file.getvalue()
-
-
-def zipped(path: Path, *members: bytes, kind: int = zipfile.ZIP_DEFLATED) -> Path:
-    """Write an NPZ file, whose members all are called data."""
-    with zipfile.ZipFile(path, "w", kind) as file:
-        for number, content in enumerate(members):
-            file.writestr(f"data{number or ''}.npy", content)
-    return path
-
-
-def encrypted(path: Path) -> Path:
-    content = bytearray(zipped(path, header((1,)) + bytes(8)).read_bytes())
-    content[6] |= 1
-    content[content.index(b"PK\1\2") + 8] |= 1
-    path.write_bytes(content)
-    return path
-
-
-def damaged(path: Path) -> Path:
-    content = zipped(path, header((1000,)) + bytes(range(200)) * 40).read_bytes()
-    path.write_bytes(content[:80] + b"\xff" * 20 + content[100:])
-    return path
-
-
-def commented(path: Path) -> Path:
-    with zipfile.ZipFile(path, "w") as file:
-        file.comment = b"x" * 100
-    return path
-
-
-ZEROS = header((LARGEST,), "|u1") + bytes(LARGEST)
-BOMBS: dict[str, Callable[[Path], Path]] = {
-    "3 GB in 3 MB": lambda path: zipped(path, *[ZEROS] * 3),
-    "a shape of 800 GB": lambda path: zipped(path, header((10**11,)) + bytes(10_000_000)),
-    "texts of 4 GB": lambda path: zipped(path, header((1,), "<U1000000000") + bytes(10_000_000)),
-    "a shape below 0": lambda path: zipped(path, header((-1, 8)) + bytes(64)),
-    "no size for any number": lambda path: zipped(path, header((2**62,), "<U0")),
-    "a header of 4 GB": lambda path: zipped(
-        path, b"\x93NUMPY\2\0\xff\xff\xff\xff" + b" " * 50_000_000
-    ),
-    "a nested header": lambda path: zipped(path, b"\x93NUMPY\1\0\x10\x27" + b"(" * 10_000),
-    "an open text in the header": lambda path: zipped(path, b"\x93NUMPY\1\0\4\0'''\n"),
-    "more than 64 arrays": lambda path: zipped(path, *[header((1,)) + bytes(8)] * 65),
-    "a million names": lambda path: zipped(path, *[b""] * 2000),
-    "objects": lambda path: zipped(path, header((1,), "|O") + b"cos\nsystem\n(S'exit'\ntR."),
-    "encrypted": encrypted,
-    "damaged": damaged,
-    "cut off": lambda path: zipped(path, header((9,)) + bytes(8)),
-    "longer than stated": lambda path: zipped(path, header((1,)) + bytes(10**8)),
-    "with a comment": commented,
-    "LZMA": lambda path: zipped(path, header((1,)) + bytes(8), kind=zipfile.ZIP_LZMA),
-}
-"""Files that ran out of memory or time, or gave a traceback."""
-
-
 @pytest.mark.parametrize("kind", BOMBS)
 def test_a_file_that_expands_or_is_none_is_refused_in_one_line(tmp_path: Path, kind: str) -> None:
     path = BOMBS[kind](tmp_path / "a.npz")
-    for read in (read_texture, read_taps, import_texture):
+    for read in (read_texture, read_taps):
         with measured(megabytes=300), pytest.raises(ParameterError, match="a.npz: ") as refused:
             read(path)
         assert str(refused.value).isprintable()
@@ -149,14 +84,3 @@ def test_a_table_of_a_size_that_no_file_has_is_refused(tmp_path: Path) -> None:
         with measured(megabytes=300), pytest.raises(ParameterError, match="4000000 are allowed"):
             read_heights(path, Sampling())
     assert MOST_MEMBERS == 64
-
-
-def test_a_pattern_of_many_events_is_refused(tmp_path: Path) -> None:
-    strength = [{"ParameterID": "HapticIntensity", "ParameterValue": 0.5}]
-    event = {"Time": 0, "EventType": "HapticContinuous", "EventParameters": strength}
-    path = tmp_path / "a.ahap"
-    for count, seconds, says in ((20_000, 0.01, "at most 10000 events"), (100, 60, "6000 s")):
-        pattern = [{"Event": {**event, "EventDuration": seconds}}] * count
-        path.write_text(json.dumps({"Pattern": pattern}))
-        with measured(), pytest.raises(ParameterError, match=says):
-            import_texture(path, calibration=1.0)

@@ -20,9 +20,7 @@ from __future__ import annotations
 import io
 import struct
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -32,8 +30,6 @@ from hypothesis import strategies as st
 from fuzzing import fuzz_few
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.surfaces.texture import TextureModel
-from haptic_accel.kits.textures.foreign import import_texture
 from haptic_accel.materials.recordings import read_samples
 from recordings import write_wav
 
@@ -154,42 +150,6 @@ def test_a_wav_file_is_read_alike_in_any_form(
     samples, rate = read_samples(path, stated, str(own), FULL_SCALE)
     assert rate == RATE
     assert samples == pytest.approx(SIGNAL, abs=FULL_SCALE * ROUNDING.get(encoding, 1e-15))
-
-
-# NPZ
-
-
-@cache
-def texture() -> TextureModel:
-    """Return the texture of the signal, from a CSV file."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "a.csv"
-        np.savetxt(path, SIGNAL, header="acceleration", comments="")
-        return import_texture(path, RATE)
-
-
-@fuzz_few
-@given(
-    st.sampled_from(["acc", "acc_z [g]", "Acceleration (mm/s^2)", "acc_mg"]),
-    st.lists(st.sampled_from(["t", "force", "time [ms]"]), unique=True, max_size=3),
-    st.booleans(),
-    st.booleans(),
-    st.sampled_from([np.float64, np.float32]),
-)
-def test_an_npz_file_is_read_alike_in_any_form(
-    tmp_path: Path, name: str, others: Sequence[str], turned: bool, small: bool, kind: type
-) -> None:
-    factors = {"acc_z [g]": G, "Acceleration (mm/s^2)": 1e-3, "acc_mg": G / 1000}
-    made = {"t": TIME, "force": np.ones(len(TIME)), "time [ms]": 1e3 * TIME}
-    rows = np.array([*(made[each] for each in others), SIGNAL / factors.get(name, 1.0)], kind)
-    write = np.savez_compressed if small else np.savez
-    path = tmp_path / "a.npz"
-    data = rows.T if turned else rows
-    write(path, data=data, sample_rate=RATE, channel_names=[*others, name])
-    found = import_texture(path)
-    rounding = 1e-9 if kind is np.float64 else 1e-4
-    assert found.deviation == pytest.approx(texture().deviation, rel=rounding)
-    assert found.lsf == pytest.approx(texture().lsf, rel=rounding)
 
 
 # Meshes

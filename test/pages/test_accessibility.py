@@ -36,10 +36,6 @@ from haptic_accel.analysis.experiment import (
     write_experiment,
 )
 from haptic_accel.analysis.writing import write_analysis
-from haptic_accel.kits.study.reading import read_protocol
-from haptic_accel.kits.study.report import analyse_study, write_report
-from haptic_accel.kits.study.simulation import simulate_study
-from haptic_accel.kits.study.templates import templates
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.paced_rig import PacedRig
 from haptic_accel.scope.server import ScopeServer
@@ -137,15 +133,11 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
     words = ("--lockstep", "--grips", "pinch,hook", "trials:=2", "duration:=1")
     words += WITHOUT_FRICTION
     assert status_of("identify", *words, "--out", folder / "identification") == 0
-    study = read_protocol(templates()["compensated_or_not"])
-    sessions = simulate_study(study, 4, 1)
-    stopped = replace(sessions[3], ended="stopped by the participant")
-    write_report(analyse_study(study, [*sessions[:3], stopped]), folder / "study")
     return folder
 
 
 @SCHEMES
-@pytest.mark.parametrize("name", ["analysis", "experiment", "identification", "study"])
+@pytest.mark.parametrize("name", ["analysis", "experiment", "identification"])
 def test_a_report(browser: Browser, reports: Path, name: str, scheme: Scheme) -> None:
     page = browser.new_page(color_scheme=scheme)
     page.goto((reports / name / "index.html").as_uri())

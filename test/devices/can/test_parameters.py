@@ -24,6 +24,7 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.devices import MASTERS, SLAVES
+from haptic_accel.devices.can.device import CanSlave
 from haptic_accel.devices.can.kinematics import kinematics_of
 from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
 
@@ -63,3 +64,10 @@ def test_joints_that_are_not_there_may_have_any_node() -> None:
 def test_both_sides_have_the_device_each_with_a_section_of_its_own() -> None:
     for devices, context in ((MASTERS, "master"), (SLAVES, "slave")):
         assert schema(devices["can"].Parameters)["context"][0] == context
+
+
+def test_a_wrong_interface_is_a_wrong_argument() -> None:
+    device = CanSlave(from_flat(CanSlave.Parameters, {"interface": "tin"}), 200.0, 0)
+    with pytest.raises(ParameterError, match="can.interface = 'tin'"):
+        device.open()
+    device.close()

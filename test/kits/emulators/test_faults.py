@@ -18,7 +18,10 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from fuzzing import ODD_TEXTS, accepted, fuzz
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.emulators.faults import (
     AXIS_ERROR,
@@ -95,3 +98,9 @@ def test_what_is_no_fault_is_refused_in_one_line(word: str, kinds: dict[str, obj
     with pytest.raises(ParameterError, match=allowed) as error:
         Faults(word, kinds)
     assert "\n" not in str(error.value)
+
+
+@fuzz
+@given(st.sampled_from(ODD_TEXTS) | st.text(), st.sampled_from([CAN_FAULTS, SERIAL_FAULTS]))
+def test_any_text_is_taken_or_refused_in_one_line(word: str, kinds: dict[str, object]) -> None:
+    accepted(lambda: Faults(word, kinds))

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A participant's page as the session and the browser use it; in a browser: test/pages."""
+"""A participant's page as the session and the browser use it; in a browser: test_page.py."""
 
 from __future__ import annotations
 

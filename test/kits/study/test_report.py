@@ -20,7 +20,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import pandas as pd
 import pytest
@@ -28,6 +28,7 @@ from page_content import Page
 from PIL import Image
 from study_sessions import ADAPTIVE, MASS, NONE, often_right, paired, protocol, session, single
 
+from browsing import violations
 from haptic_accel.kits.study.planned_tests import distance_name
 from haptic_accel.kits.study.protocol import Levels, Pair, PlannedTest, Protocol, Rules
 from haptic_accel.kits.study.reading import read_protocol
@@ -36,6 +37,9 @@ from haptic_accel.kits.study.results import EXPLORATORY, PLANNED, Result
 from haptic_accel.kits.study.simulation import simulate_study
 from haptic_accel.kits.study.templates import templates
 from haptic_accel.kits.study.trials import PlannedTrial, SessionRecord
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 STUDY = protocol("2ifc", tests=(PlannedTest("Better than <chance>", alternative="greater"),))
 
@@ -237,3 +241,17 @@ def test_distances_of_levels_have_their_unit() -> None:
     for factor, name in (("gain", "(1)"), ("network", "(ms)"), ("latency", "(")):
         levels = Levels(factor, 0.0, (1.0, 2.0))
         assert distance_name(levels).startswith(f"distance of {factor} from 0 {name}")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_no_rule_of_accessibility_is_broken(
+    browser: Browser, tmp_path: Path, scheme: Literal["light", "dark"]
+) -> None:
+    study = read_protocol(templates()["compensated_or_not"])
+    *whole, last = simulate_study(study, 4, 1)
+    stopped = replace(last, ended="stopped by the participant")
+    write_report(analyse_study(study, [*whole, stopped]), tmp_path / "report")
+    page = browser.new_page(color_scheme=scheme)
+    page.goto((tmp_path / "report" / "index.html").as_uri())
+    assert violations(page) == []
+    page.close()

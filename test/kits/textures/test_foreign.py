@@ -18,15 +18,22 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pytest
+from archive_bombs import BOMBS
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import signal
 from scipy.io import wavfile
 
-from haptic_accel.core.model import FloatArray
+from fuzzing import fuzz_few, measured
+from haptic_accel.core.model import GRAVITY, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.surfaces.line_spectrum import is_ordered, to_polynomial
 from haptic_accel.core.surfaces.texture import Texture, TextureModel
@@ -381,3 +388,66 @@ def test_a_texture_is_stable_at_every_point_and_along_every_path(
         assert texture.saturated == np.sum(np.abs(samples) == 100.0)
         quiet = texture.block(np.zeros(2_000), np.zeros(2_000))
         assert np.abs(quiet[-1]) < 1e-3
+
+
+def test_a_pattern_of_many_events_is_refused(tmp_path: Path) -> None:
+    strength = [{"ParameterID": "HapticIntensity", "ParameterValue": 0.5}]
+    event = {"Time": 0, "EventType": "HapticContinuous", "EventParameters": strength}
+    path = tmp_path / "a.ahap"
+    for count, seconds, says in ((20_000, 0.01, "at most 10000 events"), (100, 60, "6000 s")):
+        pattern = [{"Event": {**event, "EventDuration": seconds}}] * count
+        path.write_text(json.dumps({"Pattern": pattern}))
+        with measured(), pytest.raises(ParameterError, match=says):
+            import_texture(path, calibration=1.0)
+
+
+@pytest.mark.parametrize("kind", BOMBS)
+def test_a_file_that_expands_or_is_none_is_refused_in_one_line(tmp_path: Path, kind: str) -> None:
+    path = BOMBS[kind](tmp_path / "a.npz")
+    with measured(megabytes=300), pytest.raises(ParameterError, match="a.npz: ") as refused:
+        import_texture(path)
+    assert str(refused.value).isprintable()
+
+
+RATE = 500.0
+TIME = np.arange(600) / RATE
+SIGNAL = 20.0 * np.sin(2 * np.pi * 170.0 * TIME)
+SIGNAL += 2.0 * np.random.default_rng(5).normal(size=len(TIME))
+"""Acceleration, m/s^2."""
+
+
+@cache
+def texture() -> TextureModel:
+    """Return the texture of the signal, from a CSV file."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "a.csv"
+        np.savetxt(path, SIGNAL, header="acceleration", comments="")
+        return import_texture(path, RATE)
+
+
+@fuzz_few
+@given(
+    st.sampled_from(["acc", "acc_z [g]", "Acceleration (mm/s^2)", "acc_mg"]),
+    st.lists(st.sampled_from(["t", "force", "time [ms]"]), unique=True, max_size=3),
+    st.booleans(),
+    st.booleans(),
+    st.sampled_from([np.float64, np.float32]),
+)
+def test_an_npz_file_is_read_alike_in_any_form(
+    tmp_path: Path, name: str, others: Sequence[str], turned: bool, small: bool, kind: type
+) -> None:
+    factors = {
+        "acc_z [g]": GRAVITY,
+        "Acceleration (mm/s^2)": 1e-3,
+        "acc_mg": GRAVITY / 1000,
+    }
+    made = {"t": TIME, "force": np.ones(len(TIME)), "time [ms]": 1e3 * TIME}
+    rows = np.array([*(made[each] for each in others), SIGNAL / factors.get(name, 1.0)], kind)
+    write = np.savez_compressed if small else np.savez
+    path = tmp_path / "a.npz"
+    data = rows.T if turned else rows
+    write(path, data=data, sample_rate=RATE, channel_names=[*others, name])
+    found = import_texture(path)
+    rounding = 1e-9 if kind is np.float64 else 1e-4
+    assert found.deviation == pytest.approx(texture().deviation, rel=rounding)
+    assert found.lsf == pytest.approx(texture().lsf, rel=rounding)

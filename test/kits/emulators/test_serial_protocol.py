@@ -25,7 +25,7 @@ import pytest
 
 from running import Command
 
-BENCHMARK = Path(__file__).resolve().parents[2] / "benchmarks" / "serial_protocol.py"
+BENCHMARK = Path(__file__).resolve().parents[3] / "benchmarks" / "serial_protocol.py"
 
 
 @pytest.mark.quiet

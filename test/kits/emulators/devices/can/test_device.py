@@ -33,7 +33,7 @@ from typing import Any
 import pytest
 
 from haptic_accel.core.model import ZERO
-from haptic_accel.core.parameters import ParameterError, from_flat
+from haptic_accel.core.parameters import from_flat
 from haptic_accel.devices.can.bus import bus_configuration, message_of, open_bus
 from haptic_accel.devices.can.device import CanSlave
 from haptic_accel.devices.can.parameters import CanParameters
@@ -268,13 +268,6 @@ def test_a_bus_without_the_drives_is_said(plug: Plug) -> None:
     with pytest.raises(DeviceError, match="no heartbeat of joint1 .node 0., joint2 .* powered"):
         plugged.device.open()
     assert plugged.device.counters()["connected"] == 0
-
-
-def test_a_wrong_interface_is_a_wrong_argument() -> None:
-    device = CanSlave(from_flat(CanSlave.Parameters, {"interface": "tin"}), RATE, 0)
-    with pytest.raises(ParameterError, match="can.interface = 'tin'"):
-        device.open()
-    device.close()
 
 
 @pytest.mark.parametrize("estimates", ["streamed", "requested"])

@@ -1,0 +1,98 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Damaged files of other programs: imported or refused in one line, within 2 s and 500 MB."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from damaged_files import ANY_BYTES, NOISE, other_arrays, text, written, zipped
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.io import wavfile
+
+from fuzzing import accepted, fuzz_few, measured, mutated
+from haptic_accel.kits.textures.foreign import import_texture
+from hatt_file import hatt_file
+
+AXES = {"data": NOISE.reshape(2, -1), "sample_rate": 1000, "channel_names": ["acc_x", "acc_y"]}
+FILTER = {"name": "oak", "sample_rate": 1000.0, "b": [0.5], "a": [1.0, -0.5]}
+STRENGTH = [{"ParameterID": "HapticIntensity", "ParameterValue": 0.5}]
+CURVE = {
+    "ParameterID": "HapticSharpnessControl",
+    "Time": 0.0,
+    "ParameterCurveControlPoints": [{"Time": 0.1, "ParameterValue": 0.3}],
+}
+AHAP = {
+    "Pattern": [
+        {
+            "Event": {
+                "Time": 0.1,
+                "EventType": "HapticContinuous",
+                "EventDuration": 0.3,
+                "EventParameters": STRENGTH,
+            }
+        },
+        {"Event": {"Time": 0.0, "EventType": "HapticTransient", "EventParameters": STRENGTH}},
+        {"ParameterCurve": CURVE},
+    ]
+}
+POINT = {"time": 0.2, "amplitude": 0.4, "emphasis": {"amplitude": 0.9, "frequency": 0.9}}
+ENVELOPES = {
+    "amplitude": [{"time": 0.0, "amplitude": 0.5}, POINT],
+    "frequency": [{"time": 0.0, "frequency": 0.5}],
+}
+HAPTIC = {"signals": {"continuous": {"envelopes": ENVELOPES}}}
+
+
+def wav(dtype: str) -> bytes:
+    file = io.BytesIO()
+    wavfile.write(file, 20, (50 * NOISE if dtype == "int16" else NOISE / 4).astype(dtype))
+    return file.getvalue()
+
+
+KINDS: dict[str, tuple[str, st.SearchStrategy[bytes]]] = {
+    "acceleration, NPZ": ("a.npz", zipped(AXES) | other_arrays(AXES)),
+    "texture, XML": (
+        "a.xml",
+        text(hatt_file((4, 2), 12).encode()),
+    ),
+    "filter, JSON": ("a.json", written(FILTER)),
+    "pattern, AHAP": ("a.ahap", written(AHAP)),
+    "pattern, haptic": ("a.haptic", written(HAPTIC)),
+    "acceleration, CSV": (
+        "a.csv",
+        text(b"t,acc\n" + b"".join(b"%g,%f\n" % (i / 20, value) for i, value in enumerate(NOISE))),
+    ),
+    "acceleration, WAV": (
+        "a.wav",
+        mutated(st.sampled_from([wav("int16"), wav("float32")]), ANY_BYTES),
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@fuzz_few
+@given(st.data())
+def test_any_damage_is_refused_in_one_line(tmp_path: Path, kind: str, data: st.DataObject) -> None:
+    name, contents = KINDS[kind]
+    path = tmp_path / name
+    path.write_bytes(data.draw(contents))
+    full_scale = None if path.suffix in (".xml", ".csv") else 5.0
+    with measured():
+        accepted(lambda: import_texture(path, 20.0, full_scale))
