@@ -26,9 +26,9 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.kits.study.protocol import Condition, Consent, Pair, Protocol, Value
-from haptic_accel.kits.study.tables import COMPLETE
 from haptic_accel.kits.study.trials import (
     CATCH,
+    COMPLETE,
     MAIN,
     PRACTICE,
     Answer,

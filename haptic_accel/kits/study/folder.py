@@ -65,9 +65,8 @@ from haptic_accel.kits.study.log import (
 )
 from haptic_accel.kits.study.protocol import Protocol
 from haptic_accel.kits.study.reading import read_protocol
-from haptic_accel.kits.study.session import COMPLETE
 from haptic_accel.kits.study.templates import PROTOCOL
-from haptic_accel.kits.study.trials import SessionRecord
+from haptic_accel.kits.study.trials import COMPLETE, SessionRecord
 
 JOURNAL, PARTICIPANTS, VERSIONS = "journal.jsonl", "participants", "versions"
 ANALYSIS, EXPORT = "analysis", "export"

@@ -29,13 +29,14 @@ from functools import partial
 from typing import Any
 
 from haptic_accel import __version__
-from haptic_accel.core.evaluation.exposure import DAY, daily_exposure
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.kits.study.exposure import DAY, daily_exposure
 from haptic_accel.kits.study.log import CONSENT, END, SITTING, TRIAL, Entries, trial_entry
 from haptic_accel.kits.study.plan import Plan
 from haptic_accel.kits.study.protocol import Bounds, Condition, Protocol
 from haptic_accel.kits.study.trials import (
+    COMPLETE,
     PRACTICE,
     Participant,
     PlannedTrial,
@@ -48,8 +49,8 @@ from haptic_accel.kits.study.trials import (
     UndeliveredError,
 )
 
-COMPLETE, NO_CONSENT = "complete", "no consent"
-"""Ends of a session: all trials are done; the participant does not agree."""
+NO_CONSENT = "no consent"
+"""End of a session to which the participant does not agree."""
 
 AGREE, DISAGREE, CONTINUE, BEGIN = "agree", "disagree", "continue", "begin"
 RIGHT, WRONG = "right", "wrong"

@@ -29,17 +29,19 @@ from dataclasses import dataclass, replace
 import pandas as pd
 
 from haptic_accel.core.tables import Column, Row
+from haptic_accel.kits.study.exposure import daily_exposure
 from haptic_accel.kits.study.protocol import Protocol
-from haptic_accel.kits.study.trials import CATCH, MAIN, Presented, SessionRecord, TrialRecord
-
-COMPLETE = "complete"
-"""End of a session in which all trials were run."""
+from haptic_accel.kits.study.trials import (
+    CATCH,
+    COMPLETE,
+    MAIN,
+    Presented,
+    SessionRecord,
+    TrialRecord,
+)
 
 NANO = 1e-9
 """Seconds per nanosecond."""
-
-WORKING_DAY = 8 * 3600.0
-"""Reference period of the daily exposure A(8), s (ISO 5349-1)."""
 
 COLUMNS = {
     each.key: each
@@ -205,7 +207,7 @@ def _session(session: SessionRecord, excluded: dict[str, str]) -> Row:
         "counted_trials": len(session.counted),
         "left_out_percent": left_out(session),
         "catch_correct_percent": catch_correct(session),
-        "exposure_m_s2": math.sqrt(session.exposure / WORKING_DAY),
+        "exposure_m_s2": daily_exposure(session.exposure),
         "excluded": excluded.get(session.participant, ""),
     }
 

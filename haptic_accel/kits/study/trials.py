@@ -26,6 +26,9 @@ from haptic_accel.kits.study.protocol import Condition
 PRACTICE, MAIN, CATCH = "practice", "main", "catch"
 """Kinds of trials."""
 
+COMPLETE = "complete"
+"""End of a session in which all trials were run."""
+
 
 class StoppedError(Exception):
     """A session was stopped; the message states by whom or why."""

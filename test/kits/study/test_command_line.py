@@ -27,8 +27,8 @@ from page_content import Page
 
 from haptic_accel.kits.study.export import FORMS
 from haptic_accel.kits.study.folder import Study
-from haptic_accel.kits.study.session import COMPLETE
 from haptic_accel.kits.study.templates import templates
+from haptic_accel.kits.study.trials import COMPLETE
 from studies import TEXT, Scripted, run_session, write_study
 from verbs import next_command, output_of, refusal, status_of
 

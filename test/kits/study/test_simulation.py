@@ -22,8 +22,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haptic_accel.kits.study.session import COMPLETE
 from haptic_accel.kits.study.simulation import power, simulate_study, write_simulated
+from haptic_accel.kits.study.trials import COMPLETE
 from studies import TEXT, write_study
 
 

@@ -33,8 +33,7 @@ import pytest
 from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.observers import SimulatedRig
 from haptic_accel.kits.study.protocol import Condition, Protocol
-from haptic_accel.kits.study.session import COMPLETE
-from haptic_accel.kits.study.trials import Presented, UndeliveredError
+from haptic_accel.kits.study.trials import COMPLETE, Presented, UndeliveredError
 from participating import PageRig
 from studies import write_study
 from verbs import next_command, output_of, status_of

@@ -20,8 +20,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from haptic_accel.core.evaluation.exposure import DAY, WeightedDose, daily_exposure, weights
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits.study.exposure import DAY, WeightedDose, daily_exposure, weights
 
 WH = {
     **{6.3: 0.727, 8: 0.873, 10: 0.951, 12.5: 0.958, 16: 0.896, 20: 0.782, 25: 0.647},
