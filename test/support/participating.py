@@ -23,11 +23,11 @@ from pathlib import Path
 from typing import Any
 
 from haptic_accel.kits.study.log import Log
-from haptic_accel.kits.study.observers import SimulatedRig
 from haptic_accel.kits.study.participant_page import ParticipantPage, read_texts
 from haptic_accel.kits.study.plan import Plan
 from haptic_accel.kits.study.protocol import Condition
 from haptic_accel.kits.study.session import Session
+from haptic_accel.kits.study.simulation import SimulatedRig
 from haptic_accel.kits.study.trials import Answer, Presented, Screen, StoppedError
 from haptic_accel.scope.windows import Windows
 from studies import TEXT, write_study

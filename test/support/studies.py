@@ -22,9 +22,9 @@ from pathlib import Path
 
 from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.log import Log
-from haptic_accel.kits.study.observers import SimulatedParticipant, SimulatedRig
 from haptic_accel.kits.study.plan import Plan
 from haptic_accel.kits.study.session import Session
+from haptic_accel.kits.study.simulation import SimulatedParticipant, SimulatedRig
 from haptic_accel.kits.study.templates import PROTOCOL
 from haptic_accel.kits.study.trials import Answer, PlannedTrial, Rig, Screen, SessionRecord
 

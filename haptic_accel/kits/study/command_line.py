@@ -47,8 +47,7 @@ from haptic_accel.kits.study.export import FORMS, export_study
 from haptic_accel.kits.study.exposure import daily_exposure
 from haptic_accel.kits.study.folder import ANALYSIS, EXPORT, UNBLINDING, Study
 from haptic_accel.kits.study.log import Log
-from haptic_accel.kits.study.outline import describe
-from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.plan import Plan, describe
 from haptic_accel.kits.study.protocol import Protocol
 from haptic_accel.kits.study.session import Session
 from haptic_accel.kits.study.simulation import power, simulate_study, write_simulated

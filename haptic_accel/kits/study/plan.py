@@ -13,10 +13,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Plan of a session: its trials, one after the other, each planned from the records before it."""
+"""Plan of a session: its trials, one after the other, each planned from the records before it.
+
+Beforehand, it tells the length of a session.
+"""
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 
 import numpy as np
@@ -26,6 +30,9 @@ from haptic_accel.kits.study.procedures import Choice, easiest, family, method
 from haptic_accel.kits.study.protocol import Pair, Protocol
 from haptic_accel.kits.study.tasks import TASKS, Item
 from haptic_accel.kits.study.trials import CATCH, MAIN, PRACTICE, PlannedTrial, TrialRecord
+
+ANSWERING, CHANGING = 3.0, 1.0
+"""Time to answer, and to change to the next condition, s (assumed)."""
 
 TRIAL, ORDER = 0, 1
 """Streams of random numbers: of one trial, and of the order of a session."""
@@ -143,3 +150,31 @@ class Plan:
     def _extra(self, item: Item, block: int, generator: np.random.Generator) -> Choice:
         orders = len(self._task.orders)
         return Choice(item, int(generator.integers(orders)), family(item), block)
+
+
+def expected_trials(protocol: Protocol) -> int:
+    """Return the largest number of trials, with practice and catch trials, without repetitions."""
+    return Plan(protocol, seed=0, row=0).trials
+
+
+def expected_minutes(protocol: Protocol) -> float:
+    """Return the expected duration of all trials, without breaks, min."""
+    stimuli, timing = TASKS[protocol.task].stimuli, protocol.timing
+    presenting = stimuli * (CHANGING + timing.seconds) + (stimuli - 1) * timing.gap
+    return expected_trials(protocol) * (presenting + ANSWERING) / 60
+
+
+def describe(protocol: Protocol) -> list[str]:
+    """Return lines that describe a study before its first participant."""
+    participants, trials = protocol.rules.participants, expected_trials(protocol)
+    most = "" if protocol.procedure.kind == "constant" else "at most "
+    presented = [f"{each.reference} against {each.comparison}" for each in protocol.pairs]
+    tests = [f"test {each.name}: {each.measure} {each.condition}" for each in protocol.tests]
+    return [
+        f"{protocol.title} (version {protocol.digest[:12]})",
+        f"{protocol.task}, {protocol.procedure.kind}, order {protocol.order.kind}",
+        f"{most}{trials} trials, about {math.ceil(expected_minutes(protocol))} min without breaks,"
+        f" {participants} participants",
+        *(presented or map(str, protocol.conditions)),
+        *tests,
+    ]

@@ -117,8 +117,7 @@ def sensitivity(protocol: Protocol, trials: Trials) -> Interval:
         return detection.d_prime(protocol.task, *right(trials))
     hits = [each.answer == DIFFERENT for each in trials if each.record.trial.right == DIFFERENT]
     alarms = [each.answer == DIFFERENT for each in trials if each.record.trial.right != DIFFERENT]
-    counts = sum(hits), len(hits), sum(alarms), len(alarms)
-    return detection.d_prime_by_answers(protocol.task, *counts)
+    return detection.d_prime_by_answers(sum(hits), len(hits), sum(alarms), len(alarms))
 
 
 def psychometric_function(levels: Levels, task: str, trials: Trials) -> Psychometric:

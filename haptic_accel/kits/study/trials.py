@@ -188,7 +188,7 @@ class SessionRecord:
     exposure : float
         Vibration dose of all sittings, m^2/s^3.
     simulated : bool
-        True if an observer of `observers` took part, and no person.
+        True if a `SimulatedParticipant` took part, and no person.
     """
 
     participant: str

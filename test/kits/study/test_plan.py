@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections import Counter
 from itertools import islice
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -27,10 +28,12 @@ from protocol_maker import make_levels, make_protocol
 from study_runs import always_right, asking, record, run
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.kits.study.observers import SimulatedParticipant
-from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.plan import Plan, describe, expected_minutes, expected_trials
 from haptic_accel.kits.study.protocol import Bounds, Extras, Order, Procedure, Protocol
+from haptic_accel.kits.study.reading import read_protocol
+from haptic_accel.kits.study.simulation import SimulatedParticipant
 from haptic_accel.kits.study.tasks import TASKS
+from haptic_accel.kits.study.templates import templates
 from haptic_accel.kits.study.trials import CATCH, MAIN, PRACTICE, Answer, PlannedTrial
 
 NOTHING_ELSE = Extras(practice=0, break_every=0)
@@ -221,3 +224,38 @@ def test_each_order_of_stimuli_is_equally_frequent() -> None:
     protocol = make_protocol("odd_one_out", procedure=Procedure(repeats=12), extras=NOTHING_ELSE)
     trials = [each.trial for each in run(Plan(protocol, 1, 0), always_right)]
     assert Counter(Counter(each.stimuli for each in trials).values()) == {2: 6}
+
+
+@pytest.mark.parametrize(
+    ("name", "trials"),
+    [
+        ("compensated_or_not", 4 + 40),
+        ("preference", 2 + 6 * 8),
+        ("real_or_virtual_texture", 4 + 4 * 6),
+        ("gain_jnd", 4 + 2 * 60),
+        ("network_delay", 4 + 5 * 20),
+    ],
+)
+def test_the_trials_of_a_session_are_known_before(name: str, trials: int) -> None:
+    assert expected_trials(read_protocol(templates()[name])) == trials
+
+
+def test_catch_trials_count(tmp_path: Path) -> None:
+    path = tmp_path / "study.yaml"
+    text = templates()["network_delay"].read_text()
+    path.write_text(text.replace("practice: 4", "practice: 4, catch_every: 20"))
+    assert expected_trials(read_protocol(path)) == 4 + 100 + 4
+
+
+def test_a_trial_takes_its_stimuli_and_the_answer() -> None:
+    found = read_protocol(templates()["compensated_or_not"])
+    stimuli = 2 * found.timing.seconds + found.timing.gap
+    assert 60 * expected_minutes(found) > expected_trials(found) * stimuli
+
+
+def test_a_study_is_described_by_trials_duration_and_conditions() -> None:
+    found = read_protocol(templates()["gain_jnd"])
+    lines = describe(found)
+    assert lines[0] == f"{found.title} (version {found.digest[:12]})"
+    assert lines[2].startswith("at most 124 trials, about ")
+    assert "gain=1 against gain=2" in lines

@@ -32,9 +32,9 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.log import LOG, read_session
-from haptic_accel.kits.study.observers import SimulatedRig
 from haptic_accel.kits.study.plan import Plan
 from haptic_accel.kits.study.session import MOST_BROKEN_OFF, NO_CONSENT, Session
+from haptic_accel.kits.study.simulation import SimulatedRig
 from haptic_accel.kits.study.trials import (
     COMPLETE,
     MAIN,

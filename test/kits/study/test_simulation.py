@@ -13,18 +13,249 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Simulated studies, and the power of their tests."""
+"""Simulated observers against the theory of each task, their rig, and simulated studies."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from protocol_maker import make_levels, make_protocol
+from scipy.integrate import trapezoid
+from scipy.stats import norm
+from study_runs import asking, run
 
-from haptic_accel.kits.study.simulation import power, simulate_study, write_simulated
-from haptic_accel.kits.study.trials import COMPLETE
+from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.protocol import Bounds, Extras, Observer, Procedure, Protocol
+from haptic_accel.kits.study.simulation import (
+    SAME_WITHIN,
+    SimulatedParticipant,
+    SimulatedRig,
+    power,
+    simulate_study,
+    write_simulated,
+)
+from haptic_accel.kits.study.trials import COMPLETE, Screen, TrialRecord, UndeliveredError
 from studies import TEXT, write_study
+
+EXTRAS = Extras(practice=0)
+SURE = Observer(lapse=0.0)
+REPEATS = 1000
+
+
+def _records(protocol: Protocol, seed: int = 3) -> list[TrialRecord]:
+    return list(run(Plan(protocol, seed, 0), asking(SimulatedParticipant(protocol, seed))))
+
+
+def _study(task: str, *strengths: float, observer: Observer = SURE) -> Protocol:
+    return make_protocol(
+        task,
+        len(strengths),
+        procedure=Procedure(repeats=REPEATS),
+        extras=EXTRAS,
+        observer=observer,
+        strengths={f"surface=s{number}": value for number, value in enumerate(strengths)},
+    )
+
+
+def _correct(protocol: Protocol) -> float:
+    return float(np.mean([each.correct for each in _records(protocol)]))
+
+
+def _two_intervals(d: float) -> float:
+    return float(norm.cdf(d / 2**0.5))
+
+
+def _abx(d: float) -> float:
+    # Macmillan, Creelman 2005, equation 9.10 (differencing).
+    halves = norm.cdf(d / 2**0.5) * norm.cdf(d / 6**0.5)
+    return float(halves + norm.cdf(-d / 2**0.5) * norm.cdf(-d / 6**0.5))
+
+
+def _same_different(d: float) -> float:
+    within = SAME_WITHIN / 2**0.5
+    same = 2 * norm.cdf(within) - 1
+    different = norm.cdf(d / 2**0.5 - within) + norm.cdf(-d / 2**0.5 - within)
+    return float((same + different) / 2)
+
+
+def _triangle(d: float) -> float:
+    # Ennis, Journal of Sensory Studies 8(4), 1993: the integral over the difference of the equal
+    # two.
+    x = np.linspace(0, 12, 4001)
+    root = d * (2 / 3) ** 0.5
+    return float(
+        2
+        * trapezoid((norm.cdf(-x * 3**0.5 + root) + norm.cdf(-x * 3**0.5 - root)) * norm.pdf(x), x)
+    )
+
+
+@pytest.mark.parametrize("d", [0.0, 1.0, 2.5])
+@pytest.mark.parametrize(
+    ("task", "theory"),
+    [
+        ("2ifc", _two_intervals),
+        ("abx", _abx),
+        ("same_different", _same_different),
+        ("odd_one_out", _triangle),
+    ],
+)
+def test_the_proportion_correct_follows_the_theory(
+    task: str, theory: Callable[[float], float], d: float
+) -> None:
+    expected = theory(d)
+    error = (expected * (1 - expected) / REPEATS) ** 0.5
+    assert _correct(_study(task, 0.5, 0.5 + d)) == pytest.approx(expected, abs=3.5 * error)
+
+
+def test_a_comparison_that_is_weaker_is_found_as_often() -> None:
+    assert _correct(_study("2ifc", 2.0, 0.0)) > 0.88
+
+
+def test_the_preference_follows_thurstone() -> None:
+    records = _records(_study("preference", 0.0, 1.0))
+    preferred = [
+        str(each.trial.stimuli[int(each.answer.value) - 1]) for each in records if each.answer
+    ]
+    share = preferred.count("surface=s1") / len(preferred)
+    assert share == pytest.approx(_two_intervals(1.0), abs=0.05)
+
+
+def test_conditions_far_apart_are_identified() -> None:
+    assert _correct(_study("identification", 0.0, 3.0, 6.0)) > 0.85
+
+
+def test_equal_conditions_are_identified_by_chance() -> None:
+    records = _records(_study("identification", 0.0, 0.0, 0.0))
+    answers = Counter(each.answer.value for each in records if each.answer)
+    for count in answers.values():
+        assert count / len(records) == pytest.approx(1 / 3, abs=0.05)
+
+
+def test_ratings_have_the_mean_of_their_strength() -> None:
+    means = _mean_ratings(_study("rating", 40.0, 70.0))
+    assert means == {
+        "surface=s0": pytest.approx(40, abs=2),
+        "surface=s1": pytest.approx(70, abs=2),
+    }
+
+
+def test_conditions_far_apart_are_rated_less_similar() -> None:
+    means = _mean_ratings(_study("similarity", 0.0, 0.5, 4.0))
+    assert means["surface=s0 / surface=s1"] > means["surface=s1 / surface=s2"] + 20
+
+
+def _mean_ratings(protocol: Protocol) -> dict[str, float]:
+    ratings: dict[str, list[float]] = {}
+    for each in _records(protocol):
+        assert each.answer is not None
+        ratings.setdefault(each.trial.track, []).append(float(each.answer.value))
+    return {track: float(np.mean(values)) for track, values in ratings.items()}
+
+
+@pytest.mark.parametrize("task", ["2ifc", "identification", "rating", "same_different"])
+def test_lapses_are_random_but_admitted_answers(task: str) -> None:
+    records = _records(_study(task, 0.0, 9.0, observer=Observer(lapse=1.0)))
+    answers = Counter(each.answer.value for each in records if each.answer)
+    assert set(answers) == set(records[0].trial.answers)
+
+
+def test_at_the_threshold_d_prime_is_1() -> None:
+    protocol = make_levels(
+        values=(1.25, 1.5),
+        procedure=Procedure(repeats=REPEATS),
+        extras=EXTRAS,
+        observer=Observer(threshold=0.25, slope=2.0, lapse=0.0),
+    )
+    correct = {
+        level: np.mean([each.correct for each in _records(protocol) if each.trial.level == level])
+        for level in (1.25, 1.5)
+    }
+    assert correct[1.25] == pytest.approx(_two_intervals(1.0), abs=0.05)
+    assert correct[1.5] == pytest.approx(_two_intervals(4.0), abs=0.02)
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_a_staircase_finds_the_level_of_its_proportion_correct(scale: str) -> None:
+    step = {"linear": 0.02, "log": 1.1}[scale]
+    procedure = Procedure(
+        "staircase", down=2, step_up=step, step_down=step, trials=1000, reversals=100, tracks=4
+    )
+    protocol = make_levels(
+        values=(1.02, 2.0), scale=scale, procedure=procedure, observer=Observer(0.25, lapse=0.0)
+    )
+    levels = [each.trial.level for each in _records(protocol) if each.trial.level]
+    # Two right answers in a row are as probable as not where d' / sqrt(2) = z(sqrt(1 / 2)).
+    expected = 0.25 * 2**0.5 * norm.ppf(0.5**0.5)
+    assert np.median(levels[len(levels) // 2 :]) - 1 == pytest.approx(expected, rel=0.2)
+
+
+def test_quest_plus_presents_most_levels_near_the_threshold() -> None:
+    protocol = make_levels(
+        values=(1.02, 3.0),
+        scale="log",
+        procedure=Procedure("quest_plus", trials=200),
+        observer=Observer(0.25, lapse=0.0),
+    )
+    levels = [each.trial.level for each in _records(protocol) if each.trial.level]
+    assert 0.1 < np.median(levels) - 1 < 0.8
+
+
+def test_observers_differ_by_the_spread() -> None:
+    protocol = make_levels(observer=Observer(threshold=0.25, spread=0.5))
+    condition = protocol.pairs[0].comparison
+    # With a slope of 1, the strength is the distance over the threshold.
+    strengths = [SimulatedParticipant(protocol, seed).strength(condition) for seed in range(500)]
+    assert np.std(np.log(strengths)) == pytest.approx(0.5, rel=0.15)
+    assert np.median(strengths) == pytest.approx(0.1 / 0.25, rel=0.15)
+
+
+def test_an_answer_depends_on_seed_and_trial_alone() -> None:
+    protocol = _study("2ifc", 0.0, 1.0)
+    trials = [each.trial for each in _records(protocol)[:20]]
+    participant = SimulatedParticipant(protocol, 5)
+    forward = [asking(participant)(trial) for trial in trials]
+    backward = [asking(SimulatedParticipant(protocol, 5))(trial) for trial in reversed(trials)]
+    assert forward == backward[::-1]
+
+
+def test_a_screen_without_a_trial_gets_its_first_answer() -> None:
+    participant = SimulatedParticipant(make_protocol(), 1)
+    assert participant.ask(Screen("1", "consent", answers=("agree", "no"))).value == "agree"
+    assert participant.ask(Screen("2", "ready")).value == ""
+
+
+def test_the_rig_delivers_what_is_asked_within_the_bounds() -> None:
+    protocol = make_protocol(bounds=Bounds(least_rms=5.0))
+    rig = SimulatedRig(protocol)
+    presented = rig.present(protocol.conditions[0], 2.0)
+    assert presented.end - presented.begin == 2_000_000_000
+    assert presented.read_back == {"surface": "s0"}
+    assert presented.desired_rms >= protocol.bounds.least_rms
+    assert presented.late == presented.lost == presented.clipped == 0
+
+
+def test_the_exposure_grows_with_each_stimulus() -> None:
+    protocol = make_protocol()
+    rig = SimulatedRig(protocol)
+    rig.present(protocol.conditions[0], 2.0)
+    once = rig.exposure
+    rig.present(protocol.conditions[0], 2.0)
+    assert rig.exposure == pytest.approx(2 * once)
+    assert once > 0
+
+
+def test_the_rig_fails_where_it_is_told_to() -> None:
+    protocol = make_protocol()
+    rig = SimulatedRig(protocol, {1: UndeliveredError("no graph"), 2: {"late": 50.0}})
+    assert rig.present(protocol.conditions[0], 1.0).late == 0
+    with pytest.raises(UndeliveredError, match="no graph"):
+        rig.present(protocol.conditions[0], 1.0)
+    assert rig.present(protocol.conditions[0], 1.0).late == 50.0
+    assert rig.present(protocol.conditions[0], 1.0).late == 0
 
 
 def test_a_simulated_study_is_complete_and_repeatable(tmp_path: Path) -> None:

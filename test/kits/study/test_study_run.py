@@ -31,8 +31,8 @@ import aiohttp
 import pytest
 
 from haptic_accel.kits.study.folder import Study
-from haptic_accel.kits.study.observers import SimulatedRig
 from haptic_accel.kits.study.protocol import Condition, Protocol
+from haptic_accel.kits.study.simulation import SimulatedRig
 from haptic_accel.kits.study.trials import COMPLETE, Presented, UndeliveredError
 from participating import PageRig
 from studies import write_study

@@ -25,7 +25,7 @@ import pytest
 from haptic_accel.core.document import read_yaml_document
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.conditions import arguments, check_blanks, live
-from haptic_accel.kits.study.outline import expected_minutes, expected_trials
+from haptic_accel.kits.study.plan import expected_minutes, expected_trials
 from haptic_accel.kits.study.reading import read_protocol
 from haptic_accel.kits.study.templates import templates, write_template
 from haptic_accel.materials.folders import config_folder, preset_file

@@ -67,7 +67,7 @@ class Scaling:
 
     Attributes
     ----------
-    points : ndarray, shape (k, dimensions)
+    points : ndarray, shape (k, 2)
         In the unit of the dissimilarities, along principal axes around 0. Directions are
         arbitrary.
     stress : float
@@ -164,8 +164,8 @@ def information_transfer(confusions: ArrayLike) -> Transfer:
     return Transfer(bits, uncorrected, 2.0**bits, int(n))
 
 
-def scale_dissimilarities(dissimilarities: ArrayLike, dimensions: int = 2) -> Scaling:
-    """Return points whose distances are close to dissimilarities (metric scaling).
+def scale_dissimilarities(dissimilarities: ArrayLike) -> Scaling:
+    """Return points of the plane whose distances are close to dissimilarities (metric scaling).
 
     Begins with Torgerson's classical scaling, and reduces the stress by majorization.
 
@@ -173,14 +173,13 @@ def scale_dissimilarities(dissimilarities: ArrayLike, dimensions: int = 2) -> Sc
     ----------
     dissimilarities : array-like, shape (k, k)
         Of each two conditions, not negative; the mean of both triangles counts.
-    dimensions : int
     """
     wanted = np.asarray(dissimilarities, dtype=float)
     wanted = (wanted + wanted.T) / 2
     k = len(wanted)
     centring = np.eye(k) - 1 / k
     values, vectors = np.linalg.eigh(-centring @ wanted**2 @ centring / 2)
-    points = vectors[:, ::-1][:, :dimensions] * np.sqrt(np.maximum(values[::-1][:dimensions], 0))
+    points = vectors[:, ::-1][:, :2] * np.sqrt(np.maximum(values[::-1][:2], 0))
     errors = math.inf
     for _ in range(_STEPS):
         distances = _distances(points)

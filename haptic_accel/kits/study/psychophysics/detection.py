@@ -25,11 +25,10 @@ between the means of two stimuli (Macmillan, Creelman, "Detection Theory: A User
 - ``abx``: names the one of two that is closer to the third (differencing, as in duo-trio tests).
 - ``same_different``: answers "different" if two sensations differ by more than a criterion
   (differencing; Kaplan, Macmillan, Creelman, Behavior Research Methods 10, 1978).
-- ``yes_no``: answers "yes" if the sensation exceeds a criterion.
 
 Below chance, d' is negative by symmetry: if it were 0, the mean of participants who guess would be
-positive. In all tasks but ``2ifc`` and ``yes_no`` the proportion correct is flat at d' = 0, so
-that d' of few trials near chance scatters widely. Test the proportion correct there.
+positive. In all tasks but ``2ifc`` the proportion correct is flat at d' = 0, so that d' of few
+trials near chance scatters widely. Test the proportion correct there.
 """
 
 from __future__ import annotations
@@ -49,9 +48,6 @@ LARGEST = 20.0
 
 CHANCE: Mapping[str, float] = {"2ifc": 1 / 2, "odd_one_out": 1 / 3, "abx": 1 / 2}
 """Proportion correct of guesses, in the tasks whose d' follows from the proportion correct."""
-
-BY_ANSWERS = ("same_different", "yes_no")
-"""Tasks whose d' follows from the answers with and without a difference or signal."""
 
 _Count: TypeAlias = tuple[float, float]  # of answers, and of trials
 
@@ -191,10 +187,8 @@ def d_prime(task: str, correct: int, trials: int) -> Interval:
     return Interval(value, low, high, trials, found.method)
 
 
-def d_prime_by_answers(
-    task: str, hits: int, different: int, false_alarms: int, same: int
-) -> Interval:
-    """Return d' from a participant's answers with and without a difference, or a signal.
+def d_prime_by_answers(hits: int, different: int, false_alarms: int, same: int) -> Interval:
+    """Return d' of ``same_different`` from a participant's answers.
 
     Each criterion is possible, and does not change d'. Rates are corrected by the log-linear rule
     (Hautus 1995). The interval holds those of the profile likelihood over the criterion, of the
@@ -202,12 +196,10 @@ def d_prime_by_answers(
 
     Parameters
     ----------
-    task : str
-        One of `BY_ANSWERS`.
     hits, different : int
-        Answers "different" or "yes", and trials, with a difference or a signal.
+        Answers "different", and trials with a difference.
     false_alarms, same : int
-        The same answers, and trials, without.
+        The same answers, and trials without.
 
     Returns
     -------
@@ -225,9 +217,9 @@ def d_prime_by_answers(
     if not different or not same:
         return Interval(math.nan, math.nan, math.nan, n, "no trial of one of the two kinds")
     corrected = ((hits + 0.5, different + 1.0), (false_alarms + 0.5, same + 1.0))
-    value = _by_rates(task, *(chosen / trials for chosen, trials in corrected))
+    value = _by_rates(*(chosen / trials for chosen, trials in corrected))
     limits = [
-        _limits(task, value, *counts)
+        _limits(value, *counts)
         for counts in (corrected, ((hits, different), (false_alarms, same)))
     ]
     low, high = min(low for low, _ in limits), max(high for _, high in limits)
@@ -271,25 +263,21 @@ _CORRECT: Mapping[str, Callable[[FloatArray], FloatArray]] = {
 }
 
 
-def _by_rates(task: str, hit: float, false_alarm: float) -> float:
+def _by_rates(hit: float, false_alarm: float) -> float:
     """Return d' from rates between 0 and 1."""
     from scipy.optimize import brentq
     from scipy.special import ndtri
 
-    if task == "yes_no":
-        return float(ndtri(hit) - ndtri(false_alarm))
     if math.isclose(hit, false_alarm):
         return 0.0
     if hit < false_alarm:
-        return -_by_rates(task, false_alarm, hit)
+        return -_by_rates(false_alarm, hit)
     criterion = np.array(-math.sqrt(2) * ndtri(false_alarm / 2))
-    return float(brentq(lambda d: float(_rates(task, d, criterion)[0]) - hit, 0, LARGEST))
+    return float(brentq(lambda d: float(_rates(d, criterion)[0]) - hit, 0, LARGEST))
 
 
-def _rates(task: str, d: float, criterion: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _rates(d: float, criterion: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return rates of hits and false alarms."""
-    if task == "yes_no":
-        return _phi(d - criterion), _phi(-criterion)
     width = criterion / math.sqrt(2)
     shift = d / math.sqrt(2)
     return _phi(shift - width) + _phi(-shift - width), 2 * _phi(-width)
@@ -301,7 +289,7 @@ def _log_likelihood(rate: FloatArray, chosen: float, trials: float) -> FloatArra
     return np.asarray(xlogy(chosen, rate) + xlog1py(trials - chosen, -rate))
 
 
-def _limits(task: str, inside: float, first: _Count, second: _Count) -> tuple[float, float]:
+def _limits(inside: float, first: _Count, second: _Count) -> tuple[float, float]:
     """Return where the likelihood falls below that of the interval's confidence, from inside."""
     from scipy import stats
     from scipy.optimize import brentq
@@ -310,7 +298,7 @@ def _limits(task: str, inside: float, first: _Count, second: _Count) -> tuple[fl
     least = float(best) - float(stats.chi2.ppf(CONFIDENCE, 1)) / 2
 
     def beyond(d_prime: float) -> float:
-        return least - _profile(task, d_prime, first, second)
+        return least - _profile(d_prime, first, second)
 
     low, high = (
         float(brentq(beyond, inside, end, xtol=1e-6))
@@ -321,15 +309,14 @@ def _limits(task: str, inside: float, first: _Count, second: _Count) -> tuple[fl
     return low, high
 
 
-def _profile(task: str, d: float, first: _Count, second: _Count) -> float:
+def _profile(d: float, first: _Count, second: _Count) -> float:
     """Return the log-likelihood of d' at the criterion that fits best."""
-    if task != "yes_no" and d < 0:
-        return _profile(task, -d, second, first)
-    low = min(0.0, d) - 7.0 if task == "yes_no" else 0.0
-    high = max(0.0, d) + 9.0
+    if d < 0:
+        return _profile(-d, second, first)
+    low, high = 0.0, d + 9.0
     for _ in range(_REFINEMENTS):
         criterion = np.linspace(low, high, 60)
-        hit, false_alarm = _rates(task, d, criterion)
+        hit, false_alarm = _rates(d, criterion)
         likelihood = _log_likelihood(hit, *first) + _log_likelihood(false_alarm, *second)
         best = int(np.argmax(likelihood))
         low, high = criterion[max(best - 1, 0)], criterion[min(best + 1, 59)]

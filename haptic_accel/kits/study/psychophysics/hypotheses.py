@@ -46,12 +46,12 @@ _QUANTILES = 400  # of the chi-distribution, for the noncentral t-distribution
 
 @dataclass(frozen=True)
 class MeanTest:
-    """Test of the participants' mean against a number or another condition.
+    """Test of the participants' mean against a number.
 
     Attributes
     ----------
-    n, left_out : int
-        Participants, and those without a finite value.
+    n : int
+        Participants with a finite value.
     mean : Interval
         Mean of the differences with Student's interval: of `CONFIDENCE`, or for equivalence of
         1 - 2 alpha, which lies within the margin exactly if equivalence is shown.
@@ -69,7 +69,6 @@ class MeanTest:
     """
 
     n: int
-    left_out: int
     mean: Interval
     effect: Interval
     t: float
@@ -82,12 +81,12 @@ class MeanTest:
 
 def mean_test(
     values: Sequence[float],
-    against: float | Sequence[float] = 0.0,
+    against: float = 0.0,
     alternative: Alternative | Literal["equivalent"] = "two-sided",
     margin: float = 0.0,
     alpha: float = 0.05,
 ) -> MeanTest:
-    """Test the participants' mean against a number, or against another condition.
+    """Test the participants' mean against a number.
 
     Equivalence is shown by two one-sided tests (Schuirmann, J. Pharmacokinetics and
     Biopharmaceutics 15, 1987): the difference is greater than -margin, and less than margin.
@@ -96,8 +95,7 @@ def mean_test(
     ----------
     values : sequence of float
         Value of each participant.
-    against : float or sequence of float
-        Number, or value of each participant in the other condition, in the same order.
+    against : float
     alternative : str
         Alternative for value minus `against`: ``two-sided``, ``greater``, ``less`` or
         ``equivalent``.
@@ -114,7 +112,7 @@ def mean_test(
     Raises
     ------
     ValueError
-        The sequences differ in length, or equivalence has no margin.
+        Equivalence has no margin.
 
     Examples
     --------
@@ -122,12 +120,9 @@ def mean_test(
     >>> found.significant, round(found.mean.value, 3)
     (True, 0.184)
     """
-    second = np.broadcast_to(against, len(values)) if np.isscalar(against) else np.array(against)
-    if len(second) != len(values):
-        raise ValueError(f"{len(values)} and {len(second)} values: must be pairs")
     if alternative == "equivalent" and not margin > 0:
         raise ValueError(f"margin = {margin:g}: must be positive to test equivalence")
-    differences = np.asarray(values, dtype=float) - second
+    differences = np.asarray(values, dtype=float) - against
     differences = differences[np.isfinite(differences)]
     n = len(differences)
     sides: tuple[tuple[Alternative, float], ...] = (
@@ -147,8 +142,8 @@ def mean_test(
     if math.isnan(worst.p_t):
         # Differences that happen to be equal leave the interval unknown, not empty.
         mean = replace(mean, low=math.nan, high=math.nan, method="no scatter of participants")
-    effect, left_out = standardised(differences.tolist()), len(values) - n
-    return MeanTest(n, left_out, mean, effect, worst.t, worst.p_t, p_ranks, p_signs, p, p < alpha)
+    effect = standardised(differences.tolist())
+    return MeanTest(n, mean, effect, worst.t, worst.p_t, p_ranks, p_signs, p, p < alpha)
 
 
 def standardised(differences: Sequence[float]) -> Interval:
@@ -189,19 +184,3 @@ def _spreads(n: int) -> FloatArray:
     from scipy.special import chdtri
 
     return np.sqrt(chdtri(n - 1, (np.arange(_QUANTILES) + 0.5) / _QUANTILES) / (n - 1))
-
-
-def holm(probabilities: Sequence[float]) -> list[float]:
-    """Return probabilities adjusted for the number of tests (Holm 1979).
-
-    Examples
-    --------
-    >>> [round(p, 3) for p in holm([0.01, 0.04, 0.03, 0.005])]
-    [0.03, 0.06, 0.06, 0.02]
-    """
-    order = np.argsort(probabilities)
-    factors = len(probabilities) - np.arange(len(probabilities))
-    adjusted = np.empty(len(probabilities))
-    raised = np.maximum.accumulate(np.asarray(probabilities, dtype=float)[order] * factors)
-    adjusted[order] = np.minimum(raised, 1.0)
-    return [float(p) for p in adjusted]

@@ -80,15 +80,14 @@ class Psychometric:
         One of `SIGMOIDS`.
     threshold : Interval
         Distance from the reference at which d' is 1, or for ``normal`` the proportion is halfway
-        between chance and its largest value, in the level's unit.
+        between chance and its largest value, in the level's unit. Beyond the levels its value
+        depends on the prior. A limit is 0 or infinite where the answers exclude no threshold on
+        that side.
     slope : Interval
         Exponent of d' over the distance, or for ``normal`` the inverse of the standard deviation
         of the logarithm.
     lapse : Interval
         Share of wrong answers at large distances; the interval is one-sided.
-    outside : bool
-        True if the threshold is beyond the levels; then its value depends on the prior. A limit
-        is 0 or infinite where the answers exclude no threshold on that side.
     """
 
     task: str
@@ -96,7 +95,6 @@ class Psychometric:
     threshold: Interval
     slope: Interval
     lapse: Interval
-    outside: bool
 
     def proportion(self, distances: ArrayLike) -> FloatArray:
         """Return the proportion correct at some distances from the reference."""
@@ -180,8 +178,7 @@ def fit_psychometric(
         )
         for scale, value, (low, high) in zip(scales, values, limits, strict=True)
     )
-    outside = not data.x[0] <= values[0] <= data.x[-1]
-    return Psychometric(task, sigmoid, threshold, slope, lapse, outside)
+    return Psychometric(task, sigmoid, threshold, slope, lapse)
 
 
 @dataclass(frozen=True)

@@ -29,11 +29,9 @@ from scipy import stats
 from study_runs import asking, run
 
 from haptic_accel.core.evaluation.statistics import Interval
-from haptic_accel.kits.study.observers import SimulatedParticipant
 from haptic_accel.kits.study.plan import Plan
 from haptic_accel.kits.study.protocol import Extras, Observer, Procedure
 from haptic_accel.kits.study.psychophysics.detection import (
-    BY_ANSWERS,
     CHANCE,
     d_prime,
     d_prime_by_answers,
@@ -41,6 +39,7 @@ from haptic_accel.kits.study.psychophysics.detection import (
     proportion_correct,
     sensitivity,
 )
+from haptic_accel.kits.study.simulation import SimulatedParticipant
 from haptic_accel.kits.study.trials import TrialRecord
 
 # By sensR 1.5-3 (R; Christensen, Brockhoff), twoAFC, triangle and duotrio, as published in
@@ -131,16 +130,11 @@ def test_same_different_finds_the_d_prime_of_simulated_decisions(
     a, b = np.random.default_rng(2).normal(size=(2, n))
     hits = int(np.sum(abs(a - b - d) > criterion))
     false_alarms = int(np.sum(abs(a - b) > criterion))
-    found = d_prime_by_answers("same_different", hits, n, false_alarms, n)
+    found = d_prime_by_answers(hits, n, false_alarms, n)
     assert found.value == pytest.approx(d, abs=0.015)
     assert found.low <= d <= found.high
-    swapped = d_prime_by_answers("same_different", false_alarms, n, hits, n)
+    swapped = d_prime_by_answers(false_alarms, n, hits, n)
     assert swapped.value == pytest.approx(-found.value)
-
-
-def test_yes_no_is_the_difference_of_two_quantiles() -> None:
-    found = d_prime_by_answers("yes_no", 8_413_447, 10_000_000, 5_000_000, 10_000_000)
-    assert found.value == pytest.approx(1.0, abs=1e-5)  # z(0.8413447) = 1
 
 
 @pytest.mark.parametrize("trials", TRIANGLE_TABLE)
@@ -161,18 +155,15 @@ def test_d_prime_covers_at_least_as_it_claims(task: str, n: int) -> None:
         assert held >= 0.95, d
 
 
-@pytest.mark.parametrize(("task", "n"), list(product(BY_ANSWERS, (5, 12, 20))))
-def test_d_prime_by_answers_covers_for_each_criterion(task: str, n: int) -> None:
+@pytest.mark.parametrize("n", [5, 12, 20])
+def test_d_prime_by_answers_covers_for_each_criterion(n: int) -> None:
     counts = range(n + 1)
-    found = [[d_prime_by_answers(task, h, n, f, n) for f in counts] for h in counts]
+    found = [[d_prime_by_answers(h, n, f, n) for f in counts] for h in counts]
     low = np.array([[each.low for each in row] for row in found])
     high = np.array([[each.high for each in row] for row in found])
     for d, criterion in product((0.0, 0.5, 1.0, 2.0, 3.0), (0.5, 1.5, 2.5)):
-        scale = math.sqrt(2) if task == "same_different" else 1.0
-        normal = stats.norm(scale=scale)
-        rates = normal.sf([criterion - d, criterion])
-        if task == "same_different":
-            rates += normal.cdf([-criterion - d, -criterion])
+        normal = stats.norm(scale=math.sqrt(2))
+        rates = normal.sf([criterion - d, criterion]) + normal.cdf([-criterion - d, -criterion])
         hit, false_alarm = (stats.binom.pmf(counts, n, rate) for rate in rates)
         held = np.outer(hit, false_alarm)[(low <= d) & (d <= high)].sum()
         assert held >= 0.94, (d, criterion)
@@ -203,26 +194,26 @@ def test_d_prime_is_finite_and_within_its_limits(task: str, n: int, data: st.Dat
     assert found.low <= found.value <= found.high
 
 
-@given(st.sampled_from(BY_ANSWERS), st.integers(1, 30), st.integers(1, 30), st.data())
+@given(st.integers(1, 30), st.integers(1, 30), st.data())
 def test_d_prime_by_answers_is_finite_and_within_its_limits(
-    task: str, different: int, same: int, data: st.DataObject
+    different: int, same: int, data: st.DataObject
 ) -> None:
     hits, false_alarms = data.draw(st.integers(0, different)), data.draw(st.integers(0, same))
-    found = d_prime_by_answers(task, hits, different, false_alarms, same)
+    found = d_prime_by_answers(hits, different, false_alarms, same)
     assert math.isfinite(found.value)
     assert found.low <= found.value <= found.high
 
 
 def test_an_upper_limit_is_infinite_without_an_error() -> None:
     assert d_prime("2ifc", 20, 20).high == math.inf
-    assert d_prime_by_answers("same_different", 20, 20, 0, 20).high == math.inf
+    assert d_prime_by_answers(20, 20, 0, 20).high == math.inf
 
 
 @pytest.mark.parametrize(
     "found",
     [
         d_prime("abx", 0, 0),
-        d_prime_by_answers("yes_no", 0, 0, 1, 2),
+        d_prime_by_answers(0, 0, 1, 2),
         exact_binomial(0, 0, 0.5).interval,
     ],
 )
@@ -236,7 +227,7 @@ def test_more_answers_than_trials_are_refused() -> None:
     with pytest.raises(ValueError, match="11 answers of 10 trials"):
         d_prime("2ifc", 11, 10)
     with pytest.raises(ValueError, match="-1 answers"):
-        d_prime_by_answers("yes_no", -1, 10, 0, 10)
+        d_prime_by_answers(-1, 10, 0, 10)
 
 
 def simulated(task: str, d: float) -> list[TrialRecord]:
@@ -265,7 +256,5 @@ def test_d_prime_of_a_simulated_participant_is_found_by_answers() -> None:
         assert each.answer is not None
         kinds[each.trial.right].append(each.answer.value == "different")
     different, same = kinds["different"], kinds["same"]
-    found = d_prime_by_answers(
-        "same_different", sum(different), len(different), sum(same), len(same)
-    )
+    found = d_prime_by_answers(sum(different), len(different), sum(same), len(same))
     assert found.low <= 1.5 <= found.high
