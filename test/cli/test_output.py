@@ -18,10 +18,8 @@
 from __future__ import annotations
 
 import io
-import json
 import sys
 from contextlib import redirect_stdout
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -33,7 +31,6 @@ from haptic_accel.cli.output import printable_output
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError, printable
 from haptic_accel.core.tables import ResultTable
-from verbs import output_of, status_of
 
 HOSTILE = "\x1b]0;title\x07\x1b[2J\x9b31m\u202egnp.exe\u2066\r\udcff"
 ESCAPED = r"\x1b]0;title\x07\x1b[2J\x9b31m\u202egnp.exe\u2066\r\udcff"
@@ -95,14 +92,3 @@ def test_a_table_has_colours_of_its_own_alone(monkeypatch: pytest.MonkeyPatch) -
     assert "[bold]/a[/]" in text
     assert "\x1b[1mred" in text
     assert HOSTILE not in text
-
-
-def test_names_in_files_are_escaped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)  # the figure is named as the texture
-    content = {"name": HOSTILE, "sample_rate": 1000.0, "b": [1.0], "a": [1.0]}
-    (tmp_path / "f.json").write_text(json.dumps(content))
-    model = tmp_path / "f.npz"
-    assert status_of("texture", "import", tmp_path / "f.json", "--out", model) == 0
-    said = output_of("texture", "show", model)
-    assert said.startswith(ESCAPED.replace(r"\udcff", "?: order "))
-    assert said.replace("\n", "").isprintable()

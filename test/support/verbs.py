@@ -20,6 +20,7 @@ from __future__ import annotations
 import io
 import re
 import shlex
+import subprocess
 from contextlib import redirect_stderr, redirect_stdout
 
 import click
@@ -32,6 +33,10 @@ from haptic_accel.setup.words import parse_words
 
 WITHOUT_FRICTION = ("--free", ",".join(DEFAULT_FREE))
 """Words for an identification without dry friction, whose fit takes ten times as long."""
+
+
+ODD_NAMES = ("a#b?c%20d", 'grip=hook, it\'s "$x" `y` a:=b', "caf\udce9")
+"""Names of folders; the last one is Latin-1, hence no UTF-8."""
 
 
 def status_of(*words: object) -> int:
@@ -71,6 +76,14 @@ def next_command(text: str) -> list[str]:
         if isinstance(each, Words):
             parse_words(given[each.name or ""], *each.kinds)
     return words
+
+
+def next_words(text: str) -> list[bytes]:
+    """Return the words of the last command that a text advises, as Bash splits them."""
+    line = [line for line in text.splitlines() if line.startswith("next")][-1]
+    command = line.partition(": haptic-accel ")[2]
+    done = subprocess.run(["bash", "-c", rf"printf '%s\0' {command}"], stdout=subprocess.PIPE)
+    return done.stdout.split(b"\0")[:-1]
 
 
 def refusal(*words: object) -> str:

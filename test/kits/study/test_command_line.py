@@ -19,18 +19,19 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from pathlib import Path
 
 import pandas as pd
 import pytest
+from kits.study.studies import TEXT, Scripted, run_session, write_study
 from page_content import Page
 
 from haptic_accel.kits.study.export import FORMS
 from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.templates import templates
 from haptic_accel.kits.study.trials import COMPLETE
-from studies import TEXT, Scripted, run_session, write_study
-from verbs import next_command, output_of, refusal, status_of
+from verbs import ODD_NAMES, next_command, next_words, output_of, refusal, status_of
 
 
 @pytest.fixture
@@ -45,6 +46,13 @@ def simulated(study: Study, tmp_path: Path) -> Study:
     words = "study", "simulate", study.folder, "--write", folder, "--participants", 3
     assert status_of(*words) == 0
     return Study(folder)
+
+
+@pytest.mark.parametrize("name", ODD_NAMES)
+def test_a_study_may_be_in_a_folder_of_an_odd_name(tmp_path: Path, name: str) -> None:
+    folder = tmp_path / name
+    words = next_words(output_of("study", "new", "--template", "preference", folder))
+    assert words == [b"study", b"check", os.fsencode(folder)]
 
 
 def test_a_study_begins_from_a_template(

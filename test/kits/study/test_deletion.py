@@ -21,11 +21,11 @@ import os
 from pathlib import Path
 
 import pytest
+from kits.study.studies import write_study
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.folder import ANALYSIS, EXPORT, Study
 from haptic_accel.kits.study.log import LOG
-from studies import write_study
 
 
 @pytest.fixture

@@ -30,8 +30,8 @@ import pandas as pd
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from kits.study.study_sessions import condition, often_right, paired, protocol, session, single
 from markdown_it import MarkdownIt
-from study_sessions import condition, often_right, paired, protocol, session, single
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.export import FORMS, export_study

@@ -20,12 +20,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from kits.study.studies import TEXT, Scripted, run_session, write_study
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.folder import ANALYSIS, EXPORT, Study
 from haptic_accel.kits.study.log import LOG
 from haptic_accel.kits.study.templates import PROTOCOL
-from studies import TEXT, Scripted, run_session, write_study
 
 
 @pytest.fixture

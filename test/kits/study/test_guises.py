@@ -29,6 +29,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from kits.study.studies import TEXT, write_study
 
 from fuzzing import fuzz_few
 from haptic_accel.analysis.csv_tables import csv_text
@@ -39,7 +40,6 @@ from haptic_accel.kits.study.planned_tests import planned_tests
 from haptic_accel.kits.study.simulation import write_simulated
 from haptic_accel.kits.study.tables import exclusions, tables
 from haptic_accel.kits.study.templates import PROTOCOL
-from studies import TEXT, write_study
 
 Change = Callable[[Path], object]
 """Change of a study's folder."""

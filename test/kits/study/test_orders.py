@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from protocol_maker import make_levels, make_protocol
+from kits.study.protocol_maker import make_levels, make_protocol
 
 from haptic_accel.kits.study.orders import ordered, rows, williams
 from haptic_accel.kits.study.protocol import Order, Procedure, Protocol

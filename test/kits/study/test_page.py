@@ -23,12 +23,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from kits.study.participating import ENGLISH, TRIALS, Visit
 
 from browsing import LISTEN, violations
 from haptic_accel.kits.study.participant_page import ParticipantPage
 from haptic_accel.kits.study.trials import Screen
 from haptic_accel.scope.paced_rig import PacedRig
-from participating import ENGLISH, TRIALS, Visit
 from running import wait_until
 
 if TYPE_CHECKING:

@@ -24,12 +24,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from kits.study.participating import ENGLISH, PageRig
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.participant_page import ParticipantPage, read_texts
 from haptic_accel.kits.study.trials import Screen, StoppedError
 from haptic_accel.scope.server import CommandError
-from participating import ENGLISH, PageRig
 
 SURFACES = Screen("q", "question", "Which?", ("surface=text", "surface=wood gain=0.5"))
 

@@ -24,8 +24,8 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from protocol_maker import make_levels, make_protocol
-from study_runs import always_right, asking, record, run
+from kits.study.protocol_maker import make_levels, make_protocol
+from kits.study.study_runs import always_right, asking, record, run
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.plan import Plan, describe, expected_minutes, expected_trials

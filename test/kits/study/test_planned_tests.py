@@ -23,7 +23,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from study_sessions import ADAPTIVE, MASS, NONE, Answering, paired, protocol, session, single
+from kits.study.study_sessions import (
+    ADAPTIVE,
+    MASS,
+    NONE,
+    Answering,
+    paired,
+    protocol,
+    session,
+    single,
+)
 
 from haptic_accel.kits.study.planned_tests import counted, planned_tests, values
 from haptic_accel.kits.study.protocol import PlannedTest, Protocol, Rules

@@ -24,9 +24,18 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import pandas as pd
 import pytest
+from kits.study.study_sessions import (
+    ADAPTIVE,
+    MASS,
+    NONE,
+    often_right,
+    paired,
+    protocol,
+    session,
+    single,
+)
 from page_content import Page
 from PIL import Image
-from study_sessions import ADAPTIVE, MASS, NONE, often_right, paired, protocol, session, single
 
 from browsing import violations
 from haptic_accel.kits.study.planned_tests import distance_name

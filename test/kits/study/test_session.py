@@ -28,6 +28,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from kits.study.studies import TEXT, Scripted, run_session, write_study
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.folder import Study
@@ -46,7 +47,6 @@ from haptic_accel.kits.study.trials import (
     StoppedError,
     UndeliveredError,
 )
-from studies import TEXT, Scripted, run_session, write_study
 
 STOPPED = "stopped by the participant"
 

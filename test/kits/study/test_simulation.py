@@ -23,10 +23,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from protocol_maker import make_levels, make_protocol
+from kits.study.protocol_maker import make_levels, make_protocol
+from kits.study.studies import TEXT, write_study
+from kits.study.study_runs import asking, run
 from scipy.integrate import trapezoid
 from scipy.stats import norm
-from study_runs import asking, run
 
 from haptic_accel.kits.study.plan import Plan
 from haptic_accel.kits.study.protocol import Bounds, Extras, Observer, Procedure, Protocol
@@ -39,7 +40,6 @@ from haptic_accel.kits.study.simulation import (
     write_simulated,
 )
 from haptic_accel.kits.study.trials import COMPLETE, Screen, TrialRecord, UndeliveredError
-from studies import TEXT, write_study
 
 EXTRAS = Extras(practice=0)
 SURE = Observer(lapse=0.0)

@@ -29,13 +29,13 @@ from typing import Any
 
 import aiohttp
 import pytest
+from kits.study.participating import PageRig
+from kits.study.studies import write_study
 
 from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.protocol import Condition, Protocol
 from haptic_accel.kits.study.simulation import SimulatedRig
 from haptic_accel.kits.study.trials import COMPLETE, Presented, UndeliveredError
-from participating import PageRig
-from studies import write_study
 from verbs import next_command, output_of, status_of
 
 Act = Callable[[Mapping[str, Any]], tuple[str, Any] | None]

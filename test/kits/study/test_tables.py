@@ -20,7 +20,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from study_sessions import often_right, paired, protocol, session
+from kits.study.study_sessions import often_right, paired, protocol, session
 
 from haptic_accel.kits.study.protocol import Rules
 from haptic_accel.kits.study.reading import FACTORS

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections import Counter
 
 import pytest
-from protocol_maker import make_protocol
+from kits.study.protocol_maker import make_protocol
 
 from haptic_accel.kits.study.protocol import Condition
 from haptic_accel.kits.study.tasks import TASKS, labels

@@ -20,10 +20,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from kits.study.studies import TEXT
 from refusals import assert_refused, rows, written
 
 from haptic_accel.kits.study.templates import templates
-from studies import TEXT
 
 TEMPLATES = ", ".join(templates())
 

@@ -24,11 +24,11 @@ import pytest
 from damaged_files import ANY_BYTES, NOISE, other_arrays, text, written, zipped
 from hypothesis import given
 from hypothesis import strategies as st
+from kits.textures.hatt_file import hatt_file
 from scipy.io import wavfile
 
 from fuzzing import accepted, fuzz_few, measured, mutated
 from haptic_accel.kits.textures.foreign import import_texture
-from hatt_file import hatt_file
 
 AXES = {"data": NOISE.reshape(2, -1), "sample_rate": 1000, "channel_names": ["acc_x", "acc_y"]}
 FILTER = {"name": "oak", "sample_rate": 1000.0, "b": [0.5], "a": [1.0, -0.5]}

@@ -35,7 +35,7 @@ from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.materials.texture_files import read_texture
 from haptic_accel.setup.files import surface_parameters
-from verbs import next_command, output_of, refusal, status_of
+from verbs import ODD_NAMES, next_command, output_of, refusal, status_of
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -213,3 +213,21 @@ def test_what_was_rendered_is_imported_with_its_strength(tmp_path: Path) -> None
         for path in (config_folder() / "textures" / "plywood.yaml", tmp_path / "again.yaml")
     )
     assert np.sqrt(np.mean((10 * np.log10(again / first)) ** 2)) < 2.0
+
+
+def test_names_in_files_are_escaped(here: Path) -> None:  # the figure is named as the texture
+    hostile = "\x1b]0;title\x07\x1b[2J\x9b31m\u202egnp.exe\u2066\r\udcff"
+    content = {"name": hostile, "sample_rate": 1000.0, "b": [1.0], "a": [1.0]}
+    (here / "f.json").write_text(json.dumps(content))
+    assert status_of("texture", "import", here / "f.json", "--out", here / "f.npz") == 0
+    said = output_of("texture", "show", here / "f.npz")
+    assert said.startswith(r"\x1b]0;title\x07\x1b[2J\x9b31m\u202egnp.exe\u2066\r?: order ")
+    assert said.replace("\n", "").isprintable()
+
+
+@pytest.mark.parametrize("name", ODD_NAMES)
+def test_a_wave_is_written_to_a_folder_of_an_odd_name(here: Path, name: str) -> None:
+    render = ("texture", "render", "plywood", "--speed", "80", "--force", "1")
+    (here / name).mkdir()
+    assert status_of(*render, "--out", here / name / "wood.wav") == 0
+    assert (here / name / "wood.wav").stat().st_size

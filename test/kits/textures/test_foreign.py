@@ -29,6 +29,7 @@ import pytest
 from archive_bombs import BOMBS
 from hypothesis import given
 from hypothesis import strategies as st
+from kits.textures.hatt_file import hatt_file
 from scipy import signal
 from scipy.io import wavfile
 
@@ -38,7 +39,6 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.surfaces.line_spectrum import is_ordered, to_polynomial
 from haptic_accel.core.surfaces.texture import Texture, TextureModel
 from haptic_accel.kits.textures.foreign import REFERENCE, import_texture, read_hatt
-from hatt_file import hatt_file
 
 SPEED, FORCE = (float(value) for value in REFERENCE)
 BAND = np.linspace(40.0, 450.0, 200)

@@ -24,9 +24,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from protocol_maker import make_protocol
+from kits.study.protocol_maker import make_protocol
+from kits.study.study_runs import asking, run
 from scipy import stats
-from study_runs import asking, run
 
 from haptic_accel.core.evaluation.statistics import Interval
 from haptic_accel.kits.study.plan import Plan

@@ -22,6 +22,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from kits.study.studies import TEXT, write_study
+
 from haptic_accel.kits.study.log import Log
 from haptic_accel.kits.study.participant_page import ParticipantPage, read_texts
 from haptic_accel.kits.study.plan import Plan
@@ -30,7 +32,6 @@ from haptic_accel.kits.study.session import Session
 from haptic_accel.kits.study.simulation import SimulatedRig
 from haptic_accel.kits.study.trials import Answer, Presented, Screen, StoppedError
 from haptic_accel.scope.windows import Windows
-from studies import TEXT, write_study
 
 ENGLISH = {word: word.replace("_", " ") for word in read_texts("en")} | {"language": "en"}
 """Words of the page, each its own key."""
