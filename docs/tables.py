@@ -29,9 +29,6 @@ from typing import Any
 
 from haptic_accel.cli.commands import command_line
 from haptic_accel.core.parameters import Checked, Specification, allowed_values, own_schema
-from haptic_accel.kits.study.protocol import PlannedTest
-from haptic_accel.kits.study.reading import SECTIONS
-from haptic_accel.kits.study.tables import COLUMNS
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.setup.node_parameters import NODES, node_schema
 from haptic_accel.setup.words import described, group
@@ -98,6 +95,10 @@ def parameters() -> str:
 
 def study() -> str:
     """Return the keys of a study's protocol that have a default."""
+    # Here, as other tables do not need the kit.
+    from haptic_accel.kits.study.protocol import PlannedTest
+    from haptic_accel.kits.study.reading import SECTIONS
+
     rows = [
         row(f"`{section}.{name}`", code(default), allowed_values(default, each), each.text)
         for section, kind in (SECTIONS | {"tests": PlannedTest}).items()
@@ -108,6 +109,8 @@ def study() -> str:
 
 def study_columns() -> str:
     """Return the columns of a study's tables."""
+    from haptic_accel.kits.study.tables import COLUMNS
+
     rows = [row(f"`{each.key}`", each.unit, each.label) for each in COLUMNS.values()]
     return table(("column", "unit", "meaning"), rows)
 
