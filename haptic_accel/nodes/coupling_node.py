@@ -27,10 +27,8 @@ from std_srvs.srv import SetBool
 from haptic_accel.core import topics
 from haptic_accel.core.coupling.engagement import Engagement
 from haptic_accel.core.coupling.pairing import Motion
-from haptic_accel.core.loop.coupling import CouplingPart
 from haptic_accel.core.loop.device_side import DeviceSide
-from haptic_accel.core.loop.half_coupling import HalfCouplingPart
-from haptic_accel.core.loop.wiring import Pull, Tool, release
+from haptic_accel.core.loop.wiring import Coupling, Pull, Tool, release
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.nodes.emergency_stop import CouplerStop
 from haptic_accel.nodes.graph_node import GraphNode
@@ -160,7 +158,7 @@ class CouplingNode(GraphNode):
         forces through `part`, and calls `receive`, `step`, `reply` and `publish`.
     """
 
-    part: CouplingPart | HalfCouplingPart
+    part: Coupling
 
     task = "coupling"
 
