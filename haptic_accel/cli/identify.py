@@ -18,8 +18,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -43,13 +43,20 @@ from haptic_accel.analysis.identification_report import parameter_table
 from haptic_accel.analysis.identification_three_axes import MODEL_FILE, ThreeAxisResult
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.output import check_writable, next_command, results_folder, save
+from haptic_accel.cli.output import (
+    check_writable,
+    next_command,
+    removed_if_empty,
+    results_folder,
+    save,
+)
 from haptic_accel.cli.running import run_to_end, shown_stages, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
 from haptic_accel.core.axes import ALL_AXES
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.evaluation import DEFAULT_FREE
+from haptic_accel.core.identification.fit import check_free
 from haptic_accel.core.identification.multisine import repeats_of_trial
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
 from haptic_accel.core.model import POSTURES
@@ -130,6 +137,7 @@ def identify(
         raise ParameterError(f"master = {arguments.master!r}: with --lockstep must be simulated")
     if lockstep and sources:
         raise ParameterError("from: not with --lockstep, which makes its own recordings")
+    check_free([name for name in free if name != "friction"])
     for each in by_grip.values():
         identification_graph(each)  # errors are found first
     if update:
@@ -143,7 +151,7 @@ def identify(
     advise = partial(_advised, arguments, kept)
     with nullcontext() if lockstep or sources else sole_graph(arguments.namespace):
         folder = results_folder(out, "identify_")
-        try:
+        with removed_if_empty(folder), _advising(advise):
             if lockstep:
                 recorded = Recordings(_run_lockstep(by_grip, workers))
             else:
@@ -154,8 +162,6 @@ def identify(
                 print(advise(error), file=sys.stderr)
             with shown_stages(evaluation_stages(recorded.trials)) as tell:
                 result = evaluate(recorded.trials, arguments, free, tell)
-        except RecordingError as error:
-            raise StoppedError(advise(error)) from None
     if arguments.master == SIMULATED and not sources and len(by_grip) == 1:
         (held,) = by_grip.values()
         result = beside_truth(result, held, on_arrival=not (lockstep or arguments.latency))
@@ -189,6 +195,15 @@ def identify(
         )
         update_parameter_file(update, nodes)
     print(next_command(*_next(arguments, update, parameters)))
+
+
+@contextmanager
+def _advising(advise: Callable[[RecordingError], str]) -> Iterator[None]:
+    """End with the advice of an error of a recording."""
+    try:
+        yield
+    except RecordingError as error:
+        raise StoppedError(advise(error)) from None
 
 
 def _advised(arguments: IdentifyArguments, kept: Sequence[str], error: RecordingError) -> str:

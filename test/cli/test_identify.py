@@ -130,6 +130,7 @@ def test_what_cannot_be_is_refused_in_one_line(
     (line,) = capsys.readouterr().err.splitlines()
     assert named in line
     assert not list(here.rglob("handle.yaml"))
+    assert not list(here.rglob("identify_*"))
 
 
 SHORT = ("--duration", "1", "--trials", "1")

@@ -493,13 +493,17 @@ def _thinned(lines: _Lines) -> _Lines:
 _ROUNDING = 1e-9  # relative
 
 
-def _check(start: Point, free: Sequence[str]) -> None:
+def check_free(free: Sequence[str]) -> None:
+    """Refuse names that are no parameters of the model, and too few or too many of them.
+
+    Raises
+    ------
+    ParameterError
+    """
     names = (*HANDLE, *MOUNT, "delay")
     for name in free:
         if name not in names:
             raise ParameterError(f"free = {name!r}: must be among {', '.join(names)}, friction")
-        if name != "delay" and start.value(name) == 0.0:
-            raise ParameterError(f"{name} = 0: must be above 0 to be the start of a fit")
     if not free:
         raise ParameterError("free = (): must hold at least one parameter")
     if len(set(free)) < len(free):
@@ -509,6 +513,13 @@ def _check(start: Point, free: Sequence[str]) -> None:
             "free = all six parameters of the handle: must be at most five, as eq. (3) has only"
             " five coefficients"
         )
+
+
+def _check(start: Point, free: Sequence[str]) -> None:
+    check_free(free)
+    for name in free:
+        if name != "delay" and start.value(name) == 0.0:
+            raise ParameterError(f"{name} = 0: must be above 0 to be the start of a fit")
     if not EARLIEST_DELAY <= start.delay <= LONGEST_DELAY:
         raise ParameterError(
             f"delay = {start.delay}: must be from {EARLIEST_DELAY:g} to {LONGEST_DELAY:g} s"
