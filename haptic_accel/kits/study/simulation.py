@@ -23,8 +23,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import binomtest
@@ -156,18 +155,12 @@ WEIGHTING = 0.064
 """Factor of hand-arm vibration at 250 Hz: 16 Hz over the frequency (ISO 5349-1, Wh)."""
 
 
-Fault: TypeAlias = Exception | Mapping[str, Any]
-"""Exception that is raised, or fields of `Presented` that differ, such as ``{"late": 50.0}``."""
-
-
 class SimulatedRig:
     """Rig that delivers at once what is asked of it.
 
     Parameters
     ----------
     protocol : Protocol
-    faults : mapping, optional
-        Faults by the number of the presentation since the start, from 0.
 
     Attributes
     ----------
@@ -175,31 +168,20 @@ class SimulatedRig:
         Frequency-weighted vibration dose so far, m^2/s^3.
     """
 
-    def __init__(self, protocol: Protocol, faults: Mapping[int, Fault] | None = None) -> None:
+    def __init__(self, protocol: Protocol) -> None:
         self._rms = max(RMS, protocol.bounds.least_rms)
-        self._faults, self._presented, self.exposure = faults or {}, 0, 0.0
+        self.exposure = 0.0
 
     def present(
         self, condition: Condition, seconds: float, begun: Callable[[], None] = lambda: None
     ) -> Presented:
-        """Return a stimulus as if it had been delivered.
-
-        Raises
-        ------
-        Exception
-            The fault of this presentation.
-        """
-        fault = self._faults.get(self._presented, {})
-        self._presented += 1
-        if isinstance(fault, Exception):
-            raise fault
+        """Return a stimulus as if it had been delivered."""
         begun()
         self.exposure += (WEIGHTING * self._rms) ** 2 * seconds
         begin, rms, settings = time.time_ns(), self._rms, dict(condition.settings)
         times = begin, begin + round(seconds * 1e9)
         # No error; nothing clipped, late or lost.
-        presented = Presented(*times, "", rms, rms * 2**0.5, rms, 0.0, 0.0, 0.0, 0.0, settings)
-        return replace(presented, **fault)
+        return Presented(*times, "", rms, rms * 2**0.5, rms, 0.0, 0.0, 0.0, 0.0, settings)
 
     def stop(self) -> None:
         """Do nothing: there are no forces."""

@@ -18,15 +18,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from itertools import count
 from pathlib import Path
+from typing import Any, TypeAlias
 
 from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.log import Log
 from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.protocol import Condition, Protocol
 from haptic_accel.kits.study.session import Session
 from haptic_accel.kits.study.simulation import SimulatedParticipant, SimulatedRig
 from haptic_accel.kits.study.templates import PROTOCOL
-from haptic_accel.kits.study.trials import Answer, PlannedTrial, Rig, Screen, SessionRecord
+from haptic_accel.kits.study.trials import (
+    Answer,
+    PlannedTrial,
+    Presented,
+    Rig,
+    Screen,
+    SessionRecord,
+)
 
 TEXT = """\
 title: Compensated or not
@@ -89,6 +100,26 @@ class Scripted:
         self.screens.append(screen)
         act = self._acts.get(screen.kind)
         return act(screen) if act else None
+
+
+Fault: TypeAlias = Exception | Mapping[str, Any]
+"""Exception that is raised, or fields of `Presented` that differ, such as ``{"late": 50.0}``."""
+
+
+class FaultyRig(SimulatedRig):
+    """Simulated rig with faults by the number of the presentation since the start, from 0."""
+
+    def __init__(self, protocol: Protocol, faults: Mapping[int, Fault]) -> None:
+        super().__init__(protocol)
+        self._faults, self._numbers = faults, count()
+
+    def present(
+        self, condition: Condition, seconds: float, begun: Callable[[], None] = lambda: None
+    ) -> Presented:
+        fault = self._faults.get(next(self._numbers), {})
+        if isinstance(fault, Exception):
+            raise fault
+        return replace(super().present(condition, seconds, begun), **fault)
 
 
 def run_session(

@@ -28,7 +28,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from kits.study.studies import TEXT, Scripted, run_session, write_study
+from kits.study.studies import TEXT, FaultyRig, Scripted, run_session, write_study
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.folder import Study
@@ -158,7 +158,7 @@ def test_a_break_is_not_repeated_at_the_begin_of_a_sitting(study: Study) -> None
 def test_a_trial_that_was_not_delivered_is_repeated(
     study: Study, fault: UndeliveredError | dict[str, float], flaw: str
 ) -> None:
-    rig = SimulatedRig(study.protocol, {4: fault})  # the first stimulus after practice
+    rig = FaultyRig(study.protocol, {4: fault})  # the first stimulus after practice
     session = run_session(study, study.begin("P01"), rig=rig)
     flawed, repeated = session.records[2:4]
     assert (flawed.flaw, flawed.attempt, repeated.flaw, repeated.attempt) == (flaw, 0, "", 1)
@@ -169,7 +169,7 @@ def test_a_trial_that_was_not_delivered_is_repeated(
 
 def test_an_error_counts_only_with_a_controller(study: Study) -> None:
     faults = {number: {"error": 90.0} for number in range(100)}
-    session = run_session(study, study.begin("P01"), rig=SimulatedRig(study.protocol, faults))
+    session = run_session(study, study.begin("P01"), rig=FaultyRig(study.protocol, faults))
     for record in session.records:
         controllers = {str(each["controller"]) for each in record.trial.stimuli}
         assert bool(record.flaw) == ("adaptive" in controllers)
@@ -182,7 +182,7 @@ def test_a_gain_of_zero_asks_for_no_vibration(tmp_path: Path) -> None:
     )
     study = write_study(tmp_path, text)
     faults = {number: {"desired_rms": 0.0} for number in range(200)}
-    session = run_session(study, study.begin("P01"), rig=SimulatedRig(study.protocol, faults))
+    session = run_session(study, study.begin("P01"), rig=FaultyRig(study.protocol, faults))
     still = [each for each in session.records if not each.flaw]
     assert {each["gain"] for record in still for each in record.trial.stimuli} == {0.0}
 
@@ -191,7 +191,7 @@ def test_a_rig_that_delivers_nothing_ends_the_session(study: Study) -> None:
     faults = {number: UndeliveredError("no graph") for number in range(100)}
     participant = Scripted(study)
     session = run_session(
-        study, study.begin("P01"), participant, SimulatedRig(study.protocol, faults)
+        study, study.begin("P01"), participant, FaultyRig(study.protocol, faults)
     )
     assert session.ended == f"{MOST_BROKEN_OFF} trials in succession broke off"
     # Each time the participant is asked to begin again, so that nobody misses trials.
@@ -220,7 +220,7 @@ def test_rig_and_page_may_both_fail(study: Study) -> None:
 
     missed: list[str] = []
     participant = Scripted(study, {"wait": miss, "ready": miss})
-    rig = SimulatedRig(study.protocol, {0: UndeliveredError("no graph")})
+    rig = FaultyRig(study.protocol, {0: UndeliveredError("no graph")})
     session = run_session(study, study.begin("P01"), participant, rig)
     assert (session.records[0].flaw, session.ended) == ("no graph", COMPLETE)
     assert missed

@@ -39,7 +39,7 @@ from haptic_accel.kits.study.simulation import (
     simulate_study,
     write_simulated,
 )
-from haptic_accel.kits.study.trials import COMPLETE, Screen, TrialRecord, UndeliveredError
+from haptic_accel.kits.study.trials import COMPLETE, Screen, TrialRecord
 
 EXTRAS = Extras(practice=0)
 SURE = Observer(lapse=0.0)
@@ -246,16 +246,6 @@ def test_the_exposure_grows_with_each_stimulus() -> None:
     rig.present(protocol.conditions[0], 2.0)
     assert rig.exposure == pytest.approx(2 * once)
     assert once > 0
-
-
-def test_the_rig_fails_where_it_is_told_to() -> None:
-    protocol = make_protocol()
-    rig = SimulatedRig(protocol, {1: UndeliveredError("no graph"), 2: {"late": 50.0}})
-    assert rig.present(protocol.conditions[0], 1.0).late == 0
-    with pytest.raises(UndeliveredError, match="no graph"):
-        rig.present(protocol.conditions[0], 1.0)
-    assert rig.present(protocol.conditions[0], 1.0).late == 50.0
-    assert rig.present(protocol.conditions[0], 1.0).late == 0
 
 
 def test_a_simulated_study_is_complete_and_repeatable(tmp_path: Path) -> None:
