@@ -37,7 +37,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from haptic_accel.analysis.plots import BLACK, BLUE, VERMILION
-from haptic_accel.core.control.building import matrix_plant
+from haptic_accel.core.control.compensation import matrix_plant
 from haptic_accel.core.control.filters import comparable, high_passed
 from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
 from haptic_accel.core.evaluation.discrimination import indistinguishable

@@ -33,8 +33,8 @@ from haptic_accel.bags.reading import Bag, Change, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
-from haptic_accel.core.control.building import matrix_plant
-from haptic_accel.core.control.compensation import FADING, LISTENING, PLANT
+from haptic_accel.core.control.channel import FADING, LISTENING
+from haptic_accel.core.control.compensation import PLANT, matrix_plant
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_passed
 from haptic_accel.core.evaluation.metrics import by_component

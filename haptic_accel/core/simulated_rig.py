@@ -24,8 +24,7 @@ import numpy.typing as npt
 
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
-from haptic_accel.core.control.building import build_compensation
-from haptic_accel.core.control.compensation import CompensationParameters
+from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
 from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
 from haptic_accel.core.coupling.position_position import (
@@ -145,7 +144,7 @@ def build_parts(
         MASTER: rig_side(devices[MASTER], on_master, rate, latency, axes=axes),
         SLAVE: rig_side(devices[SLAVE], on_slave, rate, latency, (ARM,)),
     }
-    built = build_compensation(compensation, rate, controllers, latency=latency)
+    built = Compensation(compensation, rate, controllers, latency=latency)
     return sides, CompensationPart(built, rate, latency)
 
 

@@ -27,8 +27,7 @@ from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
 from haptic_accel.core.cdr import unpack_orientation
-from haptic_accel.core.control.building import build_compensation
-from haptic_accel.core.control.compensation import PLANT
+from haptic_accel.core.control.compensation import PLANT, Compensation
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.loop.compensation import Caused, CompensationPart
 from haptic_accel.core.model import ZERO
@@ -66,7 +65,7 @@ class Compensator(GraphNode):
         super().__init__("compensator", ("controller", REDUCTION, GAIN, FROZEN))
         p = self.parameters
         # All at once: designing a controller must not delay a force.
-        self._compensation = build_compensation(
+        self._compensation = Compensation(
             p, p.rate, self.options, tuple(CONTROLLERS), latency=p.latency
         )
         if doubt := self.options[PLANT].doubt:

@@ -27,7 +27,7 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.axes import ACTUATOR_AXIS, NAMES, Axes
 from haptic_accel.core.control import filters
-from haptic_accel.core.control.compensation import FADING, LISTENING
+from haptic_accel.core.control.channel import FADING, LISTENING
 from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import Spectra, evaluate, spectra
 from haptic_accel.core.handle.plant import Dynamics

@@ -28,7 +28,7 @@ from typing import Any, TypeAlias
 
 from haptic_accel.bags import NO_ROSBAGS
 from haptic_accel.core.bounded_files import located
-from haptic_accel.core.control.building import check_axes
+from haptic_accel.core.control.compensation import check_axes
 from haptic_accel.core.identification.sweep import repeat_samples
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import CUT_SHORT, DONE, WRONG_ARGUMENTS

@@ -34,7 +34,6 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 from bag_maker import BagContent, write_bag
 from haptic_accel.core import topics
-from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control.compensation import Compensation
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.model import FloatArray, Vector
@@ -93,11 +92,11 @@ def samples(arguments: GraphArguments) -> dict[Topic, FloatArray]:
         if not coupling.engaged:
             coupling.engage(handle.position, tool.position)
         on_master, on_slave = coupling.forces(handle.position, tool.position)
-        _, force = compensation.process(tool.acceleration[ACTUATOR_AXIS], before)
+        _, force = compensation.process(tool.acceleration, before)
         master.apply_arm_force(on_master)
         slave.apply_arm_force(on_slave)
-        master.apply_actuator_force(along_actuator(force))
-        before = handle.acceleration[ACTUATOR_AXIS]
+        master.apply_actuator_force(force)
+        before = handle.acceleration
         if index >= SKIPPED * arguments.rate:
             rows[topics.HANDLE_ACCELERATION].append(handle.acceleration)
             rows[topics.SLAVE_POSITION].append(tool.position)

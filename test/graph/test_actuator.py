@@ -22,12 +22,13 @@ from pathlib import Path
 
 import pytest
 import yaml
+from one_coil import OneCoil
 
 from haptic_accel.core.actuator.guard import ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import SafetyLayer
 from haptic_accel.core.axes import along_actuator
-from haptic_accel.core.control.compensation import PLANT, Compensation
+from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.model import ACTUATOR, Vector
 from haptic_accel.devices.serial.device import SerialMaster
 from haptic_accel.devices.simulated import SimulatedMaster
@@ -102,9 +103,9 @@ def test_all_that_drives_or_limits_the_coil_uses_it(file: Path) -> None:
     peak = along_actuator(COIL.peak_force)
     assert layer.actuator_force(0.0, 0.0, along_actuator(50.0)) == peak
 
-    compensation = Compensation(own, RATE, options)
-    compensation.process(0.0, 0.0)  # at rest
-    assert compensation.process(1000.0, 0.0)[1] == COIL.peak_force
+    compensation = OneCoil(own, RATE, options)
+    compensation.sample(0.0, 0.0)  # at rest
+    assert compensation.sample(1000.0, 0.0)[1] == COIL.peak_force
     expected = ActuatorGuard(COIL, RATE)
     expected.limited(50.0, 0.0)
     assert (compensation.guard.heat, compensation.guard.travel) == (expected.heat, expected.travel)

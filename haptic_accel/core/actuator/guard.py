@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
@@ -226,12 +227,12 @@ class ActuatorGuard:
         return side * braking
 
 
-def scaled_within(force: tuple[float, ...], allowed: tuple[float, ...]) -> tuple[float, ...]:
+def scaled_within(force: Sequence[float], allowed: Sequence[float]) -> Sequence[float]:
     """Return a force on several coils, scaled as a whole to what their guards allow.
 
     Parameters
     ----------
-    force, allowed : tuple of float
+    force, allowed : sequence of float
         Force of each coil, and what its guard allows in place of it, N. A guard that asks for more
         force, in order to brake, does not limit the others; one that asks for the opposite allows
         none.

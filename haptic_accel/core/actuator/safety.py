@@ -31,12 +31,12 @@ from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar
 
 from haptic_accel.core.actuator.guard import HARD, ActuatorGuard, scaled_within
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION
-from haptic_accel.core.axes import ACTUATOR_AXES, ACTUATOR_AXIS, Axes, along_actuator
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, parameter
 
@@ -64,8 +64,6 @@ ROUNDING = 1e-9
 HELD, LAST = "held (N)", "last given (N)"
 """Present force in diagnostics, after the name of its command; of a faulty device, the force that
 it was last given, applied or not."""
-
-Force = TypeVar("Force", Vector, float)
 
 AUTOMATIC, MANUAL = "automatic", "manual"
 
@@ -228,25 +226,22 @@ class Watchdog:
         self.forget()
 
 
-class _Channel(ABC, Generic[Force]):
+class _Channel(ABC):
     """Common checks of the commands for arm and actuator."""
 
     name: ClassVar[str]
 
-    def __init__(
-        self, limits: ActuatorCommandLimits, rate: float, none: Force, *, manual: bool
-    ) -> None:
+    def __init__(self, limits: ActuatorCommandLimits, rate: float, *, manual: bool) -> None:
         timeout = max(limits.command_timeout, LEAST_PERIODS / rate)
         self.watchdog = Watchdog(timeout, limits.max_age, manual=manual)
         self._slew = limits.slew_rate
         self._period = 1.0 / rate
-        self._none: Force = none
-        self._held: Force = none
+        self._held = ZERO
         self._commanded = -math.inf
         self._told, self._before, self.contested = False, "", ""
         self.rejected = self.slewed = 0
 
-    def command(self, now: float, age: float, force: Force) -> Force | None:
+    def command(self, now: float, age: float, force: Vector) -> Vector | None:
         """Return the force to write for a command, or None for no change."""
         magnitude = self._magnitude(force)
         if not math.isfinite(magnitude):
@@ -255,23 +250,23 @@ class _Channel(ABC, Generic[Force]):
         if self.contested:
             return self.contend(now)
         if not self.watchdog.admits(now, age):
-            return self.let_go(now) if self._held != self._none else None
+            return self.let_go(now) if self._held != ZERO else None
         force = self._limited(now, force, magnitude)
         self._commanded = now
         return self._hold(now, force)
 
-    def contend(self, now: float) -> Force | None:
+    def contend(self, now: float) -> Vector | None:
         """Apply no force while several publishers send commands; count none as missed."""
         self.watchdog.rest()
-        return self.let_go(now) if self._held != self._none else None
+        return self.let_go(now) if self._held != ZERO else None
 
-    def let_go(self, now: float) -> Force:
+    def let_go(self, now: float) -> Vector:
         """Apply no force from now on; return zero."""
         self._commanded = now
-        return self._hold(now, self._none)
+        return self._hold(now, ZERO)
 
     @property
-    def held(self) -> Force:
+    def held(self) -> Vector:
         """Present force, N."""
         return self._held
 
@@ -302,20 +297,13 @@ class _Channel(ABC, Generic[Force]):
         """
         return self._slew * max(0.0, min(now - self._commanded, self._period))
 
-    def _hold(self, now: float, force: Force) -> Force:
+    def _hold(self, now: float, force: Vector) -> Vector:
         """Apply a force from now on; return it."""
         self._held = force
         return force
 
     @abstractmethod
-    def _magnitude(self, force: Force) -> float: ...
-
-    @abstractmethod
-    def _limited(self, now: float, force: Force, magnitude: float) -> Force: ...
-
-
-class _VectorChannel(_Channel[Vector]):
-    """Commands in three components."""
+    def _limited(self, now: float, force: Vector, magnitude: float) -> Vector: ...
 
     def _magnitude(self, force: Vector) -> float:
         x, y, z = force
@@ -327,21 +315,23 @@ class _VectorChannel(_Channel[Vector]):
         magnitude = math.hypot(*force)
         if magnitude <= most:
             return force
-        along = sum(a * b for a, b in zip(self._held, force, strict=True))
-        before = max(0.0, along / magnitude)
+        x, y, z = force
+        direction = x / magnitude, y / magnitude, z / magnitude
+        along = sum(a * b for a, b in zip(self._held, direction, strict=True))
+        before = max(0.0, along)
         if magnitude - before <= most:
             return force
         self.slewed += 1
-        return _scaled(force, (before + most) / magnitude)
+        return _scaled(direction, before + most)
 
 
-class _ArmChannel(_VectorChannel):
+class _ArmChannel(_Channel):
     """The commands for an arm."""
 
     name = "arm force"
 
     def __init__(self, limits: ArmLimits, rate: float, *, manual: bool) -> None:
-        super().__init__(limits, rate, ZERO, manual=manual)
+        super().__init__(limits, rate, manual=manual)
         self._peak = limits.peak_force
         self.limited = 0
 
@@ -366,91 +356,22 @@ class _ArmChannel(_VectorChannel):
         return force
 
 
-class _ActuatorChannel(_Channel[float]):
-    """The commands for the handle's actuator."""
+class _Coil:
+    """Guard of one coil, with the forces that have acted since its last update."""
 
-    name = "actuator force"
-
-    def __init__(self, parameters: MasterSafetyParameters, rate: float, *, manual: bool) -> None:
-        super().__init__(parameters.actuator, rate, 0.0, manual=manual)
+    def __init__(self, parameters: MasterSafetyParameters, rate: float) -> None:
         self.guard = ActuatorGuard(parameters.hardware, rate, HARD)
         self._rate = rate
-        self._acceleration = 0.0
+        self._acceleration = self._held = 0.0
         self._ticked: float | None = None
         self._push = self._heat = 0.0
         self._since = -math.inf
 
-    def tick(self, now: float, handle_acceleration: float | None) -> float | None:
-        """Update the guard; return a new force if the present force must be reduced."""
-        held = self.advance(now, handle_acceleration)
-        if self.contested:
-            return self.contend(now)
-        if self.watchdog.expired(now):
-            return self.let_go(now)
-        if not held:
-            return None
-        force = self._within(held)
-        return None if force == held else self._hold(now, force)
-
-    def advance(self, now: float, handle_acceleration: float | None) -> float:
-        """Update the guard; return the present force, N."""
+    def advance(self, now: float, handle_acceleration: float | None) -> None:
+        """Pass the forces since the last tick to the guard, even after a long pause."""
         if handle_acceleration is not None and abs(handle_acceleration) <= LARGEST_ACCELERATION:
             self._acceleration = handle_acceleration
-        held = self._hold(now, self._held)
-        self._advance(now)
-        return held
-
-    def allowed(self, force: float) -> float:
-        """Return what the guard allows in place of a force, N."""
-        return self.guard.within(force, self._acceleration)
-
-    def hold(self, now: float, force: float) -> None:
-        """Apply a force that was limited together with those of other coils."""
-        self._hold(now, force)
-
-    def values(self) -> dict[str, str]:
-        """Return counts, remaining heat and travel for diagnostics."""
-        return super().values() | _limits_reached([self.guard])
-
-    def _magnitude(self, force: float) -> float:
-        return abs(force)
-
-    def _limited(self, now: float, force: float, magnitude: float) -> float:
-        if self._slew:
-            force = self._slewed(now, force)
-        if force:
-            return self._within(force)
-        self.watchdog.forget()
-        return force
-
-    def _within(self, force: float) -> float:
-        """Return a force limited by the guard, without an increase or change of sign."""
-        allowed = self.guard.within(force, self._acceleration)
-        if allowed * force <= 0.0:
-            return 0.0
-        return allowed if abs(allowed) < abs(force) else force
-
-    def _slewed(self, now: float, force: float) -> float:
-        """Return a force limited in growth, starting from zero where the sign changes."""
-        before = abs(self._held) if self._held * force > 0.0 else 0.0
-        most = before + self._growth(now)
-        if abs(force) <= most:
-            return force
-        self.slewed += 1
-        return math.copysign(most, force)
-
-    def _hold(self, now: float, force: float) -> float:
-        """Apply a new force, and integrate the effect of the previous force."""
-        if self._ticked is not None:
-            time = now - self._since
-            self._push += self._held * time
-            self._heat += self._held * self._held * time
-        self._since = now
-        self._held = force
-        return force
-
-    def _advance(self, now: float) -> None:
-        """Pass the forces since the last tick to the guard, even after a long pause."""
+        self.hold(now, self._held)
         if self._ticked is None:
             self._ticked = now
             return
@@ -462,12 +383,24 @@ class _ActuatorChannel(_Channel[float]):
         self.guard.advance(mean, self._acceleration, square=square, samples=samples)
         self._ticked, self._push, self._heat = now, 0.0, 0.0
 
+    def allowed(self, force: float) -> float:
+        """Return what the guard allows in place of a force, N."""
+        return self.guard.within(force, self._acceleration)
 
-class _CoilsChannel(_VectorChannel):
-    """The commands for an actuator with several coils.
+    def hold(self, now: float, force: float) -> None:
+        """Apply a new force, and integrate the effect of the previous force."""
+        if self._ticked is not None:
+            time = now - self._since
+            self._push += self._held * time
+            self._heat += self._held * self._held * time
+        self._since = now
+        self._held = force
 
-    Each coil has its own guard, as a channel of its own. If a coil reaches a limit, the force on
-    all is scaled and keeps its direction.
+
+class _ActuatorChannel(_Channel):
+    """The commands for an actuator with n coils.
+
+    If a coil reaches a limit, the force on all is scaled and keeps its direction.
     """
 
     name = "actuator force"
@@ -475,13 +408,17 @@ class _CoilsChannel(_VectorChannel):
     def __init__(
         self, parameters: MasterSafetyParameters, rate: float, axes: Axes, *, manual: bool
     ) -> None:
-        super().__init__(parameters.actuator, rate, ZERO, manual=manual)
-        self._axes = axes
-        self._coils = [_ActuatorChannel(parameters, rate, manual=manual) for _ in axes.names]
+        super().__init__(parameters.actuator, rate, manual=manual)
+        self._axes, self._indices = axes, axes.indices
+        self._coils = [_Coil(parameters, rate) for _ in axes.names]
+
+    def command(self, now: float, age: float, force: Vector) -> Vector | None:
+        """Return the force to write for a command; it has no components beside the coils'."""
+        return super().command(now, age, self._axes.vector(self._axes.components(force)))
 
     def tick(self, now: float, handle_acceleration: Vector | None) -> Vector | None:
         """Update the guards; return a new force if the present force must be reduced."""
-        for index, coil in zip(self._axes.indices, self._coils, strict=True):
+        for index, coil in zip(self._indices, self._coils, strict=True):
             coil.advance(now, handle_acceleration[index] if handle_acceleration else None)
         if self.contested:
             return self.contend(now)
@@ -497,8 +434,10 @@ class _CoilsChannel(_VectorChannel):
         """Return counts of all coils, least remaining heat and largest travel for diagnostics."""
         return super().values() | _limits_reached([coil.guard for coil in self._coils])
 
+    def _magnitude(self, force: Vector) -> float:
+        return math.hypot(*force)  # that of a single component exactly
+
     def _limited(self, now: float, force: Vector, magnitude: float) -> Vector:
-        force = self._axes.vector(self._axes.components(force))
         if self._slew:
             force = self._slewed(now, force)
         if force == ZERO:
@@ -508,16 +447,16 @@ class _CoilsChannel(_VectorChannel):
 
     def _within(self, force: Vector) -> Vector:
         """Return a force limited by all guards, without an increase or change of direction."""
-        forces = tuple(self._axes.components(force))
-        allowed = tuple(coil.allowed(each) for coil, each in zip(self._coils, forces, strict=True))
+        forces = [force[index] for index in self._indices]
+        allowed = [coil.allowed(each) for coil, each in zip(self._coils, forces, strict=True)]
+        if allowed == forces:
+            return force
         return self._axes.vector(scaled_within(forces, allowed))
 
     def _hold(self, now: float, force: Vector) -> Vector:
-        """Apply a new force, and integrate the effect of the previous force."""
-        for coil, each in zip(self._coils, self._axes.components(force), strict=True):
-            coil.hold(now, each)
-        self._held = force
-        return force
+        for index, coil in zip(self._indices, self._coils, strict=True):
+            coil.hold(now, force[index])
+        return super()._hold(now, force)
 
 
 class SafetyLayer:
@@ -551,15 +490,10 @@ class SafetyLayer:
         manual = parameters.recovery == MANUAL
         self._arm = _ArmChannel(parameters.arm, rate, manual=manual)
         self._actuator: _ActuatorChannel | None = None
-        self._coils: _CoilsChannel | None = None
-        self._channels: list[_Channel[Any]] = [self._arm]
+        self._channels: list[_Channel] = [self._arm]
         if isinstance(parameters, MasterSafetyParameters):
-            if axes == ACTUATOR_AXES:
-                self._actuator = _ActuatorChannel(parameters, rate, manual=manual)
-                self._channels.append(self._actuator)
-            else:
-                self._coils = _CoilsChannel(parameters, rate, axes, manual=manual)
-                self._channels.append(self._coils)
+            self._actuator = _ActuatorChannel(parameters, rate, axes, manual=manual)
+            self._channels.append(self._actuator)
         self._warned: defaultdict[str, int] = defaultdict(int)
         self.stopped = self.active = False
         self.refusal = INACTIVE
@@ -600,12 +534,9 @@ class SafetyLayer:
 
     def actuator_force(self, now: float, age: float, force: Vector) -> Vector | None:
         """Return the actuator's force for a command; see `arm_force`."""
-        if self.refusal:
+        if self.refusal or not self._actuator:
             return None
-        if self._actuator:
-            allowed = self._actuator.command(now, age, force[ACTUATOR_AXIS])
-            return None if allowed is None else along_actuator(allowed)
-        return self._coils.command(now, age, force) if self._coils else None
+        return self._actuator.command(now, age, force)
 
     def tick(
         self, now: float, handle_acceleration: Vector | None = None
@@ -620,11 +551,7 @@ class SafetyLayer:
             Latest measurement, m/s^2; None if it is missing.
         """
         arm = self._arm.tick(now)
-        if self._actuator is None:
-            return arm, self._coils.tick(now, handle_acceleration) if self._coils else None
-        along = None if handle_acceleration is None else handle_acceleration[ACTUATOR_AXIS]
-        reduced = self._actuator.tick(now, along)
-        return arm, None if reduced is None else along_actuator(reduced)
+        return arm, self._actuator.tick(now, handle_acceleration) if self._actuator else None
 
     def stop(self, now: float, stopped: bool) -> None:
         """Forbid forces, or release the stop; the caller sets present forces to zero."""

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -87,7 +88,7 @@ class Authority:
     the fraction falls until the error's power is at most `SLIGHT` above that without force. It
     rises again as soon as the response fits, for example because it has been learnt.
 
-    `observe` only stores two values; `update` does all computations.
+    `observe` only stores values; `update` does all computations.
 
     In several axes, the powers of all components are added: one fraction scales the force of all
     coils, as a coil moves the other axes too, and the error counts as that of the vector.
@@ -118,19 +119,26 @@ class Authority:
         corner = min(CORNER, 0.4 * rate)
         self._sections = np.asarray(signal.butter(2, corner, "high", fs=rate, output="sos"))
         self._filtered = signal.sosfilt
+        self._delay = 0
         self._desired: list[float] = []
         self._measured: list[float] = []
         self._state: FloatArray = np.zeros((len(self._sections), 2 * axes, 2))
         self.reset()
 
+    def follow(self, delay: int) -> None:
+        """Judge another controller, whose response appears after a delay in samples."""
+        self._delay = delay
+        self.reset()
+
     def reset(self) -> None:
         """Return to the full force."""
+        # The first one is due at once.
+        past: Sequence[float] = (0.0,) * self._axes
+        self._due = deque([past] * (self._delay + 1), maxlen=self._delay + 1)
         self.fraction = self._caution = 1.0
         self.reduced = False
-        self._rest = math.nan  # gravity at the first sample, m/s^2
-        self._latest = 0.0
         self._rests: FloatArray | None = None
-        self._latests: Sequence[float] = (0.0,) * self._axes
+        self._latest = past
         self._desired.clear()
         self._measured.clear()
         self._state = np.zeros_like(self._state)
@@ -145,32 +153,25 @@ class Authority:
         """Factor of the force: the fraction, or less after silence."""
         return self.fraction * self._caution
 
-    def observe(self, desired: float, measured: float) -> None:
+    def observe(self, desired: Sequence[float], measured: Sequence[float]) -> None:
         """Store one sample.
 
         Parameters
         ----------
-        desired : float
-            Desired acceleration, m/s^2.
-        measured : float
-            Handle acceleration that should equal it, m/s^2; NaN or infinite if unknown.
+        desired : sequence of float
+            Desired acceleration of each axis, m/s^2.
+        measured : sequence of float
+            Handle acceleration, which should equal the desired one of `follow`'s delay before,
+            m/s^2; NaN or infinite in all axes if unknown.
         """
-        if math.isfinite(measured):
-            if math.isnan(self._rest):
-                self._rest = measured
-            self._latest = measured - self._rest
-        self._desired.append(desired)
-        self._measured.append(self._latest)
-
-    def observe_vector(self, desired: Sequence[float], measured: Sequence[float]) -> None:
-        """Store one sample of several axes, all of `measured` known or nothing."""
         if math.isfinite(measured[0]):
             if self._rests is None:
-                self._rests = np.array(measured)
+                self._rests = np.array(measured)  # gravity at the first sample
                 self._measured = list(measured) * (len(self._measured) // self._axes)
-            self._latests = measured
-        self._desired += desired
-        self._measured += self._latests
+            self._latest = measured
+        self._due.append(desired)
+        self._desired += self._due[0]
+        self._measured += self._latest
 
     def update(self, described: bool) -> None:
         """Update the fraction if enough samples are stored.
@@ -187,11 +188,10 @@ class Authority:
         block = np.array([self._desired, self._measured])
         self._desired.clear()
         self._measured.clear()
-        if self._axes > 1:
-            block = block.reshape(2, length, self._axes)
-            if self._rests is not None:
-                block[1] -= self._rests
-            block = block.swapaxes(1, 2).reshape(-1, length)
+        block = block.reshape(2, length, self._axes)
+        if self._rests is not None:
+            block[1] -= self._rests
+        block = block.swapaxes(1, 2).reshape(-1, length)
         block, self._state = self._filtered(self._sections, block, zi=self._state)
         # The components of a vector, one after the other, have the sum of their powers.
         block = block.reshape(2, -1)

@@ -13,45 +13,45 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compensation: high-pass, controller and actuator limits, from tool acceleration to force."""
+"""Compensation: the force of each coil for a sample of tool and handle, within all limits."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
-from haptic_accel.core.actuator.guard import ActuatorGuard
+from haptic_accel.core.actuator.guard import scaled_within
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION as LARGEST_ACCELERATION
+from haptic_accel.core.axes import ACTUATOR_AXES, ACTUATOR_AXIS, ALL_AXES, Axes
+from haptic_accel.core.control.alignment import Alignment
 from haptic_accel.core.control.authority import Authority
-from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop, granted_delay
-from haptic_accel.core.control.fallback import DYNAMIC, Fallback
+from haptic_accel.core.control.channel import Channel
+from haptic_accel.core.control.controllers import CONTROLLERS, Loop
+from haptic_accel.core.control.decoupling import (
+    VectorConvolution,
+    full_decoupling,
+    static_decoupling,
+)
 from haptic_accel.core.control.filters import (
     HIGH_PASS_FREQUENCY,
     SampleFilter,
     check_corner,
     high_pass,
 )
-from haptic_accel.core.control.gain import LARGEST_GAIN, Gain
-from haptic_accel.core.control.supervision import ResponseSupervisor
+from haptic_accel.core.control.gain import LARGEST_GAIN
+from haptic_accel.core.control.reduction_switch import ReductionSwitch, Shaping
+from haptic_accel.core.handle.matrix_plant import MatrixPlant, read_matrix_plant
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.model import ACTUATOR, GRAVITY, ApproximateModel
+from haptic_accel.core.model import ACTUATOR, GRAVITY, ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.sampling import LATENCY
 
 AT_RANGE = 0.999
 """Fraction of full scale above which a handle sample counts as saturated, as converters differ."""
-
-LISTENING = 0.5
-"""Time for which a new controller only receives both accelerations, s."""
-
-FADING = 5e-3
-"""Duration of the crossfade from one controller to the next, s."""
-
-RESTING = 0.05
-"""Time constant of the mean tool acceleration with which a new controller starts, s."""
 
 FULL, STATIC = "full", "static"
 """Decoupling of three coils: with the dynamics of their coupling, or without."""
@@ -61,6 +61,10 @@ DIRECTION, PER_AXIS = "direction", "per_axis"
 
 PLANT = "plant"
 """Name of the identified plant among the controllers' parameters."""
+
+LOUD = 0.2
+"""Noise of an axis of the handle's accelerometer that is reported, m/s^2 RMS: three times that of
+the paper's sensor, or a tenth of a strong texture."""
 
 
 @dataclass(frozen=True)
@@ -113,32 +117,47 @@ class CompensationParameters(Checked):
     )
 
 
-def build_controller(name: str, loop: Loop, parameters: Checked | None = None) -> Controller:
-    """Build a controller by its name.
-
-    Parameters
-    ----------
-    name : str
-        A key of `CONTROLLERS`.
-    loop : Loop
-        Rate, high-pass and plant of the control loop.
-    parameters : optional
-        Instance of the controller's parameters; default: its default values.
+def check_axes(
+    parameters: CompensationParameters, options: Mapping[str, Checked], rate: float
+) -> Axes:
+    """Return the axes of the parameters after a check that all goes with them.
 
     Raises
     ------
     ParameterError
-        The controller does not exist.
+        There are two axes, or the plant's model has another number of axes or another rate.
     """
-    if name not in CONTROLLERS:
-        raise ParameterError(f"controller = {name!r}: must be one of {', '.join(CONTROLLERS)}")
-    controller = CONTROLLERS[name]
-    own = parameters if parameters is not None else controller.Parameters()
-    return controller(own, loop)
+    axes = Axes.parsed(parameters.axes)
+    if axes not in (ACTUATOR_AXES, ALL_AXES):
+        raise ParameterError(f"axes = {parameters.axes}: must be z, or x, y, z")
+    if axes == ALL_AXES:
+        matrix_plant(options, rate).check_rate(rate)
+    return axes
+
+
+def matrix_plant(options: Mapping[str, Checked], rate: float) -> MatrixPlant:
+    """Return the plant with three axes that the parameters name."""
+    plant = options.get(PLANT, Plant())
+    assert isinstance(plant, Plant)
+    if not plant.model:
+        return MatrixPlant.uncoupled(plant, rate)
+    found = read_matrix_plant(Path(plant.model))
+    x, y, z = (replace(each, coupling=plant.coupling) for each in found.axes)
+    return replace(found, axes=(x, y, z))
 
 
 class Compensation:
-    """High-pass, controller and actuator limits, one sample at a time.
+    """High-pass, controllers and actuator limits of a handle with n coils, one sample at a time.
+
+    Each coil has a channel of its own: a controller with supervision and learning, which sees the
+    coil's plant alone. With several coils, tool and handle acceleration are decoupled before, see
+    `core.control.decoupling`. The limits are common: where a coil reaches its peak force, its heat
+    or its travel, the whole force is scaled and keeps its direction. Only a coil that must be
+    braked before its stop leaves it.
+
+    With a reduction, the channel along z receives the reduced tool acceleration, and other coils
+    have no force. Without their force, a decoupled axis moves by none, and the one of z as with a
+    single coil: supervision and learning go on.
 
     Stays idle until a sample differs from the first one since the start or a reset. While idle
     there is no force, no count and no adaptation. An instance that was idle thus gives exactly the
@@ -149,35 +168,38 @@ class Compensation:
     Parameters
     ----------
     parameters : CompensationParameters
-        Controller, high-pass corner and sensor range.
+        Controller, high-pass corner, sensor range and axes.
     rate : float
-        Samples per second; above twice the high-pass corner.
+        Samples per second; above twice the high-pass corner, and that of a plant of three axes.
     options : mapping, optional
         Parameters that differ from the defaults: of controllers by name, of the actuator
-        (`ACTUATOR`) and of the identified handle (`PLANT`).
+        (`ACTUATOR`) and of the identified handle (`PLANT`); see `matrix_plant` for three axes.
     prepared : sequence of str
         Controllers to build in advance, so that `select` takes no time.
     latency : int
         Delay from sample to force, in samples.
-    authority : Authority, optional
-        As for `Fallback`.
+    plant : MatrixPlant, optional
+        Identified handle with three axes, in place of the one that the parameters name.
 
     Attributes
     ----------
+    axes : Axes
+        Axes of the handle.
+    channels : list of Channel
+        Controllers of the coils, one for each axis.
     rejected : int
-        Number of samples that were not finite or not plausible. Tool samples become zero, handle
-        samples count as missing.
+        Number of samples with a component in use that was not finite or not plausible. Tool
+        samples become zero, handle samples count as missing.
     untrusted : int
-        Number of handle samples that were missing or saturated.
-    withheld : int
-        Number of forces that were not computed, or faded in, because the device applied none.
+        Number of handle samples that were missing, or saturated in any component.
     asleep : bool
         True in the idle state.
 
     Raises
     ------
     ParameterError
-        The rate is too low for the high-pass, or the latency is not allowed.
+        The rate is too low for the high-pass, or not the plant's; the latency is not allowed; or
+        there are two axes, or the model has another number of axes.
     """
 
     def __init__(
@@ -188,377 +210,355 @@ class Compensation:
         prepared: Sequence[str] = (),
         *,
         latency: int = LATENCY,
-        authority: Authority | None = None,
+        plant: MatrixPlant | None = None,
     ) -> None:
-        check_corner(rate, parameters.high_pass_frequency)
-        self._options = dict(options or {})
-        self._sections = high_pass(parameters.high_pass_frequency, rate)
-        self._gain = Gain(parameters.gain, rate)
+        known = dict(options or {})
+        corner = parameters.high_pass_frequency
+        check_corner(rate, corner)
+        self.axes = ALL_AXES if plant else check_axes(parameters, known, rate)
+        self._indices = self.axes.indices
+        self._single = self.axes == ACTUATOR_AXES
+        self._vector = _along if self._single else _all
+        plants: Sequence[Plant]
+        self._seen: VectorConvolution | None = None
+        self._high_pass: list[SampleFilter] = []
+        shaping: Shaping = _unchanged
+        if self._single:
+            own = known.get(PLANT, Plant())
+            assert isinstance(own, Plant)
+            plants = [own]
+        else:
+            coupled = plant or matrix_plant(known, rate)
+            coupled.check_rate(rate)
+            plants = coupled.axes
+            design = full_decoupling if parameters.decoupling == FULL else static_decoupling
+            decoupling = design(coupled, high_pass_frequency=corner)
+            self._tool, self._seen = VectorConvolution(decoupling), VectorConvolution(decoupling)
+            shaping = self._tool.process
+            sections = high_pass(corner, rate)
+            self._high_pass = [SampleFilter(sections) for _ in plants]
+        actuator = known.get(ACTUATOR, ActuatorParameters())
+        assert isinstance(actuator, ActuatorParameters)
+        self._authority = Authority(rate, len(plants))
+        self.channels = [
+            Channel(
+                parameters.controller,
+                Loop(rate, corner, each.coupled().delayed(latency), actuator.travel),
+                known,
+                prepared,
+                parameters.gain,
+                self._authority,
+            )
+            for each in plants
+        ]
+        self._first = self.channels[0]
+        self._guards = [channel.guard for channel in self.channels]
+        self._alignment = None if self._single else Alignment(rate)
+        self._switch = ReductionSwitch(parameters.reduction, rate, shaping)
+        self._per_axis = parameters.saturation == PER_AXIS
         self._handle_range = AT_RANGE * parameters.handle_range
-        actuator = self._options.get(ACTUATOR, ActuatorParameters())
-        plant = self._options.get(PLANT, Plant())
-        assert isinstance(actuator, ActuatorParameters) and isinstance(plant, Plant)
-        plant = plant.coupled().delayed(latency)
-        self._loop = Loop(rate, parameters.high_pass_frequency, plant, actuator.travel)
-        self.guard = ActuatorGuard(actuator, rate)
-        self._built: dict[str, _Channel] = {}
-        for name in (parameters.controller, *prepared):
-            self._build(name)
-        self._active = self._built[parameters.controller]
-        approximate = self._options.get(DYNAMIC, ApproximateModel())
-        assert isinstance(approximate, ApproximateModel)
-        self._fallback = Fallback(self._loop, approximate, authority)
-        self._start_judging()
-        self._follower: _Channel | None = None
-        self._waiting: _Channel | None = None
-        self._listened = 0
-        self._resting = -math.expm1(-1.0 / (RESTING * rate))
-        self._rest = self._handle = 0.0
-        self._fall_asleep()
-        self._listening, self._fading = round(LISTENING * rate), max(1, round(FADING * rate))
-        self.rejected = self.untrusted = self.withheld = 0
-        self._muted, self._share = False, 1.0
-
-    @property
-    def supervisor(self) -> ResponseSupervisor:
-        """Comparison of the handle with its plant."""
-        return self._fallback.supervisor
-
-    @property
-    def active(self) -> str:
-        """Name of the controller whose force is used, also while another one is prepared."""
-        return self._active.name
+        self._handle = ZERO
+        self.rejected = self.untrusted = 0
+        self._begin_again()
 
     @property
     def controller(self) -> str:
         """Name of the active controller, or of the last selected one."""
-        return (self._waiting or self._follower or self._active).name
+        return self._first.controller
 
     def select(self, name: str) -> None:
-        """Change to another controller without a jump in force.
-
-        For `LISTENING` the new controller only receives samples, until its filters have settled.
-        It is then faded in over `FADING`. A running crossfade is completed before another
-        controller starts. In the idle state, and while the gain is zero, the change is immediate:
-        nothing is felt of it. A controller that was
-        replaced because it was worse than no compensation is tried again when it is selected
-        again.
+        """Change to another controller without a jump in force; see `Channel.select`.
 
         Raises
         ------
         ParameterError
             The controller does not exist, or its parameters are invalid.
         """
-        self._build(name)
-        if name == self.controller:
-            if name == self._active.name:
-                self._judge_anew()
-            return
+        for channel in self.channels:
+            channel.select(name)
+
+    def select_reduction(self, name: str) -> None:
+        """Change to another reduction, or to all axes, without a jump; see `ReductionSwitch`."""
+        self._switch.select(name)
         if self.asleep:
-            self._active, self._follower, self._waiting = self._built[name], None, None
+            self._switch.settle()
             self._judge_anew()
-        elif self._gain.is_silent:
-            self._listen(self._active)  # to nobody
-            self._waiting = None
-            self._take_over(self._built[name])
-            self._active.begin(self._rest)
-        elif self._follower and self._listened > self._listening:
-            self._waiting = self._built[name]
-        else:
-            self._listen(self._built[name])
 
     @property
     def gain(self) -> float:
         """Factor of the desired acceleration of the last sample."""
-        return self._gain.value
+        return self._first.gain
 
     def set_gain(self, gain: float) -> None:
         """Change the factor of the desired acceleration; in the idle state at once."""
-        self._gain.change(gain)
-        if self.asleep:
-            self._gain.settle()
+        for channel in self.channels:
+            channel.set_gain(gain)
 
-    def process(
-        self, tool_acceleration: float, handle_acceleration: float | None
-    ) -> tuple[float, float]:
-        """Process one sample of tool and handle acceleration along the actuator's axis.
+    def process(self, tool: Vector, handle: Vector | None) -> tuple[Vector, Vector]:
+        """Process one sample of tool and handle acceleration.
 
         Parameters
         ----------
-        tool_acceleration : float
-            Measured tool acceleration, m/s^2. A value that is not finite or beyond
-            `LARGEST_ACCELERATION` counts as zero. Otherwise one bad sample could corrupt the
+        tool : tuple of float
+            Measured tool acceleration, m/s^2. If a component in use is not finite or beyond
+            `LARGEST_ACCELERATION`, all count as zero. Otherwise one bad sample could corrupt the
             filters or keep the actuator at its limit for seconds.
-        handle_acceleration : float or None
+        handle : tuple of float or None
             Handle acceleration of the previous sample, m/s^2, as the present sample may not have
             arrived. None if it is missing.
 
         Returns
         -------
-        desired_acceleration : float
-            High-passed tool acceleration times the gain, m/s^2.
-        actuator_force : float
-            Force within the actuator's limits, N; always finite.
+        desired_acceleration : tuple of float
+            High-passed tool acceleration times the gain, m/s^2; in all axes also with a reduction,
+            if the handle has them.
+        actuator_force : tuple of float
+            Force of each coil within its limits, N; always finite.
         """
-        tool = self._plausible(tool_acceleration)
-        if self.asleep and self._still(tool, handle_acceleration):
-            return 0.0, 0.0
-        measured = self._trusted(handle_acceleration)
-        desired, force = self.wanted(tool, measured)
-        # If the handle's acceleration is unknown, it is assumed to be gravity.
-        self._handle = measured if math.isfinite(measured) else self._handle
-        force = self.guard.limited(force, self._handle)
-        self.settle(desired, measured, force)
-        return desired, force
-
-    def wake(self, tool_acceleration: float) -> None:
-        """Leave the idle state, for a tool that was at rest with this acceleration, m/s^2."""
-        self.asleep = False
-        self._rest = tool_acceleration
-        self._active.begin(tool_acceleration)
-
-    def wanted(self, tool: float, measured: float) -> tuple[float, float]:
-        """Return desired acceleration and force before the actuator's limits; then `settle`.
-
-        Parameters
-        ----------
-        tool : float
-            Plausible tool acceleration, m/s^2.
-        measured : float
-            Handle acceleration of the previous sample, m/s^2; NaN if missing, infinite if
-            saturated.
-        """
-        desired, force = self._mixed(tool, measured)
-        if not (math.isfinite(desired) and math.isfinite(force)):
-            # An unstable controller: filters with an infinite state never recover.
-            self.reset()
-            desired = force = 0.0
-        return desired, self._audible(self._fallback.force(desired, force))
-
-    def settle(self, desired: float, measured: float, force: float) -> None:
-        """Finish a sample with the force that is really sent.
-
-        Parameters
-        ----------
-        desired, measured : float
-            Desired and measured acceleration of `wanted`.
-        force : float
-            Force within the actuator's limits, N.
-        """
-        self._active.applied(force, self._gain.value)
-        if self._follower:
-            self._follower.applied(force, self._gain.value)
-        self._fallback.observe(desired, measured, force)
+        if not self._is_plausible(tool):
+            self.rejected += 1
+            tool = ZERO
+        if self.asleep and self._still(tool, handle):
+            return ZERO, ZERO
+        measured = self._measured(handle)
+        shaped = self._switch.process(tool)
+        channels = self.channels
+        indices = self._indices
+        own, forces = [], []  # desired acceleration and force of each coil
+        for coil, channel in enumerate(channels):
+            acceleration, force = channel.wanted(shaped[indices[coil]], measured[coil])
+            if channel.asleep:  # its controller was unstable
+                self.reset()
+                return ZERO, ZERO
+            own.append(acceleration)
+            forces.append(force)
+        desired = own
+        if self._seen:
+            desired, forces = self._desired(tool), self._driven(forces)
+        forces = self._limited(forces)
+        if channels[0].is_reducible:
+            self._observe(own, desired, measured)
+        if self._alignment:
+            expected = [channel.supervisor.expected for channel in channels]
+            self._alignment.observe(expected, measured)
+        for coil, channel in enumerate(channels):
+            channel.settle(own[coil], measured[coil], forces[coil])
+        return self._vector(desired), self._vector(forces)
 
     def adapt(self) -> None:
-        """Execute a part of the controller's slow computations; call it when no force is due."""
+        """Execute a part of the slow computations; call it when no force is due."""
         if self.asleep:
             return
-        channels = [self._active, self._follower] if self._follower else [self._active]
-        fallback = self._fallback
-        judged = fallback.update()
-        for channel in channels:
-            channel.controller.adapt()
-            if judged:
-                channel.controller.judged(fallback.supervisor.fitting, fallback.fraction)
+        supervising = [channel.adapt() for channel in self.channels]
+        if self._alignment:
+            self._alignment.update()
+        if self._is_alone != self._judged_alone:
+            self._judge_anew()
+        elif self._first.is_reducible and not supervising[0]:
+            described = [channel.supervisor.described for channel in self.channels]
+            self._authority.update(all(described))
 
     def mute(self, muted: bool) -> None:
-        """Compute no force while the device applies none, for example during an emergency stop.
-
-        A controller that took its own force for the one that acts would learn that the handle does
-        not answer, and would push with newtons as soon as the device applies forces again. They
-        are faded in over `FADING`; in the idle state there is nothing to fade.
-        """
-        if self._muted and not muted and self.asleep:
-            self._share = 1.0
-        self._muted = muted
+        """Compute no force while the device applies none; see `Channel.mute`."""
+        for channel in self.channels:
+            channel.mute(muted)
 
     def freeze(self, frozen: bool) -> None:
         """Stop or resume the adaptation of all controllers."""
-        for channel in self._built.values():
-            channel.controller.freeze(frozen)
+        for channel in self.channels:
+            channel.freeze(frozen)
 
     def reset(self) -> None:
-        """Return to the initial state.
-
-        The estimates of the actuator's heat and travel remain: a reset does not cool the coil.
-        """
-        for channel in self._built.values():
+        """Return to the initial state; the estimates of the coils' heat and travel remain."""
+        for channel in self.channels:
             channel.reset()
-        self._gain.settle()
-        self._rest = 0.0
-        self._start_judging()
-        self._fall_asleep()
+        for each in self._high_pass:
+            each.reset()
+        if self._alignment:
+            self._alignment.reset()
+        self._begin_again()
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:
-        """Return a warning, or an empty string, and values with units for diagnostics."""
-        guard = self.guard
-        controller = self._active.controller
-        return ", ".join(filter(None, (self._fallback.warning, controller.warning))), {
-            "controller": self.controller,
-            "replaced by": self._fallback.substitute or "-",
-            "force used (%)": f"{100 * self._fallback.used:.0f}",
-            "saturated": str(guard.saturated),
-            "limited by heat": str(guard.heated),
-            "limited by travel": str(guard.cushioned),
-            "heat (%)": f"{100 * guard.heat:.1f}",
-            "travel (mm)": f"{1e3 * guard.travel:.2f}",
+        """Return a warning, or an empty string, and values with units for diagnostics.
+
+        With several axes, those of a channel begin with the name of its axis.
+        """
+        warnings, values = [], {"controller": self.controller}
+        for name, channel in zip(self.axes.names, self.channels, strict=True):
+            warning, own = channel.diagnostics()
+            if self._single:
+                warnings.append(warning)
+                values |= own
+            else:
+                warnings.append(f"{name}: {warning}" if warning else "")
+                values |= {f"{name} {key}": value for key, value in own.items()}
+        counts = {
             "rejected": str(self.rejected),
             "handle not trusted": str(self.untrusted),
-            "withheld": str(self.withheld),
-            **controller.diagnostics(),
+            "withheld": str(self._first.withheld),
         }
+        alignment = self._alignment.warning if self._alignment else ""
+        texts = alignment, *warnings, *self._common_warnings()
+        return ", ".join(filter(None, texts)), values | counts
 
-    def _build(self, name: str) -> None:
-        if name not in self._built:
-            controller = build_controller(name, self._loop, self._options.get(name))
-            self._built[name] = _Channel(name, SampleFilter(self._sections), controller)
+    def _common_warnings(self) -> list[str]:
+        """Return what the common authority warns of: noise, and a reduced force."""
+        authority, found = self._authority, []
+        noise = authority.noise / math.sqrt(len(self.channels))
+        if LOUD <= noise < math.inf:
+            found.append(f"the handle's accelerometer has {noise:.2f} m/s^2 RMS of noise")
+        if authority.reduced:
+            name = self._first.active
+            found.append(f"{name} is worse than no compensation: its force is reduced")
+        return found
 
-    def _fall_asleep(self) -> None:
+    def _begin_again(self) -> None:
         """Enter the idle state, until two samples differ."""
+        self._switch.settle()
+        self._judge_anew()
+        self._rest = ZERO
+        self._seen_once = False
         self.asleep = True
-        self._upright = math.nan  # mean handle acceleration, mostly gravity, m/s^2
-        self._tool_at_rest: float | None = None
-        self._handle_at_rest: float | None = None
+        self._tool_at_rest: Vector | None = None
+        self._handle_at_rest: Vector | None = None
 
-    def _still(self, tool: float, handle: float | None) -> bool:
+    def _judge_anew(self) -> None:
+        """Judge the active controller, with its full force at first."""
+        self._judged_alone = self._is_alone
+        self._authority.reset()
+
+    @property
+    def _is_alone(self) -> bool:
+        """True if the coil along z is driven alone, among others."""
+        return not self._single and self._switch.active != NO_REDUCTION
+
+    def _is_plausible(self, tool: Vector) -> bool:
+        x, y, z = tool
+        most = LARGEST_ACCELERATION
+        if not abs(z) <= most:  # also false for NaN
+            return False
+        # A tool that has its one axis may send anything along others.
+        return (abs(x) <= most and abs(y) <= most) or (self._single and not self._switch.reduces)
+
+    def _still(self, tool: Vector, handle: Vector | None) -> bool:
         """Return whether all samples so far are equal; leave the idle state at a difference."""
         if self._tool_at_rest is None:
             self._tool_at_rest = tool
         if self._handle_at_rest is None:
             self._handle_at_rest = handle
-        if tool == self._tool_at_rest and (handle is None or handle == self._handle_at_rest):
+        used = ALL_AXES.indices if self._switch.reduces else self._indices
+        if _equal(tool, self._tool_at_rest, used) and (
+            handle is None or _equal(handle, self._handle_at_rest, self._indices)
+        ):
             return True
-        self.wake(self._tool_at_rest)
+        self._wake(self._tool_at_rest)
         return False
 
-    def _mixed(self, tool: float, measured: float) -> tuple[float, float]:
-        """Return desired acceleration and force, crossfaded during a change of controller."""
-        gain = self._gain.advance()
-        measured = self._unscaled(measured)
-        desired, force = self._active.process(tool, measured, gain)
-        self._rest += self._resting * (tool - self._rest)
-        if self._follower is None:
-            return desired, force
-        if not self._listened:
-            self._follower.begin(self._rest)
-        following = self._follower.process(tool, measured, gain)
-        self._listened += 1
-        share = (self._listened - self._listening) / self._fading
-        if share >= 1.0:
-            self._take_over(self._follower)
-            return following
-        return desired, force + max(0.0, share) * (following[1] - force)
+    def _wake(self, rest: Vector) -> None:
+        """Leave the idle state, for a tool that was at rest with this acceleration, m/s^2."""
+        self.asleep = False
+        self._rest = rest
+        if self._seen:
+            self._tool.fill(rest)
+        shaped = self._switch.process(rest)
+        for channel, index in zip(self.channels, self._indices, strict=True):
+            channel.wake(shaped[index])
 
-    def _unscaled(self, measured: float) -> float:
-        """Return the handle's acceleration as it would be at a gain of 1; NaN if unknown.
+    def _measured(self, handle: Vector | None) -> Sequence[float]:
+        """Return the decoupled acceleration; NaN if missing, infinite if saturated."""
+        doubt = self._doubt(handle)
+        if handle is not None and not doubt:
+            if self._seen and not self._seen_once:
+                # To a decoupling with zero past, gravity is a step.
+                self._seen_once = True
+                self._seen.fill(handle)
+            self._handle = handle
+        # If the handle's acceleration is unknown, it is assumed to be gravity.
+        seen = self._seen.process(self._handle) if self._seen else self._handle
+        if doubt:
+            return [doubt] * len(self._indices)
+        return seen if self._seen else (seen[ACTUATOR_AXIS],)
 
-        Controllers compute the force for a gain of 1, so that a change of the gain is no
-        excitation for them: its product with the desired acceleration has slow components, which
-        an inverse follows up to the actuator's stops.
-        """
-        if math.isfinite(measured):
-            if math.isnan(self._upright):
-                self._upright = measured
-            self._upright += self._resting * (measured - self._upright)
-        if self._gain.value == 1.0 and not self._gain.is_changing:
-            return measured
-        if self._gain.value == 0.0 or self._gain.is_changing:
-            return math.nan
-        return self._upright + (measured - self._upright) / self._gain.value
-
-    def _audible(self, force: float) -> float:
-        """Return the force, none while muted, and a growing share afterwards."""
-        if self._muted:
-            self._share = 0.0
-        elif self._share < 1.0:
-            self._share = min(1.0, self._share + 1.0 / self._fading)
-        self.withheld += self._share < 1.0
-        return self._share * force
-
-    def _listen(self, channel: _Channel) -> None:
-        """Prepare the next channel; none if it is already in use."""
-        if self._follower:
-            self._follower.reset()
-        self._follower = None if channel is self._active else channel
-        self._listened = 0
-
-    def _take_over(self, channel: _Channel) -> None:
-        self._active.reset()
-        self._active, self._follower = channel, None
-        self._judge_anew()
-        waiting, self._waiting = self._waiting, None
-        if waiting:
-            self._listen(waiting)
-
-    def _start_judging(self) -> None:
-        name = self._active.name
-        self._fallback.start(name, granted_delay(name, self._options))
-
-    def _judge_anew(self) -> None:
-        name = self._active.name
-        self._fallback.follow(name, granted_delay(name, self._options))
-
-    def _plausible(self, acceleration: float) -> float:
-        if abs(acceleration) <= LARGEST_ACCELERATION:  # also false for NaN
-            return acceleration
-        self.rejected += 1
-        return 0.0
-
-    def _trusted(self, acceleration: float | None) -> float:
-        """Return the handle's acceleration; NaN if missing, infinite if saturated."""
-        if acceleration is None:
+    def _doubt(self, handle: Vector | None) -> float:
+        """Return NaN for a missing handle sample, infinity for a saturated one; otherwise 0."""
+        if handle is None:
             self.untrusted += 1
             return math.nan
-        if abs(acceleration) < self._handle_range:
-            return acceleration
-        if not abs(acceleration) <= LARGEST_ACCELERATION:
-            self.rejected += 1
-            return math.nan
-        self.untrusted += 1
-        return math.copysign(math.inf, acceleration)
+        for index in self._indices:
+            if not abs(handle[index]) < self._handle_range:
+                break
+        else:
+            return 0.0
+        if all([abs(handle[index]) <= LARGEST_ACCELERATION for index in self._indices]):
+            self.untrusted += 1
+            return math.inf
+        self.rejected += 1
+        return math.nan
+
+    def _desired(self, tool: Vector) -> list[float]:
+        """Return the desired acceleration of the handle, without the decoupling of the coils."""
+        gain = self.gain  # the same for all axes
+        rest = self._rest
+        return [
+            gain * each.process(tool[coil] - rest[coil])
+            for coil, each in enumerate(self._high_pass)
+        ]
+
+    def _driven(self, forces: list[float]) -> list[float]:
+        """Return the forces of the coils in use."""
+        if not (alone := self._switch.alone):
+            return forces
+        shares = [1.0 if index == ACTUATOR_AXIS else 1.0 - alone for index in self._indices]
+        return [share * force for share, force in zip(shares, forces, strict=True)]
+
+    def _observe(
+        self, own: Sequence[float], desired: Sequence[float], measured: Sequence[float]
+    ) -> None:
+        """Show the authority what the driven coils shall cause, and the handle's motion."""
+        is_known = math.isfinite(measured[0])
+        moved = [self._handle[index] if is_known else math.nan for index in self._indices]
+        if self._judged_alone:
+            # What the coil along z shall cause is its own channel's.
+            desired = (0.0, 0.0, own[ACTUATOR_AXIS])
+            moved[:2] = (0.0, 0.0) if is_known else moved[:2]
+        self._authority.observe(desired, moved)
+
+    def _limited(self, asked: list[float]) -> list[float]:
+        """Return the forces within the limits of all coils, in the direction of those asked."""
+        force = self._each_within(asked)
+        if force != asked and self._seen and not self._per_axis:
+            # Again, for a coil that must be braked.
+            force = self._each_within(scaled_within(asked, force))
+        handle, indices = self._handle, self._indices
+        for coil, guard in enumerate(self._guards):
+            guard.advance(force[coil], handle[indices[coil]])
+        return force
+
+    def _each_within(self, force: Sequence[float]) -> list[float]:
+        """Return the forces with each coil limited on its own."""
+        handle, indices = self._handle, self._indices
+        return [
+            guard.within(force[coil], handle[indices[coil]])
+            for coil, guard in enumerate(self._guards)
+        ]
 
 
-class _Channel:
-    """Controller with its own high-pass, both started at the same time.
+def _equal(one: Vector, other: Vector | None, indices: Sequence[int]) -> bool:
+    """Return whether two vectors have the same components; a sample equals itself."""
+    return other is not None and [one[i] for i in indices] == [other[i] for i in indices]
 
-    To a filter with zero state, an earlier constant acceleration is a step. An inverse, which
-    extends the high-pass to far lower frequencies, responds to a step with newtons for seconds.
-    """
 
-    def __init__(self, name: str, high_pass: SampleFilter, controller: Controller) -> None:
-        self.name = name
-        self.controller = controller
-        self._high_pass = high_pass
-        self._rest = self._force = 0.0
+def _unchanged(tool: Vector) -> Vector:
+    """Return the tool's acceleration, for a coil along one axis."""
+    return tool
 
-    def begin(self, tool_acceleration: float) -> None:
-        """Initialize with the tool's acceleration at rest, mostly gravity."""
-        self._rest = tool_acceleration
 
-    def process(
-        self, tool_acceleration: float, measured: float, gain: float
-    ) -> tuple[float, float]:
-        """Return the desired acceleration and the controller's force, times the gain.
+def _along(components: Sequence[float]) -> Vector:
+    """Return the vector with the only component along the actuator."""
+    return 0.0, 0.0, components[0]
 
-        Parameters
-        ----------
-        tool_acceleration : float
-            Tool acceleration, m/s^2.
-        measured : float
-            Handle acceleration as it would be at a gain of 1, m/s^2.
-        gain : float
-        """
-        desired = self._high_pass.process(tool_acceleration - self._rest)
-        self._force = self.controller.force(desired, measured)
-        return gain * desired, gain * self._force
 
-    def applied(self, force: float, gain: float) -> None:
-        """Pass the force that was sent to the controller, as it would be at a gain of 1."""
-        self.controller.applied(force / gain if gain else self._force)
-
-    def reset(self) -> None:
-        """Return to the state for zero past input."""
-        self._rest = 0.0
-        self._high_pass.reset()
-        self.controller.reset()
+def _all(components: Sequence[float]) -> Vector:
+    """Return the vector with all components."""
+    x, y, z = components
+    return x, y, z

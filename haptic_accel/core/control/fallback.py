@@ -64,10 +64,6 @@ LEAST_PART, LARGEST_PART = 0.05, 0.25
 """Bounds of the fraction of the force that is tried while no substitute is active: without force,
 nothing can be learnt about the handle."""
 
-LOUD = 0.2
-"""Noise of the handle's accelerometer that is reported, m/s^2 RMS: three times that of the paper's
-sensor, or a tenth of a strong texture."""
-
 FADING = 5e-3
 """Duration of the crossfade to a substitute, s."""
 
@@ -107,8 +103,8 @@ class Fallback:
     loop : Loop
     dynamic : ApproximateModel
         Parameters of the controller `dynamic`.
-    authority : Authority, optional
-        Authority that several axes share; its owner observes, updates and reports it.
+    authority : Authority
+        Common to all axes; its owner observes, updates and reports it.
 
     Attributes
     ----------
@@ -117,9 +113,7 @@ class Fallback:
         Name of the substitute; empty if there is none.
     """
 
-    def __init__(
-        self, loop: Loop, dynamic: ApproximateModel, authority: Authority | None = None
-    ) -> None:
+    def __init__(self, loop: Loop, dynamic: ApproximateModel, authority: Authority) -> None:
         self.supervisor = ResponseSupervisor(loop.plant, loop.rate)
         self._latency = loop.latency
         self._dynamic = DynamicController(dynamic, loop)
@@ -129,8 +123,7 @@ class Fallback:
         lines = self._tracking.frequency
         self._counted = ((lines >= LOWEST) & (lines <= HIGHEST_SHARE * loop.rate)).astype(float)
         self._tracked = self._dynamic_response(loop)
-        self._authority = authority or Authority(loop.rate)
-        self._shared = authority is not None
+        self._authority = authority
         self._step = 1.0 / max(1, round(FADING * loop.rate))
         self._settling = round(SETTLING * loop.rate)
         self.start(NONE, 1)
@@ -144,14 +137,7 @@ class Fallback:
             replaced = f"{self._name} is worse than no compensation: {took_over}"
         elif self._on_trial:
             replaced = f"{self._name} was worse than no compensation: it is tried again"
-        elif self._authority.reduced and not self._shared:
-            replaced = f"{self._name} is worse than no compensation: its force is reduced"
-        noisy = ""
-        if LOUD <= self._authority.noise < math.inf and not self._shared:
-            noisy = (
-                f"the handle's accelerometer has {self._authority.noise:.2f} m/s^2 RMS of noise"
-            )
-        return ", ".join(filter(None, (self.supervisor.warning, noisy, replaced)))
+        return ", ".join(filter(None, (self.supervisor.warning, replaced)))
 
     @property
     def fraction(self) -> float:
@@ -176,12 +162,11 @@ class Fallback:
         """Evaluate another controller, or restart for the same; fade out any substitute."""
         self._name, self.substitute = name, ""
         self._reducible = CONTROLLERS[name].reducible
-        if not self._shared:
-            self._authority.reset()
         self._pace = self._step
         self._trial = math.inf  # time since the last return, s
         self._granted = granted_delay
         length = self._latency + granted_delay + 2
+        self._authority.follow(length - 1)
         self._desired = deque([0.0] * length, maxlen=length)  # the first one is due now
         self._pause = PAUSE
         self._probing = False
@@ -220,11 +205,9 @@ class Fallback:
         self.supervisor.observe(measured, force)
         if self._name == NONE:
             return
-        self._desired.append(desired)
         if self._reducible:
-            if not self._shared:
-                self._authority.observe(self._desired[0], measured)
             return
+        self._desired.append(desired)
         # `dynamic` lags by one sample, independent of the controller's granted delay.
         later = max(0, self._granted - 1) if self.substitute == DYNAMIC else 0
         self._tracking.observe(self._desired[later], measured)
@@ -238,14 +221,17 @@ class Fallback:
         if self._turn == 0:
             return self.supervisor.update()
         if self._reducible:
-            if not self._shared:
-                self._authority.update(self.supervisor.described)
             return False
         if self._turn == 1 and self._tracking.update():
             self._judge()
         if self._turn == 2 and self.substitute and self._prospect.update():
             self._reconsider()
         return False
+
+    @property
+    def is_supervising(self) -> bool:
+        """True if the last part of slow computations was that of the supervision."""
+        return self._turn == 0
 
     @property
     def _on_trial(self) -> bool:

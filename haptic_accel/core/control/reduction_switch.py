@@ -22,7 +22,7 @@ from typing import TypeAlias
 
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION
 from haptic_accel.core.axes import along_actuator
-from haptic_accel.core.control.compensation import FADING, LISTENING, RESTING
+from haptic_accel.core.control.channel import FADING, LISTENING, RESTING
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.reduction import NO_REDUCTION, live_reduction
 
@@ -77,6 +77,11 @@ class ReductionSwitch:
         self._listened = 0
         self.name = name
         self.settle()
+
+    @property
+    def reduces(self) -> bool:
+        """True if a reduction is in use, or is prepared."""
+        return self.name != NO_REDUCTION or self.active != NO_REDUCTION
 
     def select(self, name: str) -> None:
         """Change to another reduction without a jump."""

@@ -64,7 +64,7 @@ def run(
         desired.tolist(), response.tolist(), others.tolist(), strict=True
     ):
         moved.append(authority.used * full + more)
-        authority.observe(wanted, moved[-1])
+        authority.observe([wanted], moved[-1:])
         authority.update(described)
         fractions.append(authority.used)
     return np.array(fractions), np.array(moved)
@@ -186,7 +186,7 @@ def test_gravity_and_the_motion_of_the_hand_do_not_count() -> None:
 def test_samples_that_are_missing_are_bridged() -> None:
     authority, desired = Authority(RATE), texture(1.0)
     for number, value in enumerate(desired.tolist()):
-        authority.observe(value, math.nan if number % 100 == 0 else value)
+        authority.observe([value], [math.nan if number % 100 == 0 else value])
         authority.update(described=False)
     assert authority.fraction == 1.0
 

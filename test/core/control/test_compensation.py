@@ -28,19 +28,14 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from one_coil import OneCoil
 from scipy import signal
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
-from haptic_accel.core.control import compensation as module
-from haptic_accel.core.control.compensation import (
-    FADING,
-    LARGEST_ACCELERATION,
-    LISTENING,
-    Compensation,
-    CompensationParameters,
-    build_controller,
-)
+from haptic_accel.core.control import channel as module
+from haptic_accel.core.control.channel import FADING, LISTENING, build_controller
+from haptic_accel.core.control.compensation import LARGEST_ACCELERATION, CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop
 from haptic_accel.core.control.controllers.constant import ConstantParameters
 from haptic_accel.core.control.filters import check_corner, high_pass, inverse_of
@@ -77,23 +72,23 @@ anything = st.lists(numbers, max_size=100)
 
 
 @lru_cache
-def built(controller: str, rate: float, soon: bool) -> Compensation:
+def built(controller: str, rate: float, soon: bool) -> OneCoil:
     """Build a compensation with all controllers, once: a design takes its time."""
     with pytest.MonkeyPatch.context() as patch:
         if soon:
             patch.setattr(module, "LISTENING", 6 / rate)
-        return Compensation(CompensationParameters(controller), rate, prepared=NAMES)
+        return OneCoil(CompensationParameters(controller), rate, prepared=NAMES)
 
 
-def compensation(controller: str, rate: float = RATE, *, soon: bool = False) -> Compensation:
+def compensation(controller: str, rate: float = RATE, *, soon: bool = False) -> OneCoil:
     """Return one that no other test has, where asked for one whose controllers listen briefly."""
     return woken(copy.deepcopy(built(controller, rate, soon)))
 
 
-def woken(stream: Compensation) -> Compensation:
+def woken(stream: OneCoil) -> OneCoil:
     """Return a compensation that was at rest at zero, after the least motion of the handle."""
-    stream.process(0.0, 0.0)
-    stream.process(0.0, 5e-324)
+    stream.sample(0.0, 0.0)
+    stream.sample(0.0, 5e-324)
     return stream
 
 
@@ -102,14 +97,14 @@ def designed(name: str) -> Controller:
     return build_controller(name, Loop(RATE))
 
 
-def unlimited(controller: str, **limits: float) -> Compensation:
+def unlimited(controller: str, **limits: float) -> OneCoil:
     actuator = replace(UNLIMITED, **limits)
     around = CompensationParameters(controller)
-    return woken(Compensation(around, RATE, {"actuator": actuator, "plant": STIFF}))
+    return woken(OneCoil(around, RATE, {"actuator": actuator, "plant": STIFF}))
 
 
-def forces(of: Compensation, tool_acceleration: list[float]) -> list[float]:
-    return [of.process(value, 0.0)[1] for value in tool_acceleration]
+def forces(of: OneCoil, tool_acceleration: list[float]) -> list[float]:
+    return [of.sample(value, 0.0)[1] for value in tool_acceleration]
 
 
 def texture(seconds: float) -> FloatArray:
@@ -135,8 +130,8 @@ def test_samples_give_what_the_whole_signal_gives(
         "constant": 0.128 * desired,
         "dynamic": signal.sosfilt(inverse_of(ApproximateModel(), rate), desired),
     }[controller]
-    stream = woken(Compensation(CompensationParameters(controller), rate, {"actuator": UNLIMITED}))
-    output = np.array([stream.process(value, 0.0) for value in values.tolist()])
+    stream = woken(OneCoil(CompensationParameters(controller), rate, {"actuator": UNLIMITED}))
+    output = np.array([stream.sample(value, 0.0) for value in values.tolist()])
     assert output[:, 0] == pytest.approx(desired, abs=1e-9)
     assert output[:, 1] == pytest.approx(
         np.clip(force, -COIL.peak_force, COIL.peak_force), abs=1e-9
@@ -145,20 +140,20 @@ def test_samples_give_what_the_whole_signal_gives(
 
 
 def test_its_corner_can_be_chosen() -> None:
-    stream = Compensation(CompensationParameters("constant", high_pass_frequency=100.0), RATE)
+    stream = OneCoil(CompensationParameters("constant", high_pass_frequency=100.0), RATE)
     stream = woken(stream)
     # At the corner a Butterworth high-pass lets 1/sqrt(2) through.
-    output = [stream.process(math.sin(2 * math.pi * 0.1 * index), 0.0)[0] for index in range(1000)]
+    output = [stream.sample(math.sin(2 * math.pi * 0.1 * index), 0.0)[0] for index in range(1000)]
     assert np.std(output[500:]) == pytest.approx(0.5, rel=1e-3)
 
 
 def test_parameters_reach_the_controller_they_are_for() -> None:
     heavy: dict[str, Checked] = {"constant": ConstantParameters(1.0)}
-    stream = woken(Compensation(CompensationParameters("constant"), RATE, heavy))
-    desired, force = stream.process(1.0, 0.0)
+    stream = woken(OneCoil(CompensationParameters("constant"), RATE, heavy))
+    desired, force = stream.sample(1.0, 0.0)
     assert force == desired
-    stream = woken(Compensation(CompensationParameters("none"), RATE, heavy))
-    assert stream.process(1.0, 0.0)[1] == 0.0
+    stream = woken(OneCoil(CompensationParameters("none"), RATE, heavy))
+    assert stream.sample(1.0, 0.0)[1] == 0.0
 
 
 def test_reset_forgets_the_past() -> None:
@@ -186,15 +181,15 @@ def test_how_long_it_waited_at_rest_changes_no_bit(
     random = np.random.default_rng(waiting)
     waited, started = (copy.deepcopy(built(controller, RATE, soon=False)) for _ in range(2))
     for stream, samples in ((waited, waiting), (started, 0)):
-        assert stream.process(tool, handle) == (0.0, 0.0)
+        assert stream.sample(tool, handle) == (0.0, 0.0)
         for _ in range(samples):
             absent = random.random() < missing
-            assert stream.process(tool, None if absent else handle) == (0.0, 0.0)
+            assert stream.sample(tool, None if absent else handle) == (0.0, 0.0)
             stream.adapt()
     moving = (texture(1.0) - GRAVITY + tool).tolist()
     for index, value in enumerate(moving):
         felt = None if index % 50 == 7 else handle + 0.8 * moving[index - 1]
-        assert waited.process(value, felt) == started.process(value, felt)
+        assert waited.sample(value, felt) == started.sample(value, felt)
         waited.adapt()
         started.adapt()
     assert waited.diagnostics() == started.diagnostics()
@@ -205,12 +200,12 @@ def test_gravity_is_no_blow_to_who_wakes(controller: str) -> None:
     stream = copy.deepcopy(built(controller, RATE, soon=False))
     noise = np.random.default_rng(0).normal(0.0, 1e-6, (2, 2000)).tolist()
     for tool, handle in zip(*noise, strict=True):
-        assert abs(stream.process(GRAVITY + tool, 6.9 + handle)[1]) < 1e-3
+        assert abs(stream.sample(GRAVITY + tool, 6.9 + handle)[1]) < 1e-3
 
 
 def test_who_is_selected_before_anything_moves_is_there_from_the_beginning() -> None:
     stream, begun = (copy.deepcopy(built(name, RATE, soon=False)) for name in ("none", "constant"))
-    stream.process(0.0, 0.0)
+    stream.sample(0.0, 0.0)
     stream.select("constant")
     values = texture(0.1).tolist()
     assert forces(stream, values) == forces(begun, [0.0, *values])[1:]
@@ -222,16 +217,16 @@ def test_who_is_selected_before_anything_moves_is_there_from_the_beginning() -> 
 def test_a_force_beyond_the_peak_is_cut_and_counted() -> None:
     stream = unlimited("constant")
     # 6.6 N / 0.128 kg = 51.6 m/s^2, of which the first sample passes 88 %.
-    assert [stream.process(50.0, 0.0)[1] < COIL.peak_force, stream.guard.saturated] == [
+    assert [stream.sample(50.0, 0.0)[1] < COIL.peak_force, stream.guard.saturated] == [
         True,
         0,
     ]
     stream.reset()
     woken(stream)
-    assert [stream.process(100.0, 0.0)[1], stream.guard.saturated] == [6.6, 1]
+    assert [stream.sample(100.0, 0.0)[1], stream.guard.saturated] == [6.6, 1]
     stream.reset()
     woken(stream)
-    assert [stream.process(-100.0, 0.0)[1], stream.guard.saturated] == [-6.6, 2]
+    assert [stream.sample(-100.0, 0.0)[1], stream.guard.saturated] == [-6.6, 2]
 
 
 @untimed
@@ -266,7 +261,7 @@ def test_whatever_comes_in_the_force_is_finite_and_limited(
     for tool, handle, selected in data.draw(st.lists(moment, max_size=60)):
         if selected:
             stream.select(selected)
-        desired, force = stream.process(tool, handle)
+        desired, force = stream.sample(tool, handle)
         stream.adapt()
         assert math.isfinite(desired)
         assert abs(force) <= COIL.peak_force
@@ -289,7 +284,7 @@ def test_nor_does_any_long_stream_that_changes_controllers_all_the_time(controll
     for index, (tool, handle) in enumerate(zip(tools.tolist(), handles.tolist(), strict=True)):
         if random.random() < 1 / 300:
             stream.select(NAMES[random.integers(len(NAMES))])
-        desired, force = stream.process(tool, None if index % 1000 < 50 else handle)
+        desired, force = stream.sample(tool, None if index % 1000 < 50 else handle)
         stream.adapt()
         assert math.isfinite(desired)
         assert abs(force) <= COIL.peak_force
@@ -303,7 +298,7 @@ def test_nor_does_any_long_stream_that_changes_controllers_all_the_time(controll
 def test_silence_stays_silent_with_or_without_a_handle(controller: str) -> None:
     for handle in (None, 0.0):
         stream = compensation(controller)
-        assert {stream.process(0.0, handle) for _ in range(500)} == {(0.0, 0.0)}
+        assert {stream.sample(0.0, handle) for _ in range(500)} == {(0.0, 0.0)}
 
 
 @pytest.mark.parametrize("controller", NAMES)
@@ -312,7 +307,7 @@ def test_a_handle_that_is_missing_or_at_its_sensors_range_is_not_believed(contro
     absent = (None, 5 * GRAVITY, -6 * GRAVITY)
     values = texture(0.3).tolist()
     outputs = [
-        [stream.process(value, handle) for value in values]
+        [stream.sample(value, handle) for value in values]
         for stream, handle in zip(streams, absent, strict=True)
     ]
     assert outputs[0] == outputs[1] == outputs[2]
@@ -327,14 +322,14 @@ def test_a_handle_that_is_missing_or_at_its_sensors_range_is_not_believed(contro
 def test_a_sample_that_is_not_finite_counts_as_zero(controller: str, values: list[float]) -> None:
     stream, clean = compensation(controller), compensation(controller)
     replaced = [value if math.isfinite(value) else 0.0 for value in values]
-    assert [stream.process(v, 0.0) for v in values] == [clean.process(v, 0.0) for v in replaced]
+    assert [stream.sample(v, 0.0) for v in values] == [clean.sample(v, 0.0) for v in replaced]
     assert stream.rejected == sum(not math.isfinite(value) for value in values)
 
 
 def test_a_handle_acceleration_that_is_not_finite_is_counted_too() -> None:
     stream = compensation("dynamic")
-    stream.process(1.0, math.nan)
-    stream.process(math.inf, -math.inf)
+    stream.sample(1.0, math.nan)
+    stream.sample(math.inf, -math.inf)
     assert stream.rejected == 3
 
 
@@ -348,7 +343,7 @@ def test_even_numbers_that_overflow_are_forgotten(controller: str, absurd: list[
     # The slowest pole, 12 Hz with damping 0.3, takes 31 s from 1e308 down to 1.
     forces(stream, [0.0] * 40_000)
     for value in (1.0, -5.0, 10.0):
-        assert stream.process(value, 0.0) == pytest.approx(fresh.process(value, 0.0), abs=1e-6)
+        assert stream.sample(value, 0.0) == pytest.approx(fresh.sample(value, 0.0), abs=1e-6)
 
 
 # What is refused
@@ -366,7 +361,7 @@ def test_a_rate_too_low_for_the_high_pass_is_refused(rate: float) -> None:
 
 def test_a_rate_just_above_is_not() -> None:
     check_corner(31.0, CompensationParameters().high_pass_frequency)
-    assert compensation("dynamic", 31.0).process(0.0, 0.0) == (0.0, 0.0)
+    assert compensation("dynamic", 31.0).sample(0.0, 0.0) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -401,9 +396,9 @@ def test_an_unknown_controller_is_refused_with_the_names_there_are() -> None:
 
 def test_an_absurd_sample_does_not_hold_the_actuator_at_its_limit() -> None:
     stream = compensation("dynamic")
-    assert stream.process(1e30, 0.0) == (0.0, 0.0)
+    assert stream.sample(1e30, 0.0) == (0.0, 0.0)
     assert stream.rejected == 1
-    assert stream.process(0.0, 0.0) == (0.0, 0.0)
+    assert stream.sample(0.0, 0.0) == (0.0, 0.0)
 
 
 # Another controller takes over
@@ -442,7 +437,7 @@ def test_the_force_does_not_jump_when_another_takes_over(
         return own[name]
 
     monkeypatch.setattr(module, "build_controller", recorded)
-    stream = Compensation(CompensationParameters(one), RATE, {"actuator": UNLIMITED}, (other,))
+    stream = OneCoil(CompensationParameters(one), RATE, {"actuator": UNLIMITED}, (other,))
     woken(stream)
     own[one].forces.clear()
     values = texture(1.2).tolist()
@@ -473,7 +468,7 @@ BEGUN = 3000
 def alone(controller: str) -> FloatArray:
     """Return what a controller that was always there gives."""
     stream = compensation(controller)
-    return np.array([stream.process(value, 0.0) for value in texture(5.0).tolist()])
+    return np.array([stream.sample(value, 0.0) for value in texture(5.0).tolist()])
 
 
 @pytest.mark.parametrize(("one", "other"), PAIRS)
@@ -482,7 +477,7 @@ def test_afterwards_it_is_as_if_the_other_had_always_been_there(one: str, other:
     values = texture(5.0).tolist()
     forces(stream, values[:BEGUN])
     stream.select(other)
-    found = np.array([stream.process(value, 0.0) for value in values[BEGUN:]])
+    found = np.array([stream.sample(value, 0.0) for value in values[BEGUN:]])
     expected = alone(other)[BEGUN:]
     difference = np.abs(found - expected)[LISTENED + FADED :]
     assert difference[:, 0].max() < 1e-3
@@ -562,7 +557,7 @@ def test_a_name_that_is_none_cannot_be_selected_and_changes_nothing() -> None:
     ):
         stream.select("magic")
     assert stream.controller == "constant"
-    assert stream.process(1.0, 0.0)[1] > 0.0
+    assert stream.sample(1.0, 0.0)[1] > 0.0
 
 
 def test_gravity_is_no_blow_to_who_begins_to_listen() -> None:
@@ -592,8 +587,8 @@ def test_the_status_says_who_is_in_use_and_what_was_limited() -> None:
         "handle not trusted",
         "withheld",
     }
-    stream.process(100.0, None)
-    stream.process(math.nan, 0.0)
+    stream.sample(100.0, None)
+    stream.sample(math.nan, 0.0)
     values = stream.diagnostics()[1]
     assert [values[name] for name in ("saturated", "rejected", "handle not trusted")] == ["1"] * 3
     assert float(values["travel (mm)"]) < 0.0
@@ -610,14 +605,14 @@ def test_a_reset_does_not_cool_the_coil() -> None:
     assert stream.guard.heat == warm > 0.0
 
 
-def felt(stream: Compensation, tool: FloatArray, mute: slice) -> FloatArray:
+def felt(stream: OneCoil, tool: FloatArray, mute: slice) -> FloatArray:
     """Return the forces on a simulated handle that feels none of them while muted."""
     handle = SimulatedMaster(MasterRigParameters(), RATE, 0)
     given = np.zeros(len(tool))
     muted = range(*mute.indices(len(tool)))
     for tick, acceleration in enumerate(tool):
         stream.mute(tick in muted)
-        _, given[tick] = stream.process(
+        _, given[tick] = stream.sample(
             acceleration, handle.read(tick / RATE).acceleration[ACTUATOR_AXIS]
         )
         stream.adapt()
@@ -658,9 +653,9 @@ def test_muting_changes_nothing_for_who_is_asleep() -> None:
     assert forces(waited, tool) == forces(new, tool)
 
 
-def answers(stream: Compensation, tool: FloatArray) -> FloatArray:
+def answers(stream: OneCoil, tool: FloatArray) -> FloatArray:
     """Return desired accelerations and forces for a tool, without a handle's acceleration."""
-    return np.array([stream.process(float(each), None) for each in tool])
+    return np.array([stream.sample(float(each), None) for each in tool])
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
@@ -691,7 +686,7 @@ def test_a_handle_moves_in_proportion_to_the_gain(controller: str, gain: float) 
         found = np.zeros((len(tool), 2))
         for tick, acceleration in enumerate(tool):
             felt = handle.read(tick / RATE).acceleration[ACTUATOR_AXIS]
-            found[tick] = stream.process(acceleration, felt)
+            found[tick] = stream.sample(acceleration, felt)
             stream.adapt()
             handle.write((tick + 1) / RATE, actuator_force=along_actuator(found[tick, 1]))
         return found[1000:]
@@ -706,13 +701,13 @@ def test_a_handle_moves_in_proportion_to_the_gain(controller: str, gain: float) 
 def test_a_texture_that_is_faded_in_does_not_drive_the_actuator_to_its_stops(
     controller: str,
 ) -> None:
-    stream = Compensation(CompensationParameters(controller, gain=0.0), RATE)
+    stream = OneCoil(CompensationParameters(controller, gain=0.0), RATE)
     handle = SimulatedMaster(MasterRigParameters(), RATE, 0)
     for tick, acceleration in enumerate(texture(4.0)):
         if tick == 1000:
             stream.set_gain(1.0)
         felt = handle.read(tick / RATE).acceleration[ACTUATOR_AXIS]
-        _, force = stream.process(acceleration, felt)
+        _, force = stream.sample(acceleration, felt)
         assert force == 0.0 or tick >= 1000
         stream.adapt()
         handle.write((tick + 1) / RATE, actuator_force=along_actuator(force))

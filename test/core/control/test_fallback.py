@@ -23,10 +23,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from one_coil import OneCoil
 from scipy import signal
 
 from haptic_accel.core.control import fallback
-from haptic_accel.core.control.compensation import Compensation, CompensationParameters
+from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.controllers.constant import ConstantParameters
 from haptic_accel.core.control.fallback import FADING, PAUSE, TRIAL
@@ -58,9 +59,9 @@ def texture(seconds: float, low: float = 60.0, high: float = 300.0, seed: int = 
     return np.asarray(2.0 * passed / passed.std())
 
 
-def compensation(controller: str, **options: Checked) -> Compensation:
+def compensation(controller: str, **options: Checked) -> OneCoil:
     around = CompensationParameters(controller)
-    return Compensation(around, RATE, {"plant": PLANT, **options}, ("inverse",), latency=1)
+    return OneCoil(around, RATE, {"plant": PLANT, **options}, ("inverse",), latency=1)
 
 
 class Loop:
@@ -74,7 +75,7 @@ class Loop:
         That of each sample.
     """
 
-    def __init__(self, stream: Compensation, plant: Plant) -> None:
+    def __init__(self, stream: OneCoil, plant: Plant) -> None:
         self.stream = stream
         self._taps = impulse_response(plant)
         self._past = np.zeros(TAPS)
@@ -86,7 +87,7 @@ class Loop:
     def run(self, tool: FloatArray) -> Loop:
         """Give the tool's acceleration."""
         for value in tool.tolist():
-            desired, force = self.stream.process(value, self.moved[-2])
+            desired, force = self.stream.sample(value, self.moved[-2])
             self.stream.adapt()
             self._past = np.append(force, self._past[:-1])
             # The force of this tick acts from the next sample on.

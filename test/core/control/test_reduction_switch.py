@@ -22,7 +22,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from haptic_accel.core.control.compensation import FADING, LISTENING
+from haptic_accel.core.control.channel import FADING, LISTENING
 from haptic_accel.core.control.reduction_switch import ReductionSwitch
 from haptic_accel.core.model import FloatArray, Vector, vector
 from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION

@@ -20,7 +20,6 @@ import math
 import pytest
 
 from haptic_accel.core.axes import ALL_AXES, along_actuator
-from haptic_accel.core.control.along_axis import AlongAxis
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.loop.compensation import CompensationPart
 from haptic_accel.core.model import Vector
@@ -36,7 +35,7 @@ SOON, LATE = PERIOD // 4, PERIOD
 @pytest.fixture
 def part() -> CompensationPart:
     compensation = Compensation(CompensationParameters(controller="constant"), RATE)
-    return CompensationPart(AlongAxis(compensation, RATE), RATE, latency=1, longest=100)
+    return CompensationPart(compensation, RATE, latency=1, longest=100)
 
 
 def stamps(part: CompensationPart, now: int) -> list[int]:

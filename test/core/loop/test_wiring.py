@@ -22,7 +22,6 @@ import pytest
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyLayer, SafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
-from haptic_accel.core.control.along_axis import AlongAxis
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.coupling.engagement import STEP_PERIOD, Engagement, EngagementParameters
 from haptic_accel.core.coupling.position_position import (
@@ -96,9 +95,7 @@ class Rig:
         )
         compensation = Compensation(CompensationParameters(controller="constant"), RATE)
         self.part = CouplingPart(coupling, engagement, RATE, longest=10)
-        self.compensation = CompensationPart(
-            AlongAxis(compensation, RATE), RATE, latency, longest=10
-        )
+        self.compensation = CompensationPart(compensation, RATE, latency, longest=10)
         self.loop = HostLoop(
             sides,
             self.part,

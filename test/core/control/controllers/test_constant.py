@@ -21,7 +21,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.control.compensation import build_controller
+from haptic_accel.core.control.channel import build_controller
 from haptic_accel.core.control.controllers import Loop
 from haptic_accel.core.control.controllers.constant import ConstantController, ConstantParameters
 from haptic_accel.core.parameters import ParameterError

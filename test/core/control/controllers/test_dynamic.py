@@ -20,7 +20,7 @@ import math
 
 import pytest
 
-from haptic_accel.core.control.compensation import build_controller
+from haptic_accel.core.control.channel import build_controller
 from haptic_accel.core.control.controllers import Loop
 from haptic_accel.core.control.controllers.dynamic import DynamicController
 from haptic_accel.core.model import ApproximateModel

@@ -27,7 +27,8 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.control.compensation import LARGEST_ACCELERATION, build_controller
+from haptic_accel.core.control.channel import build_controller
+from haptic_accel.core.control.compensation import LARGEST_ACCELERATION
 from haptic_accel.core.control.controllers import CONTROLLERS, Loop
 from haptic_accel.core.control.controllers.inverse import (
     SLIP_VELOCITY,

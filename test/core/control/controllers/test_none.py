@@ -18,7 +18,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.control.compensation import build_controller
+from haptic_accel.core.control.channel import build_controller
 from haptic_accel.core.control.controllers import Loop
 
 

@@ -25,12 +25,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from one_coil import OneCoil
 from scipy import signal
 
 from haptic_accel.core.actuator.guard import CUSHION, ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
-from haptic_accel.core.control.compensation import Compensation, CompensationParameters
+from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.filters import high_pass
@@ -86,7 +87,7 @@ class Follower:
         actuator = ActuatorParameters(travel=travel)
         options: dict[str, Checked] = {"actuator": actuator}
         parameters = CompensationParameters(controller="inverse")
-        self._compensation = Compensation(parameters, rate, options, latency=0)
+        self._compensation = OneCoil(parameters, rate, options, latency=0)
         self._estimator = TravelEstimator(actuator, rate)
         self._plant = signal.cont2discrete(
             _state_space(Plant().coupled().handle), 1.0 / rate, method="zoh"
@@ -102,7 +103,7 @@ class Follower:
         state, seen = np.zeros(4), 0.0
         signals = []
         for value in tool.tolist():
-            desired, force = self._compensation.process(value, seen)
+            desired, force = self._compensation.sample(value, seen)
             seen = float((c @ state + d[:, 0] * force)[0])
             signals.append((desired, force, state[2] - state[0]))
             state = a @ state + b[:, 0] * force

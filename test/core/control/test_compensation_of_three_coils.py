@@ -26,16 +26,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from one_coil import OneCoil
 from scipy import signal
 from scipy.spatial.transform import Rotation
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import NAMES as AXES
-from haptic_accel.core.control.along_axis import AlongAxis
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.filters import high_passed, without_hand_motion
-from haptic_accel.core.control.vector_compensation import VectorCompensation
 from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
@@ -123,12 +122,12 @@ class Handle:
 @lru_cache
 def built(
     controller: str, plant: MatrixPlant, actuator: ActuatorParameters, changed: str = ""
-) -> VectorCompensation:
+) -> Compensation:
     """Design once; `changed` is a parameter with another value, as in ``name=value``."""
     own = dict([changed.split("=")]) if changed else {}
     parameters = CompensationParameters(controller, **own)  # type: ignore[arg-type]
     options: dict[str, Checked] = {"actuator": actuator}
-    return VectorCompensation(parameters, RATE, plant, options, latency=LATENCY)
+    return Compensation(parameters, RATE, options, latency=LATENCY, plant=plant)
 
 
 def compensation(
@@ -136,13 +135,11 @@ def compensation(
     plant: MatrixPlant = COUPLED,
     actuator: ActuatorParameters = COIL,
     changed: str = "",
-) -> VectorCompensation:
+) -> Compensation:
     return copy.deepcopy(built(controller, plant, actuator, changed))
 
 
-def driven(
-    stream: VectorCompensation, handle: Handle, tool: FloatArray
-) -> tuple[FloatArray, list[str]]:
+def driven(stream: Compensation, handle: Handle, tool: FloatArray) -> tuple[FloatArray, list[str]]:
     """Return the handle's acceleration, and the warning after each sample."""
     before: Vector | None = None
     felt, warnings = [], []
@@ -173,8 +170,7 @@ def test_without_coupling_each_axis_is_that_of_a_single_coil(controller: str) ->
     stream = compensation(controller, UNCOUPLED, WIDE)
     around = CompensationParameters(controller)
     singles = [
-        Compensation(around, RATE, {"actuator": WIDE, "plant": own}, latency=LATENCY)
-        for own in UNEQUAL
+        OneCoil(around, RATE, {"actuator": WIDE, "plant": own}, latency=LATENCY) for own in UNEQUAL
     ]
     tool = textures(1.0)
     handle = 0.9 * np.roll(tool, 2, axis=0) + REST
@@ -185,7 +181,7 @@ def test_without_coupling_each_axis_is_that_of_a_single_coil(controller: str) ->
         felt = None if unseen else vector(handle[index])
         desired, force = stream.process(vector(tool[index]), felt)
         alone = [
-            single.process(float(tool[index, axis]), None if felt is None else felt[axis])
+            single.sample(float(tool[index, axis]), None if felt is None else felt[axis])
             for axis, single in enumerate(singles)
         ]
         assert list(zip(desired, force, strict=True)) == alone
@@ -257,7 +253,7 @@ def test_with_a_reduction_the_coil_along_z_is_that_of_a_single_coil(controller: 
     stream = compensation(controller, UNCOUPLED, WIDE, "reduction=sum")
     options: dict[str, Checked] = {"actuator": WIDE, "plant": UNEQUAL[2]}
     around = CompensationParameters(controller, reduction="sum")
-    single = AlongAxis(Compensation(around, RATE, options, latency=LATENCY), RATE, "sum")
+    single = Compensation(around, RATE, options, latency=LATENCY)
     tool, felt = textures(1.0), 0.9 * textures(1.0, seed=2)
     for each, moved in zip(tool + REST, felt + REST, strict=True):
         # Forces are reduced by what the handle measures, with other rounding.
@@ -520,7 +516,7 @@ def test_a_gain_scales_all_axes_and_is_exact_at_one(controller: str) -> None:
 
 def test_another_rate_is_refused() -> None:
     with pytest.raises(ParameterError, match="rate = 2000: must be .* 1000 Hz"):
-        VectorCompensation(CompensationParameters("none"), 2000.0, COUPLED)
+        Compensation(CompensationParameters("none"), 2000.0, plant=COUPLED)
 
 
 def test_the_error_of_a_weak_axis_costs_no_force_of_the_strong_ones() -> None:

@@ -1,0 +1,48 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Compensation of a handle with one coil, fed with the components along it."""
+
+from __future__ import annotations
+
+from haptic_accel.core.actuator.guard import ActuatorGuard
+from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
+from haptic_accel.core.control.compensation import Compensation
+from haptic_accel.core.control.supervision import ResponseSupervisor
+
+
+class OneCoil(Compensation):
+    """Compensation of one coil."""
+
+    def sample(self, tool: float, handle: float | None) -> tuple[float, float]:
+        """Return desired acceleration, m/s^2, and force, N, along the coil."""
+        felt = None if handle is None else along_actuator(handle)
+        desired, force = self.process(along_actuator(tool), felt)
+        return desired[ACTUATOR_AXIS], force[ACTUATOR_AXIS]
+
+    @property
+    def guard(self) -> ActuatorGuard:
+        """Limits of the coil."""
+        return self.channels[0].guard
+
+    @property
+    def supervisor(self) -> ResponseSupervisor:
+        """Supervision of the coil."""
+        return self.channels[0].supervisor
+
+    @property
+    def active(self) -> str:
+        """Name of the controller whose force is used."""
+        return self.channels[0].active
