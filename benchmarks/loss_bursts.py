@@ -95,8 +95,8 @@ def measure(seconds: float, seed: int) -> dict[str, float]:
             last_distance = math.dist(at.master, at.slave)
             distance = max(distance, last_distance)
         for arm, half in hosts.halves.items():
-            pulls = hosts.loops[arm].pulls
-            force, before = pulls[-1].force if pulls else ZERO, forces[arm]
+            commands = hosts.loops[arm].commands
+            force, before = commands[-1].force if commands else ZERO, forces[arm]
             forces[arm] = force
             if half.engagement.count != counts[arm]:
                 counts[arm], since[arm] = half.engagement.count, tick

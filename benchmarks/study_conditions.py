@@ -31,7 +31,7 @@ from statistics import median
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.kits.study.live import LiveRig
 from haptic_accel.kits.study.protocol import Condition, Consent, Protocol
-from haptic_accel.kits.study.trials import Presented
+from haptic_accel.kits.study.trials import PresentedStimulus
 
 SECONDS = 2.0
 """Duration of a stimulus, s."""
@@ -61,7 +61,7 @@ def main() -> None:
         source=Path("study.yaml").absolute(),
         content="",
     )
-    presented: list[tuple[Condition, Presented]] = []
+    presented: list[tuple[Condition, PresentedStimulus]] = []
     with tempfile.TemporaryDirectory() as folder:
         begun = time.monotonic()
         with LiveRig(protocol, Path(folder)) as rig:

@@ -283,7 +283,7 @@ def measure(
     corner = segment.high_pass_frequency
     if actual is None and segment.rate <= 2 * corner:
         notes.append(f"{segment.rate:g} samples per second are too few for its {corner:g} Hz")
-    likeness = _Likeness()
+    likeness = _Comparison()
     felt = math.nan if desired is None else _rms(desired)
     contact = not felt < CONTACT
     if not contact:
@@ -398,7 +398,7 @@ _NO_ERROR = Interval(math.nan, math.nan, math.nan, 0, "no value")
 
 
 @dataclass(frozen=True)
-class _Likeness:
+class _Comparison:
     """Result of comparing two accelerations; the default is no comparison."""
 
     metrics: dict[str, float] = field(default_factory=dict)
@@ -415,7 +415,7 @@ def _compared(
     shift: Shift,
     notes: list[str],
     begin: float | None,
-) -> _Likeness:
+) -> _Comparison:
     """Compare two accelerations; add the reason to the notes if this is impossible."""
     rate = segment.rate
     try:
@@ -431,7 +431,7 @@ def _compared(
         errors = band_nrmse(desired, actual, rate, bands(rate))
     except ValueError as error:
         notes.append(f"cannot be compared: {error}")
-        return _Likeness()
+        return _Comparison()
     if math.isnan(delay.seconds):
         notes.append("no delay: the actual acceleration does not correlate with the desired one")
     metrics = asdict(evaluation) | {
@@ -453,7 +453,7 @@ def _compared(
     low, high = PERCENT * own.low, PERCENT * own.high
     nrmse = replace(own, value=evaluation.nrmse_percent, low=low, high=high)
     by_band = {band: PERCENT * value for band, value in errors.items()}
-    return _Likeness(metrics, seconds, by_band, nrmse, portrait)
+    return _Comparison(metrics, seconds, by_band, nrmse, portrait)
 
 
 def _bounds(segment: Segment, shift: float, notes: list[str]) -> dict[str, float]:

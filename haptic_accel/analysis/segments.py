@@ -58,7 +58,7 @@ from haptic_accel.setup.setup import Parameters, known_arguments
 RINGING = 0.2
 """Decay time of handle and tool after a change, s: eight times Table I's 2 m_h / b_u."""
 
-SETTLING = LISTENING + FADING + RINGING
+EXCLUDED_AFTER_CHANGE = LISTENING + FADING + RINGING
 """Time excluded after a change of controller, surface or grip, s."""
 
 SHORTEST = 0.9
@@ -198,7 +198,7 @@ def read_segment(path: Path, number: int = 1) -> Segment:
 
 
 @dataclass(frozen=True)
-class Cut:
+class Division:
     """Result of dividing a bag.
 
     Attributes
@@ -212,7 +212,7 @@ class Cut:
     problems: list[str]
 
 
-def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = None) -> Cut:
+def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = None) -> Division:
     """Divide a bag at changes of the condition and at disengagements.
 
     Parameters
@@ -239,14 +239,14 @@ def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = N
     if not present:
         problems.append("none of the signals of this graph is in it: it is of another rig")
     if not present or rate is None:
-        return Cut([], problems)
+        return Division([], problems)
     missing = [name for name in _NAMES if name not in recorded.signals]
     problems += [f"has no {name}{_consequence(name, missing)}" for name in missing]
     described = _known(recorded, Parameters.from_metadata(recorded.facts), rate, rig, problems)
     begin = max(int(signal.stamps.min()) for signal in present)
     end = min(int(signal.stamps.max()) for signal in present)
     if end <= begin:
-        return Cut([], [*problems, "its signals do not overlap in time"])
+        return Division([], [*problems, "its signals do not overlap in time"])
     segments: list[Segment] = []
     for known, low, high in _parts(recorded, described, (begin, end), problems):
         condition = known.condition
@@ -265,7 +265,7 @@ def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = N
             f"has no trial: record at least {SHORTEST:g} s with the arms engaged, without a change"
             " of controller, surface or grip"
         )
-    return Cut(segments, problems)
+    return Division(segments, problems)
 
 
 def _consequence(name: str, missing: Sequence[str]) -> str:
@@ -300,7 +300,7 @@ def _rate(recorded: Bag, asked: float | None, problems: list[str]) -> float | No
 
 
 @dataclass(frozen=True)
-class _Known:
+class _Description:
     """Description of the graph of a bag, with defaults for missing items.
 
     Attributes
@@ -365,7 +365,7 @@ def _known(
     rate: float,
     rig: RigParameters | None,
     problems: list[str],
-) -> _Known:
+) -> _Description:
     """Return a graph's description from its bag's metadata, and the parameters of its nodes."""
     arguments, nodes = known_arguments(recorded.facts), parameters.values
     if not nodes.get("compensator"):
@@ -400,7 +400,7 @@ def _known(
     seed = arguments.get("seed")
     user = seed if isinstance(seed, int) and seed >= 0 else 0
     around_trial = rate, corner, actuator, pair, recorded.latency
-    return _Known(condition, parameters, options, rig, user, *around_trial)
+    return _Description(condition, parameters, options, rig, user, *around_trial)
 
 
 def surface_of(recorded: Bag) -> str:
@@ -446,14 +446,16 @@ def run_of(recorded: Bag) -> str:
 
 
 def _parts(
-    recorded: Bag, known: _Known, span: tuple[int, int], problems: list[str]
-) -> list[tuple[_Known, int, int]]:
+    recorded: Bag, known: _Description, span: tuple[int, int], problems: list[str]
+) -> list[tuple[_Description, int, int]]:
     """Return description, start and end of each section that can be analysed, ns."""
     coupled = _recorded(recorded, _coupled(recorded, span, problems), problems)
     conditions = [*_conditions(recorded, known), (span[1] + 1, known)]
     parts = []
     for (moment, condition), (following, _) in itertools.pairwise(conditions):
-        settled = moment + round(SETTLING * NANOSECONDS) if moment > span[0] else span[0]
+        settled = (
+            moment + round(EXCLUDED_AFTER_CHANGE * NANOSECONDS) if moment > span[0] else span[0]
+        )
         for first, last in coupled:
             low, high = max(first, settled), min(last, following)
             if low < high:
@@ -504,7 +506,7 @@ def _recorded(
     return found
 
 
-def _conditions(recorded: Bag, known: _Known) -> list[tuple[int, _Known]]:
+def _conditions(recorded: Bag, known: _Description) -> list[tuple[int, _Description]]:
     """Return the descriptions of a bag's sections and the start of each, ns; the first is 0."""
     conditions = [(0, known)]
     # A node declares the parameters of all its devices, and the recorder may receive these.
@@ -528,7 +530,9 @@ _FIGURES = ("compensator", "coupler", "master_device", "slave_device")
 """Nodes with parameters that a metric or a bound depends on."""
 
 
-def _set(recorded: Bag, parameters: Parameters, before: _Known, change: Change) -> _Known:
+def _set(
+    recorded: Bag, parameters: Parameters, before: _Description, change: Change
+) -> _Description:
     """Return the description after a change of a parameter that belongs to no condition."""
     after = _known(recorded, parameters, before.rate, None, [])
     name = f"{change.node}: {change.parameter}"
@@ -537,7 +541,7 @@ def _set(recorded: Bag, parameters: Parameters, before: _Known, change: Change) 
     return replace(after, condition=before.condition, notes=notes)
 
 
-def _changed(before: Condition, change: Change, known: _Known) -> Condition:
+def _changed(before: Condition, change: Change, known: _Description) -> Condition:
     """Return the condition after the change of a parameter."""
     if field := _CONDITIONS.get((change.node, change.parameter)):
         value = str(change.value)
@@ -557,7 +561,7 @@ ALTERED = " (altered)"
 
 def _segment(
     recorded: Bag,
-    known: _Known,
+    known: _Description,
     number: int,
     low: int,
     high: int,
@@ -607,7 +611,7 @@ def _segment(
     )
 
 
-def _complete(signals: dict[str, FloatArray], known: _Known) -> list[str]:
+def _complete(signals: dict[str, FloatArray], known: _Description) -> list[str]:
     """Compute a missing desired acceleration from the tool's; remove damaged signals."""
     notes = []
     for name, values in list(signals.items()):

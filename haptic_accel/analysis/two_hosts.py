@@ -54,11 +54,11 @@ FEWEST_REPORTS = 10
 """Minimum number of reports for estimating the drift between the clocks; with fewer, their errors
 would appear as drift."""
 
-LONGEST = 2.0
+LONGEST_DELAY = 2.0
 """Maximum delay from the robot's tool to the handle in the search, s. A usable network has less
 than 0.5 s; the clock error adds up to its bound."""
 
-STRETCH = 2 * LONGEST
+STRETCH = 2 * LONGEST_DELAY
 """Length of the stretches of a trial that are searched for a delay, s."""
 
 PIECE = 0.5
@@ -294,9 +294,11 @@ def _usual_delay(desired: FloatArray, actual: FloatArray, rate: float) -> float:
     """
     length = round(STRETCH * rate)
     stretches = [slice(begin, begin + length) for begin in range(0, len(desired), length)]
-    found = estimate_delay(desired, actual, rate, LONGEST)
+    found = estimate_delay(desired, actual, rate, LONGEST_DELAY)
     if math.isnan(found.seconds):
-        tried = [estimate_delay(desired[each], actual[each], rate, LONGEST) for each in stretches]
+        tried = [
+            estimate_delay(desired[each], actual[each], rate, LONGEST_DELAY) for each in stretches
+        ]
         found = max(tried, key=lambda each: each.correlation, default=found)
     if math.isnan(found.seconds):
         raise ValueError("no delay was found")

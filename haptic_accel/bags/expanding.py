@@ -22,7 +22,7 @@ from pathlib import Path
 from haptic_accel.bags.rosbags_adapter import zstd
 from haptic_accel.core.bounded_files import opened
 
-LARGEST = 1 << 26
+LARGEST_RECORD = 1 << 26
 """Maximum size of a record, chunk or message, bytes; rosbag2's chunks have 768 KiB."""
 
 ZSTD = bytes.fromhex("28b52ffd")
@@ -87,7 +87,7 @@ def decompressed_message(content: bytes) -> bytes:
         The message is damaged or too large.
     """
     decompressor = zstd.ZstdDecompressor()
-    found = decompressor.decompress(content, LARGEST)
+    found = decompressor.decompress(content, LARGEST_RECORD)
     if not decompressor.eof:
-        raise ValueError(f"a message is cut off, or has more than {LARGEST} bytes")
+        raise ValueError(f"a message is cut off, or has more than {LARGEST_RECORD} bytes")
     return found

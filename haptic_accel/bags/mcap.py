@@ -36,7 +36,7 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.bags import mcap_format as mcap
-from haptic_accel.bags.expanding import LARGEST, Allowance
+from haptic_accel.bags.expanding import LARGEST_RECORD, Allowance
 from haptic_accel.bags.mcap_format import MAGIC, NEVER, RECORD, Channel, Schema, Tally
 from haptic_accel.bags.rosbags_adapter import lz4, zstd
 from haptic_accel.core.sampling import IntArray
@@ -290,12 +290,13 @@ class McapFile:
             if kind == mcap.NOTHING or (is_cut_off and kind != mcap.CHUNK):
                 return
             length = min(length, size - place)
-            if kind in _READ_KINDS and length <= LARGEST:
+            if kind in _READ_KINDS and length <= LARGEST_RECORD:
                 yield kind, file.read(length)
                 continue
             if kind in _READ_KINDS:
                 self._report(
-                    f"a record has {length} bytes and is left out; at most {LARGEST} are allowed"
+                    f"a record has {length} bytes and is left out; at most {LARGEST_RECORD} are"
+                    " allowed"
                 )
             file.seek(place + length)
 
@@ -304,7 +305,7 @@ class McapFile:
     ) -> Iterator[tuple[int, bytes]]:
         """Yield records at the index's positions, and an end."""
         for place, length, kind in places:
-            if length > LARGEST or place + length > size:
+            if length > LARGEST_RECORD or place + length > size:
                 self._report(f"a record of {length} bytes is not where the index has it")
                 continue
             self._allowance.spend(length)  # the index may repeat a position many times
@@ -353,8 +354,8 @@ class McapFile:
             span = f", messages from {_moment(start)} to {_moment(end)} are left out"
             compression = mcap.read_text(stream)
             (length,) = mcap.LENGTH.unpack(stream.read(mcap.LENGTH.size))
-            if size > LARGEST:
-                raise ValueError(f"it states {size} bytes; at most {LARGEST} are allowed")
+            if size > LARGEST_RECORD:
+                raise ValueError(f"it states {size} bytes; at most {LARGEST_RECORD} are allowed")
             stored = stream.read()
             records = stored[:length]
             if compression:
@@ -468,7 +469,7 @@ def _index(file: BinaryIO, size: int) -> _Index:
         raise ValueError("was not closed: it has no index")
     end = size - _FOOTER.size
     is_footer = (kind, length) == (mcap.FOOTER, mcap.SPAN.size + mcap.SUM.size)
-    if not (is_footer and len(MAGIC) + _DATA_END.size <= start <= end < start + LARGEST):
+    if not (is_footer and len(MAGIC) + _DATA_END.size <= start <= end < start + LARGEST_RECORD):
         raise DamagedIndexError("its index is damaged")
     file.seek(start)
     content = file.read(end - start)

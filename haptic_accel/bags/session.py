@@ -27,12 +27,12 @@ from rosbags.interfaces import Qos
 
 from haptic_accel.bags.folder import free_name
 from haptic_accel.bags.recording_options import RecordingOptions
-from haptic_accel.bags.writing import BagWriter, Put
+from haptic_accel.bags.writing import BagWriter, MessageWriter
 from haptic_accel.core.parameters import ParameterError
 
 RECORDING, PAUSED, STOPPED = "recording", "paused", "stopped"
 
-Connect = Callable[[BagWriter], Put]
+Connect = Callable[[BagWriter], MessageWriter]
 
 Answer = tuple[bool, str]
 """Success of a request, and a message line."""
@@ -72,14 +72,14 @@ class RecordingSession:
         self._options = options
         self._write = partial(BagWriter, capacity=capacity, facts=facts)
         self._connects: dict[str, Connect] = {}
-        self._puts: dict[str, Put] = {}
+        self._puts: dict[str, MessageWriter] = {}
         self._stopped = False
         self.failures: list[str] = []
         self.writer = self._open(options)
 
     def connect(
         self, topic: str, kind: str, offered: Sequence[Qos], *, sampled: bool = False
-    ) -> Put:
+    ) -> MessageWriter:
         """Add a topic to this bag and all later ones; see `BagWriter.connect`.
 
         Raises
@@ -88,7 +88,7 @@ class RecordingSession:
             The type has no definition.
         """
 
-        def connect(writer: BagWriter) -> Put:
+        def connect(writer: BagWriter) -> MessageWriter:
             return writer.connect(topic, kind, offered, sampled=sampled)
 
         puts = self._puts

@@ -46,7 +46,7 @@ Message = tuple[Connection, int, bytes]
 Command = Callable[[], None]
 
 
-class Put(Protocol):
+class MessageWriter(Protocol):
     """Receiver of the messages of one topic."""
 
     def __call__(self, message: bytes, received: int | None = None) -> None:
@@ -120,7 +120,7 @@ class BagWriter:
 
     def connect(
         self, topic: str, kind: str, offered: Sequence[Qos], *, sampled: bool = False
-    ) -> Put:
+    ) -> MessageWriter:
         """Add a topic; return a function to call with each serialised message.
 
         Parameters

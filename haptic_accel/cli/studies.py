@@ -38,7 +38,7 @@ from haptic_accel.core.process import INTERRUPTED
 Show = Callable[[float], None]
 """Shows how many conditions are done, where parts of one count."""
 
-LARGEST = 1 << 30
+LARGEST_RESULTS = 1 << 30
 """Largest file of results that is read, bytes: a condition takes some 500."""
 
 
@@ -56,7 +56,7 @@ class Journal:
     def __init__(self, file: Path) -> None:
         self.file = file
         self._known: dict[bytes, bytes] = {}
-        with located(file), suppress(FileNotFoundError), opened(file, LARGEST) as lines:
+        with located(file), suppress(FileNotFoundError), opened(file, LARGEST_RESULTS) as lines:
             for line in lines:
                 digest, _, result = line.partition(b" ")
                 if result.endswith(b"\n"):  # or the study was killed while it was written

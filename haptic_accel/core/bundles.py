@@ -48,7 +48,7 @@ smaller."""
 OLDEST = 1.0
 """Maximum age of a message when its bundle is received, s; larger ages are clipped."""
 
-MEMORY = 5.0
+DUPLICATE_MEMORY = 5.0
 """Minimum time for which a message is remembered, to detect its duplicate on the other path, s."""
 
 MOST_REMEMBERED = 100_000
@@ -171,7 +171,7 @@ class BothWays:
         """Return whether a message, received at a monotonic time in s, is a duplicate."""
         if now >= self._until or sum(map(len, self._generations[1])) > MOST_REMEMBERED:
             self._generations = self._generations[1], self._new()
-            self._until = now + MEMORY
+            self._until = now + DUPLICATE_MEMORY
         for generation in self._generations:
             other = generation[not bundled]
             if message in other:

@@ -44,7 +44,7 @@ STRAGGLING = 20
 PAST_TICK, LONGEST, LATE_TIME = "past their tick", "longest lateness (us)", "late (s)"
 """Suffixes of counts in diagnostics, after the kind of force."""
 
-Caused = tuple[int, Vector]
+CompensatedSample = tuple[int, Vector]
 """Stamp of the sample that caused a force, ns, and the force, N."""
 
 
@@ -86,8 +86,8 @@ class DueForces:
     def __init__(self, latency: int, period: float) -> None:
         self._latency = latency
         self._period = period
-        self._waiting: dict[int, Caused] = {}
-        self._out_of_date: Caused | None = None
+        self._waiting: dict[int, CompensatedSample] = {}
+        self._out_of_date: CompensatedSample | None = None
         self._carried_out = self._last = -math.inf
         self._taken: list[int] = []
         self._late_until = 0.0
@@ -116,7 +116,7 @@ class DueForces:
         """
         self._out_of_date = stamp, force
 
-    def pop(self, tick: int, *, ahead: bool = False) -> Caused | None:
+    def pop(self, tick: int, *, ahead: bool = False) -> CompensatedSample | None:
         """Return the newest force that is due at a tick or earlier; None if there is none.
 
         An outdated force is returned only if no other is due. `ahead` means that the tick has not

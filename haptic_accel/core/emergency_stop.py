@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-SETTLING = 1.0
+LATCHED_SETTLING = 1.0
 """Minimum age of a node for forces and for a release, s. Latched messages of several senders
 arrive late and in any order, and a stop among them must be received first."""
 
@@ -77,7 +77,7 @@ class EmergencyStop:
 
     def is_settled(self, now: float) -> bool:
         """Return whether every stop from before the node's start has been received."""
-        return now - self._started >= SETTLING
+        return now - self._started >= LATCHED_SETTLING
 
     def stop(self) -> bool:
         """Stop; return whether the state is new."""

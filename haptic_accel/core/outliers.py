@@ -21,8 +21,8 @@ cannot do: leave its surroundings between two samples, stay there at one value, 
 next sample. Impacts ring, scratches and bumps have neighbours of their size, and after a step the
 signal stays.
 
-A run of up to `LONGEST` equal samples is an outlier if its deviation from the median of the
-`AROUND` samples on either side exceeds
+A run of up to `LONGEST_OUTLIER` equal samples is an outlier if its deviation from the median of
+the `AROUND` samples on either side exceeds
 
 1. `THRESHOLD` times their scaled median absolute deviation (Hampel's rule), and the resolution of
    the signal as many times,
@@ -46,7 +46,7 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import BoolArray, IntArray
 
-LONGEST = 8
+LONGEST_OUTLIER = 8
 """Maximum number of equal samples in an outlier; a sensor that sticks for longer is defective."""
 
 AROUND = 16
@@ -101,7 +101,7 @@ def outliers(samples: FloatArray) -> BoolArray:
         return found
     begins = np.flatnonzero(np.diff(samples, prepend=np.nan))
     ends = np.append(begins[1:], len(samples))
-    short = ends - begins <= LONGEST
+    short = ends - begins <= LONGEST_OUTLIER
     inside = short & (begins >= NEAR) & (ends <= len(samples) - NEAR)
     for begin, end in _departures(samples, begins[inside], ends[inside]).tolist():
         found[begin:end] = True

@@ -73,7 +73,7 @@ GripChange = tuple[float, HandleParameters | MountParameters]
 Warned = tuple[float, str]
 """Time of a warning, s, and its text."""
 
-LOOK = 0.05
+WARNING_CHECK_PERIOD = 0.05
 """Interval for checking the compensator's warnings, s."""
 
 
@@ -324,7 +324,7 @@ def run_trial(
         slave = SlaveRig(rig.slave, rate, seed, recording, physics_step, texture)
     time = np.arange(round(duration * rate)) / rate
     warnings: list[Warned] = []
-    crossings: list[Crossed] = []
+    crossings: list[PlayedSample] = []
     rigs = simulated_master(rig.master, rate, seed), slave
     devices = dict(zip(topics.ARMS, rigs, strict=True))
     parameters = rig, devices, around, controllers or {}, rate, latency
@@ -361,7 +361,7 @@ def run_trial(
 
 
 def _crossed(
-    crossings: Sequence[Crossed], tool: FloatArray, rate: float, axes: Axes
+    crossings: Sequence[PlayedSample], tool: FloatArray, rate: float, axes: Axes
 ) -> tuple[Crossing, FloatArray]:
     """Return the network's signals, and the tool's acceleration at the played times."""
     places = np.array([each.position for each in crossings])
@@ -377,7 +377,7 @@ def _crossed(
     return Crossing(played, (count - places) / rate, kinds, energy), aligned
 
 
-class Crossed(NamedTuple):
+class PlayedSample(NamedTuple):
     """Sample played at the master, its time in samples, and the energy in both tanks, J."""
 
     played: Played
@@ -414,7 +414,7 @@ def _samples(
     times: Sequence[float],
     grips: deque[GripChange],
     warnings: list[Warned],
-    crossings: list[Crossed],
+    crossings: list[PlayedSample],
 ) -> Iterator[tuple[float, ...]]:
     """Yield the signals of each sample in the order of `Trial`, then the arms' vectors.
 
@@ -434,13 +434,13 @@ def _samples(
                 master.change_grip(changed)
         hosts.step(tick)
         (_, (_, handle, _)), (_, (_, tool, _)) = (each for loop in loops for each in loop.samples)
-        forces = {pull.arm: pull.force for loop in loops for pull in loop.pulls}
-        felt = loops[0].felt
+        forces = {command.arm: command.force for loop in loops for command in loop.commands}
+        felt = loops[0].compensated
         _, desired, force = felt[-1] if felt else (0, ZERO, ZERO)
         if isinstance(hosts, TwoHosts):
             played = hosts.halves[MASTER].played
-            crossings.append(Crossed(played, hosts.position, hosts.energy))
-        if time >= looked + LOOK:
+            crossings.append(PlayedSample(played, hosts.position, hosts.energy))
+        if time >= looked + WARNING_CHECK_PERIOD:
             looked, (now, _) = time, compensation.diagnostics()
             if now != words:
                 words = now

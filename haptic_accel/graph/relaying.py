@@ -35,7 +35,7 @@ from haptic_accel.links.parameters import UDP
 from haptic_accel.links.relay import Relay
 from haptic_accel.setup.words import given_keys, parse_words
 
-LOOK_PERIOD = 0.1
+END_CHECK_PERIOD = 0.1
 """Interval between checks for the end, s."""
 
 CHANGED = "network: "
@@ -134,7 +134,7 @@ def serve(
         say(_stated(relay.network))
         text = b""
         while not ended():
-            wait = min(LOOK_PERIOD, max(0.0, relay.due - time.monotonic()))
+            wait = min(END_CHECK_PERIOD, max(0.0, relay.due - time.monotonic()))
             inputs: list[Any] = [*relay.sockets, *([] if source is None else [source])]
             ready = select.select(inputs, [], [], wait)[0]
             relay.step(time.monotonic())

@@ -65,7 +65,7 @@ _ENDS = (DONE, *(-number for number in signals("SIGTERM", "SIGALRM")), *CUT_SHOR
 """Statuses of a process that has done nothing wrong: after one of our signals, too, and where its
 middleware did not come to an end (SIGALRM), aborted or faulted."""
 
-LOOK_PERIOD = 0.1
+END_CHECK_PERIOD = 0.1
 """Interval between checks for the end of a process and a request to stop, s."""
 
 
@@ -236,7 +236,7 @@ class Supervisor:
                         self._running[process.name].send_signal(EMERGENCY)
                 while not (first or stop() or self._lines.error):
                     with suppress(queue.Empty):
-                        ended = self._ended.get(timeout=LOOK_PERIOD)
+                        ended = self._ended.get(timeout=END_CHECK_PERIOD)
                         first = "" if self._goes_on_after(ended) else ended
                     self._start_again(Path(folder))
             finally:

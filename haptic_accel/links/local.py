@@ -32,7 +32,7 @@ from haptic_accel.core.parameters import ParameterError
 COUPLER, LINK = "coupler", "link"
 """Names of the two ends."""
 
-LONGEST = 1100
+LONGEST_DATAGRAM = 1100
 """Maximum length of a datagram, bytes. With the headers of a transport and a tunnel it stays below
 1280, which IPv6 networks carry without fragmentation (RFC 8200)."""
 
@@ -132,8 +132,8 @@ class LocalEnd:
         taken = []
         with suppress(BlockingIOError):
             while True:
-                datagram, sender = self._socket.recvfrom(LONGEST + 1)
-                if sender != self._other or len(datagram) > LONGEST:
+                datagram, sender = self._socket.recvfrom(LONGEST_DATAGRAM + 1)
+                if sender != self._other or len(datagram) > LONGEST_DATAGRAM:
                     continue
                 if datagram.startswith(_NOTE):
                     self.note = datagram.removeprefix(_NOTE).decode()

@@ -28,7 +28,7 @@ RISE = 1.0
 """Pace at which a longer delay is reached, s/s. At once, it would be a silence of the same length,
 in which arms let go from 0.08 s on; at this pace datagrams come at half their rate."""
 
-LONGEST = 65535
+LONGEST_DATAGRAM = 65535
 """Maximum length of a datagram, bytes: the relay does not read what it carries."""
 
 
@@ -124,7 +124,7 @@ def _received(connected: socket.socket) -> list[bytes]:
     found: list[bytes] = []
     while True:
         try:
-            found.append(connected.recv(LONGEST))
+            found.append(connected.recv(LONGEST_DATAGRAM))
         except BlockingIOError:
             return found
         except ConnectionError:  # an earlier datagram found no receiver

@@ -26,9 +26,9 @@ from contextlib import suppress
 
 from haptic_accel.links.addresses import Route, bound
 from haptic_accel.links.authentication import TAG_LENGTH, Authenticator
-from haptic_accel.links.local import LONGEST
+from haptic_accel.links.local import LONGEST_DATAGRAM
 
-LOOK = 0.25
+END_CHECK_PERIOD = 0.25
 """Interval of checks for the end while nothing is received, s."""
 
 BURST, BURST_TIME, BREAK = 500, 0.1, 1e-3
@@ -58,7 +58,7 @@ class UdpCarrier:
         self._authenticator, self._refused = authenticator, refused
         self._socket = bound(route.own, route.own_port)
         # Closing a socket does not wake threads that wait for it.
-        pause = struct.pack("ll", 0, round(LOOK * 1e6))
+        pause = struct.pack("ll", 0, round(END_CHECK_PERIOD * 1e6))
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, pause)
         family = self._socket.family
         found = socket.getaddrinfo(route.peer, route.peer_port, family, socket.SOCK_DGRAM)
@@ -78,13 +78,13 @@ class UdpCarrier:
         count, since = 0, time.monotonic()
         while not self._over.is_set():
             try:
-                data, sender = receive(LONGEST + TAG_LENGTH + 1)
+                data, sender = receive(LONGEST_DATAGRAM + TAG_LENGTH + 1)
             except BlockingIOError:
                 continue
             datagram = verified(data)
             if datagram is None:
                 self._refused(sender[0])
-            elif len(datagram) <= LONGEST:
+            elif len(datagram) <= LONGEST_DATAGRAM:
                 deliver(datagram)
             count += 1
             if count % BURST == 0:

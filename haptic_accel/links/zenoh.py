@@ -260,7 +260,7 @@ def settings(route: Route, side: str, keys: Path) -> dict[str, Any]:
     }
 
 
-WINDOW = 0.1
+ROUND_TRIP_WINDOW = 0.1
 """Window for the shortest round trip, s: jitter lengthens many round trips, a queue all."""
 
 REMEMBERED = 100
@@ -284,9 +284,9 @@ class Pace:
 
     Congestion control interprets lost and overtaken datagrams as overload. At 5 % loss it passes a
     few hundred per second; at 1000 per second, each waits seconds. Each datagram contains the
-    number of the newest received from the peer. If the shortest round trip of a `WINDOW` grows by
-    `LATE`, half of the datagrams are skipped, and more if that has no effect. The initial rate is
-    low, as a queue takes seconds to drain.
+    number of the newest received from the peer. If the shortest round trip of a
+    `ROUND_TRIP_WINDOW` grows by `LATE`, half of the datagrams are skipped, and more if that has no
+    effect. The initial rate is low, as a queue takes seconds to drain.
 
     Attributes
     ----------
@@ -327,7 +327,7 @@ class Pace:
         if now >= self._until and math.isfinite(self._least):
             self._windows.append(self._least)
             self._follow(self._least - min(self._windows))
-            self._least, self._until = math.inf, now + WINDOW
+            self._least, self._until = math.inf, now + ROUND_TRIP_WINDOW
 
     def _follow(self, excess: float) -> None:
         """Reduce the rate while a queue exists; increase it after some time without one."""

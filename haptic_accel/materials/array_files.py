@@ -33,7 +33,7 @@ import numpy.typing as npt
 from haptic_accel.core.bounded_files import opened, read_bytes
 from haptic_accel.core.parameters import one_line
 
-LARGEST = 1 << 26
+LARGEST_FILE = 1 << 26
 """Maximum size of a file, and of the contents of all its arrays, bytes."""
 
 MOST_NUMBERS = 4_000_000
@@ -74,9 +74,9 @@ def read_array(path: Path) -> Array:
     ValueError
         The file is no NPY file, or is too large.
     """
-    with opened(path, LARGEST) as file:
+    with opened(path, LARGEST_FILE) as file:
         try:
-            return _array(file, LARGEST)
+            return _array(file, LARGEST_FILE)
         except DAMAGE_ERRORS as error:
             raise ValueError(one_line(error)) from None
 
@@ -91,7 +91,7 @@ def read_arrays(path: Path) -> dict[str, Array]:
     ValueError
         The file is no NPZ file, or has too many or too large arrays.
     """
-    content = read_bytes(path, LARGEST)
+    content = read_bytes(path, LARGEST_FILE)
     try:
         return _arrays(content)
     except DAMAGE_ERRORS as error:
@@ -106,7 +106,7 @@ def _arrays(content: bytes) -> dict[str, Array]:
     if directory > LONGEST_DIRECTORY:
         raise ValueError(f"its table of contents has more than {LONGEST_DIRECTORY} bytes")
     found: dict[str, Array] = {}
-    left = LARGEST
+    left = LARGEST_FILE
     with zipfile.ZipFile(io.BytesIO(content)) as file:
         members = file.infolist()
         if len(members) > MOST_MEMBERS:
@@ -139,7 +139,9 @@ def _array(stream: IO[bytes], most_bytes: int) -> Array:
         raise ValueError(f"it has {shape} values; at most {MOST_NUMBERS} are allowed")
     size = count * kind.itemsize
     if size > most_bytes:
-        raise ValueError(f"its values have {size} bytes or more; at most {LARGEST} are allowed")
+        raise ValueError(
+            f"its values have {size} bytes or more; at most {LARGEST_FILE} are allowed"
+        )
     data = bytearray(start[header.tell() :])
     if len(data) < size:
         data += stream.read(size - len(data))

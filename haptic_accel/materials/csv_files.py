@@ -44,7 +44,7 @@ from haptic_accel.materials.columns import (
 )
 from haptic_accel.materials.sample_times import rate_of_times
 
-LARGEST = 1.0e6
+LARGEST_VALUE = 1.0e6
 """Maximum magnitude of a value in SI units; a file that exceeds it contains something else."""
 
 LONGEST_LINE = 1 << 16
@@ -226,11 +226,12 @@ class _Table:
     def _value(self, row: Sequence[str], place: int, quantity: Quantity, factor: float) -> float:
         text = row[place] if place < len(row) else ""
         value = self._number(text) * factor
-        if not abs(value) <= LARGEST:
+        if not abs(value) <= LARGEST_VALUE:
             raise self._wrong(
                 place,
                 text,
-                f"must be a number from {-LARGEST:g} to {LARGEST:g} {quantity.si_unit}",
+                f"must be a number from {-LARGEST_VALUE:g} to {LARGEST_VALUE:g}"
+                f" {quantity.si_unit}",
             )
         return value
 

@@ -35,7 +35,7 @@ SECONDS = 2.0
 MEGABYTES = 400
 """Maximum memory, MB."""
 
-LARGEST = 1 << 24
+LARGEST_FILE = 1 << 24
 """Maximum size of a file, bytes."""
 
 MOST_GEOMS = 1000
@@ -61,7 +61,7 @@ def check_mjcf(path: Path) -> None:
     ParameterError
         The message is one line with the file and its error.
     """
-    with located(path, unreadable="must be MJCF that MuJoCo reads: "), opened(path, LARGEST):
+    with located(path, unreadable="must be MJCF that MuJoCo reads: "), opened(path, LARGEST_FILE):
         pass  # do not wait for a pipe
     try:
         run_bounded(__name__, [str(path.absolute())], SECONDS)

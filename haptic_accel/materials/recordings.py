@@ -34,7 +34,7 @@ from haptic_accel.core.outliers import without_outliers
 from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.core.warning import warn_once
 from haptic_accel.materials.columns import STANDARD_GRAVITY, Column, Wording
-from haptic_accel.materials.csv_files import LARGEST, read_csv
+from haptic_accel.materials.csv_files import LARGEST_VALUE, read_csv
 from haptic_accel.materials.wav_files import read_wav
 
 COLUMNS = ("acceleration", "accel", "acc", "a")
@@ -193,8 +193,10 @@ def _read(
 ) -> tuple[FloatArray, float]:
     """Return acceleration and rate of a file, with a full scale to assume if none is stated."""
     recording_rate = _checked(recording_rate, wording)
-    if full_scale is not None and not 0.0 < full_scale <= LARGEST:
-        raise ParameterError(f"full_scale = {full_scale}: must be above 0 to {LARGEST:g} m/s^2")
+    if full_scale is not None and not 0.0 < full_scale <= LARGEST_VALUE:
+        raise ParameterError(
+            f"full_scale = {full_scale}: must be above 0 to {LARGEST_VALUE:g} m/s^2"
+        )
     name = shown(os.fspath(path))
     with _opened(name, path) as file:
         if file.peek(4)[:4] == b"RIFF" or Path(path).suffix.lower() == ".wav":
@@ -241,11 +243,11 @@ def _scaled(
     """Return the acceleration of samples relative to full scale, m/s^2."""
     scale = full_scale or assumed or 1.0
     acceleration = relative * scale
-    wrong = np.flatnonzero(~(np.abs(acceleration) <= LARGEST))
+    wrong = np.flatnonzero(~(np.abs(acceleration) <= LARGEST_VALUE))
     if len(wrong):
         raise ParameterError(
             f"{name}: sample {wrong[0]} = {acceleration[wrong[0]]:g}: "
-            f"must be from {-LARGEST:g} to {LARGEST:g} m/s^2"
+            f"must be from {-LARGEST_VALUE:g} to {LARGEST_VALUE:g} m/s^2"
         )
     peak = float(np.abs(relative).max(initial=0.0))
     if peak > 1.0:

@@ -29,7 +29,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.cdr import unpack_orientation
 from haptic_accel.core.control.compensation import PLANT, Compensation
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.loop.compensation import Caused, CompensationPart
+from haptic_accel.core.loop.compensation import CompensatedSample, CompensationPart
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.orientation import Orientation
 from haptic_accel.core.parameters import ParameterError
@@ -100,7 +100,7 @@ class Compensator(GraphNode):
             self._follow_orientation()
         return self._arrivals.polled(found=came and not self.part.waiting)
 
-    def publish(self, felt: Iterable[Caused], offset: int) -> None:
+    def publish(self, felt: Iterable[CompensatedSample], offset: int) -> None:
         """Publish forces; system time is their stamps plus an offset in ns."""
         for stamp, desired, force in felt:
             self._send_force(stamp + offset, force)

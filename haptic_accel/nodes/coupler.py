@@ -30,7 +30,7 @@ from haptic_accel.core.coupling.position_position import (
     PositionPositionCoupling,
 )
 from haptic_accel.core.loop.coupling import CouplingPart
-from haptic_accel.core.loop.wiring import Pull, Tool
+from haptic_accel.core.loop.wiring import ArmCommand, Tool
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.topics import ARMS
 from haptic_accel.nodes.coupling_node import ARM_TOPICS, CouplingNode, MotionSynchronizer
@@ -105,12 +105,12 @@ class Coupler(CouplingNode):
             for motion in motions.drain():
                 came = True
                 self.part.put(arm, motion, time.monotonic())
-        self.publish((), self.part.pulls(), offset=0)
+        self.publish((), self.part.commands(), offset=0)
         return came and not self.part.waiting
 
-    def publish(self, tools: Iterable[Tool], pulls: Iterable[Pull], offset: int) -> None:
+    def publish(self, tools: Iterable[Tool], commands: Iterable[ArmCommand], offset: int) -> None:
         """Publish forces; the slave device publishes the tool's samples."""
-        for arm, stamp, force in pulls:
+        for arm, stamp, force in commands:
             self.forces[arm].send(stamp + offset, force)
 
     def prepare(self) -> None:

@@ -28,7 +28,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.coupling.engagement import Engagement
 from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.loop.device_side import DeviceSide
-from haptic_accel.core.loop.wiring import Coupling, Pull, Tool, release
+from haptic_accel.core.loop.wiring import ArmCommand, Coupling, Tool, release
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.nodes.emergency_stop import CouplerStop
 from haptic_accel.nodes.graph_node import GraphNode
@@ -199,7 +199,7 @@ class CouplingNode(GraphNode):
         """Send the results of a tick to the peer; do nothing without a peer."""
 
     @abstractmethod
-    def publish(self, tools: Iterable[Tool], pulls: Iterable[Pull], offset: int) -> None:
+    def publish(self, tools: Iterable[Tool], commands: Iterable[ArmCommand], offset: int) -> None:
         """Publish the results of this process's loop; `offset` as for `receive`."""
 
     def prepare(self) -> None:

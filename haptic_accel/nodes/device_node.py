@@ -28,7 +28,7 @@ from std_srvs.srv import Trigger
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.safety import STOPPED, SafetyLayer
 from haptic_accel.core.cdr import unpack_stamped_vector
-from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, Taken
+from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, TickSample
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
@@ -335,7 +335,7 @@ class DeviceNode(Managed, GraphNode):
         """Number of kinds of forces that come as messages, not from this process's loop."""
         return sum([not inbox.fed for inbox in self._inboxes.values()])
 
-    def publish(self, taken: Taken) -> None:
+    def publish(self, taken: TickSample) -> None:
         """Publish a sample."""
         tick, sample, work = taken
         stamp = self.rate_keeper.time(tick) + self.offset

@@ -45,7 +45,7 @@ from haptic_accel.scope.frames import SCENE
 from haptic_accel.scope.node_reports import MOST_NODES, NodeReport, NodeReports
 from haptic_accel.scope.server import SOUND_RATE
 from haptic_accel.scope.state import drawing
-from haptic_accel.scope.windows import LARGEST, GraphSettings, Windows
+from haptic_accel.scope.windows import LARGEST_VALUE, GraphSettings, Windows
 from haptic_accel.setup.arguments import SCENE as SCENE_FILE
 from haptic_accel.setup.files import POSTURE, SURFACE
 from haptic_accel.setup.node_parameters import node_parameters, node_schema
@@ -179,10 +179,10 @@ class GraphView(GraphNode):
                 stamp, vector = unpack_stamped_vector(data)
                 for axis, windows in by_axis.items():
                     value = vector[NAMES.index(axis)]
-                    if abs(value) <= LARGEST:  # false for NaN
+                    if abs(value) <= LARGEST_VALUE:  # false for NaN
                         put(windows, stamp, value, received)
                     else:
-                        self.refuse(topic, f"{value:g}: must be at most {LARGEST:g}")
+                        self.refuse(topic, f"{value:g}: must be at most {LARGEST_VALUE:g}")
 
     def _follow_messages(self, topic: Topic, take: Callable[[Any], None]) -> None:
         """Subscribe to messages from any sender; refuse malformed ones."""

@@ -29,7 +29,7 @@ from haptic_accel.core.arm_endpoint import ArmEndpoint
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.coupling.half_engagement import HalfEngagement
 from haptic_accel.core.loop.half_coupling import HalfCouplingPart
-from haptic_accel.core.loop.wiring import Pull, Tool
+from haptic_accel.core.loop.wiring import ArmCommand, Tool
 from haptic_accel.core.network.playout import KINDS, WAITING
 from haptic_accel.core.network.session import random_session
 from haptic_accel.core.sampling import NANOSECONDS
@@ -137,11 +137,11 @@ class HalfCoupler(CouplingNode):
         if data := self.part.packet(time.monotonic(), time.time_ns()):
             self._local.send(data)
 
-    def publish(self, tools: Iterable[Tool], pulls: Iterable[Pull], offset: int) -> None:
+    def publish(self, tools: Iterable[Tool], commands: Iterable[ArmCommand], offset: int) -> None:
         """Publish played samples, and forces with the peer's position."""
         for tool in tools:
             self._send_tool(tool.stamp + offset, tool.acceleration)
-        for arm, stamp, force in pulls:
+        for arm, stamp, force in commands:
             self.forces[arm].send(stamp + offset, force)
             self._send_peer_position(stamp + offset, self._end.set_point[0])
 
@@ -163,7 +163,7 @@ class HalfCoupler(CouplingNode):
         for motion in self._motions.drain():
             came = True
             self.part.put(self.parameters.side, motion, time.monotonic())
-        self.publish((), self.part.pulls(), offset=0)
+        self.publish((), self.part.commands(), offset=0)
         return came and not self._motions.waiting
 
     def _play(self) -> float:

@@ -33,7 +33,7 @@ from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.timing import ArrivalKeeper
 
-LOOK_PERIOD = 0.1
+CHECK_PERIOD = 0.1
 """Interval between checks for silence and missing subscribers, s."""
 
 START_TIMEOUT = 30.0
@@ -82,7 +82,7 @@ class Identifier(GraphNode):
         self._sender = self.sender(topics.ACTUATOR_FORCE)
         self._samples = self.samples(topics.HANDLE_ACCELERATION, p.rate)
         self._stops = self.inbox(topics.MASTER_STOPPED)
-        self.create_timer(LOOK_PERIOD, self._look)
+        self.create_timer(CHECK_PERIOD, self._look)
 
     def work(self) -> float:
         """Answer the received samples."""

@@ -35,9 +35,9 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.stop_signal import own_domain
 from haptic_accel.links.addresses import Route, bound, route
 from haptic_accel.links.authentication import Authenticator, read_key
-from haptic_accel.links.hearing import Hearing, advice, described
 from haptic_accel.links.local import LINK, LocalEnd
 from haptic_accel.links.parameters import UDP, LinkNodeParameters, check_peer
+from haptic_accel.links.peer_monitor import PeerMonitor, advice, described
 from haptic_accel.links.udp import UdpCarrier
 from haptic_accel.links.zenoh import ZenohCarrier
 from haptic_accel.nodes.scheduling import (
@@ -82,7 +82,7 @@ class Carrier(Protocol):
 
 
 def carry(
-    local: LocalEnd, carrier: Carrier, hearing: Hearing, signals: Signals, note: str = ""
+    local: LocalEnd, carrier: Carrier, monitor: PeerMonitor, signals: Signals, note: str = ""
 ) -> None:
     """Carry datagrams both ways until the process has to end.
 
@@ -97,7 +97,7 @@ def carry(
     failures: list[Exception] = []
 
     def deliver(datagram: bytes) -> None:
-        hearing.received += 1
+        monitor.received += 1
         local.send(datagram)
 
     def receive() -> None:
@@ -117,11 +117,11 @@ def carry(
         if select.select([local], [], [], LOOK_ROUND)[0]:
             for datagram in local.drain():
                 carrier.send(datagram)
-        for line in hearing.lines(now := time.monotonic()):
-            _logger.log(logging.WARNING if line == hearing.problem else logging.INFO, line)
+        for line in monitor.lines(now := time.monotonic()):
+            _logger.log(logging.WARNING if line == monitor.problem else logging.INFO, line)
         if now - noted >= NOTE_PERIOD:
             noted = now
-            local.write_note(hearing.problem or note)
+            local.write_note(monitor.problem or note)
     carrier.close()
     receiver.join(TEARDOWN)
     if failures:
@@ -145,12 +145,12 @@ def _run(signals: Signals) -> None:
     # This machine's name might resolve elsewhere.
     check_peer(way.peer, parameters.transport, parameters.keys, insecure=parameters.insecure)
     hints = advice(way, parameters.side, parameters.transport)
-    hearing = Hearing(f"peer {way.host}", hints, parameters.keys, time.monotonic())
+    monitor = PeerMonitor(f"peer {way.host}", hints, parameters.keys, time.monotonic())
     note = INSECURE if parameters.insecure else ""
     with closing(LocalEnd(LINK, own_domain(), namespace)) as local:
         if parameters.transport == UDP:
             authenticator = Authenticator(key, parameters.side, namespace)
-            carrier: Carrier = UdpCarrier(way, authenticator, hearing.refuse)
+            carrier: Carrier = UdpCarrier(way, authenticator, monitor.refuse)
         else:
             if parameters.side == "slave":
                 bound(way.own, way.own_port).close()
@@ -159,7 +159,7 @@ def _run(signals: Signals) -> None:
         _logger.info(described(way, parameters.side, parameters.transport))
         if note:
             _logger.warning(note)
-        carry(local, carrier, hearing, signals, note)
+        carry(local, carrier, monitor, signals, note)
 
 
 def _way(parameters: LinkNodeParameters, namespace: str, signals: Signals) -> Route | None:

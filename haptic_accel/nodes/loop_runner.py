@@ -143,7 +143,7 @@ class LoopRunner:
         if self._coupler:
             self._coupler.reply()
         if self._compensator:
-            self._compensator.publish(loop.felt, offset)
+            self._compensator.publish(loop.compensated, offset)
         for arm, taken in loop.samples:
             device = self._devices[arm]
             try:
@@ -151,7 +151,7 @@ class LoopRunner:
             except FAILURES as error:  # the driver may fail to give further values
                 device.fail(error)
         if self._coupler:
-            self._coupler.publish(loop.tools, loop.pulls, offset)
+            self._coupler.publish(loop.tools, loop.commands, offset)
         for device in self._devices.values():
             device.end_with_device()
 
@@ -170,6 +170,6 @@ class LoopRunner:
 
     def _decide(self, now: float) -> None:
         assert self._coupler
-        if self._compensator and self._loop.felt:
+        if self._compensator and self._loop.compensated:
             self._coupler.engagement.force_received()
         self._coupler.step()

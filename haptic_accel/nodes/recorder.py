@@ -29,7 +29,7 @@ from std_srvs.srv import Trigger
 from haptic_accel.bags.definitions import UndefinedTypeError
 from haptic_accel.bags.facts import PARAMETERS, custom_data, read_description
 from haptic_accel.bags.session import Answer, RecordingSession
-from haptic_accel.bags.writing import Put
+from haptic_accel.bags.writing import MessageWriter
 from haptic_accel.core.bundles import InOrder
 from haptic_accel.core.cdr import (
     STAMP_BYTES,
@@ -138,12 +138,12 @@ class Recorder(GraphNode):
         self._session = RecordingSession(p.bag, p.queue, p, custom_data(p.facts))
         self._reported = ""
         self._settled: set[str] = set()
-        self._sources: list[tuple[Inbox, Put, Callable[[bytes], object]]] = []
+        self._sources: list[tuple[Inbox, MessageWriter, Callable[[bytes], object]]] = []
         self._taken = 0.0
-        self._in_order: InOrder[tuple[Put, bytes]] = InOrder(ROUNDS)
+        self._in_order: InOrder[tuple[MessageWriter, bytes]] = InOrder(ROUNDS)
         signals = {self.resolve_topic_name(topic.name): topic for topic in SIGNALS}
         self._receiver = SignalReceiver(self, signals)
-        self._puts: dict[str, Put] = {}
+        self._puts: dict[str, MessageWriter] = {}
         self._descriptions: dict[tuple[str, ...], Callable[[], object]] = {}
         asked = (topic for topic in ASKED if topic.name in p.named_topics)
         for topic in (*TOPICS, *asked, PARAMETER_EVENTS, LOGS, *TRANSITIONS):
@@ -223,7 +223,7 @@ class Recorder(GraphNode):
         else:
             self._sources.append((self.inbox(topic), put, UNPACKED.get(topic.type, bytes)))
 
-    def _own_only(self, put: Put, sender: Callable[[bytes], str]) -> Put:
+    def _own_only(self, put: MessageWriter, sender: Callable[[bytes], str]) -> MessageWriter:
         """Ignore the messages of graphs in other namespaces."""
         own = self.get_namespace().strip("/")
 
@@ -235,7 +235,7 @@ class Recorder(GraphNode):
 
         return put_own
 
-    def _kept(self, put: Put) -> Put:
+    def _kept(self, put: MessageWriter) -> MessageWriter:
         """Keep the last description of each node for the bags that follow."""
 
         def put_and_keep(message: bytes, received: int | None = None) -> None:
@@ -261,7 +261,7 @@ class Recorder(GraphNode):
         for received, (put, data) in self._in_order.rest():
             put(data, received)
 
-    def _subscribe(self, kind: Any, name: str, put: Put, profile: QoSProfile) -> None:
+    def _subscribe(self, kind: Any, name: str, put: MessageWriter, profile: QoSProfile) -> None:
         # The stamps reveal lost messages. The middleware's event (message lost) is no help: when
         # 95 of 5000 messages came, Fast DDS reported 5, and taking the event can hang for ever
         # with the wheels' events executor.

@@ -41,7 +41,7 @@ from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.signals import Publishers, Sender
 from haptic_accel.nodes.timing import system_time
 
-LOOK_PERIOD = 0.1
+DISCOVERY_PERIOD = 0.1
 """Interval between checks for the other nodes until all are found, s."""
 
 
@@ -67,7 +67,7 @@ class Restamper(GraphNode):
         self._stopped = False
         self._publish_stopped = self.publisher(topics.SLAVE_STOPPED).publish
         self.listen_state(topics.COUPLER_STOPPED, self._follow)
-        self._looking = self.create_timer(LOOK_PERIOD, self._look)
+        self._looking = self.create_timer(DISCOVERY_PERIOD, self._look)
 
     def work(self) -> float:
         """Publish the due samples; return the next due time."""

@@ -22,14 +22,14 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from haptic_accel.core.bundles import MEMORY, BothWays, believed, unpack_bundle
+from haptic_accel.core.bundles import DUPLICATE_MEMORY, BothWays, believed, unpack_bundle
 from haptic_accel.core.cdr import unpack_stamped_vector
 from haptic_accel.core.topics import BUNDLES, Topic
 from haptic_accel.nodes.bundling import participant
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.signals import Inbox
 
-LOOK_PERIOD = 0.1
+DISCOVERY_PERIOD = 0.1
 """Interval between looks for new publishers, s."""
 
 FULL_LOOK_PERIOD = 1.0
@@ -76,7 +76,7 @@ class _Signal:
         if self.inbox:
             self.inbox.leave()
             self.inbox = None
-            self._until = now + MEMORY
+            self._until = now + DUPLICATE_MEMORY
 
     def forget(self, now: float) -> None:
         """Stop comparing once all separate messages have come in bundles, too."""
@@ -110,7 +110,7 @@ class SignalReceiver:
         self._look_due = 0.0
         for signal in self._signals.values():
             signal.subscribe(node)
-        node.create_timer(LOOK_PERIOD, self.poll)
+        node.create_timer(DISCOVERY_PERIOD, self.poll)
 
     def drain(self) -> list[tuple[int, str, bytes]]:
         """Return system times in ns, full topic names, and received messages."""

@@ -233,10 +233,10 @@ class PacedRig:
                 windows.places["tool"] = sample.position
                 windows.places["tool_velocity"] = sample.velocity
                 windows.places["contact_force"] = self._slave.contact_force
-        for pull in loop.pulls:
-            if pull.arm == SLAVE:
-                windows.arm_force.put(origin + pull.stamp, pull.force[ACTUATOR_AXIS])
-        for stamp, desired, force in loop.felt:
+        for command in loop.commands:
+            if command.arm == SLAVE:
+                windows.arm_force.put(origin + command.stamp, command.force[ACTUATOR_AXIS])
+        for stamp, desired, force in loop.compensated:
             for index, each in self._axes:
                 each.desired.put(origin + stamp, desired[index])
                 each.force.put(origin + stamp, force[index])

@@ -32,7 +32,7 @@ A = TypeVar("A")
 HANDLING_TIME = 3.0
 """Longest time from an answer until the next question, s; then the page has to send it again."""
 
-LOOK = 0.2
+EVENT_POLL_PERIOD = 0.2
 """Interval between two looks at other events while a question waits for its answer, s."""
 
 
@@ -77,7 +77,7 @@ class Questions(Generic[A]):
         """Wait until something is reached."""
         with self.changed:
             while not reached():
-                self.changed.wait(LOOK)
+                self.changed.wait(EVENT_POLL_PERIOD)
 
     async def take(self, question: str, choice: str, answer: A) -> None:
         """Take the answer of a page, and return when it is handled.

@@ -44,7 +44,7 @@ HIGHEST_RATE = 20e3
 LOWEST_RATE = 10.0
 """Lowest sampling rate from which signals are derived, Hz: a fifth of the nodes' lowest."""
 
-LARGEST = 1e6
+LARGEST_VALUE = 1e6
 """Largest value of a signal, in its SI unit: far beyond any sensor's, and squares stay finite."""
 
 SLACK = 1.25

@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 
 from bag_maker import BagContent, facts, write_bag
-from haptic_accel.analysis.segments import SETTLING, UNKNOWN, Cut, cut
+from haptic_accel.analysis.segments import EXCLUDED_AFTER_CHANGE, UNKNOWN, Division, cut
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
 
@@ -46,7 +46,7 @@ def content(seconds: float = 4.0, without: tuple[str, ...] = ()) -> BagContent:
     return BagContent(signals, RATE, facts("dynamic", "plywood", seed=3))
 
 
-def cut_of(folder: Path, written: BagContent) -> Cut:
+def cut_of(folder: Path, written: BagContent) -> Division:
     return cut(read_bag(write_bag(folder / "bag", written)))
 
 
@@ -73,9 +73,13 @@ def test_a_change_of_controller_or_surface_ends_a_segment(tmp_path: Path) -> Non
     conditions = [(s.condition.controller, s.condition.surface) for s in found.segments]
     assert conditions == [("dynamic", "plywood"), ("inverse", "plywood"), ("inverse", "vinyl")]
     begins = [segment.begin for segment in found.segments]
-    assert begins == pytest.approx([0.0, 3.0 + SETTLING, 6.0 + SETTLING], abs=2 / RATE)
+    assert begins == pytest.approx(
+        [0.0, 3.0 + EXCLUDED_AFTER_CHANGE, 6.0 + EXCLUDED_AFTER_CHANGE], abs=2 / RATE
+    )
     lengths = [segment.seconds for segment in found.segments]
-    assert lengths == pytest.approx([3.0, 3.0 - SETTLING, 3.0 - SETTLING], abs=3 / RATE)
+    assert lengths == pytest.approx(
+        [3.0, 3.0 - EXCLUDED_AFTER_CHANGE, 3.0 - EXCLUDED_AFTER_CHANGE], abs=3 / RATE
+    )
 
 
 def test_a_surface_changed_in_part_is_another_one(tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from bag_maker import STRING, Message, write_messages
 from damaged import CHUNKS, MAGIC, without_checksums, write_small_bag
 from fuzzing import accepted, fuzz_few, measured, mutated
-from haptic_accel.bags.expanding import ALWAYS, LARGEST
+from haptic_accel.bags.expanding import ALWAYS, LARGEST_RECORD
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.parameters import ParameterError
 
@@ -64,9 +64,9 @@ def test_a_message_that_expands_is_not_read(tmp_path: Path, storage: StoragePlug
 
 
 def test_chunks_that_expand_are_read_up_to_a_bound(tmp_path: Path) -> None:
-    stored = zstd.compress(ZEROS[:LARGEST])
+    stored = zstd.compress(ZEROS[:LARGEST_RECORD])
     name = struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(stored))
-    chunk = struct.pack("<QQQI", 0, 0, LARGEST, 0) + name + stored
+    chunk = struct.pack("<QQQI", 0, 0, LARGEST_RECORD, 0) + name + stored
     file = tmp_path / "bomb.mcap"
     file.write_bytes(MAGIC + (struct.pack("<BQ", CHUNKS, len(chunk)) + chunk) * 1000)
     most = ALWAYS + 100 * file.stat().st_size

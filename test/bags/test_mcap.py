@@ -38,7 +38,7 @@ from damaged import (
     without_checksums,
     write_small_bag,
 )
-from haptic_accel.bags.expanding import LARGEST
+from haptic_accel.bags.expanding import LARGEST_RECORD
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.topics import SIGNALS
 from reading import with_mcap
@@ -125,7 +125,7 @@ BOMBS: dict[str, Callable[[bytes], bytes]] = {
 
 
 @pytest.mark.parametrize("compression", BOMBS)
-@pytest.mark.parametrize("claim", [100, LARGEST + 1, 2**63])
+@pytest.mark.parametrize("claim", [100, LARGEST_RECORD + 1, 2**63])
 def test_a_chunk_that_claims_much_is_left_out(
     tmp_path: Path, compression: str, claim: int
 ) -> None:

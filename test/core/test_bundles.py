@@ -26,9 +26,9 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from haptic_accel.core.bundles import (
+    DUPLICATE_MEMORY,
     LARGEST_BUNDLE,
     LONGEST_BUNDLE,
-    MEMORY,
     BothWays,
     Bundle,
     InOrder,
@@ -150,9 +150,9 @@ def test_a_second_sender_of_the_same_counts_too_and_nothing_is_remembered_for_ev
     both_ways = BothWays()
     direct = [both_ways.repeats(b"same", bundled=False, now=0.0) for _ in range(2)]
     assert [*direct, both_ways.repeats(b"same", bundled=True, now=0.1)] == [False, False, True]
-    for later in (MEMORY, 2 * MEMORY):
+    for later in (DUPLICATE_MEMORY, 2 * DUPLICATE_MEMORY):
         both_ways.repeats(b"other", bundled=False, now=later)
-    assert not both_ways.repeats(b"same", bundled=True, now=2 * MEMORY)
+    assert not both_ways.repeats(b"same", bundled=True, now=2 * DUPLICATE_MEMORY)
 
 
 @given(st.lists(st.lists(st.integers(0, 50)), max_size=10), st.integers(1, 4))

@@ -23,7 +23,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.emergency_stop import COUPLER_SILENCE, RECENT, SETTLING, EmergencyStop
+from haptic_accel.core.emergency_stop import (
+    COUPLER_SILENCE,
+    LATCHED_SETTLING,
+    RECENT,
+    EmergencyStop,
+)
 
 BUTTON = ["/button"]
 ALONE: list[str] = []
@@ -33,7 +38,7 @@ LATER = 2 * max(RECENT, COUPLER_SILENCE)
 class Run:
     """A node's stop whose time goes on as a test says."""
 
-    def __init__(self, age: float = SETTLING) -> None:
+    def __init__(self, age: float = LATCHED_SETTLING) -> None:
         self.now = 100.0
         self.stop = EmergencyStop(self.now - age)
 
@@ -118,8 +123,8 @@ def test_a_node_that_has_just_started_is_not_released() -> None:
     assert not run.stop.is_settled(run.now)
     run.stop.stop()
     assert run.stop.release(run.now, ALONE) == "has just started: ask again in a second"
-    assert not run.released(ALONE, 0.9 * SETTLING)
-    assert run.released(ALONE, 0.2 * SETTLING)
+    assert not run.released(ALONE, 0.9 * LATCHED_SETTLING)
+    assert run.released(ALONE, 0.2 * LATCHED_SETTLING)
     assert run.stop.is_settled(run.now)
 
 
@@ -159,7 +164,7 @@ def test_whatever_is_said_only_a_release_ends_a_stop(events: list[str], button: 
         assert run.stop.stopped is stopped
 
 
-@pytest.mark.parametrize("age", [0.0, SETTLING])
+@pytest.mark.parametrize("age", [0.0, LATCHED_SETTLING])
 def test_a_stop_is_heard_at_any_age(age: float) -> None:
     run = Run(age)
     run.receive(True)

@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 from input_family import MEMBERS, member
 
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.outliers import LONGEST, outliers, without_outliers
+from haptic_accel.core.outliers import LONGEST_OUTLIER, outliers, without_outliers
 from haptic_accel.core.parameters import ParameterError, from_flat
 from haptic_accel.core.rig.slave_rig import SlaveRigParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
@@ -89,7 +89,7 @@ def test_a_single_glitch_is_found_and_nothing_else(
 @given(
     number=st.integers(0, MEMBERS - 1),
     place=st.integers(3, 1980),
-    length=st.integers(1, LONGEST),
+    length=st.integers(1, LONGEST_OUTLIER),
     sign=st.sampled_from([-1, 1]),
 )
 @settings(deadline=None, max_examples=60)

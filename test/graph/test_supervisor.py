@@ -168,7 +168,7 @@ def test_an_emergency_stop_waits_for_a_process_that_does_not_handle_it_yet() -> 
 
 @pytest.mark.usefixtures("scripts")
 def test_a_signal_at_any_instant_leaves_it_looking(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(supervisor, "LOOK_PERIOD", 0.001)
+    monkeypatch.setattr(supervisor, "END_CHECK_PERIOD", 0.001)
     before = signal.signal(signal.SIGUSR1, lambda *_: None)
     looks = itertools.count()
     over = threading.Event()

@@ -32,7 +32,7 @@ from haptic_accel.links.authentication import (
     read_key,
     write_new_key,
 )
-from haptic_accel.links.local import LONGEST
+from haptic_accel.links.local import LONGEST_DATAGRAM
 
 KEY, OTHER = b"k" * KEY_LENGTH, b"o" * KEY_LENGTH
 
@@ -42,7 +42,7 @@ KEY, OTHER = b"k" * KEY_LENGTH, b"o" * KEY_LENGTH
 def test_what_one_side_tags_the_other_takes_and_nobody_else(key: bytes, side: str) -> None:
     (other,) = {"master", "slave"} - {side}
     sender, receiver = Authenticator(key, side), Authenticator(key, other)
-    for datagram in (b"", b"felt", bytes(LONGEST)):
+    for datagram in (b"", b"felt", bytes(LONGEST_DATAGRAM)):
         data = sender.tagged(datagram)
         assert receiver.verified(data) == datagram
         assert sender.verified(data) is None, "a reflected datagram"

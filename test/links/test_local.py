@@ -25,7 +25,7 @@ from contextlib import closing
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.links.local import COUPLER, LINK, LONGEST, MOST_WAITING, LocalEnd
+from haptic_accel.links.local import COUPLER, LINK, LONGEST_DATAGRAM, MOST_WAITING, LocalEnd
 
 DOMAIN = 250
 """No ROS domain, so that no graph of this machine is met."""
@@ -42,7 +42,7 @@ def ends() -> Iterator[tuple[LocalEnd, LocalEnd]]:
 
 def test_datagrams_pass_both_ways_in_order(ends: tuple[LocalEnd, LocalEnd]) -> None:
     for sender, receiver in (ends, ends[::-1]):
-        sent = [bytes([number]) * LONGEST for number in range(5)]
+        sent = [bytes([number]) * LONGEST_DATAGRAM for number in range(5)]
         assert all(sender.send(datagram) for datagram in sent)
         assert select.select([receiver], [], [], 1.0)[0] == [receiver]
         assert receiver.drain() == sent

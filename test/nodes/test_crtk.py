@@ -139,7 +139,7 @@ def client(
     domain: int, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> Iterator[Client]:
     """Give a client of an arm past its first moments, with parameters name:=value."""
-    monkeypatch.setattr(emergency_stop, "SETTLING", 0.0)
+    monkeypatch.setattr(emergency_stop, "LATCHED_SETTLING", 0.0)
     given = [word for value in getattr(request, "param", ()) for word in ("-p", value)]
     rclpy.init(args=["--ros-args", *given] if given else None)
     client = Client()

@@ -222,7 +222,7 @@ def bench(
 ) -> Iterator[Bench]:
     """Give a master device that is past its first moments, with parameters name:=value."""
     monkeypatch.setitem(MASTERS, "simulated", Witness)
-    monkeypatch.setattr(emergency_stop, "SETTLING", 0.0)
+    monkeypatch.setattr(emergency_stop, "LATCHED_SETTLING", 0.0)
     given = [word for value in getattr(request, "param", ()) for word in ("-p", value)]
     rclpy.init(args=["--ros-args", *given] if given else None)
     bench = Bench()
@@ -383,7 +383,7 @@ def test_a_stopped_coupler_stops_and_releases_first(bench: Bench) -> None:
 def test_no_force_is_applied_before_it_is_known_whether_there_is_a_stop(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(emergency_stop, "SETTLING", PATIENCE)
+    monkeypatch.setattr(emergency_stop, "LATCHED_SETTLING", PATIENCE)
     taken = time.monotonic() + 20 * ARM_TIMEOUT
     while time.monotonic() < taken:
         bench.command((0.1, 0.0, 0.2), 0.3)
@@ -391,7 +391,7 @@ def test_no_force_is_applied_before_it_is_known_whether_there_is_a_stop(
     assert all(forces in (STOP, {}) for forces in bench.written)
     assert bench.answers == []
     assert bench.release() == "has just started: ask again in a second"
-    monkeypatch.setattr(emergency_stop, "SETTLING", 0.0)
+    monkeypatch.setattr(emergency_stop, "LATCHED_SETTLING", 0.0)
     bench.driven()
     bench.until(lambda: bench.answers[:2] == [False, False])
 

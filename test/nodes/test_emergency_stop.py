@@ -28,7 +28,7 @@ from std_srvs.srv import SetBool
 
 from haptic_accel.core import emergency_stop
 from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
-from haptic_accel.core.emergency_stop import SETTLING
+from haptic_accel.core.emergency_stop import LATCHED_SETTLING
 from haptic_accel.core.topics import MASTER_STOPPED, Topic
 from haptic_accel.nodes.emergency_stop import CouplerStop, DeviceStop, release
 from haptic_accel.nodes.service_client import RequestError
@@ -90,7 +90,7 @@ class Coupler(StoppedNode):
         super().__init__()
         self.asked_of_devices: list[bool] = []
         self.refusing = False
-        self.engagement = Engagement(EngagementParameters(), time.monotonic() - SETTLING)
+        self.engagement = Engagement(EngagementParameters(), time.monotonic() - LATCHED_SETTLING)
         self.stop = self.engagement.stop
         node: Any = self
         self.graph = CouplerStop(node, self.engagement)
@@ -167,7 +167,7 @@ def test_a_release_that_waits_when_a_signal_stops_does_not_undo_it() -> None:
 
 @pytest.fixture
 def device(monkeypatch: pytest.MonkeyPatch) -> Device:
-    monkeypatch.setattr(emergency_stop, "SETTLING", 0.0)
+    monkeypatch.setattr(emergency_stop, "LATCHED_SETTLING", 0.0)
     return Device()
 
 

@@ -32,7 +32,7 @@ import pytest
 
 from haptic_accel.core.process import DONE, EMERGENCY, WRONG_ARGUMENTS
 from haptic_accel.links.authentication import Authenticator, read_key, write_new_key
-from haptic_accel.links.local import COUPLER, LONGEST, LocalEnd
+from haptic_accel.links.local import COUPLER, LONGEST_DATAGRAM, LocalEnd
 from haptic_accel.links.parameters import AUTHORITY
 from haptic_accel.nodes.link import SEARCH_PERIOD
 from running import Command, free_ports, reserved_domain, wait_until
@@ -49,7 +49,7 @@ class Pair:
     ) -> None:
         self.ends = ends
         self.links: dict[str, Command] = {}
-        self.sent = {side: side.encode().ljust(LONGEST, b".") for side in SIDES}
+        self.sent = {side: side.encode().ljust(LONGEST_DATAGRAM, b".") for side in SIDES}
         self._start, self._domains = start, domains
 
     def start(self, side: str, folder: Path, **parameters: str | bool) -> Command:

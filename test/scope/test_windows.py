@@ -43,7 +43,7 @@ from haptic_accel.scope.frames import (
     plots_frame,
 )
 from haptic_accel.scope.windows import (
-    LARGEST,
+    LARGEST_VALUE,
     LONGEST_WINDOW,
     SLACK,
     GraphSettings,
@@ -420,7 +420,9 @@ steps = st.one_of(
     st.sampled_from([0, 1, 10**5, 10**9, 10**12, -MILLISECOND, -(10**9), 2**61]),
     st.integers(-(2**62), 2**62),
 )
-values = st.floats(-LARGEST, LARGEST) | st.sampled_from([LARGEST, -LARGEST, 0.0, 1e-320])
+values = st.floats(-LARGEST_VALUE, LARGEST_VALUE) | st.sampled_from(
+    [LARGEST_VALUE, -LARGEST_VALUE, 0.0, 1e-320]
+)
 rings = st.sampled_from(["desired", "handle", "force", "age", "arm_force", "position"])
 bursts = st.tuples(rings, st.integers(1, 120), steps, values)
 

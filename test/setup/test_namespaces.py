@@ -29,7 +29,7 @@ from std_srvs.srv import SetBool
 
 from haptic_accel.analysis import load
 from haptic_accel.bags.reading import Bag, read_bag
-from haptic_accel.core.emergency_stop import SETTLING
+from haptic_accel.core.emergency_stop import LATCHED_SETTLING
 from haptic_accel.core.topics import (
     ACTUATOR_FORCE,
     COMMON_STOP,
@@ -89,7 +89,7 @@ def stop_by_topic(graphs: dict[str, Command], observer: Observer) -> None:
     for side in graphs:
         wait_for_states(side, True)
     publisher.publish(Bool(data=False))
-    time.sleep(2 * SETTLING)
+    time.sleep(2 * LATCHED_SETTLING)
     for side in graphs:
         wait_for_states(side, True)
     for side, others in (("left", ["right"]), ("right", [])):

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from haptic_accel.materials.array_files import LARGEST
+from haptic_accel.materials.array_files import LARGEST_FILE
 
 
 def header(shape: Any, kind: str = "<f8", **others: Any) -> bytes:
@@ -64,7 +64,7 @@ def commented(path: Path) -> Path:
     return path
 
 
-ZEROS = header((LARGEST,), "|u1") + bytes(LARGEST)
+ZEROS = header((LARGEST_FILE,), "|u1") + bytes(LARGEST_FILE)
 BOMBS: dict[str, Callable[[Path], Path]] = {
     "3 GB in 3 MB": lambda path: zipped(path, *[ZEROS] * 3),
     "a shape of 800 GB": lambda path: zipped(path, header((10**11,)) + bytes(10_000_000)),

@@ -43,7 +43,7 @@ CUSHION_SPEED_SHARE = 0.4
 """Upper bound of `CUSHION_SPEED` as a fraction of the sampling rate; faster braking would
 oscillate."""
 
-SETTLING = 0.1
+ACTUATOR_SETTLING = 0.1
 """Settling time of the actuator, after which its earlier position no longer matters, s: five times
 2 m_a / b_s of Table I."""
 
@@ -106,7 +106,7 @@ class ActuatorGuard:
         self._bearable = min(actuator.continuous_force, actuator.peak_force) ** 2
         self._staying = -1.0 / (rate * actuator.thermal_time)
         self._warming = -math.expm1(self._staying)
-        self._settling = math.ceil(rate * SETTLING)
+        self._settling = math.ceil(rate * ACTUATOR_SETTLING)
         self._estimator = TravelEstimator(actuator, rate)
         self._m_a, self._k_s, self._b_s = actuator.m_a, actuator.k_s, actuator.b_s
         self._soft = margins.cushion * actuator.travel

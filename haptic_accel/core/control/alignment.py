@@ -27,7 +27,7 @@ from haptic_accel.core.model import FloatArray
 BLOCK = 0.016
 """Time between updates, s: a period of 60 Hz."""
 
-MEMORY = 0.3
+POWER_MEMORY = 0.3
 """Time constant of the running powers, s: with `RAISING`, a result within a second."""
 
 CORNER = 20.0
@@ -131,7 +131,7 @@ class Alignment:
             self._rest = block[:, :1]
         block, self._state = self._filtered(self._sections, block - self._rest, zi=self._state)
         time = block.shape[1] * self._period
-        share = -math.expm1(-time / MEMORY)
+        share = -math.expm1(-time / POWER_MEMORY)
         self._powers += share * (block @ block.T / block.shape[1] - self._powers)
         expected, moved = (np.trace(self._powers[part, part]) for part in (_EXPECTED, _MOVED))
         if expected >= LEAST_EXPECTED**2 and moved >= LEAST_EXPECTED**2:

@@ -28,7 +28,7 @@ from haptic_accel.core.model import FloatArray
 BLOCK = 0.016
 """Time between updates, s: a period of 60 Hz."""
 
-MEMORY = 0.1
+POWER_MEMORY = 0.1
 """Time constant of the running powers and of the fraction, s: some periods of the lowest band."""
 
 CORNER = 9.0
@@ -66,7 +66,7 @@ LOWEST = 1e-3
 """Minimum fraction; even a resonance with a damping ratio of 0.01 is below the noise then."""
 
 FALLING, RISING = 0.1, 2.0
-"""Bounds of the factor by which the fraction changes within `MEMORY`: a resonance takes some
+"""Bounds of the factor by which the fraction changes within `POWER_MEMORY`: a resonance takes some
 periods to show."""
 
 RECOVERING = 10.0
@@ -196,7 +196,7 @@ class Authority:
         # The components of a vector, one after the other, have the sum of their powers.
         block = block.reshape(2, -1)
         wanted, common, _, moved = (block @ block.T / length).ravel().tolist()
-        pace = length / self._rate / MEMORY
+        pace = length / self._rate / POWER_MEMORY
         share = -math.expm1(-pace)
         self._wanted += share * (wanted - self._wanted)
         self._common += share * (common - self._common)

@@ -31,7 +31,7 @@ from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.model import FloatArray, Vector
 
-MEMORY = 0.2
+DECOUPLING_LENGTH = 0.2
 """Length of a decoupling, s, as of an inverse: twenty times the decay of a structural mode at 100
 Hz with a damping ratio of 0.15."""
 
@@ -74,7 +74,7 @@ def full_decoupling(
 
     if plant.coupling.shape[2] == 1:
         return static_decoupling(plant, spectrum, high_pass_frequency)
-    length = max(1, min(round(MEMORY * plant.rate), MOST_TAPS))
+    length = max(1, min(round(DECOUPLING_LENGTH * plant.rate), MOST_TAPS))
     grid = grid_for(plant.rate, max(length, plant.coupling.shape[2]))
     weights = _desired(spectrum, high_pass_frequency, grid.frequency, plant.rate)
     response = np.array([[grid.spectrum(each) for each in row] for row in plant.coupling])

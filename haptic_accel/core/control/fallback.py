@@ -34,7 +34,7 @@ from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray
 NONE, DYNAMIC = "none", "dynamic"
 """Names of the substitute controllers."""
 
-MEMORY = 0.5
+ERROR_MEMORY = 0.5
 """Time constant of the running error, s."""
 
 LOWEST = 9.0
@@ -78,7 +78,7 @@ TRIAL_WORSE, TRIAL_WORSE_FOR = 1.02, 0.1
 """Ratio of running error to error without force that ends a trial, and for how long, s. Without
 force the handle moves a little with the arm: 1.01 on the paper's rig."""
 
-SETTLING = 0.1
+FILTER_SETTLING = 0.1
 """Time for which the filters of `dynamic` settle before it is faded in, s: its poles are at 9 Hz
 and above."""
 
@@ -118,14 +118,14 @@ class Fallback:
         self._latency = loop.latency
         self._dynamic = DynamicController(dynamic, loop)
         self._model = SampleConvolution(self.supervisor.taps)
-        self._tracking = ResponseEstimator(loop.rate, MEMORY)
-        self._prospect = ResponseEstimator(loop.rate, MEMORY)
+        self._tracking = ResponseEstimator(loop.rate, ERROR_MEMORY)
+        self._prospect = ResponseEstimator(loop.rate, ERROR_MEMORY)
         lines = self._tracking.frequency
         self._counted = ((lines >= LOWEST) & (lines <= HIGHEST_SHARE * loop.rate)).astype(float)
         self._tracked = self._dynamic_response(loop)
         self._authority = authority
         self._step = 1.0 / max(1, round(FADING * loop.rate))
-        self._settling = round(SETTLING * loop.rate)
+        self._settling = round(FILTER_SETTLING * loop.rate)
         self.start(NONE, 1)
 
     @property

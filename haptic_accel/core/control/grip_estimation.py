@@ -52,7 +52,7 @@ STEEPNESS = 4
 """Order of the lower band edge: two for the integrations, two for the hand's own motion."""
 
 SMALLEST = (0.35, 0.1, 0.05)
-LARGEST = (3.5, 8.0, 9.0)
+LARGEST_FACTORS = (3.5, 8.0, 9.0)
 """Upper bounds of the estimate as factors of the assumed m_h, b_u and k_u; wider than hands
 vary."""
 
@@ -214,7 +214,9 @@ class GripEstimator:
     def _within_bounds(self, factors: Factors) -> Factors:
         """Return the nearest factors within bounds, and count evaluations beyond each bound."""
         found = []
-        for index, (factor, low, high) in enumerate(zip(factors, SMALLEST, LARGEST, strict=True)):
+        for index, (factor, low, high) in enumerate(
+            zip(factors, SMALLEST, LARGEST_FACTORS, strict=True)
+        ):
             count = self._beyond[index]
             if factor >= (INSIDE * high if count >= PERSISTENT else high):
                 self._beyond[index] = max(0, count) + 1

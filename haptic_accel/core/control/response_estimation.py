@@ -26,7 +26,7 @@ import numpy as np
 from haptic_accel.core.control.inversion.convolution import SampleWindow
 from haptic_accel.core.model import ComplexArray, FloatArray
 
-WINDOW = 0.25
+EVALUATION_WINDOW = 0.25
 """Signal length for one evaluation, s: lines 4 Hz apart. It is five times the decay time of handle
 and grip, so that little of a response lies outside its window."""
 
@@ -79,7 +79,7 @@ class ResponseEstimator:
     """
 
     def __init__(
-        self, rate: float, memory: float, window: float = WINDOW, least: float = 0.0
+        self, rate: float, memory: float, window: float = EVALUATION_WINDOW, least: float = 0.0
     ) -> None:
         self._length = _power_of_two(window * rate)
         self._hop = self._length // LOOKS
@@ -114,7 +114,7 @@ class ResponseEstimator:
             Input: a force, N, or an expected acceleration, m/s^2; finite.
         acceleration : float
             Output measured at the same tick, m/s^2. A delay between the two that is short compared
-            with `WINDOW` is part of the response.
+            with `EVALUATION_WINDOW` is part of the response.
         """
         if self._window.push(force, acceleration):
             self._work = self._look()

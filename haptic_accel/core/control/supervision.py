@@ -30,7 +30,7 @@ from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 from haptic_accel.core.sampling import BoolArray
 
-MEMORY = 0.5
+COMPARISON_MEMORY = 0.5
 """Time constant of the comparison, s: about eight independent windows, with a result within a
 second."""
 
@@ -106,7 +106,7 @@ class ResponseSupervisor:
         grid = grid_for(rate, length)
         self.taps = grid.sequence(plant.response(grid.frequency, rate))[:length]
         self._model = SampleConvolution(self.taps)
-        self._estimator = ResponseEstimator(rate, MEMORY)
+        self._estimator = ResponseEstimator(rate, COMPARISON_MEMORY)
         self._edges = _edges(rate)
         lines = self._estimator.frequency
         inside = [(lines >= low) & (lines < high) for low, high in self._edges]

@@ -56,10 +56,10 @@ force times the sum of this distance and the arm's motion."""
 QUANTILE = 0.99
 """Quantile of the ages of the peer's data that determines the damping."""
 
-WINDOW = 2.0
+AGE_WINDOW = 2.0
 """Window of the quantile, s."""
 
-LOOK = 0.01
+AGE_PERIOD = 0.01
 """Interval between two ages in the window, s."""
 
 NONSENSE = 1e6
@@ -140,8 +140,8 @@ class _AgeQuantile:
     """
 
     def __init__(self, rate: float) -> None:
-        self._every = max(1, round(LOOK * rate))
-        self._ages: deque[float] = deque(maxlen=round(WINDOW / LOOK))
+        self._every = max(1, round(AGE_PERIOD * rate))
+        self._ages: deque[float] = deque(maxlen=round(AGE_WINDOW / AGE_PERIOD))
         self._samples = 0
         self._longest = 0.0
         self._quantile = 0.0

@@ -24,14 +24,14 @@ from itertools import accumulate
 SHORTEST = 1.0e-6
 """Lower limit, s; shorter durations share a bin."""
 
-LONGEST = 100.0
+LONGEST_DURATION = 100.0
 """Approximate upper limit, s; longer durations share a bin."""
 
 QUANTILES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "p99_9": 0.999}
 """Reported quantiles by label; the maximum is reported as ``max``."""
 
 _BINS_PER_NEPER = 1.0 / math.log(1.01)  # each bin is 1 % wider than the previous one
-_BINS = math.ceil(math.log(LONGEST / SHORTEST) * _BINS_PER_NEPER)
+_BINS = math.ceil(math.log(LONGEST_DURATION / SHORTEST) * _BINS_PER_NEPER)
 _OFFSET = 1.0 - math.log(SHORTEST) * _BINS_PER_NEPER  # bin 0: below the lower limit
 _HIGHEST_EDGE = SHORTEST * math.exp(_BINS / _BINS_PER_NEPER)
 
@@ -69,7 +69,7 @@ class DurationHistogram:
         ----------
         seconds : float
             Duration, s. Zero and negative ones (after a clock was set back) count as shorter than
-            `SHORTEST`, infinity as longer than `LONGEST`.
+            `SHORTEST`, infinity as longer than `LONGEST_DURATION`.
 
         Raises
         ------
@@ -117,8 +117,8 @@ class DurationHistogram:
         -------
         float
             Smallest duration, s, with at least ``q * count`` durations up to it, within 1 %.
-            `SHORTEST` if it is below `SHORTEST`, the maximum if it is above `LONGEST`, NaN without
-            durations.
+            `SHORTEST` if it is below `SHORTEST`, the maximum if it is above `LONGEST_DURATION`,
+            NaN without durations.
 
         Raises
         ------

@@ -41,7 +41,7 @@ LONGEST_BRIDGE = 0.02
 useless, and the arms disengage soon after."""
 
 
-class Caused(NamedTuple):
+class CompensatedSample(NamedTuple):
     """Result for a tool sample: stamp, ns, desired acceleration, m/s^2, and coils' forces, N."""
 
     stamp: int
@@ -135,7 +135,7 @@ class CompensationPart:
         self._handle.clear()
         self._last = None
 
-    def forces(self, now: int) -> Iterator[Caused]:
+    def forces(self, now: int) -> Iterator[CompensatedSample]:
         """Yield the forces of all samples that need not wait any longer.
 
         After each force, and before the next one, the controller does part of its slow
@@ -156,7 +156,7 @@ class CompensationPart:
             self.without += handle is None and self.samples > 0  # no sample precedes the first
             self.samples += 1
             self._store(tool)
-            yield Caused(stamp, *self.compensation.process(tool, handle))
+            yield CompensatedSample(stamp, *self.compensation.process(tool, handle))
             self.compensation.adapt()
 
     def _before(self, stamp: int) -> tuple[bool, Vector | None]:

@@ -24,7 +24,7 @@ from haptic_accel.core.coupling.engagement import Decision, Engagement
 from haptic_accel.core.coupling.pairing import Motion, Pairing
 from haptic_accel.core.coupling.passive import PassivePair
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
-from haptic_accel.core.loop.wiring import Pull, Tool
+from haptic_accel.core.loop.wiring import ArmCommand, Tool
 from haptic_accel.core.topics import ARMS
 
 
@@ -107,7 +107,7 @@ class CouplingPart:
         """Discard the waiting samples."""
         self._pairing.clear()
 
-    def pulls(self) -> Iterator[Pull]:
+    def commands(self) -> Iterator[ArmCommand]:
         """Yield the forces of each tick with samples of both arms, while engaged."""
         for master, slave in self._pairing.pairs():
             if self._engaging:
@@ -122,4 +122,4 @@ class CouplingPart:
                 forces = self._coupling.forces(*motions)
             # The sample of one arm causes the force on the other.
             for arm, motion, force in zip(ARMS, (slave, master), forces, strict=True):
-                yield Pull(arm, motion.stamp, force)
+                yield ArmCommand(arm, motion.stamp, force)

@@ -32,7 +32,7 @@ from haptic_accel.core.rig.interface import Rig, SampledRig
 from haptic_accel.core.sampling import NANOSECONDS
 
 ARM, ACTUATOR = "arm_force", "actuator_force"
-"""Kinds of commands, named as in `Driven.write`."""
+"""Kinds of commands, named as in `DrivenDevice.write`."""
 
 SAMPLE_TIMEOUT = 0.02
 """Time after which a missing sample counts as lost, s."""
@@ -41,7 +41,7 @@ FLOWING = 5
 """Number of ticks without a command after which no command is expected."""
 
 
-class Driven(Protocol):
+class DrivenDevice(Protocol):
     """Interface of a device for the loop; see `haptic_accel.devices.Device`."""
 
     @property
@@ -57,7 +57,7 @@ class Driven(Protocol):
         """Apply the forces, N, that are due at a time, s."""
 
 
-class Taken(NamedTuple):
+class TickSample(NamedTuple):
     """Sample of a tick, and the arm motors' work until then, J, per axis."""
 
     tick: int
@@ -108,7 +108,7 @@ class DeviceSide:
 
     Parameters
     ----------
-    device : Driven
+    device : DrivenDevice
     safety : SafetyLayer
     rate : float
         Ticks per second.
@@ -127,7 +127,7 @@ class DeviceSide:
 
     Attributes
     ----------
-    device : Driven
+    device : DrivenDevice
     safety : SafetyLayer
     commands : dict of Commands
         Commands by kind.
@@ -147,7 +147,7 @@ class DeviceSide:
 
     def __init__(
         self,
-        device: Driven,
+        device: DrivenDevice,
         safety: SafetyLayer,
         rate: float,
         latency: int,
@@ -176,7 +176,7 @@ class DeviceSide:
 
     # Samples
 
-    def start(self, device: Driven) -> None:
+    def start(self, device: DrivenDevice) -> None:
         """Restart with a device that has just been opened."""
         self.device, self.sampling = device, True
         self._waiting.clear()
@@ -187,7 +187,7 @@ class DeviceSide:
         self.tick = tick
         self._waiting.append(tick)
 
-    def read(self) -> Iterator[Taken]:
+    def read(self) -> Iterator[TickSample]:
         """Yield the available samples, in order; count the lost ones."""
         while self._waiting:
             tick = self._waiting[0]
@@ -205,7 +205,7 @@ class DeviceSide:
             self._acceleration = sample.acceleration
             if self._servo and self._servo.set_point:
                 self._hold(tick, sample)
-            yield Taken(tick, sample, self._work.until(time, sample.position))
+            yield TickSample(tick, sample, self._work.until(time, sample.position))
 
     @property
     def complete(self) -> bool:

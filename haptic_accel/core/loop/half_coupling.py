@@ -29,7 +29,7 @@ from haptic_accel.core.arm_endpoint import ArmEndpoint
 from haptic_accel.core.coupling.engagement import Decision
 from haptic_accel.core.coupling.half_engagement import HalfEngagement
 from haptic_accel.core.coupling.pairing import Motion
-from haptic_accel.core.loop.wiring import MASTER, Pull, Tool
+from haptic_accel.core.loop.wiring import MASTER, ArmCommand, Tool
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.network import endpoint
 from haptic_accel.core.network.endpoint import State
@@ -65,7 +65,7 @@ class HalfCouplingPart:
         self.played = Played(ZERO, WAITING)
         self._timeout = timeout
         self._motion: Motion | None = None
-        self._pulls: deque[Pull] = deque()
+        self._commands: deque[ArmCommand] = deque()
         self._tools: deque[Tool] = deque()
         self._ready = False
 
@@ -104,18 +104,18 @@ class HalfCouplingPart:
         self._motion = motion
         if self.end.engaged and not self.engagement.interrupted:
             force = self.end.force(motion.position, motion.velocity, now, motion.work)
-            self._pulls.append(Pull(arm, motion.stamp, force))
+            self._commands.append(ArmCommand(arm, motion.stamp, force))
 
-    def pulls(self) -> Iterator[Pull]:
+    def commands(self) -> Iterator[ArmCommand]:
         """Yield the force of each sample once; none while the arm is free."""
-        while self._pulls:
-            yield self._pulls.popleft()
+        while self._commands:
+            yield self._commands.popleft()
 
     def poll(self, now: float, listeners: int) -> Decision:
         """Engage or release the arm if this is due; arguments as for `Engagement.missing`."""
         decision = self.engagement.decide(now, listeners)
         if decision.release:
-            self._pulls.clear()
+            self._commands.clear()
             self.end.half.disengage()
         if decision.engage and self._motion:
             self.end.engage(self._motion.position, resume=decision.resume)

@@ -23,8 +23,8 @@ from typing import NamedTuple, Protocol
 from haptic_accel.core import topics
 from haptic_accel.core.coupling.engagement import Decision, Engagement
 from haptic_accel.core.coupling.pairing import Motion
-from haptic_accel.core.loop.compensation import Caused, CompensationPart
-from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, Taken
+from haptic_accel.core.loop.compensation import CompensatedSample, CompensationPart
+from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, TickSample
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ARMS
@@ -38,7 +38,7 @@ _MOTIONS = {
 _HANDLE, _TOOL = topics.HANDLE_ACCELERATION.name, topics.TOOL_ACCELERATION.name
 
 
-class Pull(NamedTuple):
+class ArmCommand(NamedTuple):
     """Force on an arm, N, and the stamp of the sample that caused it, ns."""
 
     arm: str
@@ -75,7 +75,7 @@ class Coupling(Protocol):
     def poll(self, now: float, listeners: int) -> Decision:
         """Engage or release the arms if due; arguments as for `Engagement.missing`."""
 
-    def pulls(self) -> Iterable[Pull]:
+    def commands(self) -> Iterable[ArmCommand]:
         """Return the forces caused by the samples."""
 
 
@@ -104,13 +104,13 @@ class HostLoop:
 
     Attributes
     ----------
-    samples : list of (str, Taken)
+    samples : list of (str, TickSample)
         Samples read in the last step, by arm.
     tools : list of Tool
         Samples of the tool passed to the compensation.
-    pulls : list of Pull
+    commands : list of ArmCommand
         Forces on arms caused by these samples.
-    felt : list of Caused
+    compensated : list of CompensatedSample
         Actuator forces caused by these samples.
     muted : set of str
         Topics of signals that are not passed on, as they have other publishers too.
@@ -184,10 +184,10 @@ class HostLoop:
         side.watch()
 
     def _forget(self) -> None:
-        self.samples: list[tuple[str, Taken]] = []
+        self.samples: list[tuple[str, TickSample]] = []
         self.tools: list[Tool] = []
-        self.pulls: list[Pull] = []
-        self.felt: list[Caused] = []
+        self.commands: list[ArmCommand] = []
+        self.compensated: list[CompensatedSample] = []
 
     def _read(self, arm: str, side: DeviceSide) -> None:
         for taken in side.read():
@@ -218,13 +218,13 @@ class HostLoop:
                 if self._passes(_TOOL):
                     compensation.put_tool(*tool)
             for caused in compensation.forces(round(now * NANOSECONDS)):
-                self.felt.append(caused)
+                self.compensated.append(caused)
                 self._command(MASTER, ACTUATOR, caused.stamp, caused.actuator_force)
         if coupling.engagement.due(now):
             self._decide(now)
-        for pull in coupling.pulls():
-            self.pulls.append(pull)
-            self._command(pull.arm, ARM, pull.stamp, pull.force)
+        for command in coupling.commands():
+            self.commands.append(command)
+            self._command(command.arm, ARM, command.stamp, command.force)
 
     def _passes(self, *names: str) -> bool:
         """Return whether to pass on a sample of signals; count rejected samples."""
@@ -244,13 +244,13 @@ class HostLoop:
     def _look(self, now: float) -> None:
         assert self.coupling
         if self.coupling.poll(now, listeners=1).release:
-            self.pulls += release(self.sides, now)
+            self.commands += release(self.sides, now)
 
 
-def release(sides: Mapping[str, DeviceSide], now: float) -> list[Pull]:
+def release(sides: Mapping[str, DeviceSide], now: float) -> list[ArmCommand]:
     """Apply a zero force to each arm, as if computed from the sample of a time, s."""
-    pulls = [Pull(arm, round(now * NANOSECONDS), ZERO) for arm in sides]
-    for arm, stamp, force in pulls:
+    commands = [ArmCommand(arm, round(now * NANOSECONDS), ZERO) for arm in sides]
+    for arm, stamp, force in commands:
         if sides[arm].sampling:
             sides[arm].command(ARM, stamp, force)
-    return pulls
+    return commands

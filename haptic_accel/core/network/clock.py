@@ -30,7 +30,7 @@ from haptic_accel.core.sampling import NANOSECONDS
 INTERVAL = NANOSECONDS
 """Length of an interval, ns. The exchange with the shortest round trip in each is kept."""
 
-WINDOW = 120
+FITTED_INTERVALS = 120
 """Number of intervals in the line fit."""
 
 FEWEST = 10
@@ -72,7 +72,7 @@ class ClockOffset:
     """
 
     def __init__(self) -> None:
-        self._exchanges: deque[Exchange] = deque(maxlen=WINDOW)
+        self._exchanges: deque[Exchange] = deque(maxlen=FITTED_INTERVALS)
         self._interval: int | None = None
         self._restart()
 

@@ -37,13 +37,13 @@ KINDS: Final = (WAITING, TRUE, REPAIRED, CONCEALED)
 QUANTILE = 0.99
 """Fraction of samples that must have arrived when they are due."""
 
-WINDOW = 3.0
+ARRIVAL_WINDOW = 3.0
 """Time window of the arrival statistics, s: hundreds of packets. A drift of 100 ppm adds 0.3
 ms."""
 
 LOWERING = 1e-3
 """Minimum rate at which the target falls, s/s: it must stay high for the next burst. The excess
-decays with the time constant `WINDOW`."""
+decays with the time constant `ARRIVAL_WINDOW`."""
 
 STEPS = 50
 """Number of samples in which the delay changes by one sample: a change of pace by 2 %, which users
@@ -101,8 +101,9 @@ class Playout:
 
     The age of a sample is its first arrival time minus its number divided by the rate. Clock
     offset and minimum network delay are part of all ages and cancel. The target is the 99 %
-    quantile of the ages in the last `WINDOW`. The target rises at once and falls slowly; an excess
-    above `MISSED` falls at once. With a constant target each tick plays the next sample unchanged.
+    quantile of the ages in the last `ARRIVAL_WINDOW`. The target rises at once and falls slowly;
+    an excess above `MISSED` falls at once. With a constant target each tick plays the next sample
+    unchanged.
     The delay changes by resampling over `STEPS` samples, or by pausing while there is nothing to
     play. The playout therefore also follows clock drift.
 
@@ -137,7 +138,7 @@ class Playout:
         self._base = 0  # numbers count from 1970: ages would lose all precision
         self._newest = 0
         self._stride = math.inf  # samples between successive packets
-        self._ages: deque[float] = deque(maxlen=math.ceil(WINDOW * self._rate))
+        self._ages: deque[float] = deque(maxlen=math.ceil(ARRIVAL_WINDOW * self._rate))
         self._sorted: list[float] = []
         self._target, self._aimed = -math.inf, 0.0
         self._place: int | None = None  # in samples / STEPS
@@ -148,7 +149,7 @@ class Playout:
 
     @property
     def delay(self) -> float:
-        """Delay of the playout above the minimum in the last `WINDOW`, s; 0 while waiting."""
+        """Delay of the playout above the minimum in `ARRIVAL_WINDOW`, s; 0 while waiting."""
         if self._place is None:
             return 0.0
         return self._age(self._place / STEPS, self._taken) - self._sorted[0]
@@ -286,7 +287,7 @@ class Playout:
             excess = self._target - quantile
             if excess > MISSED:
                 self._target = quantile
-            lowering = max(LOWERING, excess / WINDOW) * (now - self._aimed)
+            lowering = max(LOWERING, excess / ARRIVAL_WINDOW) * (now - self._aimed)
             self._target = max(quantile, self._target - lowering)
         self._aimed = now
 

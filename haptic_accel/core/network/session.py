@@ -43,7 +43,7 @@ the restart of a process takes longer."""
 PROBLEM_TIME = 2.0
 """Time for which the reason of a rejection is shown, s."""
 
-WINDOW = 1024
+DUPLICATE_WINDOW = 1024
 """Number of packets before the newest for which duplicates are distinguished from late packets. It
 is 1 s at 1 kHz; older samples are of no use to the playout."""
 
@@ -200,7 +200,9 @@ class Session:
             return False
         self.lost += ahead - 1
         # The lowest bit is the newest packet; a long silence clears all others.
-        self._seen = (self._seen << min(ahead, WINDOW) | 1) & ((1 << WINDOW) - 1)
+        self._seen = (self._seen << min(ahead, DUPLICATE_WINDOW) | 1) & (
+            (1 << DUPLICATE_WINDOW) - 1
+        )
         self._newest = sequence
         return True
 
@@ -210,7 +212,7 @@ class Session:
         self._came_in_vain(now)
         if self.own != own:
             return Admission.REFUSED
-        place = 1 << behind if 0 <= behind < WINDOW else 0
+        place = 1 << behind if 0 <= behind < DUPLICATE_WINDOW else 0
         if place and not self._seen & place:
             self._seen |= place
             self.out_of_order += 1

@@ -39,7 +39,7 @@ from haptic_accel.kits.bringup.steps import STEPS, BringUp, BringUpArguments, Br
 if TYPE_CHECKING:
     from haptic_accel.kits.bringup.guide import Guide
 
-LOOK_PERIOD = 0.2
+DISPLAY_PERIOD = 0.2
 """Interval between two pictures of the live signal, s: as fast as numbers can be read."""
 
 SHOWN = 0.5
@@ -205,7 +205,7 @@ class _Terminal:
             yield
 
     def _draw(self) -> None:
-        while not self._over.wait(LOOK_PERIOD):
+        while not self._over.wait(DISPLAY_PERIOD):
             with self._writing:
                 if self._watched:
                     sys.stdout.write(f"\r{_picture(self._watched)}\x1b[K")

@@ -95,13 +95,13 @@ POSE = 2.0
 PROBE = 1.0
 """Duration of a probing force, s."""
 
-SETTLING = 0.4
+RESPONSE_SETTLING = 0.4
 """Time until a probing force's response is steady, or has died away, s."""
 
 PATIENCE = 60.0
 """Time to wait for what the user is asked to do, s."""
 
-LOOK = 0.02
+ACTION_POLL_PERIOD = 0.02
 """Interval between looks for it, s."""
 
 METER_CURRENT = 0.1
@@ -468,10 +468,10 @@ class BringUp:
             with self._observed(MASTER) as device:
                 self._person.show(device)
                 device.drive(lambda _: METER_CURRENT * constant)
-                time.sleep(SETTLING)
+                time.sleep(RESPONSE_SETTLING)
                 driven = self._number("type the current that the meter shows now, A")
                 device.drive(None)
-                time.sleep(SETTLING)
+                time.sleep(RESPONSE_SETTLING)
                 silent = self._number("the commands have ended: type the current now, A")
             zero = Check(
                 abs(silent) < checks.CURRENT_ERROR * METER_CURRENT,
@@ -491,7 +491,7 @@ class BringUp:
             responses = []
             for amplitude in checks.PROBE_FORCES:
                 device.drive(_probe(amplitude))
-                time.sleep(SETTLING)
+                time.sleep(RESPONSE_SETTLING)
                 seen = device.observe(PROBE)
                 responses.append(checks.response(seen.force, seen.acceleration, seen.rate))
             device.drive(None)
@@ -517,10 +517,10 @@ class BringUp:
             ):
                 device.arm()
                 device.drive(_probe(checks.PROBE_FORCES[1]))
-                time.sleep(SETTLING)
+                time.sleep(RESPONSE_SETTLING)
                 end()
-                time.sleep(SETTLING)
-                seen = device.last(SETTLING + REST)
+                time.sleep(RESPONSE_SETTLING)
+                seen = device.last(RESPONSE_SETTLING + REST)
                 last = int(np.flatnonzero(seen.force)[-1])
                 taken = checks.quiet_after(
                     seen.acceleration - np.nanmean(seen.acceleration), seen.rate, last, noise
@@ -552,7 +552,7 @@ class BringUp:
             )
 
             def is_gone() -> bool:
-                return bool(np.isnan(device.last(SETTLING).acceleration).all())
+                return bool(np.isnan(device.last(RESPONSE_SETTLING).acceleration).all())
 
             def is_back() -> bool:
                 return bool(np.isfinite(device.last(REST).acceleration).all())
@@ -664,7 +664,7 @@ class BringUp:
         while time.monotonic() < end:
             if happened():
                 return True
-            time.sleep(LOOK)
+            time.sleep(ACTION_POLL_PERIOD)
         return False
 
     def _command(self, *words: str) -> tuple[list[str], int]:
@@ -709,7 +709,7 @@ class BringUp:
         own, options = self._parameters(side)
         device = build_device(f"{side}_device", own, options)
         with ObservedDevice(device, options[SAFETY], own.rate, own.latency) as observed:
-            time.sleep(SETTLING)
+            time.sleep(RESPONSE_SETTLING)
             try:
                 yield observed
             finally:

@@ -53,7 +53,7 @@ from haptic_accel.kits.study.authenticity import (
 )
 from haptic_accel.kits.study.deletion import BAGS, Deletion, plan_deletion
 from haptic_accel.kits.study.log import (
-    LARGEST,
+    LARGEST_LOG,
     LOG,
     SESSION,
     Entry,
@@ -330,6 +330,6 @@ class Study:
 
 def _same_first_line(one: Path, other: Path) -> bool:
     """Return whether two logs, which need not be readable, are of the same session."""
-    with located(one), opened(one, LARGEST) as first, opened(other, LARGEST) as second:
+    with located(one), opened(one, LARGEST_LOG) as first, opened(other, LARGEST_LOG) as second:
         line = first.readline()
         return line.endswith(b"\n") and line == second.readline()

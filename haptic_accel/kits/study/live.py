@@ -34,7 +34,7 @@ from haptic_accel.graph.networked import RelayError, RelayProcess, networked_gra
 from haptic_accel.kits.study.conditions import arguments, channel, live
 from haptic_accel.kits.study.exposure import WeightedDose
 from haptic_accel.kits.study.protocol import Condition, Protocol, Value
-from haptic_accel.kits.study.trials import Presented, StoppedError, UndeliveredError
+from haptic_accel.kits.study.trials import PresentedStimulus, StoppedError, UndeliveredError
 from haptic_accel.nodes.graph_requests import SETTINGS, set_controller, set_gain
 from haptic_accel.nodes.graph_view import GraphView
 from haptic_accel.nodes.joined_view import JoinedView, joined_view
@@ -139,7 +139,7 @@ class LiveRig:
 
     def present(
         self, condition: Condition, seconds: float, begun: Callable[[], None] = lambda: None
-    ) -> Presented:
+    ) -> PresentedStimulus:
         """Present a condition with a faded beginning and end; see `trials.Rig`."""
         try:
             wanted, settings, network = self._needs(condition)
@@ -275,7 +275,7 @@ class LiveRig:
         network: ChannelParameters | None,
         seconds: float,
         begun: Callable[[], None],
-    ) -> Presented:
+    ) -> PresentedStimulus:
         settling = SETTLING + (NETWORK_SETTLING if network else 0.0)
         due = time.monotonic() + SETTING + settling
         gain = float(settings.get("gain", 1.0))
@@ -310,7 +310,7 @@ class LiveRig:
         found = measure(self.windows, begin, end, self._arguments.rate)
         if found is None:
             raise UndeliveredError("handle: no samples of its acceleration")
-        return Presented(**vars(found), bag=self._bag, late=late, read_back=has)
+        return PresentedStimulus(**vars(found), bag=self._bag, late=late, read_back=has)
 
     def _weigh(self) -> None:
         """Add the newest samples to the exposure; called on the view's thread."""

@@ -45,7 +45,7 @@ from haptic_accel.kits.study.protocol import Condition
 from haptic_accel.kits.study.trials import (
     Answer,
     PlannedTrial,
-    Presented,
+    PresentedStimulus,
     SessionRecord,
     TrialRecord,
 )
@@ -59,7 +59,7 @@ LOG = "log.jsonl"
 FORMAT = 1
 """Version of the lines, in the first of each log."""
 
-LARGEST = 1 << 28
+LARGEST_LOG = 1 << 28
 """Largest log that is read, bytes: a trial takes some 2,000."""
 
 PRIVATE = 0o600
@@ -75,7 +75,7 @@ RUNNING = "running"
 LOCKING_TIME = 0.5
 """Longest time for which a log is tried to be locked, s: readers lock it for an instant."""
 
-LOOK = 0.01
+LOCK_RETRY_PERIOD = 0.01
 """Interval between two attempts to lock a log, s."""
 
 OPEN = ("asked", "answered", "asked_steady", "answered_steady", "attempt")
@@ -221,7 +221,7 @@ def lock(end: io.FileIO, file: Path, patience: float = LOCKING_TIME) -> None:
         except BlockingIOError:
             if time.monotonic() > due:
                 raise ParameterError(f"{file}: another process runs this session") from None
-        time.sleep(LOOK)
+        time.sleep(LOCK_RETRY_PERIOD)
 
 
 def is_running(file: Path) -> bool:
@@ -230,7 +230,7 @@ def is_running(file: Path) -> bool:
         import fcntl
     except ModuleNotFoundError:
         return False
-    with located(file), opened(file, LARGEST) as lines:
+    with located(file), opened(file, LARGEST_LOG) as lines:
         try:
             fcntl.flock(lines.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -283,7 +283,7 @@ def read_chain(file: Path) -> Chain:
         As for `read_session`.
     """
     entries, heads, size = list[Entry](), list[str](), 0
-    with located(file), opened(file, LARGEST) as lines:
+    with located(file), opened(file, LARGEST_LOG) as lines:
         for number, line in enumerate(lines, 1):
             if not line.endswith(b"\n"):
                 break
@@ -325,7 +325,7 @@ def trial_of(entry: Entry) -> TrialRecord:
     stimuli = tuple(_condition(each["settings"]) for each in trial["stimuli"])
     return TrialRecord(
         trial=PlannedTrial(**trial | {"stimuli": stimuli, "answers": tuple(trial["answers"])}),
-        presented=tuple(Presented(**each) for each in content["presented"]),
+        presented=tuple(PresentedStimulus(**each) for each in content["presented"]),
         answer=Answer(**answer) if answer else None,
         flaw=content["flaw"],
         **{name: entry[name] for name in OPEN},

@@ -44,7 +44,7 @@ RANGES = {"correct": (0.0, 1.0), "preferred": (0.0, 1.0), "threshold": (0.0, mat
 
 
 @dataclass(frozen=True)
-class Counted:
+class CountedTrial:
     """Trial that counts in the analysis.
 
     Attributes
@@ -65,10 +65,10 @@ class Counted:
     answer: str
 
 
-Trials: TypeAlias = Sequence[Counted]
+Trials: TypeAlias = Sequence[CountedTrial]
 
 
-def counted(protocol: Protocol, sessions: Sequence[SessionRecord]) -> list[Counted]:
+def counted(protocol: Protocol, sessions: Sequence[SessionRecord]) -> list[CountedTrial]:
     """Return the counted trials of those who are not excluded, in the order of the protocol."""
     excluded = exclusions(protocol, sessions)
     items = {family(item): item for item in TASKS[protocol.task].items(protocol)}
@@ -78,7 +78,7 @@ def counted(protocol: Protocol, sessions: Sequence[SessionRecord]) -> list[Count
             name = record.trial.track.partition(" #")[0]
             condition = _condition(protocol, items[name], record.trial.level)
             answer = record.answer.value if record.answer else ""
-            found.append(Counted(session.participant, name, condition, record, answer))
+            found.append(CountedTrial(session.participant, name, condition, record, answer))
     places = {name: place for place, name in enumerate(items)}
     return sorted(found, key=lambda each: places[each.family])
 
@@ -93,15 +93,17 @@ def _condition(protocol: Protocol, item: Item, level: float | None) -> Condition
     return Condition(tuple(settings.items()))
 
 
-def grouped(trials: Iterable[Counted], key: Callable[[Counted], str]) -> dict[str, list[Counted]]:
+def grouped(
+    trials: Iterable[CountedTrial], key: Callable[[CountedTrial], str]
+) -> dict[str, list[CountedTrial]]:
     """Return trials by a key."""
-    groups: dict[str, list[Counted]] = {}
+    groups: dict[str, list[CountedTrial]] = {}
     for trial in trials:
         groups.setdefault(key(trial), []).append(trial)
     return groups
 
 
-def by_participant(trials: Iterable[Counted]) -> dict[str, list[Counted]]:
+def by_participant(trials: Iterable[CountedTrial]) -> dict[str, list[CountedTrial]]:
     """Return trials by participant."""
     return grouped(trials, lambda trial: trial.participant)
 
@@ -132,7 +134,7 @@ def preference(trials: Trials, words: str, against: str = "") -> float:
 
     Parameters
     ----------
-    trials : sequence of Counted
+    trials : sequence of CountedTrial
     words : str
         The condition, as ``factor=value`` words.
     against : str

@@ -33,7 +33,7 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.tables import DASH, ResultTable, Row
 from haptic_accel.kits.study.planned_tests import (
     NAMES,
-    Counted,
+    CountedTrial,
     PlannedResult,
     Trials,
     by_participant,
@@ -189,7 +189,7 @@ def exploratory_results(protocol: Protocol, trials: Trials) -> Iterator[Result]:
 
 
 def _by_both(
-    trials: Trials, value: Callable[[list[Counted]], Row], name: str
+    trials: Trials, value: Callable[[list[CountedTrial]], Row], name: str
 ) -> tuple[list[Row], dict[str, Strip]]:
     """Return a row for each comparison or condition and participant, and strips of a value."""
     rows = [
@@ -215,7 +215,7 @@ def _sensitivities(protocol: Protocol, trials: Trials) -> Iterator[Result]:
         yield _thresholds(protocol, protocol.levels, trials)
         return
 
-    def found(own: list[Counted]) -> Row:
+    def found(own: list[CountedTrial]) -> Row:
         right = sum(bool(each.record.correct) for each in own)
         tested = exact_binomial(right, len(own), chance(protocol, "correct"))
         d_prime = sensitivity(protocol, own)
@@ -236,7 +236,7 @@ def _thresholds(protocol: Protocol, levels: Levels, trials: Trials) -> Result:
     curves = {}
     several = len({each.family for each in trials}) > 1
 
-    def found(own: list[Counted]) -> Row:
+    def found(own: list[CountedTrial]) -> Row:
         fitted = psychometric_function(levels, protocol.task, own)
         distances = [distance(levels, each.condition) for each in own]
         points = pd.Series([float(each.record.correct or 0) for each in own]).groupby(distances)
@@ -257,7 +257,7 @@ def _thresholds(protocol: Protocol, levels: Levels, trials: Trials) -> Result:
 
 
 def _ratings(protocol: Protocol, trials: Trials) -> Iterator[Result]:
-    def found(own: list[Counted]) -> Row:
+    def found(own: list[CountedTrial]) -> Row:
         return {"mean_rating": float(np.mean([float(each.answer) for each in own]))}
 
     rows, strips = _by_both(trials, found, "mean_rating")

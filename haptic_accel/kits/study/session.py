@@ -40,7 +40,7 @@ from haptic_accel.kits.study.trials import (
     PRACTICE,
     Participant,
     PlannedTrial,
-    Presented,
+    PresentedStimulus,
     Rig,
     Screen,
     SessionRecord,
@@ -182,7 +182,7 @@ class Session:
 
     def _run_trial(self, trial: PlannedTrial) -> TrialRecord:
         """Present a trial's stimuli, and ask for the answer."""
-        presented: list[Presented] = []
+        presented: list[PresentedStimulus] = []
         answer, flaw = None, ""
         asked, asked_steady = time.time_ns(), time.monotonic_ns()
         try:
@@ -199,14 +199,14 @@ class Session:
         times = asked, time.time_ns(), asked_steady, time.monotonic_ns()
         return TrialRecord(trial, self.plan.attempt, tuple(presented), answer, *times, flaw)
 
-    def _present(self, interval: int, condition: Condition) -> Presented:
+    def _present(self, interval: int, condition: Condition) -> PresentedStimulus:
         seconds = self.protocol.timing.seconds
         self._show("wait")
         self.sleep(self.protocol.timing.gap)
         show = partial(self._show, "stimulus", interval=interval, seconds=seconds)
         return self.rig.present(condition, seconds, show)
 
-    def _flaws(self, trial: PlannedTrial, presented: list[Presented]) -> Iterator[str]:
+    def _flaws(self, trial: PlannedTrial, presented: list[PresentedStimulus]) -> Iterator[str]:
         """Yield the measures of stimuli that are outside the protocol's bounds."""
         bounds, units = self.protocol.bounds, schema(Bounds)
         for condition, stimulus in zip(trial.stimuli, presented, strict=True):

@@ -35,7 +35,13 @@ from haptic_accel.kits.study.plan import Plan
 from haptic_accel.kits.study.protocol import Condition, Protocol
 from haptic_accel.kits.study.session import Session
 from haptic_accel.kits.study.tasks import DIFFERENT, SAME, distance, labels, written
-from haptic_accel.kits.study.trials import Answer, PlannedTrial, Presented, Screen, SessionRecord
+from haptic_accel.kits.study.trials import (
+    Answer,
+    PlannedTrial,
+    PresentedStimulus,
+    Screen,
+    SessionRecord,
+)
 
 OBSERVER, ANSWER = 2, 3
 """Streams of random numbers: of an observer's strengths, and of one answer."""
@@ -174,14 +180,14 @@ class SimulatedRig:
 
     def present(
         self, condition: Condition, seconds: float, begun: Callable[[], None] = lambda: None
-    ) -> Presented:
+    ) -> PresentedStimulus:
         """Return a stimulus as if it had been delivered."""
         begun()
         self.exposure += (WEIGHTING * self._rms) ** 2 * seconds
         begin, rms, settings = time.time_ns(), self._rms, dict(condition.settings)
         times = begin, begin + round(seconds * 1e9)
         # No error; nothing clipped, late or lost.
-        return Presented(*times, "", rms, rms * 2**0.5, rms, 0.0, 0.0, 0.0, 0.0, settings)
+        return PresentedStimulus(*times, "", rms, rms * 2**0.5, rms, 0.0, 0.0, 0.0, 0.0, settings)
 
     def stop(self) -> None:
         """Do nothing: there are no forces."""

@@ -35,7 +35,7 @@ from haptic_accel.kits.study.trials import (
     CATCH,
     COMPLETE,
     MAIN,
-    Presented,
+    PresentedStimulus,
     SessionRecord,
     TrialRecord,
 )
@@ -235,7 +235,7 @@ def _trial(session: SessionRecord, record: TrialRecord) -> Row:
 
 
 def _stimulus(
-    session: SessionRecord, record: TrialRecord, interval: int, presented: Presented
+    session: SessionRecord, record: TrialRecord, interval: int, presented: PresentedStimulus
 ) -> Row:
     condition = record.trial.stimuli[interval - 1]
     return {
@@ -255,5 +255,5 @@ def _stimulus(
 
 
 def _attribute(column: str) -> str:
-    """Return the attribute of `Presented` that a column has."""
+    """Return the attribute of `PresentedStimulus` that a column has."""
     return column.removesuffix("_m_s2").removesuffix("_percent")

@@ -73,7 +73,7 @@ class PlannedTrial:
 
 
 @dataclass(frozen=True)
-class Presented:
+class PresentedStimulus:
     """Stimulus as it was delivered.
 
     Attributes
@@ -132,7 +132,7 @@ class TrialRecord:
     trial : PlannedTrial
     attempt : int
         Number of earlier presentations of the trial, which were not delivered.
-    presented : tuple of Presented
+    presented : tuple of PresentedStimulus
         Stimuli, as far as they were presented.
     answer : Answer or None
         None if the trial was broken off before its question.
@@ -146,7 +146,7 @@ class TrialRecord:
 
     trial: PlannedTrial
     attempt: int
-    presented: tuple[Presented, ...]
+    presented: tuple[PresentedStimulus, ...]
     answer: Answer | None
     asked: int
     answered: int
@@ -253,7 +253,7 @@ class Rig(Interface):
 
     def present(
         self, condition: Condition, seconds: float, begun: Callable[[], None] = lambda: None
-    ) -> Presented:
+    ) -> PresentedStimulus:
         """Present a condition with a faded beginning and end; afterwards the handle is still.
 
         Parameters

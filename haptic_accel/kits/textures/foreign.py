@@ -39,7 +39,7 @@ from haptic_accel.core.warning import warn_once
 from haptic_accel.kits.textures.building import FRAME, LARGEST_ORDER, RENDER_RATE
 from haptic_accel.kits.textures.patterns import read_pattern
 from haptic_accel.materials.columns import ACCELERATION, TIME, Wording, factor_of, is_time
-from haptic_accel.materials.csv_files import LARGEST
+from haptic_accel.materials.csv_files import LARGEST_VALUE
 from haptic_accel.materials.recordings import UNCALIBRATED, check_rate, read_samples
 from haptic_accel.materials.sample_times import rate_of_times
 from haptic_accel.materials.texture_files import read_npz
@@ -97,7 +97,7 @@ def import_texture(
     if read is None:
         raise ParameterError(f"{path}: must be one of *{', *'.join(_READERS)}")
     if calibration is not None:
-        wanted = Specification("calibration", "m/s^2", 0.0, LARGEST, above=True)
+        wanted = Specification("calibration", "m/s^2", 0.0, LARGEST_VALUE, above=True)
         checked("calibration", calibration, 1.0, wanted)
         if path.suffix.lower() in (".xml", ".csv"):
             raise ParameterError(f"calibration = {calibration:g}: {path} has units: leave it out")
@@ -144,8 +144,10 @@ def _from_npz(path: Path, rate: float, calibration: float | None) -> TextureMode
         )
     factors = np.array([factor_of(str(path), names[index], ACCELERATION) for index in own])
     signals = (calibration or 1.0) * factors[:, np.newaxis] * data[own]
-    if not (own and np.all(np.abs(signals) <= LARGEST)):
-        raise ParameterError(f"{path}: data: must be numbers from {-LARGEST:g} to {LARGEST:g}")
+    if not (own and np.all(np.abs(signals) <= LARGEST_VALUE)):
+        raise ParameterError(
+            f"{path}: data: must be numbers from {-LARGEST_VALUE:g} to {LARGEST_VALUE:g}"
+        )
     return _from_signals(path, signals, own_rate, calibration)
 
 

@@ -38,7 +38,7 @@ TRANSIENT = 0.03
 TRANSIENT_DECAY = 150.0
 """Decay rate of a transient, 1/s: to a hundredth within its duration."""
 
-LONGEST = 60.0
+LONGEST_PATTERN = 60.0
 """Maximum duration of a pattern, s."""
 
 MOST_EVENTS = 10_000
@@ -49,7 +49,7 @@ LONGEST_IN_ALL = 1200.0
 pattern."""
 
 _INTENSITY, _SHARPNESS = 1.0, 0.5  # defaults of events
-_SECONDS = Specification("time", "s", 0.0, LONGEST)
+_SECONDS = Specification("time", "s", 0.0, LONGEST_PATTERN)
 _RELATIVE = Specification("relative value", "", -1.0, 1.0)
 
 

@@ -27,7 +27,7 @@ from scipy import signal
 
 from haptic_accel.core.control.authority import (
     LOWEST,
-    MEMORY,
+    POWER_MEMORY,
     SILENT,
     SLIGHT,
     WARIEST,
@@ -118,7 +118,7 @@ def test_the_full_force_returns_once_the_response_fits() -> None:
     response = np.concatenate([-5.0 * desired[:2000], desired[2000:]])
     fractions, _ = run(authority, desired, response)
     assert fractions[1999] < 0.02
-    assert fractions[2000 + round(12 * MEMORY * RATE)] == 1.0
+    assert fractions[2000 + round(12 * POWER_MEMORY * RATE)] == 1.0
     assert not authority.reduced
 
 

@@ -27,7 +27,7 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control.grip_estimation import (
-    LARGEST,
+    LARGEST_FACTORS,
     SMALLEST,
     AdaptationParameters,
     GripEstimator,
@@ -164,7 +164,7 @@ def test_a_hand_out_of_range_is_told_until_it_has_gone(
     assert found.at_end == {}
 
 
-@pytest.mark.parametrize("factor", [LARGEST[0] * 0.99, LARGEST[0] * 1.01])
+@pytest.mark.parametrize("factor", [LARGEST_FACTORS[0] * 0.99, LARGEST_FACTORS[0] * 1.01])
 def test_at_the_bound_it_does_not_flicker(factor: float) -> None:
     found = estimator()
     master = rig(replace(TABLE_I, m_h=float(factor) * TABLE_I.m_h), noise=0.01)
@@ -250,7 +250,7 @@ def test_whatever_it_sees_the_grip_stays_in_the_safe_set(
     assert np.isfinite(found.grip).all()
     factors = found.grip / grip_of(TABLE_I)
     assert np.all(factors >= np.array(SMALLEST) * (1 - 1e-9))
-    assert np.all(factors <= np.array(LARGEST) * (1 + 1e-9))
+    assert np.all(factors <= np.array(LARGEST_FACTORS) * (1 + 1e-9))
 
 
 def test_an_accelerometer_that_is_dead_changes_nothing() -> None:

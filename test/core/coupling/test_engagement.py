@@ -33,7 +33,7 @@ from haptic_accel.core.coupling.engagement import (
     Engagement,
     EngagementParameters,
 )
-from haptic_accel.core.emergency_stop import SETTLING
+from haptic_accel.core.emergency_stop import LATCHED_SETTLING
 from haptic_accel.core.topics import ARMS
 
 TIMEOUT = 0.1
@@ -47,7 +47,7 @@ class Run:
     def __init__(self, **parameters: float | bool) -> None:
         self.now = 100.0
         known = EngagementParameters(timeout=TIMEOUT, **parameters)  # type: ignore[arg-type]
-        self.engagement = Engagement(known, self.now - SETTLING)
+        self.engagement = Engagement(known, self.now - LATCHED_SETTLING)
         self.listeners = 2
         for arm in ARMS:
             self.engagement.arm_stopped(arm, False)

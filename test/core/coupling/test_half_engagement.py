@@ -42,7 +42,7 @@ from haptic_accel.core.coupling.half_engagement import (
 )
 from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.coupling.passive import PassiveParameters
-from haptic_accel.core.emergency_stop import SETTLING
+from haptic_accel.core.emergency_stop import LATCHED_SETTLING
 from haptic_accel.core.loop.half_coupling import HalfCouplingPart
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.network.channel import Channel, ChannelParameters
@@ -60,7 +60,7 @@ class Host:
     def __init__(self, side: str, session: int, now: float, recovery: str) -> None:
         parameters = EngagementParameters(timeout=TIMEOUT, listeners=0, recovery=recovery)
         self.side = side
-        self.engagement = HalfEngagement(parameters, now - SETTLING, side)
+        self.engagement = HalfEngagement(parameters, now - LATCHED_SETTLING, side)
         end = ArmEndpoint(side, PassiveParameters(), RATE, 1, session)
         self.part = HalfCouplingPart(end, self.engagement, TIMEOUT)
         self.end = end.endpoint
@@ -232,7 +232,7 @@ def test_after_a_long_loss_a_request_or_a_stop_the_arms_engage_where_they_are(si
     run.run(FREE_TIME + 0.2)
     assert (run.engaged, run.resumes) == ((True, True), (False, False))
     it.stop.stop()
-    run.run(SETTLING + 0.1)
+    run.run(LATCHED_SETTLING + 0.1)
     for each in SIDES:
         run.release(each)
     run.run(FREE_TIME + 0.2)

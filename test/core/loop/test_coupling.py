@@ -26,7 +26,7 @@ from haptic_accel.core.coupling.position_position import (
     PositionPositionCoupling,
 )
 from haptic_accel.core.loop.coupling import CouplingPart
-from haptic_accel.core.loop.wiring import MASTER, SLAVE, Pull, Tool
+from haptic_accel.core.loop.wiring import MASTER, SLAVE, ArmCommand, Tool
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.sampling import RELEASED
 
@@ -50,13 +50,13 @@ def put(part: CouplingPart, tick: int, arm: str, height: float) -> None:
 def test_arms_are_free_until_they_engage_where_they_are_then(part: CouplingPart) -> None:
     put(part, 1, MASTER, 0.05)
     put(part, 1, SLAVE, 0.2)
-    assert list(part.pulls()) == []
+    assert list(part.commands()) == []
     assert part.poll(0.001, listeners=1).engage
     for tick, height in ((2, 0.05), (3, 0.06)):
         put(part, tick, MASTER, height)
         put(part, tick, SLAVE, 0.2)
-    *at_rest, on_master, on_slave = part.pulls()
-    assert at_rest == [Pull(arm, 2_000_000, ZERO) for arm in (MASTER, SLAVE)]
+    *at_rest, on_master, on_slave = part.commands()
+    assert at_rest == [ArmCommand(arm, 2_000_000, ZERO) for arm in (MASTER, SLAVE)]
     assert (on_master.arm, on_master.stamp) == (MASTER, 3_000_000)
     assert on_master.force == pytest.approx((0.0, 0.0, -1.0))  # 100 N/m times 10 mm
     assert on_slave.force == pytest.approx((0.0, 0.0, 0.5))
@@ -66,12 +66,12 @@ def test_a_sample_waits_for_that_of_the_other_arm(part: CouplingPart) -> None:
     put(part, 1, MASTER, 0.0)
     put(part, 1, SLAVE, 0.0)
     part.poll(0.001, listeners=1)
-    list(part.pulls())
+    list(part.commands())
     put(part, 2, MASTER, 0.0)
-    assert list(part.pulls()) == []
+    assert list(part.commands()) == []
     assert part.waiting
     put(part, 2, SLAVE, 0.0)
-    assert len(list(part.pulls())) == 2
+    assert len(list(part.commands())) == 2
     assert not part.waiting
 
 
@@ -79,25 +79,25 @@ def test_arms_are_free_again_when_one_falls_silent(part: CouplingPart) -> None:
     put(part, 1, MASTER, 0.0)
     put(part, 1, SLAVE, 0.0)
     part.poll(0.001, listeners=1)
-    list(part.pulls())
+    list(part.commands())
     assert part.engaged
     decision = part.poll(0.001 + RELEASED + STEP_PERIOD, listeners=1)
     assert decision.release
     assert not part.engaged
     put(part, 150, MASTER, 0.0)
     put(part, 150, SLAVE, 0.0)
-    assert list(part.pulls()) == []
+    assert list(part.commands()) == []
 
 
 def test_a_silence_that_nobody_looked_at_ends_the_engagement(part: CouplingPart) -> None:
     put(part, 1, MASTER, 0.0)
     put(part, 1, SLAVE, 0.0)
     part.poll(0.001, listeners=1)
-    list(part.pulls())
+    list(part.commands())
     for tick in range(8001, 8021):
         put(part, tick, MASTER, 0.05)  # moved by 50 mm meanwhile: 5 N
         put(part, tick, SLAVE, 0.0)
-        assert list(part.pulls()) == []
+        assert list(part.commands()) == []
     decision = part.poll(8.02, listeners=1)
     assert decision.release
     assert decision.warning == "let go: no position of slave for 8 s"
@@ -105,7 +105,7 @@ def test_a_silence_that_nobody_looked_at_ends_the_engagement(part: CouplingPart)
     while not part.poll((tick := next(ticks)) / RATE, listeners=1).engage:
         put(part, tick, MASTER, 0.05)
         put(part, tick, SLAVE, 0.0)
-    assert {pull.force for pull in part.pulls()} == {ZERO}
+    assert {command.force for command in part.commands()} == {ZERO}
 
 
 def test_the_tools_samples_are_passed_on_once(part: CouplingPart) -> None:

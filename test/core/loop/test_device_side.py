@@ -36,7 +36,7 @@ from haptic_accel.core.loop.device_side import (
     SAMPLE_TIMEOUT,
     ArmWork,
     DeviceSide,
-    Taken,
+    TickSample,
     rig_side,
 )
 from haptic_accel.core.model import LATER, ZERO, Reading, Sample, Vector
@@ -85,7 +85,7 @@ def side(rig: Rig, latency: int) -> DeviceSide:
 
 def serve(
     side: DeviceSide, tick: int, arm: Vector | None, actuator: float | None = None
-) -> list[Taken]:
+) -> list[TickSample]:
     side.begin(tick)
     taken = list(side.read())
     moment = tick * NANOSECONDS / RATE

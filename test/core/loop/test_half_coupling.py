@@ -67,7 +67,7 @@ class Puppet:
         return {}
 
 
-class Crossed(NamedTuple):
+class PlayedSample(NamedTuple):
     """Forces that a tick caused, None for an arm without a command, and what it played."""
 
     on_master: Vector | None
@@ -93,16 +93,18 @@ class Run:
         for rig in self.rigs.values():
             rig.at = at
 
-    def run(self, seconds: float) -> list[Crossed]:
+    def run(self, seconds: float) -> list[PlayedSample]:
         """Return what came of the samples of a time."""
         found = []
         for _ in range(round(seconds * RATE)):
             self.hosts.step(self.tick)
             forces = {
-                pull.arm: pull.force for loop in self.hosts.loops.values() for pull in loop.pulls
+                command.arm: command.force
+                for loop in self.hosts.loops.values()
+                for command in loop.commands
             }
             played = self.hosts.halves[MASTER].played
-            found.append(Crossed(forces.get(MASTER), forces.get(SLAVE), played.kind))
+            found.append(PlayedSample(forces.get(MASTER), forces.get(SLAVE), played.kind))
             self.tick += 1
         return found
 

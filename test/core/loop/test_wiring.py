@@ -140,12 +140,12 @@ def test_what_a_tick_did_can_be_seen_until_the_next() -> None:
     rig = Rig()
     rig.steps(range(3))
     assert [(arm, taken.tick) for arm, taken in rig.loop.samples] == [(MASTER, 2), (SLAVE, 2)]
-    assert [pull.arm for pull in rig.loop.pulls] == [MASTER, SLAVE]
-    assert {pull.stamp for pull in rig.loop.pulls} == {2_000_000}
+    assert [command.arm for command in rig.loop.commands] == [MASTER, SLAVE]
+    assert {command.stamp for command in rig.loop.commands} == {2_000_000}
     assert [tool.acceleration for tool in rig.loop.tools] == [along_actuator(2.0)]
-    assert [caused.stamp for caused in rig.loop.felt] == [2_000_000]
+    assert [sample.stamp for sample in rig.loop.compensated] == [2_000_000]
     rig.loop.go_on()
-    assert not any((rig.loop.samples, rig.loop.pulls, rig.loop.tools, rig.loop.felt))
+    assert not any((rig.loop.samples, rig.loop.commands, rig.loop.tools, rig.loop.compensated))
 
 
 def test_a_sample_that_comes_later_causes_its_forces_then() -> None:
@@ -155,11 +155,11 @@ def test_a_sample_that_comes_later_causes_its_forces_then() -> None:
     rig.loop.step(5)
     assert not rig.loop.complete
     assert [arm for arm, _ in rig.loop.samples] == [MASTER]
-    assert not any((rig.loop.pulls, rig.loop.felt))
+    assert not any((rig.loop.commands, rig.loop.compensated))
     rig.slave.there = True
     rig.loop.go_on()
     assert rig.loop.complete
-    assert {pull.stamp for pull in rig.loop.pulls} == {5_000_000}
+    assert {command.stamp for command in rig.loop.commands} == {5_000_000}
     rig.loop.step(6)
     assert rig.master.arm[-1] == (6, pytest.approx((0.0, 0.0, K_M * TRAVEL * 5)))
     assert rig.compensation.without == 0
@@ -188,7 +188,7 @@ def test_without_an_arms_motion_both_are_let_go(name: str) -> None:
     assert not rig.part.engaged
     assert rig.master.arm[-1][1] == ZERO
     assert rig.loop.contested > 0
-    assert rig.loop.felt, "the vibration does not depend on it"
+    assert rig.loop.compensated, "the vibration does not depend on it"
 
 
 def test_without_the_tools_acceleration_no_force_is_felt() -> None:
@@ -196,8 +196,8 @@ def test_without_the_tools_acceleration_no_force_is_felt() -> None:
     rig.steps(range(5))
     rig.loop.muted = {"slave/tool/acceleration"}
     rig.steps(range(5, 20))
-    assert not rig.loop.felt
-    assert len(rig.loop.pulls) == 2
+    assert not rig.loop.compensated
+    assert len(rig.loop.commands) == 2
     assert rig.master.actuator[-1][1] == 0.0
 
 

@@ -25,12 +25,12 @@ from haptic_accel.core.model import ZERO
 from haptic_accel.core.network.packet import Packet
 from haptic_accel.core.network.session import (
     ANEW,
+    DUPLICATE_WINDOW,
     LARGEST_JUMP,
     LIFETIME,
     PROBLEM_TIME,
     REFUSED,
     UNHEARD,
-    WINDOW,
     Admission,
     Session,
 )
@@ -151,7 +151,9 @@ def test_packets_that_come_again_after_a_long_silence_do_not_end_the_session(
     assert session.own == OWN
 
 
-@given(st.lists(st.integers(1, WINDOW - 1), min_size=1, max_size=200), st.integers(0, 2**32))
+@given(
+    st.lists(st.integers(1, DUPLICATE_WINDOW - 1), min_size=1, max_size=200), st.integers(0, 2**32)
+)
 def test_counts_are_those_of_the_sequence(sequences: list[int], seed: int) -> None:
     session = Session("master", OWN)
     seen: set[int] = set()

@@ -30,7 +30,7 @@ from haptic_accel.kits.study.plan import Plan
 from haptic_accel.kits.study.protocol import Condition
 from haptic_accel.kits.study.session import Session
 from haptic_accel.kits.study.simulation import SimulatedRig
-from haptic_accel.kits.study.trials import Answer, Presented, Screen, StoppedError
+from haptic_accel.kits.study.trials import Answer, PresentedStimulus, Screen, StoppedError
 from haptic_accel.scope.windows import Windows
 
 ENGLISH = {word: word.replace("_", " ") for word in read_texts("en")} | {"language": "en"}
@@ -125,7 +125,7 @@ class Visit:
 
     def present(
         self, condition: Condition, seconds: float, begun: Callable[[], None] = lambda: None
-    ) -> Presented:
+    ) -> PresentedStimulus:
         """Present a stimulus as the simulated rig does, but for some time."""
         begun()
         threading.Event().wait(self.seconds)

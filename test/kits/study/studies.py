@@ -33,7 +33,7 @@ from haptic_accel.kits.study.templates import PROTOCOL
 from haptic_accel.kits.study.trials import (
     Answer,
     PlannedTrial,
-    Presented,
+    PresentedStimulus,
     Rig,
     Screen,
     SessionRecord,
@@ -103,7 +103,7 @@ class Scripted:
 
 
 Fault: TypeAlias = Exception | Mapping[str, Any]
-"""Exception that is raised, or fields of `Presented` that differ, such as ``{"late": 50.0}``."""
+"""Exception that is raised, or differing fields of `PresentedStimulus`, as ``{"late": 50.0}``."""
 
 
 class FaultyRig(SimulatedRig):
@@ -115,7 +115,7 @@ class FaultyRig(SimulatedRig):
 
     def present(
         self, condition: Condition, seconds: float, begun: Callable[[], None] = lambda: None
-    ) -> Presented:
+    ) -> PresentedStimulus:
         fault = self._faults.get(next(self._numbers), {})
         if isinstance(fault, Exception):
             raise fault

@@ -33,7 +33,7 @@ from haptic_accel.kits.study.trials import (
     PRACTICE,
     Answer,
     PlannedTrial,
-    Presented,
+    PresentedStimulus,
     SessionRecord,
     TrialRecord,
 )
@@ -72,10 +72,12 @@ def protocol(task: str, **changes: Any) -> Protocol:
     return Protocol(**found | changes)
 
 
-def presented(begin: int, rng: np.random.Generator, error: float | None = 20.0) -> Presented:
+def presented(
+    begin: int, rng: np.random.Generator, error: float | None = 20.0
+) -> PresentedStimulus:
     """Return a stimulus of two seconds."""
     rms = float(rng.uniform(2.0, 3.0))
-    return Presented(
+    return PresentedStimulus(
         begin=begin,
         end=begin + 2 * SECOND,
         bag="bags/start_0",

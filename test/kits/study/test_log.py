@@ -42,11 +42,17 @@ from haptic_accel.kits.study.log import (
     unseal,
 )
 from haptic_accel.kits.study.protocol import Condition
-from haptic_accel.kits.study.trials import MAIN, Answer, PlannedTrial, Presented, TrialRecord
+from haptic_accel.kits.study.trials import (
+    MAIN,
+    Answer,
+    PlannedTrial,
+    PresentedStimulus,
+    TrialRecord,
+)
 
 NONE = Condition((("controller", "none"), ("gain", 1.0)))
 ADAPTIVE = Condition((("controller", "adaptive"), ("gain", 0.5)))
-PRESENTED = Presented(
+PRESENTED = PresentedStimulus(
     begin=5,
     end=6,
     bag="bags/1",

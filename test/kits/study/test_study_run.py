@@ -35,7 +35,7 @@ from kits.study.studies import write_study
 from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.protocol import Condition, Protocol
 from haptic_accel.kits.study.simulation import SimulatedRig
-from haptic_accel.kits.study.trials import COMPLETE, Presented, UndeliveredError
+from haptic_accel.kits.study.trials import COMPLETE, PresentedStimulus, UndeliveredError
 from verbs import next_command, output_of, status_of
 
 Act = Callable[[Mapping[str, Any]], tuple[str, Any] | None]
@@ -66,7 +66,7 @@ class StandIn(PageRig):
 
     def present(
         self, condition: Condition, seconds: float, begun: Callable[[], None]
-    ) -> Presented:
+    ) -> PresentedStimulus:
         return self._rig.present(condition, seconds, begun)
 
 

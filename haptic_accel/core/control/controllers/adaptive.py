@@ -146,20 +146,21 @@ class AdaptiveController(InverseController):
         }
 
 
-MEMORY = 2.0
+FORGETTING_TIME = 2.0
 """Time constant of forgetting, in excited time, s: some strokes over a surface."""
 
 HASTY = 0.15
-"""Smallest memory of the plant relative to `MEMORY`: some independent evaluations."""
+"""Smallest memory of the plant relative to `FORGETTING_TIME`: some independent evaluations."""
 
-WINDOW = 0.5
+SHORTEST_WINDOW = 0.5
 """Minimum signal length for one evaluation, s: lines 2 Hz apart."""
 
 LAGS_PER_WINDOW = 2.0
-"""Ratio of the longest lag of the tool's autocorrelation to `WINDOW`: lines 0.5 Hz apart."""
+"""Ratio of the longest lag of the tool's autocorrelation to `SHORTEST_WINDOW`: lines 0.5 Hz
+apart."""
 
 WINDOW_PER_MEMORY = 2.0
-"""Minimum ratio of `WINDOW` to the length of the convolution solved on these lines."""
+"""Minimum ratio of `SHORTEST_WINDOW` to the length of the convolution solved on these lines."""
 
 LEAST_ACCELERATION = 0.05
 """Minimum root mean square of the desired acceleration for learning, m/s^2: twice the arm's own
@@ -242,10 +243,16 @@ class Learner:
     def __init__(self, family: InverseFamily, plant: Plant, rate: float, goal: Goal) -> None:
         self._family = family
         self._handle = plant.handle
-        window = max(WINDOW, WINDOW_PER_MEMORY * goal.memory)
-        self._ratio = ResponseEstimator(rate, MEMORY, window, LEAST_FORCE)
+        window = max(SHORTEST_WINDOW, WINDOW_PER_MEMORY * goal.memory)
+        self._ratio = ResponseEstimator(rate, FORGETTING_TIME, window, LEAST_FORCE)
         self._tool = AutocorrelationEstimator(
-            *(rate, MEMORY, self._ratio.interval, LAGS_PER_WINDOW * window, LEAST_ACCELERATION)
+            *(
+                rate,
+                FORGETTING_TIME,
+                self._ratio.interval,
+                LAGS_PER_WINDOW * window,
+                LEAST_ACCELERATION,
+            )
         )
         lags = len(self._tool.sequence)
         lines: FloatArray = np.fft.rfftfreq(2 * lags, 1.0 / rate).astype(np.float64)
@@ -304,11 +311,11 @@ class Learner:
 
     def hasten(self, fraction: float) -> None:
         """Shorten the memory of the plant, down to `HASTY`, for the used fraction of the force."""
-        self._ratio.memory = MEMORY * (HASTY + (1.0 - HASTY) * fraction)
+        self._ratio.memory = FORGETTING_TIME * (HASTY + (1.0 - HASTY) * fraction)
 
     def reset(self) -> None:
         """Discard everything learnt."""
-        self._ratio.memory = MEMORY
+        self._ratio.memory = FORGETTING_TIME
         self._tool.reset()
         self._ratio.reset()
         handle = self._handle

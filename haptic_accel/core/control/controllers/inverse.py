@@ -25,8 +25,8 @@ from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.control.filters import SampleFilter
 from haptic_accel.core.control.inversion.design import (
+    CONVOLUTION_LENGTH,
     LONGEST_GRANTED_DELAY,
-    MEMORY,
     Goal,
     InverseBank,
     InverseFilter,
@@ -52,7 +52,7 @@ class InverseParameters(Checked):
     )
     texture: TexturePrior = field(default_factory=TexturePrior)
     memory: float = parameter(
-        MEMORY, "length of the controller's impulse response", "s", 0.05, 0.4
+        CONVOLUTION_LENGTH, "length of the controller's impulse response", "s", 0.05, 0.4
     )
 
     def filter(self, loop: Loop) -> InverseFilter:

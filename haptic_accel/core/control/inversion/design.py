@@ -46,7 +46,7 @@ EXTENDED_CORNER = 1.0
 """Corner of the high-pass after the extension, Hz: below all felt vibration, above drift and
 tilt."""
 
-MEMORY = 0.2
+CONVOLUTION_LENGTH = 0.2
 """Length of the convolution, s; twice this length reduces the error by less than 2 %."""
 
 TRAVEL_CORNERS = (1.3, 2.3, 4.0, 7.5, 14.0, 24.0)
@@ -95,7 +95,7 @@ class Goal:
     """
 
     granted_delay: int = 1
-    memory: float = MEMORY
+    memory: float = CONVOLUTION_LENGTH
     travel_corner: float = TRAVEL_CORNERS[0]
     spectrum: ToolSpectrum = PRIOR
     high_pass_frequency: float = HIGH_PASS_FREQUENCY

@@ -35,7 +35,7 @@ surface, for example, bounces and is held by the coupling. (Without this, the pr
 contact in the virtual rig is twice the real one.)
 """
 
-SETTLING = 0.1
+TRAVEL_SETTLING = 0.1
 """Time for which travel persists after its force, s: five times 2 m_a / b_s (Table I)."""
 
 PREDICTION_RATE = 500.0
@@ -75,7 +75,7 @@ class TravelPredictor:
         self._every = max(1, round(rate / PREDICTION_RATE))
         step = self._every / rate
         estimator = TravelEstimator(suspension, 1.0 / step)
-        pulse = [1.0] + [0.0] * (max(2, round(SETTLING / step)) - 1)
+        pulse = [1.0] + [0.0] * (max(2, round(TRAVEL_SETTLING / step)) - 1)
         self._per_force = np.array([estimator.observe(force, 0.0) for force in pulse])
         self._horizon = max(1, round(HORIZON / step))
         self._kept = 1.0 / (1.0 + np.arange(self._horizon) * (step / REVERSION))

@@ -43,7 +43,7 @@ import numpy as np
 from haptic_accel.core.evaluation.statistics import CONFIDENCE, Alternative, Interval
 from haptic_accel.core.model import FloatArray
 
-LARGEST = 20.0
+LARGEST_D_PRIME = 20.0
 """Largest d' that is distinguished from infinity; errors are below 1e-14 in all tasks."""
 
 CHANCE: Mapping[str, float] = {"2ifc": 1 / 2, "odd_one_out": 1 / 3, "abx": 1 / 2}
@@ -124,7 +124,7 @@ def proportion_correct(task: str, d_prime: FloatArray) -> FloatArray:
     array([0.333, 0.418, 0.605])
     """
     d_prime = np.asarray(d_prime, dtype=float)
-    above = _CORRECT[task](np.minimum(np.abs(d_prime), LARGEST)) - CHANCE[task]
+    above = _CORRECT[task](np.minimum(np.abs(d_prime), LARGEST_D_PRIME)) - CHANCE[task]
     return np.clip(CHANCE[task] + np.sign(d_prime) * above, 0.0, 1.0)
 
 
@@ -144,7 +144,7 @@ def sensitivity(task: str, proportion: float) -> float:
     (1.0, 2.02)
     """
     above = abs(proportion - CHANCE[task])
-    highest = float(proportion_correct(task, np.array(LARGEST))) - CHANCE[task]
+    highest = float(proportion_correct(task, np.array(LARGEST_D_PRIME))) - CHANCE[task]
     if above >= highest:
         return math.copysign(math.inf, proportion - CHANCE[task])
     from scipy.optimize import brentq
@@ -152,7 +152,7 @@ def sensitivity(task: str, proportion: float) -> float:
     def excess(d_prime: float) -> float:
         return float(proportion_correct(task, np.array(d_prime))) - CHANCE[task] - above
 
-    return math.copysign(float(brentq(excess, 0.0, LARGEST)), proportion - CHANCE[task])
+    return math.copysign(float(brentq(excess, 0.0, LARGEST_D_PRIME)), proportion - CHANCE[task])
 
 
 def d_prime(task: str, correct: int, trials: int) -> Interval:
@@ -273,7 +273,7 @@ def _by_rates(hit: float, false_alarm: float) -> float:
     if hit < false_alarm:
         return -_by_rates(false_alarm, hit)
     criterion = np.array(-math.sqrt(2) * ndtri(false_alarm / 2))
-    return float(brentq(lambda d: float(_rates(d, criterion)[0]) - hit, 0, LARGEST))
+    return float(brentq(lambda d: float(_rates(d, criterion)[0]) - hit, 0, LARGEST_D_PRIME))
 
 
 def _rates(d: float, criterion: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -304,7 +304,7 @@ def _limits(inside: float, first: _Count, second: _Count) -> tuple[float, float]
         float(brentq(beyond, inside, end, xtol=1e-6))
         if beyond(end) > 0
         else math.copysign(math.inf, end)
-        for end in (-LARGEST / 2, LARGEST / 2)
+        for end in (-LARGEST_D_PRIME / 2, LARGEST_D_PRIME / 2)
     )
     return low, high
 

@@ -30,7 +30,7 @@ from haptic_accel.core.control.controllers.adaptive import (
 )
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
-from haptic_accel.core.control.grip_estimation import LARGEST
+from haptic_accel.core.control.grip_estimation import LARGEST_FACTORS
 from haptic_accel.core.control.inversion.design import Goal, design_bank, design_inverse
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.handle.plant import Plant
@@ -204,7 +204,7 @@ def test_a_hand_outside_the_range_is_named() -> None:
         measured = master.measure().acceleration[ACTUATOR_AXIS]
         applied = float(random.normal(0.0, 0.5))
         master.apply_actuator_force(along_actuator(applied))
-    largest = f"{LARGEST[0] * TABLE_I.m_h:.4g}"
+    largest = f"{LARGEST_FACTORS[0] * TABLE_I.m_h:.4g}"
     assert controller.warning == (
         f"grip outside the range of adaptation: m_h at its upper end, {largest} kg"
     )

@@ -16,11 +16,11 @@
 from __future__ import annotations
 
 from haptic_accel.links.addresses import Route
-from haptic_accel.links.hearing import REPEAT, SILENCE, Hearing, advice
+from haptic_accel.links.peer_monitor import REPEAT, SILENCE, PeerMonitor, advice
 
 
 def test_the_peer_is_reported_once_when_it_is_heard_and_once_when_it_is_not() -> None:
-    hearing = Hearing("peer robot", "check it", "", 0.0)
+    hearing = PeerMonitor("peer robot", "check it", "", 0.0)
     assert hearing.lines(SILENCE - 0.1) == []
     assert hearing.lines(SILENCE) == ["peer robot: nothing received for 5 s; check it"]
     assert hearing.lines(3 * SILENCE) == []
@@ -40,7 +40,7 @@ def test_advice_names_addresses_ports_side_and_transport() -> None:
 
 
 def test_strangers_get_one_line_a_minute_however_many_they_are() -> None:
-    hearing = Hearing("peer robot", "check it", "mine", 0.0)
+    hearing = PeerMonitor("peer robot", "check it", "mine", 0.0)
     said = []
     for tick in range(round(2.5 * REPEAT)):
         hearing.received += 1

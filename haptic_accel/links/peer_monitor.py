@@ -27,7 +27,7 @@ REPEAT = 60.0
 """Minimum interval between log lines on unknown senders, s, so that they do not fill the log."""
 
 
-class Hearing:
+class PeerMonitor:
     """Convert reception and loss of datagrams to log lines, one for each change.
 
     Parameters
