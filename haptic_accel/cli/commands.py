@@ -38,11 +38,13 @@ BENCH = LazyGroup(
     {
         "Kinds": {
             "latency": "latency, losses and CPU of the graph, beside two references",
-            "network": "energy, stability and error of two coupled hosts over networks",
         }
     },
-    help="Measure latency, CPU and losses, and the coupling over networks.",
-    moved={"fidelity": "python benchmarks/fidelity.py in the source"},
+    help="Measure latency, CPU and losses of the graph on this machine.",
+    moved={
+        "fidelity": "python benchmarks/fidelity.py in the source",
+        "network": "python benchmarks/coupling_over_networks.py in the source",
+    },
     examples=["haptic-accel bench latency rig:=ideal --rate 2000"],
 )
 

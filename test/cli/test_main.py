@@ -309,7 +309,7 @@ def test_shells_get_a_script(
     ("typed", "found"),
     [
         ("tel", "teleop"),
-        ("bench net", "network"),
+        ("bench lat", "latency"),
         ("experiment --lock", "--lockstep"),
         ("teleop contr", "controller:="),
         ("teleop --json x controller:=inv", "controller:=inverse"),

@@ -20,11 +20,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import coupling_over_networks as benchmark
 import pytest
-
-from haptic_accel.analysis import network
-from haptic_accel.analysis.network import Condition, measure, over
-from verbs import output_of
+from coupling_over_networks import Condition, measure, over
 
 FIELDS = (
     *("law", "one_way_ms", "jitter_ms", "loss", "energy_out_mj", "end_speed_m_s"),
@@ -64,13 +62,14 @@ def test_random_networks_give_no_more_energy_than_was_granted() -> None:
 
 
 def test_the_command_prints_and_writes_its_rows(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # Its processes are copies of this one; all of its conditions take two minutes.
-    monkeypatch.setattr(network, "CONDITIONS", network.CONDITIONS[-1:])
-    monkeypatch.setattr(network, "TRIALS", 1)
+    monkeypatch.setattr(benchmark, "CONDITIONS", benchmark.CONDITIONS[-1:])
+    monkeypatch.setattr(benchmark, "TRIALS", 1)
     table = tmp_path / "table.json"
-    assert "NRMSE" in output_of("bench", "network", "--json", table)
+    benchmark.coupling_over_networks.main(["--json", str(table)], standalone_mode=False)
+    assert "NRMSE" in capsys.readouterr().out
     found = json.loads(table.read_text())
     assert (found["trials"], len(found["rows"])) == (1, 1)
     assert 0.0 <= found["worst_energy_over_bound"] <= 1.0

@@ -13,7 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Energy, stability and error of the coupling of two hosts over simulated networks."""
+"""Energy, stability and error of the coupling of two hosts over simulated networks, in lockstep.
+
+``python benchmarks/coupling_over_networks.py`` prints a row for each law and network.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +24,18 @@ import math
 import random
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
+from haptic_accel.cli.main import run
+from haptic_accel.cli.options import json_option, verb, workers_options
+from haptic_accel.cli.output import save
+from haptic_accel.cli.studies import beside, run_side_by_side
+from haptic_accel.cli.tables import print_table
+from haptic_accel.cli.workers import Workers
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import Vector
 from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.core.tables import Column, Row
+from haptic_accel.core.tables import Column, ResultTable, Row
 from haptic_accel.core.two_arms import ENGAGING, RATE, Instant, TwoArms, free, press, stroke, wall
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial
@@ -202,3 +212,37 @@ COLUMNS = (
     Column("indistinguishable_percent", "indistinguishable", "%", 1),
 )
 """Columns of the table."""
+
+
+@verb(
+    "python benchmarks/coupling_over_networks.py",
+    "python benchmarks/coupling_over_networks.py --json network.json",
+)
+@workers_options
+@json_option
+def coupling_over_networks(*, workers: Workers, json_file: Path | None) -> None:
+    """Measure the coupling of two hosts over simulated networks, in lockstep.
+
+    Two arms of 0.1 kg, a hand at the master, and at the slave a wall of 3 kN/m or nothing: net
+    energy that the motors gave, speed at the end with the hand at rest, and error between the arms
+    at 100 mm/s; error of the vibration at its own delay, and the share whose strength a hand could
+    not tell. Then random networks, hands and walls: the most energy relative to what the coupling
+    is granted.
+    """
+    items = [*CONDITIONS, *range(TRIALS)]
+    found, end = run_side_by_side(
+        workers, measure, items, "conditions", progress, beside(json_file)
+    )
+    worst = [result for result in found.values() if isinstance(result, float)]
+    rows = [result for result in found.values() if not isinstance(result, float)]
+    print_table(ResultTable.of(COLUMNS, rows, title="two arms on two hosts"))
+    if worst:
+        print(f"{len(worst)} random networks: at most {max(worst):.2f} of the energy granted")
+    most = max(worst, default=None)
+    save({"trials": len(worst), "worst_energy_over_bound": most, "rows": rows}, json_file)
+    if end:
+        raise end
+
+
+if __name__ == "__main__":
+    run(coupling_over_networks, "coupling_over_networks")
