@@ -98,7 +98,8 @@ def node_scripts() -> list[str]:
     return [f"{node} = {NAME}.nodes.start:{node}" for node in NODES]
 
 
-TEST = ["pytest>=7.4", "pytest-timeout>=2.2", "hypothesis>=6.98"]
+BENCH = ["psutil>=5.9.8"]
+TEST = ["pytest>=7.4", "pytest-timeout>=2.2", "hypothesis>=6.98", *BENCH]
 
 setup(
     name=NAME,
@@ -135,13 +136,12 @@ setup(
         "numpy>=1.26",
         "scipy>=1.11",
         "PyYAML>=6.0",
-        # Updates of a user's file, with its comments.
+        # Updates of a user's file, with its comments; rosbags needs it, too.
         "ruamel.yaml>=0.17.21",
         "matplotlib>=3.6",
         "rich>=13.7",
         "click>=8.1",
         "jinja2>=3.1",
-        "psutil>=5.9.8",
         # What bags/rosbags_adapter.py imports is in these versions.
         "rosbags>=0.11.9,<0.12",
         # As rosbags has them, for bags that are read by chunks.
@@ -154,6 +154,8 @@ setup(
         "ros": ros_wheels(ROS),
         "ros-jazzy": ros_wheels("jazzy"),
         "ros-kilted": ros_wheels("kilted"),
+        # Processor time and memory of nodes: bench latency.
+        "bench": BENCH,
         # Handle and tool on serial lines; cobs has no rosdep key.
         "serial": ["pyserial>=3.5", "cobs>=1.2"],
         # Arms on a CAN bus; pyserial is for adapters that speak slcan.

@@ -27,7 +27,6 @@ from pathlib import Path
 from statistics import fmean
 
 import click
-import psutil
 
 from haptic_accel.analysis.latency import (
     RATES,
@@ -53,6 +52,12 @@ from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.setup.arguments import GraphArguments, check_both_arms, parse_arguments
 from haptic_accel.setup.processes import arrangement, graph
 from haptic_accel.setup.words import given_keys
+
+try:
+    import psutil
+except ImportError:
+    needed = "bench latency: needs psutil: pip install 'haptic_accel[bench]'"
+    raise ParameterError(needed) from None
 
 ROUNDS = 2
 """Number of rounds in which graph and empty loop alternate, so that both meet the same machine."""

@@ -28,8 +28,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import psutil
-
 from haptic_accel.core.due_forces import IN_TIME, MISSED_SHARE
 from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
@@ -149,7 +147,7 @@ def machine_findings() -> Iterator[Finding]:
     yield processor(cores, _text(Path("/sys/fs/cgroup/cpu.max")))
     yield load(os.getloadavg()[0], cores)
     yield preemption(os.uname().version, _text(Path("/sys/kernel/realtime")))
-    yield swap(psutil.swap_memory().used)
+    yield swap(_swapped(_text(Path("/proc/meminfo"))))
     yield shared_memory(Path("/dev/shm"))
     yield receive_buffer(_text(Path("/proc/sys/net/core/rmem_max")))
     yield sourced_ros(os.environ, Path(sys.prefix))
@@ -196,6 +194,12 @@ def preemption(version: str, realtime: str) -> Finding:
     """Judge the kernel's preemption model, from ``uname -v`` and /sys/kernel/realtime."""
     models = ["PREEMPT_RT"] if realtime == "1" else re.findall(r"PREEMPT\w*", version)
     return _judged("kernel", models[0] if models else "not preemptible", warning=not models)
+
+
+def _swapped(memory: str) -> int:
+    """Return the swapped memory in ``/proc/meminfo``, bytes."""
+    sizes = dict(re.findall(r"^(Swap\w+): +(\d+) kB$", memory, re.MULTILINE))
+    return 1024 * (int(sizes.get("SwapTotal", 0)) - int(sizes.get("SwapFree", 0)))
 
 
 def swap(used: int) -> Finding:

@@ -84,3 +84,14 @@ def test_of_several_runs_counts_are_added_and_the_longest_lateness_stays() -> No
         **{"due": 30, "missed": 5, "past_tick": 2, "longest_us": 5000.0},
         "late_s": pytest.approx(0.0103),
     }
+
+
+def test_without_its_library_it_says_what_to_install(
+    haptic_accel: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "psutil.py").write_text("raise ImportError\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    command = haptic_accel("bench", "latency")
+    assert command.end() == 2
+    (line,) = command.lines
+    assert line.endswith("bench latency: needs psutil: pip install 'haptic_accel[bench]'")

@@ -19,6 +19,7 @@ import fcntl
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from haptic_accel.graph import machine
@@ -203,3 +204,9 @@ def test_every_machine_can_be_looked_at_by_a_process_of_any_name(name: bytes) ->
         findings = list(machine.machine_findings())
     assert len({finding.name for finding in findings}) == len(findings)
     assert {finding.level for finding in findings} <= {"ok", "warning", "problem"}
+
+
+def test_the_swapped_memory_is_that_of_the_kernel() -> None:
+    (check,) = (each for each in machine.machine_findings() if each.name == "swap")
+    used = psutil.swap_memory().used / 1e6
+    assert float(check.found.split()[0]) == pytest.approx(used, rel=0.1, abs=20.0)
