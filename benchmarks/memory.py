@@ -32,9 +32,9 @@ from haptic_accel.cli.bench import MEBI
 from haptic_accel.cli.main import run
 from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.output import save
-from haptic_accel.cli.running import ENGAGED, progress_bar, run_to_end, stop_on_signal
+from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE, FAILED
+from haptic_accel.core.process import DONE, ENGAGED, FAILED
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.setup.arguments import GraphArguments, parse_arguments
 from haptic_accel.setup.processes import graph
@@ -132,8 +132,8 @@ def memory(words: Sequence[str], *, seconds: float, json_file: Path | None) -> i
         supervisor = Supervisor(graph(arguments))
         memory_use = Memory(supervisor)
         engaged: list[str] = []
-        supervisor.on_line = lambda _, line: engaged.extend(
-            [line] if line.endswith(ENGAGED) else []
+        supervisor.on_event = lambda _, event: engaged.extend(
+            [event["event"]] if event["event"] == ENGAGED else []
         )
         task = bar.add_task("memory", total=seconds)
 

@@ -185,7 +185,6 @@ def _measured(arguments: GraphArguments, browser: str, stop: Stop) -> Row:
         clients: list[Client | Browser] = []
 
         def take_line(name: str, line: str) -> None:
-            usage.watch(supervisor, line)
             if name == SCOPE and line.startswith("http"):
                 address = line.split()[0]
                 client = Browser(browser, address) if browser else Client(address)
@@ -193,6 +192,7 @@ def _measured(arguments: GraphArguments, browser: str, stop: Stop) -> Row:
                 closing.callback(client.close)
 
         supervisor.on_line = take_line
+        supervisor.on_event = lambda _, event: usage.watch(supervisor, event)
         run_to_end(supervisor, stop)
         master = read_delivery(Path(given.bag), given.rate).nodes["master_device"]
     metrics: Row = {

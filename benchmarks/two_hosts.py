@@ -47,7 +47,6 @@ from haptic_accel.cli.keys import FOLDERS
 from haptic_accel.cli.main import run
 from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.output import save
-from haptic_accel.cli.running import ENGAGED
 from haptic_accel.core import topics
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
@@ -64,6 +63,9 @@ HAPTIC_ACCEL = (sys.executable, "-m", "haptic_accel.cli.main")
 
 OPERATOR, ROBOT = 0, 1
 """Ends of the wire."""
+
+ENGAGED = "coupler]: engaged"
+"""End of a coupler's line when its arms are coupled."""
 
 SIDES = {OPERATOR: ("master", topics.MASTER), ROBOT: ("slave", topics.SLAVE)}
 

@@ -19,12 +19,13 @@ from __future__ import annotations
 
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from statistics import fmean
+from typing import Any
 
 import click
 
@@ -40,10 +41,10 @@ from haptic_accel.bags.delivery import read_delivery
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, json_option, listed_numbers, verb, words
 from haptic_accel.cli.output import save
-from haptic_accel.cli.running import ENGAGED, run_to_end, stop_on_signal
+from haptic_accel.cli.running import run_to_end, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import INTERRUPTED
+from haptic_accel.core.process import ENGAGED, INTERRUPTED, OVER
 from haptic_accel.core.tables import ResultTable, Row
 from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
 from haptic_accel.graph.ros_packages import check_ros
@@ -91,11 +92,11 @@ class Usage:
         self.cpu_cores: dict[str, float] = {}
         self.peak_mb: dict[str, float] = {}
 
-    def watch(self, supervisor: Supervisor, line: str) -> None:
-        """Take a line of output: couplers print when their arms engage and when a run is over."""
+    def watch(self, supervisor: Supervisor, event: Mapping[str, Any]) -> None:
+        """Take an event of a graph: its arms engage, or its duration is over."""
         # A missing process means that its graph failed, which is reported elsewhere.
         with self._lock, suppress(psutil.NoSuchProcess):
-            if line.endswith(ENGAGED):
+            if event["event"] == ENGAGED:
                 self._engaged.append(supervisor)
                 if len(self._engaged) == self._graphs:
                     started = [item for each in self._engaged for item in each.pids.items()]
@@ -103,7 +104,7 @@ class Usage:
                     for _, process in processes:
                         process.cpu_percent()  # counts from here
                     self._processes = processes
-            elif line.endswith("is over") and self._processes and not self.cpu_cores:
+            elif event["event"] == OVER and self._processes and not self.cpu_cores:
                 self._drain()
 
     def _drain(self) -> None:
@@ -239,7 +240,7 @@ def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool]) -> 
         bag = Path(folder) / f"pair_{pair}"
         environment = {DOMAIN: str((first + pair) % (HIGHEST_FREE_DOMAIN + 1))}
         supervisor = Supervisor(graph(replace(arguments, bag=str(bag))), environment=environment)
-        supervisor.on_line = lambda _, line: usage.watch(supervisor, line)
+        supervisor.on_event = lambda _, event: usage.watch(supervisor, event)
         run_to_end(supervisor, stop)
         return pair_metrics(read_delivery(bag, arguments.rate))
 

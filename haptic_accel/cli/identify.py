@@ -23,6 +23,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -61,7 +62,7 @@ from haptic_accel.core.identification.multisine import repeats_of_trial
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, schema
-from haptic_accel.core.process import INTERRUPTED
+from haptic_accel.core.process import INTERRUPTED, REPEAT
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import Supervisor
@@ -287,10 +288,9 @@ def _run_graph(arguments: IdentifyArguments) -> None:
     ]
     with stop_on_signal() as stop, shown_stages(places) as begin:
 
-        def follow(executable: str, line: str) -> None:
-            if executable == "identifier" and "trial " in line:
-                # The node's line ends with "trial 2 of 4, repeat 3 of 3".
-                begin(grip + line[line.rindex("trial ") :])
+        def follow(_: str, event: Mapping[str, Any]) -> None:
+            if event["event"] == REPEAT and event["done"] < len(places):
+                begin(places[event["done"]])
 
-        supervisor = Supervisor(identification_graph(arguments), on_line=follow)
+        supervisor = Supervisor(identification_graph(arguments), on_event=follow)
         run_to_end(supervisor, stop, f"interrupted; recorded so far: {arguments.bag}")

@@ -18,16 +18,19 @@
 from __future__ import annotations
 
 import asyncio
+import re
 
 import click
 
 from haptic_accel.cli.options import arguments, one_of, verb
 from haptic_accel.cli.output import next_command
-from haptic_accel.cli.running import finished_bag
 from haptic_accel.setup.namespaces import NamespaceArguments
 
 ANSWER_TIMEOUT = 30.0
 """Maximum time for an answer, s: a file that is finished is brought to the disk first."""
+
+WHOLE = re.compile(r"(.+): \d+ messages, \d+ dropped")
+"""The recorder's answer for a bag that is whole: a service of ROS has no other field for it."""
 
 ACTIONS = {
     "start": "continue after a pause, or begin another bag after a stop",
@@ -55,5 +58,5 @@ def record(action: str, arguments: NamespaceArguments) -> None:
     with connected(arguments.namespace, answering=ANSWER_TIMEOUT) as client:
         answer = asyncio.run(client.send(trigger(f"recorder/{action}")))
     print(answer)
-    if action == "stop" and (bag := finished_bag(answer)):
-        print(next_command("analyze", bag))
+    if action == "stop" and (whole := WHOLE.fullmatch(answer)):
+        print(next_command("analyze", whole[1]))

@@ -18,7 +18,6 @@
 from __future__ import annotations
 
 import os
-import re
 import select
 import signal
 import sys
@@ -26,7 +25,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import TextIO
+from typing import Any, TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -34,20 +33,22 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import GONE, next_command
 from haptic_accel.core.parameters import printable
-from haptic_accel.core.process import ENDING, FAILED, INTERRUPTED, REALTIME, WRONG_ARGUMENTS
+from haptic_accel.core.process import (
+    ENDING,
+    ENGAGED,
+    FAILED,
+    INTERRUPTED,
+    REALTIME,
+    RECORDED,
+    WRONG_ARGUMENTS,
+)
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import Outcome, Supervisor
 from haptic_accel.setup.processes import Process, arrangement
-from haptic_accel.setup.setup import LINK, RECORDER, SCOPE
+from haptic_accel.setup.setup import LINK, SCOPE
 
 STOP_KEY = b" "
 """Key that stops a graph at once."""
-
-SUMMARY = re.compile(r"([^\[].*): \d+ messages, \d+ dropped")
-"""The recorder's summary of a bag that is whole: `BagFiles.summary`."""
-
-ENGAGED = "coupler]: engaged"
-"""End of the line by which the coupler, in any namespace, tells that the arms are coupled."""
 
 STOPPED_BY_KEY = (
     "space: emergency stop, no force until you type in another terminal:"
@@ -170,14 +171,19 @@ def run_shown(
     progress.disable |= not expected
     bar = progress.add_task("waiting for the arms", total=expected)
     engaged: list[float] = []
+    bags: list[str] = []
 
     def show(name: str, line: str) -> None:
         print_line(f"[{name}] {line}" if name else line)
-        if not engaged and line.endswith(ENGAGED):
+
+    def follow(_: str, event: Mapping[str, Any]) -> None:
+        if event["event"] == RECORDED:
+            bags.append(event["path"])
+        elif event["event"] == ENGAGED and not engaged:
             engaged.append(time.monotonic())
             progress.update(bar, description="replaying")
 
-    supervisor = Supervisor(processes, on_line=show)
+    supervisor = Supervisor(processes, on_line=show, on_event=follow)
 
     def stop_forces() -> None:
         supervisor.stop_forces()
@@ -197,20 +203,13 @@ def run_shown(
             supervisor.say(hint)
         with progress:
             outcome = supervisor.run(stopped)
-    for line in outcome.last_lines.get(RECORDER, ()):
-        if bag := finished_bag(line):
-            beside = ["PEERS_BAG"] * any(each.executable == LINK for each in processes)
-            with suppress(OSError):
-                print_line(next_command("analyze", bag, *beside))
+    for bag in bags:
+        beside = ["PEERS_BAG"] * any(each.executable == LINK for each in processes)
+        with suppress(OSError):
+            print_line(next_command("analyze", bag, *beside))
     _conclude(outcome)
     if endless and outcome.first:
         print(f"{outcome.first} ended", file=sys.stderr)
-
-
-def finished_bag(line: str) -> str:
-    """Return the bag whose recording a recorder's line ends; empty for another line."""
-    found = SUMMARY.fullmatch(line)
-    return found[1] if found else ""
 
 
 def _hints(processes: Sequence[Process], keys: bool) -> Iterator[str]:

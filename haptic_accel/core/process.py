@@ -17,8 +17,11 @@
 
 from __future__ import annotations
 
+import json
+import os
 import signal
 import sys
+from typing import Any
 
 DONE, FAILED, WRONG_ARGUMENTS = 0, 1, 2
 """Exit statuses of all executables and of ``haptic-accel``."""
@@ -46,6 +49,37 @@ it run no graph."""
 
 SUPERVISOR = "HAPTIC_ACCEL_SUPERVISOR"
 """Environment variable with the id of the process that started a node."""
+
+ENGAGED, OVER, RECORDED, REPEAT = "engaged", "over", "recorded", "repeat"
+"""Events of a graph: the arms are coupled; its duration is over; a bag is whole, with its `path`;
+a repeat of an excitation begins, with the number of repeats `done`."""
+
+_RECORD = "\x1e"
+"""First character of a line with an event: a record of a JSON text sequence (RFC 7464)."""
+
+
+def tell_supervisor(event: str, **values: Any) -> None:
+    """Print an event for the supervisor of this process; do nothing without one."""
+    if SUPERVISOR in os.environ:
+        print(_RECORD + json.dumps({"event": event, **values}), flush=True)
+
+
+def read_event(line: str) -> dict[str, Any]:
+    r"""Return the event in a line of output; empty for a line for people.
+
+    Examples
+    --------
+    >>> read_event('\x1e{"event": "engaged"}'), read_event("engaged")
+    ({'event': 'engaged'}, {})
+    """
+    if not line.startswith(_RECORD):
+        return {}
+    try:
+        found = json.loads(line[1:])
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) and isinstance(found.get("event"), str) else {}
+
 
 REALTIME = "HAPTIC_ACCEL_REALTIME"
 """Environment variable that disables real-time priority, for comparisons, if it is ``no``."""

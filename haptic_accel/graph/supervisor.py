@@ -32,6 +32,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from haptic_accel.core.process import (
     CUT_SHORT,
@@ -39,6 +40,7 @@ from haptic_accel.core.process import (
     EMERGENCY,
     SUPERVISOR,
     module_command,
+    read_event,
     signals,
 )
 from haptic_accel.graph.ros_packages import check_ros
@@ -109,6 +111,9 @@ class Outcome:
 
 OnLine = Callable[[str, str], None]
 """Takes the name of a process and a line of its output."""
+
+OnEvent = Callable[[str, dict[str, Any]], None]
+"""Takes the name of a process and an event, see `core.process.tell_supervisor`."""
 
 
 class Lines:
@@ -188,11 +193,14 @@ class Supervisor:
         the graph is stopped.
     environment : dict, optional
         Added to the environment.
+    on_event : callable, optional
+        Called with name and event for each event, in the order of the lines. Events are no lines.
     """
 
     processes: Sequence[Process]
     on_line: OnLine = lambda name, line: None
     environment: dict[str, str] = field(default_factory=dict)
+    on_event: OnEvent = lambda name, event: None
 
     def __post_init__(self) -> None:
         """Prepare; nothing is started yet."""
@@ -205,7 +213,7 @@ class Supervisor:
         # Not SimpleQueue: in CPython up to 3.11 at least, a signal at the instant of the time-out
         # makes it wait for ever.
         self._ended: queue.Queue[str] = queue.Queue()
-        self._lines = Lines(lambda name, line: self.on_line(name, line))
+        self._lines = Lines(self._show)
 
     @property
     def pids(self) -> dict[str, int]:
@@ -307,12 +315,21 @@ class Supervisor:
         assert child.stdout is not None
         try:
             for line in child.stdout:
-                self._last_lines[name].append(line.rstrip("\n"))
-                self._lines.say(name, line.rstrip("\n"))
+                text = line.rstrip("\n")
+                if not read_event(text):
+                    self._last_lines[name].append(text)
+                self._lines.say(name, text)
         finally:
             # The end of a process must be noticed even if its lines are lost.
             child.wait()
             self._ended.put(name)
+
+    def _show(self, name: str, line: str) -> None:
+        """Pass on a line, or the event in it."""
+        if event := read_event(line):
+            self.on_event(name, event)
+        else:
+            self.on_line(name, line)
 
     def _stop_all(self) -> None:
         patient = {process.name for process in self.processes if process.last}

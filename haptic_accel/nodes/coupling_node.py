@@ -30,6 +30,7 @@ from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.loop.device_side import DeviceSide
 from haptic_accel.core.loop.wiring import ArmCommand, Coupling, Tool, release
 from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.process import ENGAGED, OVER, tell_supervisor
 from haptic_accel.nodes.emergency_stop import CouplerStop
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.signals import Inbox, Samples
@@ -254,7 +255,9 @@ class CouplingNode(GraphNode):
         if decision.engage:
             where = " at the former reference positions" if decision.resume else ""
             self.get_logger().info(f"engaged{where}")
+            tell_supervisor(ENGAGED)
         if decision.finished:
+            tell_supervisor(OVER)
             self.finish(f"duration of {self.parameters.duration:g} s is over")
 
     def _let_go(self) -> None:

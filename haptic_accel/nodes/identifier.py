@@ -27,6 +27,7 @@ from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.identification.multisine import repeats_of_trial, trial_forces
 from haptic_accel.core.model import ACTUATOR, ZERO, Vector
+from haptic_accel.core.process import REPEAT, tell_supervisor
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.graph_node import GraphNode
@@ -167,6 +168,7 @@ class Identifier(GraphNode):
         p = self.parameters
         trial, repeat = divmod(done, self._repeats)
         line = f"trial {trial + 1} of {p.trials}, repeat {repeat + 1} of {self._repeats}"
+        tell_supervisor(REPEAT, done=done)
         if trial == p.trials:
             line = f"done, largest travel {1e3 * self._widest:.2f} mm"
         self.get_logger().info(line)

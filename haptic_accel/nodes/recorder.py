@@ -37,6 +37,7 @@ from haptic_accel.core.cdr import (
     unpack_state,
     unpack_text,
 )
+from haptic_accel.core.process import RECORDED, tell_supervisor
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import (
     ASKED,
@@ -170,6 +171,7 @@ class Recorder(GraphNode):
         done, line = self._session.stop()
         if done:
             print(line, flush=True)
+            tell_supervisor(RECORDED, path=str(self._session.path))
         if self._session.failures:
             raise OSError("; ".join(self._session.failures))
 

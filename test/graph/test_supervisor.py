@@ -272,3 +272,25 @@ def test_an_end_does_not_wait_for_who_takes_no_lines(monkeypatch: pytest.MonkeyP
     outcome = Supervisor([script("patient", PATIENT)], on_line=hang).run(up.is_set)
     over.set()
     assert outcome.statuses == {"patient": 0}
+
+
+EVENTFUL = """
+from haptic_accel.core.process import tell_supervisor
+print("engaged, says a line", flush=True)
+tell_supervisor("engaged", place="\u00e4 {}")
+print('\\x1enot JSON', flush=True)
+"""
+
+
+@pytest.mark.usefixtures("scripts")
+def test_events_are_told_apart_from_whatever_lines_say() -> None:
+    told: list[tuple[str, dict[str, object]]] = []
+    said: list[str] = []
+    outcome = Supervisor(
+        [script("teller", EVENTFUL)],
+        on_line=lambda _, line: said.append(line),
+        on_event=lambda name, event: told.append((name, event)),
+    ).run()
+    assert told == [("teller", {"event": "engaged", "place": "\u00e4 {}"})]
+    assert said == ["engaged, says a line", "\x1enot JSON"]
+    assert outcome.last_lines["teller"] == said
