@@ -55,14 +55,20 @@ from haptic_accel.cli.running import run_to_end, shown_stages, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
 from haptic_accel.core.axes import ALL_AXES
-from haptic_accel.core.identification.estimate import RecordingError
+from haptic_accel.core.identification.estimate import SMALLER, RecordingError
 from haptic_accel.core.identification.evaluation import DEFAULT_FREE
 from haptic_accel.core.identification.fit import check_free
 from haptic_accel.core.identification.multisine import repeats_of_trial
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, schema
-from haptic_accel.core.process import INTERRUPTED, REPEAT
+from haptic_accel.core.process import (
+    FULL_SCALE,
+    INTERRUPTED,
+    REPEAT,
+    TOO_STRONG,
+    tell_supervisor,
+)
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import Supervisor
@@ -183,6 +189,7 @@ def identify(
     if arguments.actuator == AUDIO and isinstance(result, Result):
         _, devices = Setup.of(arguments).node("master_device")
         scale = devices[AUDIO].largest_force / result.found.fit.handle.m_h
+        tell_supervisor(FULL_SCALE, value=scale)
         print(f"audio.full_scale: {scale:.4g} N per kg of the handle's mass without m_a")
     print(*result.notes, result.explained, sep="\n")
     print(f"parameters: {update or parameters}", f"report: {page}", sep="\n")
@@ -204,6 +211,8 @@ def _advising(advise: Callable[[RecordingError], str]) -> Iterator[None]:
     try:
         yield
     except RecordingError as error:
+        if error.factors == SMALLER:
+            tell_supervisor(TOO_STRONG)
         raise StoppedError(advise(error)) from None
 
 
@@ -291,6 +300,8 @@ def _run_graph(arguments: IdentifyArguments) -> None:
         def follow(_: str, event: Mapping[str, Any]) -> None:
             if event["event"] == REPEAT and event["done"] < len(places):
                 begin(places[event["done"]])
+            elif event["event"] == TOO_STRONG:
+                tell_supervisor(TOO_STRONG)
 
         supervisor = Supervisor(identification_graph(arguments), on_event=follow)
         run_to_end(supervisor, stop, f"interrupted; recorded so far: {arguments.bag}")

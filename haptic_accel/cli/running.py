@@ -38,9 +38,11 @@ from haptic_accel.core.process import (
     ENGAGED,
     FAILED,
     INTERRUPTED,
+    PROGRESS,
     REALTIME,
     RECORDED,
     WRONG_ARGUMENTS,
+    tell_supervisor,
 )
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import Outcome, Supervisor
@@ -266,6 +268,7 @@ def shown_stages(stages: Sequence[str]) -> Iterator[Callable[[str], None]]:
 
         def begin(stage: str) -> None:
             progress.update(task, description=stage, completed=stages.index(stage))
+            tell_supervisor(PROGRESS, text=stage)
             if not progress.console.is_terminal:
                 print(stage, flush=True)
 

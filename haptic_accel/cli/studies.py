@@ -33,7 +33,7 @@ from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.running import progress_bar, stop_on_signal
 from haptic_accel.cli.workers import Item, Result, Stop, Workers
 from haptic_accel.core.bounded_files import located, opened
-from haptic_accel.core.process import INTERRUPTED
+from haptic_accel.core.process import INTERRUPTED, PROGRESS, tell_supervisor
 
 Show = Callable[[float], None]
 """Shows how many conditions are done, where parts of one count."""
@@ -151,7 +151,9 @@ def run_study(
                     if journal:
                         journal.add(keys[index], result)
                     if text := line(result):
-                        print(f"{len(done)} of {len(items)}: {text}", flush=True)
+                        told = f"{len(done)} of {len(items)}: {text}"
+                        tell_supervisor(PROGRESS, text=told)
+                        print(told, flush=True)
                     progress.update(bar, completed=len(done))
         except StoppedError as error:
             end = error

@@ -27,7 +27,7 @@ from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.identification.multisine import repeats_of_trial, trial_forces
 from haptic_accel.core.model import ACTUATOR, ZERO, Vector
-from haptic_accel.core.process import REPEAT, tell_supervisor
+from haptic_accel.core.process import REPEAT, TOO_STRONG, tell_supervisor
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.graph_node import GraphNode
@@ -128,6 +128,7 @@ class Identifier(GraphNode):
         travel = max([abs(each.observe(*pair)) for each, *pair in parts])
         self._widest = max(self._widest, travel)
         if travel > self._most_travel:
+            tell_supervisor(TOO_STRONG)
             self._fail(
                 f"travel: {1e3 * travel:.2f} mm, must be at most"
                 f" {1e3 * self._most_travel:.2f} mm; use a smaller amplitude"

@@ -20,24 +20,32 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import re
+import os
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from haptic_accel.analysis.experiment import LOST_SHARE
 from haptic_accel.core import signal_checks as checks
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import Checked, like, parameter, shown
-from haptic_accel.core.process import module_command
+from haptic_accel.core.process import (
+    FULL_SCALE,
+    PROGRESS,
+    SUPERVISOR,
+    TOO_STRONG,
+    module_command,
+    read_event,
+)
 from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.core.signal_checks import Check
 from haptic_accel.core.topics import ARMS
@@ -113,9 +121,6 @@ SMALLEST_SHARE = 0.05
 TRIAL = 10
 """Duration of a trial with a controller, s, as the paper's."""
 
-PROGRESS = re.compile(r"\d+ of \d+:|.*: trial \d+ of \d+|fit of |delay of|report:")
-"""Lines of the identification and of the comparison that show how far they are."""
-
 TIMED = "master_device", "slave_device", "coupler", "compensator"
 """Nodes that share the latency of the graph."""
 
@@ -123,11 +128,8 @@ MOST_LATENCY = 4
 """Largest latency that the proof sets, samples. Each adds to the least possible error (`bound`);
 beyond, the machine is not fit for the rate."""
 
-SCALE = re.compile(r"audio\.full_scale: (\S+) N per kg")
-"""Line by which an identification tells the force at a sound card's full scale."""
-
-LATE = "actuator forces took effect late"
-"""Part of the line by which an experiment tells of late forces."""
+MOST_LATE = 100.0 * LOST_SHARE
+"""Share of late forces above which a graph needs more time, %, as an experiment warns."""
 
 SKIP = "s"
 """Answer that goes on without what is asked."""
@@ -185,6 +187,14 @@ class Person(Protocol):
 
     def request(self, line: str) -> None:
         """Ask for an action that is noticed by itself."""
+
+
+class _Ran(NamedTuple):
+    """How a verb ended: exit status, its last line that says something, and events by name."""
+
+    status: int
+    last: str
+    events: Mapping[str, Mapping[str, Any]]
 
 
 class BringUpError(RuntimeError):
@@ -282,31 +292,28 @@ class BringUp:
     def _identify(self) -> None:
         if self._device_name(MASTER) in ARMS_ALONE:
             return
-        lines = self._identified()
-        if scale := next(filter(None, map(SCALE.match, lines)), None):
+        if scale := self._identified().get(FULL_SCALE):
             mass = self._number("type the mass of all that moves with the handle, without m_a, kg")
-            full_scale = {"audio": {"full_scale": float(f"{float(scale[1]) * mass:.4g}")}}
+            full_scale = {"audio": {"full_scale": float(f"{scale['value'] * mass:.4g}")}}
             update_parameter_file(self._path, {"master_device": full_scale})
             self._person.tell("the force is scaled now: again, with newtons")
             self._identified()
         self._said.append("the model is in this file")
 
-    def _identified(self) -> list[str]:
-        """Identify the handle, with less force where the travel is short; return the lines."""
+    def _identified(self) -> Mapping[str, Mapping[str, Any]]:
+        """Identify the handle, with less force where the travel is short; return the events."""
         self._goes_on("hold the handle as in use, without moving it, then press Enter")
         share = 1.0
         words = ["params_file:=" + str(self._path), "--update", str(self._path)]
         while True:
             out = self._report_folder("identify")
-            lines, status = self._command(
-                "identify", *words, *_amplitudes(share), "--out", str(out)
-            )
-            if status == 0:
+            ran = self._command("identify", *words, *_amplitudes(share), "--out", str(out))
+            if ran.status == 0:
                 self._keep(out)
-                return lines
+                return ran.events
             share /= 2
-            if not any("smaller amplitude" in line for line in lines) or share < SMALLEST_SHARE:
-                reason = _last(lines).partition("; next: ")[0]  # this is the next command
+            if TOO_STRONG not in ran.events or share < SMALLEST_SHARE:
+                reason = ran.last.partition("; next: ")[0]  # this is the next command
                 if not self._goes_on(f"{reason}; press Enter to try again, or type s to stop"):
                     raise BringUpError(reason)
                 share = 1.0
@@ -575,13 +582,13 @@ class BringUp:
         out = self._report_folder("prove")
         results = out.with_suffix(".json")
         out.parent.mkdir(parents=True, exist_ok=True)
-        lines, status = self._command(
+        ran = self._command(
             *("experiment", "--controllers", "none,adaptive"),
             *(f"params_file:={self._path}", "surface:=plywood", f"duration:={TRIAL}"),
             *("--out", str(out), "--json", str(results)),
         )
-        if status:
-            return [Check(False, _last(lines), "haptic-accel doctor checks the machine")]
+        if ran.status:
+            return [Check(False, ran.last, "haptic-accel doctor checks the machine")]
         self._keep(out)
         conditions = json.loads(results.read_text(encoding="utf-8"))["conditions"]
         none, adaptive = sorted(conditions, key=lambda each: each["controller"], reverse=True)
@@ -590,9 +597,10 @@ class BringUp:
             advice = "press the tool on the surface, and stroke along it during both trials"
             return [Check(False, "the tool touched nothing", advice)]
         least = adaptive["limited_bound_percent"]
-        late = [line.partition(": ")[2] for line in lines if LATE in line]
-        if late:
-            in_time = Check(False, late[-1], self._more_time())
+        late = max(each["deadlines_missed_percent"] or 0.0 for each in conditions)
+        if late > MOST_LATE:
+            told = f"{late:.1f} % of the actuator forces took effect late"
+            in_time = Check(False, told, self._more_time())
         else:
             in_time = Check(True, "forces in time")
         return [in_time, checks.proof_check(without, error, least or 0.0)]
@@ -667,27 +675,31 @@ class BringUp:
             time.sleep(ACTION_POLL_PERIOD)
         return False
 
-    def _command(self, *words: str) -> tuple[list[str], int]:
-        """Run a verb of this program; show its progress; return its lines and exit status."""
-        lines = []
+    def _command(self, *words: str) -> _Ran:
+        """Run a verb of this program, and show its progress."""
+        last, events = "no reason given", dict[str, Mapping[str, Any]]()
         with subprocess.Popen(
             [*COMMAND, *words],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
+            env={**os.environ, SUPERVISOR: str(os.getpid())},
         ) as process:
             assert process.stdout
             try:
                 for line in process.stdout:
-                    lines.append(line.rstrip())
-                    if PROGRESS.match(line):
-                        self._person.tell(line.rstrip())
+                    if event := read_event(line):
+                        events[event["event"]] = event
+                        if event["event"] == PROGRESS:
+                            self._person.tell(event["text"])
+                    else:
+                        last = line.rstrip() or last
             except BaseException:
                 process.terminate()
                 process.wait()
                 raise
-        return lines, process.returncode
+        return _Ran(process.returncode, last, events)
 
     def _parameters(self, side: str) -> tuple[Any, dict[str, Any]]:
         arguments = GraphArguments.from_given(params_file=str(self._path), record=False)
@@ -714,11 +726,6 @@ class BringUp:
                 yield observed
             finally:
                 self._person.show(None)
-
-
-def _last(lines: Sequence[str]) -> str:
-    """Return the last line that says something."""
-    return next((line for line in reversed(lines) if line), "no reason given")
 
 
 def _probe(amplitude: float) -> Force:
