@@ -27,20 +27,20 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
 
 BUDGETS = {
-    "core": 14_300,
-    "analysis": 4_310,
-    "nodes": 4_280,
-    "kits/study": 3_970,
+    "core": 14_200,
+    "analysis": 4_170,
+    "nodes": 4_300,
+    "kits/study": 3_990,
     "devices": 3_390,
-    "cli": 2_810,
+    "cli": 2_830,
     "bags": 2_640,
     "scope": 1_420,
-    "setup": 1_400,
+    "setup": 1_460,
     "materials": 1_380,
     "kits/emulators": 1_180,
     "graph": 1_120,
     "kits/textures": 1_050,
-    "kits/bringup": 820,
+    "kits/bringup": 830,
     "links": 700,
     "pages": 50,
 }
