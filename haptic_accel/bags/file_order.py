@@ -166,7 +166,7 @@ def used_files(
 
 
 def contradictions(metadata: Metadata, files: Sequence[FileContent]) -> Iterator[str]:
-    """Yield what metadata.yaml states otherwise than the files that were read whole."""
+    """Yield the differences between metadata.yaml and the files that were read completely."""
     if not metadata.files:
         return
     listed = {file.name: file for file in metadata.files}

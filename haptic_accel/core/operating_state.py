@@ -52,7 +52,7 @@ _RANGES = {
 
 
 def refusal(command: str, state: str) -> str:
-    """Return why a command is rejected in a state of CRTK; empty if it is accepted."""
+    """Return the reason to reject a command in a state of CRTK; empty if it is accepted."""
     if command not in COMMANDS:
         return f"no such command; there are {', '.join(COMMANDS)}"
     return "" if state in _ALLOWED.get(command, STATES) else f"not while {state}"

@@ -77,7 +77,7 @@ def _loaded(entry: EntryPoint, package: str, known: Mapping[str, type[Device]]) 
 
 
 def _problem(kind: Any, known: Mapping[str, type[Device]]) -> str:
-    """Return why a loaded object is no driver; empty for a driver."""
+    """Return the reason to refuse a loaded object as a driver; empty for a driver."""
     if not (isinstance(kind, type) and issubclass(kind, Device)):
         return "must be a subclass of Device"
     described, parameters = kind.description, kind.Parameters

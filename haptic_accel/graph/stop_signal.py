@@ -270,7 +270,7 @@ def _hashed(name: str) -> str:
 
 
 def _identity(file: str) -> tuple[int, int]:
-    """Return what changes when a file is written anew; zeros without the file."""
+    """Return numbers that differ once a file has been replaced; zeros if it does not exist."""
     try:
         found = os.lstat(file)
     except OSError:

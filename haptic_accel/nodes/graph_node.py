@@ -277,7 +277,7 @@ class GraphNode(SupervisedNode):
         )
 
     def _refusals(self) -> Counter[str]:
-        """Return how many messages and requests were refused, by reason."""
+        """Return the numbers of refused messages and requests by reason."""
         counts = Counter(
             {
                 "messages malformed": self._malformed.total(),

@@ -536,7 +536,7 @@ class ScopeServer:
         self._updated = now  # not before: failed updates must not count as new
 
     def _update(self, windows: Windows, state: dict[str, Any]) -> tuple[str | bytes, ...]:
-        """Return what pages receive with a state, ready to be sent."""
+        """Return the message with a state for pages, ready to be sent."""
         if not self._kind.metrics:
             return (as_json(state | {"metrics": {"rate": live_rate(windows.handle)}}),)
         metrics = windows.metrics()

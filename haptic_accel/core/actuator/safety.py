@@ -384,7 +384,7 @@ class _Coil:
         self._ticked, self._push, self._heat = now, 0.0, 0.0
 
     def allowed(self, force: float) -> float:
-        """Return what the guard allows in place of a force, N."""
+        """Return the force that the guard allows in place of a requested one, N."""
         return self.guard.within(force, self._acceleration)
 
     def hold(self, now: float, force: float) -> None:

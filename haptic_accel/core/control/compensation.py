@@ -402,7 +402,7 @@ class Compensation:
         return ", ".join(filter(None, texts)), values | counts
 
     def _common_warnings(self) -> list[str]:
-        """Return what the common authority warns of: noise, and a reduced force."""
+        """Return warnings for all axes: noise of the accelerometer, and a reduced force."""
         authority, found = self._authority, []
         noise = authority.noise / math.sqrt(len(self.channels))
         if LOUD <= noise < math.inf:
@@ -544,7 +544,7 @@ class Compensation:
 
 
 def _equal(one: Vector, other: Vector | None, indices: Sequence[int]) -> bool:
-    """Return whether two vectors have the same components; a sample equals itself."""
+    """Return whether two vectors have the same components, or are one object (also with NaN)."""
     return other is not None and [one[i] for i in indices] == [other[i] for i in indices]
 
 

@@ -40,7 +40,8 @@ LENGTH = 0.192
 """Length of the filters' impulse responses, s; they have decayed by then."""
 
 AHEAD = 0.012
-"""Non-causal part of this length, which delays the estimate, s; needed for the upper band edge."""
+"""Length of the filter's non-causal part, s. It delays the estimate, and is needed for the upper
+band edge."""
 
 THINNED_RATE = 1000.0
 """Maximum rate for evaluating the equation, Hz; faster signals are decimated."""

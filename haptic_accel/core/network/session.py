@@ -161,7 +161,7 @@ class Session:
         return self._problem if now - self._problem_time < PROBLEM_TIME else ""
 
     def unusable(self, now: float, timeout: float) -> str:
-        """Return why packets received within a time in s are unusable; empty if there are none."""
+        """Return the reason to refuse the latest packets, time in s; empty if none was refused."""
         if now - self.unanswered <= timeout:
             return UNHEARD
         return REFUSED if now - self._problem_time <= timeout else ""
@@ -178,7 +178,7 @@ class Session:
         return bool(self.peer) and now - self.last_reception < LIFETIME
 
     def _reason(self, packet: Packet, now: float) -> str:
-        """Return why a packet is not from the peer; empty if it is."""
+        """Return the evidence against a packet of the peer; empty if it is one."""
         if packet.side == self._side:
             return f"both hosts are side:={packet.side}: one must be the other"
         if packet.session in self._former:

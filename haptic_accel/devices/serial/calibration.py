@@ -356,7 +356,7 @@ def _fitted(
 
 
 def _mounting(measured: FloatArray, upward: FloatArray) -> FloatArray:
-    """Return the rotation that turns upward directions into the measured ones best."""
+    """Return the rotation that best turns upward directions into the measured ones."""
     left, _, right = np.linalg.svd(measured.T @ upward)
     proper = np.diag([1.0, 1.0, np.linalg.det(left @ right)])
     return np.asarray(left @ proper @ right)

@@ -190,7 +190,7 @@ class Person(Protocol):
 
 
 class _Ran(NamedTuple):
-    """How a verb ended: exit status, its last line that says something, and events by name."""
+    """Outcome of a verb: exit status, its last non-empty line, and its events by name."""
 
     status: int
     last: str
@@ -735,7 +735,7 @@ def _probe(amplitude: float) -> Force:
 
 
 def _amplitudes(share: float) -> list[str]:
-    """Return the words for a share of the sweep's default amplitudes; none for all of it."""
+    """Return the arguments for a fraction of the sweep's default amplitudes; none for 1."""
     sweep = SweepParameters()
     names = ("start_amplitude", "end_amplitude") if share < 1 else ()
     return [f"{name}:={share * getattr(sweep, name):.3g}" for name in names]

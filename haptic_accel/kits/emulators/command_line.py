@@ -349,7 +349,7 @@ class _Held:
     def measured(
         self, side: str, time: float, acceleration: Vector, noise: float, axes: Axes
     ) -> Vector:
-        """Return what a sensor with a noise measures, m/s^2, from the acceleration on its arm.
+        """Return the noisy measurement of a sensor, m/s^2, for the acceleration of its arm.
 
         The rig stands still, and its sensors are silent, until its first force: then the noise is
         added here.

@@ -522,7 +522,7 @@ def _ended(study: Study, log: Log, begun: SessionRecord, port: int, *, opened: b
 
 
 def _watch(progress: Progress, participant: str) -> Callable[[Session], None]:
-    """Return what shows an operator a session's progress and safety."""
+    """Return the display of a session's progress and safety for the operator."""
     bar = progress.add_task(participant, total=1.0)
 
     def show(session: Session) -> None:

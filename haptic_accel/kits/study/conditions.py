@@ -65,7 +65,7 @@ Settings = Iterable[tuple[str, Value]]
 
 
 def arguments(protocol: Protocol, condition: Condition) -> GraphArguments:
-    """Return what must hold from the start of the graph for a condition.
+    """Return the settings of a condition that a graph must have from its start.
 
     Raises
     ------

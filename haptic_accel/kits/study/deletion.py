@@ -64,7 +64,7 @@ class Deletion:
 
 
 def plan_deletion(folder: Path, results: tuple[Path, ...]) -> Deletion:
-    """Return what the deletion of a participant removes and leaves.
+    """Return the data that the deletion of a participant removes, and the data that stay.
 
     Parameters
     ----------

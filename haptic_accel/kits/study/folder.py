@@ -261,7 +261,7 @@ class Study:
             journal.add(UNBLINDING, reason=reason, complete=complete)
 
     def deletion(self, participant: str) -> Deletion:
-        """Return what `delete` removes, and what it leaves.
+        """Return the data that `delete` removes, and the data that stay.
 
         Raises
         ------

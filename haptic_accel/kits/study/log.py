@@ -239,7 +239,7 @@ def is_running(file: Path) -> bool:
 
 
 def read_session(folder: Path) -> SessionRecord:
-    """Return what the log in a participant's folder holds, also while the session runs.
+    """Return the contents of the log in a participant's folder, also while the session runs.
 
     Raises
     ------

@@ -232,9 +232,7 @@ class PlannedTest(Checked):
     condition: str = parameter(
         "", "condition whose value is tested, as factor=value words; empty for all trials"
     )
-    against: str = parameter(
-        "", "condition or number that it is tested against; empty for chance or 0"
-    )
+    against: str = parameter("", "condition or number to compare with; empty for chance, or for 0")
     alternative: str = parameter(
         "two-sided", "alternative", choices=("two-sided", "greater", "less", "equivalent")
     )

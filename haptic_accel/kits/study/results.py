@@ -310,7 +310,7 @@ def _preferences(protocol: Protocol, trials: Trials) -> Iterator[Result]:
 
 
 def _wins(conditions: Sequence[Condition], trials: Trials) -> FloatArray:
-    """Return how often the condition of a row was preferred to that of a column."""
+    """Return the number of preferences of each row's condition over each column's."""
     wins = np.zeros((len(conditions), len(conditions)))
     for each in trials:
         stimuli, chosen = each.record.trial.stimuli, int(each.answer) - 1
@@ -399,7 +399,7 @@ _EXPLORED: Mapping[str, tuple[Callable[[Protocol, Trials], Iterator[Result]], ..
 
 
 def delivered_results(found: Tables) -> Iterator[Result]:
-    """Yield what was delivered in the counted trials of the included participants."""
+    """Yield the delivered stimuli of the counted trials of the included participants."""
     included = found.sessions[found.sessions.excluded == ""].participant
     trials = found.trials[found.trials.participant.isin(included)] if len(found.trials) else None
     if trials is None or not trials.counted.any():

@@ -245,7 +245,7 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Following:
-    """Errors for single segments that a model was built without, and of a constant texture.
+    """Errors of a model, and of a constant texture, for single segments left out of the model.
 
     The constant texture has the mean spectrum of the segments that the model was built from, as an
     autoregressive model of the same order.

@@ -142,7 +142,7 @@ def build_texture(
 
 
 def _rendering(model: TextureModel, file: Path) -> str:
-    """Return the line with the command that makes a model heard, in the middle of its range."""
+    """Return the line with the command that plays a model in the middle of its range."""
     speed, force = f"{np.median(model.speeds) / MILLI:.3g}", f"{np.median(model.forces):.3g}"
     sound = str(file.with_suffix(".wav"))
     words = (str(file), "--speed", speed, "--force", force, "--out", sound)

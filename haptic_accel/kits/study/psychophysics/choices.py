@@ -131,7 +131,7 @@ def bradley_terry(wins: ArrayLike) -> list[Interval]:
 def confusion_matrix(
     stimuli: Sequence[str], answers: Sequence[str], labels: Sequence[str]
 ) -> FloatArray:
-    """Return how often each stimulus (row) was given each answer (column), in order of labels."""
+    """Return the counts of each answer (column) to each stimulus (row), in order of labels."""
     pairs = list(zip(stimuli, answers, strict=True))
     return np.array([[pairs.count((row, column)) for column in labels] for row in labels], float)
 

@@ -290,7 +290,7 @@ def _log_likelihood(rate: FloatArray, chosen: float, trials: float) -> FloatArra
 
 
 def _limits(inside: float, first: _Count, second: _Count) -> tuple[float, float]:
-    """Return where the likelihood falls below that of the interval's confidence, from inside."""
+    """Return the end of the interval: the likelihood is below that of its confidence beyond."""
     from scipy import stats
     from scipy.optimize import brentq
 
