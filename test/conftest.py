@@ -29,10 +29,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import HealthCheck, settings
-from sharing import own_domain
 
 from haptic_accel.core.process import module_command
 from running import Command, MachineStoodStillError, StallWatch
+from sharing import own_domain
 from terminals import Terminal
 from verbs import output_of, status_of
 

@@ -24,7 +24,6 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from other_recorder import OtherRecorder, converted
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 
@@ -37,6 +36,7 @@ from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial, record_trial
 from haptic_accel.setup.setup import Setup
 from observing import Observer
+from other_recorder import OtherRecorder, converted
 from reading import with_types
 from running import Command
 

@@ -20,6 +20,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+
+from fuzzing import fuzz_fewest
 from guises import (
     BAG_CHANGES,
     GAIN,
@@ -31,9 +34,6 @@ from guises import (
     right_bag,
     write_form,
 )
-from hypothesis import given
-
-from fuzzing import fuzz_fewest
 from haptic_accel.analysis import loading
 from haptic_accel.analysis.loading import analyse
 from haptic_accel.analysis.segments import Segment

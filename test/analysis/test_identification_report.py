@@ -26,7 +26,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from page_content import Page
 from PIL import Image
 
 from haptic_accel.analysis.identification_report import (
@@ -41,6 +40,7 @@ from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import own_schema
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.simulated_identification import run_identification
+from page_content import Page
 
 FIGURES = ("fig4_sweep.png", "fig5_models.png", "coherence.png")
 SWEEP = SweepParameters(duration=1.0)

@@ -23,8 +23,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from page_content import Page
-from three_coils import BANDWIDTH, RANGE, RATE, SWEEP, plant, trials
 
 from haptic_accel.analysis.identification_three_axes import (
     COMPARED,
@@ -36,6 +34,8 @@ from haptic_accel.core.handle.matrix_plant import read_matrix_plant
 from haptic_accel.core.identification.fit import DEFAULT_FREE
 from haptic_accel.core.identification.three_axes import identify_three_axes
 from haptic_accel.setup.files import parameter_text
+from page_content import Page
+from three_coils import BANDWIDTH, RANGE, RATE, SWEEP, plant, trials
 
 FREQUENCY = np.linspace(*COMPARED, 100)
 

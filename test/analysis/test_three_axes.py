@@ -25,7 +25,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from page_content import Page
 from PIL import Image
 
 from bag_maker import BagContent, facts, write_bag
@@ -42,6 +41,7 @@ from haptic_accel.core.evaluation.metrics import by_component
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray
+from page_content import Page
 
 RATE = 1000.0
 TURNS = {"none": None, "constant": 10.0, "inverse": 0.0}

@@ -26,7 +26,6 @@ from urllib.parse import unquote
 import numpy as np
 import pandas as pd
 import pytest
-from page_content import Page
 from PIL import Image
 
 from bag_maker import of_trial, write_bag
@@ -37,6 +36,7 @@ from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.page import Setting
 from haptic_accel.analysis.writing import PICTURES, signal_table, write_analysis
 from haptic_accel.core.trial import Trial
+from page_content import Page
 
 SURFACES = ("plywood", "text", "vinyl")
 GAINS = {"none": 0.0, "constant": 0.6, "dynamic": 0.9}

@@ -21,10 +21,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from guises import BAG_CHANGES, RATE, BagForm, Kind, Made, right_bag, write_form
 from hypothesis import given
 
 from fuzzing import fuzz_few
+from guises import BAG_CHANGES, RATE, BagForm, Kind, Made, right_bag, write_form
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.sampling import NANOSECONDS, places
 

@@ -30,8 +30,6 @@ import rclpy
 
 pytest.importorskip("pytest_benchmark")
 
-from one_coil import OneCoil
-
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import BagWriter
 from haptic_accel.core.axes import along_actuator
@@ -54,6 +52,7 @@ from haptic_accel.core.topics import TOOL_ACCELERATION
 from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.signals import Sender
+from one_coil import OneCoil
 
 # A look at each piece in every run of the tests; for figures to rely on: --benchmark-max-time=5
 pytestmark = pytest.mark.benchmark(max_time=0.1, min_rounds=5)

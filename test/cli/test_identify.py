@@ -22,8 +22,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import three_coils
 
+import three_coils
 from bag_maker import BagContent, write_bag
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.axes import ACTUATOR_AXIS

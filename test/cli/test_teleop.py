@@ -31,7 +31,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from sharing import LookAtOneGraph, SharedGraph
 
 from haptic_accel.analysis import load
 from haptic_accel.analysis.summary import summary
@@ -44,6 +43,7 @@ from observing import Observer
 from reading import deserialised
 from recordings import RATE, dragged_over, write_recording
 from running import Command, nodes_of, wait_until
+from sharing import LookAtOneGraph, SharedGraph
 from verbs import tells
 
 Start = Callable[..., Command]

@@ -20,11 +20,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from refusals import assert_refused, rows, written
 
 from bag_maker import BagContent, write_bag
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.topics import MASTER_POSITION
+from refusals import assert_refused, rows, written
 
 CONTROLLED = ", ".join(CONTROLLERS)
 

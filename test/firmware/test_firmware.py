@@ -24,7 +24,6 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from host_firmware import SKETCH, STRICT, compiled, garbled, random_frames, record, run
 
 from haptic_accel.devices.serial.protocol import (
     FIRMWARE,
@@ -34,6 +33,7 @@ from haptic_accel.devices.serial.protocol import (
     Identity,
     encode,
 )
+from host_firmware import SKETCH, STRICT, compiled, garbled, random_frames, record, run
 
 pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="no g++ on this machine")
 

@@ -22,7 +22,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from one_coil import OneCoil
 
 from haptic_accel.core.actuator.guard import ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
@@ -35,6 +34,7 @@ from haptic_accel.devices.simulated import SimulatedMaster
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.setup.node_parameters import SAFETY, node_parameters
 from haptic_accel.setup.setup import Setup
+from one_coil import OneCoil
 
 COIL = ActuatorParameters(
     m_a=0.031,

@@ -24,10 +24,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from damaged_files import ANY_BYTES, NOISE, array, other_arrays, text, written, zipped
 from hypothesis import given
 from hypothesis import strategies as st
 
+from damaged_files import ANY_BYTES, NOISE, array, other_arrays, text, written, zipped
 from fuzzing import accepted, fuzz_few, in_child, measured, mutated
 from haptic_accel.core.handle.discrete import read_discrete_model
 from haptic_accel.core.surfaces.taps import Tap

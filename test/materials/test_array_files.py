@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from archive_bombs import BOMBS, header
 
+from archive_bombs import BOMBS, header
 from fuzzing import measured
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.materials.array_files import (

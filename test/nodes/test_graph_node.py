@@ -43,7 +43,6 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.serialization import deserialize_message, serialize_message
-from sharing import own_domain
 from std_msgs.msg import Bool
 
 from haptic_accel.bags.reading import read_bag
@@ -69,6 +68,7 @@ from haptic_accel.nodes.topic_node import message_type, quality
 from haptic_accel.setup.files import surface_parameters
 from observing import Observer
 from running import PATIENCE, Command, nodes_of, wait_until
+from sharing import own_domain
 
 numbers = st.floats(allow_nan=False)
 frames = st.text(st.characters(codec="ascii", exclude_characters="\0"))

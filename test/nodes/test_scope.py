@@ -33,13 +33,13 @@ from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterEvent, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
-from sharing import own_domain
 
 from browsing import LISTEN, chromium, received
 from haptic_accel.core.process import REALTIME
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
 from haptic_accel.scope.server import METRICS_PERIOD
 from running import Command, free_port, nodes_of, wait_until
+from sharing import own_domain
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

@@ -22,6 +22,7 @@ import signal
 from pathlib import Path
 
 import pytest
+
 from sharing import SharedGraph, own_domain
 
 PROGRAM = """

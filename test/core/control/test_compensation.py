@@ -28,7 +28,6 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from one_coil import OneCoil
 from scipy import signal
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
@@ -45,6 +44,7 @@ from haptic_accel.core.model import GRAVITY, ApproximateModel, FloatArray, Handl
 from haptic_accel.core.parameters import Checked, ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.devices.simulated import SimulatedMaster
+from one_coil import OneCoil
 
 RATE = 1000.0
 NAMES = tuple(CONTROLLERS)

@@ -26,7 +26,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from one_coil import OneCoil
 from scipy import signal
 from scipy.spatial.transform import Rotation
 
@@ -47,6 +46,7 @@ from haptic_accel.core.model import (
     vector,
 )
 from haptic_accel.core.parameters import Checked, ParameterError
+from one_coil import OneCoil
 
 RATE = 1000.0
 LATENCY = 1

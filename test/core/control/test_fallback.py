@@ -23,7 +23,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from one_coil import OneCoil
 from scipy import signal
 
 from haptic_accel.core.control import fallback
@@ -35,6 +34,7 @@ from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked
+from one_coil import OneCoil
 
 RATE = 1000.0
 TAPS = 600

@@ -20,7 +20,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from three_coils import NOISE, RANGE, RATE, SWEEP, moved, plant, recorded, trials
 
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.matrix_response import (
@@ -31,6 +30,7 @@ from haptic_accel.core.identification.matrix_response import (
 from haptic_accel.core.identification.multisine import orthogonal_excitation
 from haptic_accel.core.identification.sweep import IdentificationTrial
 from haptic_accel.core.model import FloatArray
+from three_coils import NOISE, RANGE, RATE, SWEEP, moved, plant, recorded, trials
 
 FORCE = orthogonal_excitation(SWEEP, RATE)
 HANDLE = plant()

@@ -20,7 +20,6 @@ import math
 
 import numpy as np
 import pytest
-from three_coils import RATE, SWEEP
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import TravelEstimator
@@ -40,6 +39,7 @@ from haptic_accel.core.identification.sweep import (
 )
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
+from three_coils import RATE, SWEEP
 
 
 def test_a_coils_lines_have_the_power_of_the_sweep() -> None:

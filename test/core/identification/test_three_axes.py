@@ -20,7 +20,6 @@ import math
 
 import numpy as np
 import pytest
-from three_coils import BANDWIDTH, DIRECTIONS, RANGE, RATE, SWEEP, moved, plant, recorded, trials
 
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.identification.estimate import RecordingError
@@ -34,6 +33,7 @@ from haptic_accel.core.identification.three_axes import (
     stages,
 )
 from haptic_accel.core.parameters import ParameterError
+from three_coils import BANDWIDTH, DIRECTIONS, RANGE, RATE, SWEEP, moved, plant, recorded, trials
 
 FREQUENCY = np.arange(20.0, 401.0)
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+
 from refusals import assert_refused, rows, written
 
 REFUSED = {

@@ -23,7 +23,6 @@ import struct
 from pathlib import Path
 
 import pytest
-from host_firmware import compiled, garbled, random_frames, record, run
 
 from haptic_accel.core.axes import NAMES
 from haptic_accel.devices.serial.protocol import (
@@ -44,6 +43,7 @@ from haptic_accel.devices.serial.protocol import (
     encode,
 )
 from haptic_accel.kits.emulators.serial_board import Board
+from host_firmware import compiled, garbled, random_frames, record, run
 
 pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="no g++ on this machine")
 

@@ -34,7 +34,6 @@ from kits.study.study_sessions import (
     session,
     single,
 )
-from page_content import Page
 from PIL import Image
 
 from browsing import violations
@@ -46,6 +45,7 @@ from haptic_accel.kits.study.results import EXPLORATORY, PLANNED, Result
 from haptic_accel.kits.study.simulation import simulate_study
 from haptic_accel.kits.study.templates import templates
 from haptic_accel.kits.study.trials import PlannedTrial, SessionRecord
+from page_content import Page
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -21,9 +21,9 @@ from pathlib import Path
 
 import pytest
 from kits.study.studies import TEXT
-from refusals import assert_refused, rows, written
 
 from haptic_accel.kits.study.templates import templates
+from refusals import assert_refused, rows, written
 
 TEMPLATES = ", ".join(templates())
 

@@ -21,12 +21,12 @@ import io
 from pathlib import Path
 
 import pytest
-from damaged_files import ANY_BYTES, NOISE, other_arrays, text, written, zipped
 from hypothesis import given
 from hypothesis import strategies as st
 from kits.textures.hatt_file import hatt_file
 from scipy.io import wavfile
 
+from damaged_files import ANY_BYTES, NOISE, other_arrays, text, written, zipped
 from fuzzing import accepted, fuzz_few, measured, mutated
 from haptic_accel.kits.textures.foreign import import_texture
 

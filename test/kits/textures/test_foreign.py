@@ -26,13 +26,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from archive_bombs import BOMBS
 from hypothesis import given
 from hypothesis import strategies as st
 from kits.textures.hatt_file import hatt_file
 from scipy import signal
 from scipy.io import wavfile
 
+from archive_bombs import BOMBS
 from fuzzing import fuzz_few, measured
 from haptic_accel.core.model import GRAVITY, FloatArray
 from haptic_accel.core.parameters import ParameterError

@@ -21,8 +21,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from refusals import assert_refused, rows, written
 from scipy.io import wavfile
+
+from refusals import assert_refused, rows, written
 
 SAMPLES = "".join(f"{index},60,1,{index % 7}\n" for index in range(2000))
 

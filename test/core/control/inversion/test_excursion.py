@@ -25,7 +25,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from one_coil import OneCoil
 from scipy import signal
 
 from haptic_accel.core.actuator.guard import CUSHION, ActuatorGuard
@@ -46,6 +45,7 @@ from haptic_accel.core.control.inversion.excursion import (
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, Suspension
 from haptic_accel.core.parameters import Checked
+from one_coil import OneCoil
 
 RATE = 1000.0
 RATES = [1000.0, 4000.0]
