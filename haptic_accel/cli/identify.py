@@ -144,7 +144,7 @@ def identify(
         raise ParameterError(f"master = {arguments.master!r}: with --lockstep must be simulated")
     if lockstep and sources:
         raise ParameterError("from: not with --lockstep, which makes its own recordings")
-    check_free([name for name in free if name != "friction"])
+    check_free(free)
     for each in by_grip.values():
         identification_graph(each)  # errors are found first
     if update:

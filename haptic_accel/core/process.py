@@ -65,7 +65,9 @@ _RECORD = "\x1e"
 def tell_supervisor(event: str, **values: Any) -> None:
     """Print an event for the supervisor of this process; do nothing without one."""
     if SUPERVISOR in os.environ:
-        print(_RECORD + json.dumps({"event": event, **values}), flush=True)
+        # With its end in one piece: a line of another thread's log must not come between.
+        record = json.dumps({"event": event, **values})
+        print(f"{_RECORD}{record}\n", end="", flush=True)
 
 
 def read_event(line: str) -> dict[str, Any]:

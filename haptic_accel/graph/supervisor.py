@@ -147,9 +147,9 @@ class Lines:
         self._thread.start()
 
     def say(self, name: str, line: str) -> None:
-        """Queue a line to be shown, or drop it."""
+        """Queue a line to be shown, or drop it, but no event."""
         with self._news:
-            if len(self._waiting) < WAITING_LINES:
+            if len(self._waiting) < WAITING_LINES or read_event(line):
                 self._waiting.append((name, line))
             else:
                 self._dropped[name] += 1

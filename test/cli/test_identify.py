@@ -119,6 +119,8 @@ def test_on_the_papers_rig_models_follow_the_handle_to_400_hz(
         (["--lockstep", "--start-amplitude", "0", "--end-amplitude", "0.001"], 1, "force"),
         (["--lockstep", "--start-amplitude", "0.8", "--trials", "1"], 1, "force limited"),
         (["--lockstep", "--free", "m_h,colour"], 2, "colour"),
+        (["--lockstep", "--free", "friction,friction,m_h"], 2, "once"),
+        (["--lockstep", "--free", "friction"], 2, "free = friction: must hold"),
         (["--from", "no_bag"], 2, "no_bag"),
         (["--from", "no.csv", "--recording-rate", "1000"], 2, "no.csv"),
     ],

@@ -294,3 +294,28 @@ def test_events_are_told_apart_from_whatever_lines_say() -> None:
     assert told == [("teller", {"event": "engaged", "place": "\u00e4 {}"})]
     assert said == ["engaged, says a line", "\x1enot JSON"]
     assert outcome.last_lines["teller"] == said
+
+
+MANY = """
+from haptic_accel.core.process import tell_supervisor
+for number in range(3000):
+    print(number, flush=True)
+tell_supervisor("recorded", path="bag")
+"""
+
+
+@pytest.mark.usefixtures("scripts")
+def test_no_event_is_dropped_with_lines_that_nobody_reads() -> None:
+    told: list[object] = []
+    stopped = threading.Event()
+
+    def read_slowly(name: str, line: str) -> None:
+        stopped.wait(0.5)  # once: meanwhile more lines come than can wait
+        stopped.set()
+
+    Supervisor(
+        [script("many", MANY)],
+        on_line=read_slowly,
+        on_event=lambda _, event: told.append(event["path"]),
+    ).run()
+    assert told == ["bag"]

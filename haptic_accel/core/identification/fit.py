@@ -494,18 +494,19 @@ _ROUNDING = 1e-9  # relative
 
 
 def check_free(free: Sequence[str]) -> None:
-    """Refuse names that are no parameters of the model, and too few or too many of them.
+    """Refuse names that are no parameters of the model or ``friction``, too few or too many.
 
     Raises
     ------
     ParameterError
     """
-    names = (*HANDLE, *MOUNT, "delay")
+    names = (*HANDLE, *MOUNT, "delay", "friction")
     for name in free:
         if name not in names:
-            raise ParameterError(f"free = {name!r}: must be among {', '.join(names)}, friction")
-    if not free:
-        raise ParameterError("free = (): must hold at least one parameter")
+            raise ParameterError(f"free = {name!r}: must be among {', '.join(names)}")
+    if not set(free) - {"friction"}:
+        given = ", ".join(free) or "()"
+        raise ParameterError(f"free = {given}: must hold at least one parameter beside friction")
     if len(set(free)) < len(free):
         raise ParameterError(f"free = {', '.join(free)}: must hold each parameter once")
     if set(HANDLE) <= set(free):

@@ -17,12 +17,16 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from pathlib import Path
 
 import pytest
 
 from haptic_accel.core.parameters import from_flat
+from haptic_accel.kits.bringup import steps
 from haptic_accel.kits.bringup.steps import BringUp, BringUpArguments, Watched
+from haptic_accel.setup.files import read_parameter_file
 from haptic_accel.setup.rig_file import note_step, noted_steps, update_parameter_file
 
 
@@ -73,3 +77,62 @@ def test_only_s_skips_the_measurement_of_the_current_and_the_file_says_so(rig: P
     assert "SKIPPED: current not measured" in typist.lines
     assert not any(line.startswith("ok: current") for line in typist.lines)
     assert "SKIPPED: current not measured; NOT PASSED: " in noted_steps(rig)["make_safe"]
+
+
+VERB = """
+import json, sys
+from pathlib import Path
+from haptic_accel.core.process import FULL_SCALE, PROGRESS, TOO_STRONG, tell_supervisor
+
+verb, *words = sys.argv[1:]
+calls = Path("calls.json")
+called = json.loads(calls.read_text()) if calls.exists() else []
+calls.write_text(json.dumps([*called, [verb, *words]]))
+number = sum(each[0] == verb for each in called)
+print("words in any language")
+if verb == "identify":
+    tell_supervisor(PROGRESS, text="trial 1")
+    if number == 0:
+        tell_supervisor(TOO_STRONG)
+        sys.exit("much too far")
+    if number == 1:
+        tell_supervisor(FULL_SCALE, value=2.0)
+else:
+    late = 5.0 if number == 0 else 0.0
+    conditions = [
+        {"controller": name, "nrmse_percent": error, "limited_bound_percent": 3.0,
+         "deadlines_missed_percent": late}
+        for name, error in (("none", 100.0), ("adaptive", 5.0))
+    ]
+    Path(words[words.index("--json") + 1]).write_text(json.dumps({"conditions": conditions}))
+"""
+"""Stand-in for the program: the first excitation is too strong, the first comparison late."""
+
+
+class Willing(Typist):
+    """A person who does as told, with a handle of 0.2 kg."""
+
+    def ask(self, request: str) -> str:
+        return "0.2" if "mass" in request else ""
+
+
+def test_verbs_tell_by_events_what_is_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(steps, "COMMAND", [sys.executable, "-c", VERB])
+    rig = tmp_path / "rig.yaml"
+    update_parameter_file(rig, {"master_device": {"device": "simulated"}})
+    for step in ("connect", "calibrate", "make_safe"):
+        note_step(rig, step, "before")
+    person = Willing([])
+    BringUp(from_flat(BringUpArguments, {"file": str(rig)}), person).run()
+    calls = json.loads((tmp_path / "calls.json").read_text())
+    assert [each[0] for each in calls] == ["identify"] * 3 + ["experiment"] * 2
+    weaker = [any(word.startswith("start_amplitude:=") for word in each) for each in calls]
+    assert weaker == [False, True, False, False, False]
+    values = read_parameter_file(rig)
+    assert values["master_device"]["audio.full_scale"] == 2.0 * 0.2
+    assert values["coupler"]["latency"] == 2  # one sample more than by default
+    assert person.lines.count("trial 1") == 3
+    assert any("5.0 % of the actuator forces took effect late" in line for line in person.lines)
