@@ -104,8 +104,8 @@ class GraphNode(SupervisedNode):
             self, executable, changeable, self.change, self._guard.note
         )
         self.parameters, self.options = self._declared.own, self._declared.options
-        for service in super().services:
-            service.callback = self._declared.services.get(service.srv_type, service.callback)
+        for kind, callback in self._declared.services.items():
+            self.replace_service(kind, callback)
         self._gathered = b""
         self._described = {name: self.get_parameter(name).value for name in self._declared.schema}
         self._publish_description = self.publisher(DESCRIPTION).publish

@@ -181,6 +181,12 @@ class SupervisedNode(Node):
         """
         return super().create_service(kind, name, callback, qos_profile=qos_profile, **given)
 
+    def replace_service(self, kind: type, callback: Callable[..., Any]) -> None:
+        """Serve the requests to rclpy's own services of a type by another callback."""
+        for service in super().services:  # not yet guarded
+            if service.srv_type is kind:
+                service.callback = callback
+
     # An executor gets all that it serves from these four, including rclpy's own services, so every
     # callback is guarded.
 
