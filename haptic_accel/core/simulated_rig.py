@@ -149,20 +149,20 @@ def build_parts(
 
 
 def build_loop(
-    rig: RigParameters,
-    devices: Mapping[str, Rig | SampledRig],
-    compensation: CompensationParameters,
-    controllers: Mapping[str, Checked],
-    rate: float,
-    latency: int,
+    rig: RigParameters, sides: Mapping[str, DeviceSide], compensation: CompensationPart
 ) -> HostLoop:
     """Return the loop of both arms on one host, whose devices are not stopped.
 
-    Parameters as for `build_parts`.
+    Parameters
+    ----------
+    rig : RigParameters
+        Parameters of the coupling.
+    sides, compensation
+        Result of `build_parts`.
     """
-    sides, part = build_parts(rig, devices, compensation, controllers, rate, latency)
     engagement = Engagement(EngagementParameters(), now=0.0)
     for arm in topics.ARMS:
         engagement.arm_stopped(arm, False)
+    rate, latency = sides[MASTER].rate, sides[MASTER].latency
     coupling = CouplingPart(rig.coupled(rate, latency), engagement, rate)
-    return HostLoop(sides, coupling, part)
+    return HostLoop(sides, coupling, compensation)

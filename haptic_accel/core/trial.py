@@ -327,15 +327,12 @@ def run_trial(
     crossings: list[PlayedSample] = []
     rigs = simulated_master(rig.master, rate, seed), slave
     devices = dict(zip(topics.ARMS, rigs, strict=True))
-    parameters = rig, devices, around, controllers or {}, rate, latency
-    hosts: HostLoop | TwoHosts
-    if channel is None:
-        hosts = build_loop(*parameters)
-        part = hosts.compensation
-    else:
-        sides, part = build_parts(*parameters)
-        hosts = TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts, tool_axes)
-    assert part
+    sides, part = build_parts(rig, devices, around, controllers or {}, rate, latency)
+    hosts = (
+        build_loop(rig, sides, part)
+        if channel is None
+        else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts, tool_axes)
+    )
     samples = _samples(
         rigs, hosts, part.compensation, time.tolist(), deque(grips), warnings, crossings
     )

@@ -31,7 +31,7 @@ from haptic_accel.core.loop.wiring import MASTER, SLAVE
 from haptic_accel.core.model import ACTUATOR, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.simulated_rig import build_loop
+from haptic_accel.core.simulated_rig import build_loop, build_parts
 from haptic_accel.devices.simulated import (
     PointerMaster,
     SimulatedSlave,
@@ -120,9 +120,8 @@ class PacedRig:
         self._master = PointerMaster(rig.master, self._rate, arguments.seed)
         self._slave = SimulatedSlave(_slave(setup), self._rate, arguments.seed)
         devices = {MASTER: self._master, SLAVE: self._slave}
-        self._loop = build_loop(rig, devices, around, controllers, self._rate, latency)
-        assert self._loop.compensation
-        self._compensation = self._loop.compensation.compensation
+        sides, part = build_parts(rig, devices, around, controllers, self._rate, latency)
+        self._loop, self._compensation = build_loop(rig, sides, part), part.compensation
         self.windows.show_axes(self._master.axes)
         self._axes = [
             (NAMES.index(axis), windows) for axis, windows in self.windows.by_axis.items()
