@@ -164,7 +164,7 @@ class Authority:
             Handle acceleration, which should equal the desired one of `follow`'s delay before,
             m/s^2; NaN or infinite in all axes if unknown.
         """
-        if math.isfinite(measured[0]):
+        if math.isfinite(measured[-1]):
             if self._rests is None:
                 self._rests = np.array(measured)  # gravity at the first sample
                 self._measured = list(measured) * (len(self._measured) // self._axes)

@@ -192,8 +192,6 @@ class Compensation:
         samples become zero, handle samples count as missing.
     untrusted : int
         Number of handle samples that were missing, or saturated in any component.
-    asleep : bool
-        True in the idle state.
 
     Raises
     ------
@@ -260,6 +258,11 @@ class Compensation:
         self._handle = ZERO
         self.rejected = self.untrusted = 0
         self._begin_again()
+
+    @property
+    def asleep(self) -> bool:
+        """True in the idle state."""
+        return self._first.asleep
 
     @property
     def controller(self) -> str:
@@ -418,7 +421,6 @@ class Compensation:
         self._judge_anew()
         self._rest = ZERO
         self._seen_once = False
-        self.asleep = True
         self._tool_at_rest: Vector | None = None
         self._handle_at_rest: Vector | None = None
 
@@ -456,7 +458,6 @@ class Compensation:
 
     def _wake(self, rest: Vector) -> None:
         """Leave the idle state, for a tool that was at rest with this acceleration, m/s^2."""
-        self.asleep = False
         self._rest = rest
         if self._seen:
             self._tool.fill(rest)
@@ -520,7 +521,7 @@ class Compensation:
         if self._judged_alone:
             # What the coil along z shall cause is its own channel's.
             desired = (0.0, 0.0, own[ACTUATOR_AXIS])
-            moved[:2] = (0.0, 0.0) if is_known else moved[:2]
+            moved[:2] = 0.0, 0.0
         self._authority.observe(desired, moved)
 
     def _limited(self, asked: list[float]) -> list[float]:
