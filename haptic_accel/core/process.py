@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import sys
@@ -65,6 +64,8 @@ _RECORD = "\x1e"
 def tell_supervisor(event: str, **values: Any) -> None:
     """Print an event for the supervisor of this process; do nothing without one."""
     if SUPERVISOR in os.environ:
+        import json  # late: an emergency stop starts without it
+
         # With its end in one piece: a line of another thread's log must not come between.
         record = json.dumps({"event": event, **values})
         print(f"{_RECORD}{record}\n", end="", flush=True)
@@ -80,6 +81,8 @@ def read_event(line: str) -> dict[str, Any]:
     """
     if not line.startswith(_RECORD):
         return {}
+    import json
+
     try:
         found = json.loads(line[1:])
     except ValueError:
