@@ -13,40 +13,34 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Identification of a handle: its recordings, the fit, parameter file, metrics and true errors."""
+"""Identification of a handle from its recordings, or from a run in lockstep."""
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import fmean
 from typing import Any
 
 import numpy as np
 
-from haptic_accel.analysis import identification_report as report
-from haptic_accel.analysis.identification_report import ModelError
+from haptic_accel.analysis.identification_one_axis import OneAxisResult
+from haptic_accel.analysis.identification_result import Result
 from haptic_accel.analysis.identification_three_axes import ThreeAxisResult
 from haptic_accel.bags.delivery import AGE_OF, durations
 from haptic_accel.bags.reading import Bag, Signal, read_bag_with_warnings
 from haptic_accel.core import topics
-from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, Axes
 from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification import three_axes
-from haptic_accel.core.identification.estimate import RecordingError, dft_ratio
+from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.evaluation import (
-    Identification,
     Tell,
-    centred,
     identify_handle,
     stages,
 )
-from haptic_accel.core.identification.fit import INTERVAL, HandleFit
 from haptic_accel.core.identification.multisine import orthogonal_excitation
 from haptic_accel.core.identification.stops import (
     LIMITED,
@@ -59,199 +53,31 @@ from haptic_accel.core.identification.three_axes import (
     ThreeAxisIdentification,
     identify_three_axes,
 )
-from haptic_accel.core.model import ACTUATOR, FloatArray, HandleParameters, Suspension, held
-from haptic_accel.core.parameters import ParameterError, own_schema
+from haptic_accel.core.model import ACTUATOR, FloatArray, HandleParameters, held
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, on_grid, places, same_rate
-from haptic_accel.core.simulated_identification import master_response, run_identification
+from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.materials.columns import ACCELERATION, FORCE, Column, Wording
 from haptic_accel.materials.recordings import read_columns
 from haptic_accel.setup.arguments import AVERAGE_GRIP, IdentifyArguments
-from haptic_accel.setup.files import EVERY_NODE
 from haptic_accel.setup.setup import Setup
-
-LOWEST_COMPARED = 15.0
-"""Frequency below which the compensator's high-pass passes nothing (paper), Hz."""
-
-HIGHEST_COMPARED = 400.0
-"""Frequency above which the true response lies in the accelerometer's noise, Hz."""
-
-
-@dataclass(frozen=True)
-class Result:
-    """Result of an identification.
-
-    Attributes
-    ----------
-    found : Identification
-    actuator : ActuatorParameters
-        Actuator as known before the identification.
-    latency : int
-        Latency of the recordings, samples.
-    band : tuple of float
-        Lowest and highest frequency of a comparison with the true response, Hz.
-    doubts : sequence of str
-        Reasons to doubt the fit, one line each.
-    truth : HandleParameters or None
-        Parameters of a simulated handle, if known.
-    errors : mapping of ModelError
-        Errors by model; empty if the true response is unknown.
-    """
-
-    found: Identification
-    actuator: ActuatorParameters
-    latency: int
-    band: tuple[float, float]
-    doubts: Sequence[str]
-    truth: HandleParameters | None = None
-    errors: Mapping[str, ModelError] = field(default_factory=dict)
-
-    @property
-    def notes(self) -> list[str]:
-        """Warnings to the reader of the metrics."""
-        return [*self.doubts, *self.found.outliers] + [POOLED_NOTE] * (len(self.found.grips) > 1)
-
-    @property
-    def fits(self) -> dict[str, HandleFit]:
-        """Fits by column of a table."""
-        return report.fits_by_column(self.found)
-
-    @property
-    def explained(self) -> str:
-        """Sentence on the residual of the fit."""
-        return report.explained(self.found)
-
-    def write_report(
-        self, folder: Path, sweep: sweeps.SweepParameters, settings: Mapping[str, str]
-    ) -> Path:
-        """Write the page of the identification; return its path."""
-        return report.write_identification_report(
-            self.found,
-            sweep,
-            folder,
-            settings=settings,
-            truth=self.truth,
-            errors=self.errors,
-            band=self.band,
-            notes=self.notes,
-        )
-
-    def sentences(self) -> Iterator[str]:
-        """Yield errors against the true response, and the delay of the hardware."""
-        for name, error in self.errors.items():
-            yield (
-                f"{name} model against the true response, {self.band[0]:g} to {self.band[1]:g} Hz:"
-                f" at most {error.magnitude_db:.2f} dB and {error.phase_deg:.1f} degrees"
-            )
-        yield (
-            f"delay of the hardware: {self.found.fit.delay * 1e6:.0f} us, in addition to the"
-            f" graph's latency of {self.latency} samples"
-        )
-
-    def parameters(self, age: float) -> dict[str, dict[str, Any]]:
-        """Return the parameters of each node that describe the handle, and its controllers.
-
-        The compensator reports the doubts as a warning.
-
-        Parameters
-        ----------
-        age : float
-            Age of forces applied on arrival, s. A controller compensates it, as part of the delay,
-            but it is not part of the simulated handle's own delay.
-        """
-        found, fit = self.found, self.found.fit
-        # Friction that may be zero must not be compensated.
-        certain = fit.bearing.friction > INTERVAL * fit.standard_errors.get("friction", 0.0)
-        friction = float(f"{fit.bearing.friction:.4f}") if certain else 0.0
-        handle = report.plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
-        mount = report.plain(asdict(fit.mount))
-        suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
-        return {
-            EVERY_NODE: {ACTUATOR: report.plain(asdict(self.actuator) | suspension)},
-            "master_device": {
-                "simulated": {
-                    "handle": handle,
-                    "mount": mount,
-                    "drive": {
-                        "delay": float(f"{max(0.0, fit.delay - age):.6f}"),
-                        "coulomb_friction": friction,
-                    },
-                }
-            },
-            "compensator": {
-                "constant": report.plain({"mass": fit.handle.m_h}),
-                "dynamic": report.plain(asdict(found.approximate)),
-                "plant": {
-                    "handle": handle,
-                    "mount": mount,
-                    "delay": float(f"{max(0.0, fit.delay):.6f}"),
-                    "bandwidth": fit.low_pass_frequency,
-                    "friction": friction,
-                    "doubt": "; ".join(self.doubts),
-                },
-            },
-        }
-
-    @property
-    def heading(self) -> str:
-        """First lines of a parameter file."""
-        fit = self.found.fit
-        return (
-            "# A handle as identified; use with params_file:=FILE. SI units.\n"
-            f"# Band {fit.band[0]:.4g} to {fit.band[1]:.4g} Hz, delay of the hardware"
-            f" {fit.delay * 1e6:.0f} us, beside the latency\n# and the loop's own sample, residual"
-            f" {fit.residual:.2f} (1: noise alone).\n"
-        )
-
-    def metrics(self) -> dict[str, Any]:
-        """Return the metrics of an identification for a JSON file.
-
-        Keys without a model's name refer to the discrete model.
-        """
-        found, errors = self.found, self.errors
-        discrete = errors.get("discrete")
-        return {
-            **report.fit_metrics(found.fit),
-            "latency_samples": self.latency,
-            "max_magnitude_error_db": discrete.magnitude_db if discrete else None,
-            "max_phase_error_deg": discrete.phase_deg if discrete else None,
-            "band_hz": list(self.band),
-            "doubts": list(self.doubts),
-            "outliers": {
-                name: sum(trial.counters[sweeps.OUTLIERS] for trial in grip.trials)
-                for name, grip in found.grips.items()
-            },
-            "physical_model": asdict(errors["physical"]) if errors else None,
-            "grips": {name: report.fit_metrics(grip.fit) for name, grip in found.grips.items()},
-            "approximate_model": asdict(found.approximate),
-            "discrete_model": {
-                "sections": found.discrete.sections.tolist(),
-                "delay_samples": found.discrete.delay_samples,
-                "rate_hz": found.discrete.rate,
-            },
-        }
-
-
-POOLED_NOTE = (
-    "models of all grips pooled are a compromise between them, the discrete model most of all; for"
-    " the best model of one grip, identify that grip alone"
-)
-"""Note on several grips."""
 
 
 def evaluate(
     recorded: Recorded,
-    arguments: IdentifyArguments,
+    setup: Setup[IdentifyArguments],
     free: Sequence[str],
     tell: Tell = lambda _: None,
-) -> Result | ThreeAxisResult:
+) -> Result[Any]:
     """Fit the model to recordings, of three axes if they have three.
 
     Parameters
     ----------
     recorded : mapping
         Trials by the name of the grip.
-    arguments : IdentifyArguments
+    setup : Setup
+        Excitation, and the actuator and accelerometer of the identifier.
     free : sequence of str
         Parameters of the model to fit.
     tell : callable
@@ -265,7 +91,8 @@ def evaluate(
         A handle with three axes is held with several grips.
     """
     check_stops(recorded)
-    _, known = Setup.of(arguments).node("identifier")
+    _, known = setup.node("identifier")
+    sweep = setup.arguments.sweep
     actuator, sensor = known[ACTUATOR], known["accelerometer"]
     sensed = sensor.range, sensor.bandwidth
     handle = HandleParameters(
@@ -275,21 +102,17 @@ def evaluate(
     if _has_three_axes(recorded):
         check_one_grip(recorded)
         (trials,) = recorded.values()
-        axes = identify_three_axes(
-            trials, arguments.sweep, *sensed, known=handle, free=free, tell=tell
-        )
+        axes = identify_three_axes(trials, sweep, *sensed, known=handle, free=free, tell=tell)
         stretched = _coil_travel(axes, actuator.travel)
         return ThreeAxisResult(axes, actuator, latency, [*stretched, *axes.doubts])
-    found = identify_handle(recorded, arguments.sweep, *sensed, known=handle, free=free, tell=tell)
+    found = identify_handle(recorded, sweep, *sensed, known=handle, free=free, tell=tell)
     # Of each grip, the doubt on the largest travel.
     travel = [
         max(check_travel(name, each, grip.fit.handle, actuator.travel) for each in grip.trials)
         for name, grip in found.grips.items()
     ]
     doubts = [*filter(None, travel), *found.doubts]
-    lowest, highest = arguments.sweep.start_frequency, 0.9 * arguments.sweep.end_frequency
-    band = max(LOWEST_COMPARED, lowest), min(highest, HIGHEST_COMPARED)
-    return Result(found, actuator, latency, band, doubts)
+    return OneAxisResult(found, actuator, latency, doubts)
 
 
 def evaluation_stages(recorded: Recorded) -> list[str]:
@@ -329,81 +152,17 @@ def _coil_travel(found: ThreeAxisIdentification, most: float) -> list[str]:
     return [*filter(None, doubts)]
 
 
-def axes_of(arguments: IdentifyArguments) -> Axes:
+def identified_axes(setup: Setup[IdentifyArguments]) -> Axes:
     """Return the axes of the handle that is identified."""
-    return Axes.parsed(Setup.of(arguments).values["identifier"]["axes"])
+    return Axes.parsed(setup.values["identifier"]["axes"])
 
 
-def beside_truth(
-    result: Result | ThreeAxisResult, arguments: IdentifyArguments, on_arrival: bool
-) -> Result | ThreeAxisResult:
-    """Return a result with its errors against the simulated rig that was identified."""
-    rig = rig_as_held(arguments)
-    if isinstance(result, ThreeAxisResult):
-        return result.beside_truth(partial(master_response, rig.master), on_arrival)
-    errors = model_errors(result.found, rig, arguments.sweep, result.band, on_arrival)
-    return replace(result, truth=rig.master.handle, errors=errors)
-
-
-def rig_as_held(arguments: IdentifyArguments) -> RigParameters:
+def rig_as_held(setup: Setup[IdentifyArguments]) -> RigParameters:
     """Return the simulated rig with one user's grip, for any seed of the noise."""
-    master = Setup.of(arguments).rig().master
-    handle = held(master.handle, master.grip, arguments.seed)
+    master = setup.rig().master
+    handle = held(master.handle, master.grip, setup.arguments.seed)
     grip = replace(master.grip, variation=0.0, posture=AVERAGE_GRIP)
     return RigParameters(replace(master, handle=handle, grip=grip))
-
-
-def model_errors(
-    found: Identification,
-    rig: RigParameters,
-    sweep: sweeps.SweepParameters,
-    band: tuple[float, float],
-    on_arrival: bool,
-) -> dict[str, ModelError]:
-    """Compare the models with the response of the rig without noise, friction and converters.
-
-    Parameters
-    ----------
-    found : Identification
-    rig : RigParameters
-        Simulated rig that was identified.
-    sweep : SweepParameters
-        Excitation of the comparison.
-    band : tuple of float
-        Lowest and highest frequency compared, Hz.
-    on_arrival : bool
-        True if forces took effect on arrival. Their age adds to the rig's own delay and is part of
-        the models, so the identified delay is used as the true one.
-
-    Returns
-    -------
-    dict of ModelError
-        Largest errors of the models ``discrete`` and ``physical``.
-    """
-    master, rate = rig.master, found.discrete.rate
-    delay = max(0.0, found.fit.delay) if on_arrival else master.drive.delay
-    clean = replace(
-        master,
-        drive=replace(master.drive, coulomb_friction=0.0, bits=32, delay=delay),
-        accelerometer=replace(master.accelerometer, noise_density=0.0, bits=32),
-    )
-    (trial,) = run_identification(clean, sweep, rate, latency=0)
-    force, acceleration = (
-        sweeps.kept_repeats(values, sweep, rate)
-        for values in (trial.actuator_force, centred(trial.handle_acceleration))
-    )
-    true = dft_ratio(force, acceleration, rate, band, sweep.repeats - 1)
-    errors = {}
-    for name, response in (
-        ("discrete", found.discrete.response(true.frequency)),
-        ("physical", found.fit.response(true.frequency, rate)),
-    ):
-        ratio = response / true.response
-        errors[name] = ModelError(
-            float(np.max(np.abs(20 * np.log10(np.abs(ratio))))),
-            float(np.max(np.abs(np.angle(ratio))) * (180 / math.pi)),
-        )
-    return errors
 
 
 # Recordings
@@ -434,10 +193,11 @@ class Recordings:
     left_out: list[RecordingError] = field(default_factory=list)
 
 
-def run_lockstep(arguments: IdentifyArguments) -> list[sweeps.IdentificationTrial]:
+def run_lockstep(setup: Setup[IdentifyArguments]) -> list[sweeps.IdentificationTrial]:
     """Run the trials of one grip in lockstep."""
+    arguments = setup.arguments
     return run_identification(
-        rig_as_held(arguments).master,
+        rig_as_held(setup).master,
         arguments.sweep,
         arguments.rate,
         arguments.seed,

@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,26 +26,26 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from haptic_accel.analysis import plots
-from haptic_accel.analysis.identification_report import (
+from haptic_accel.analysis.identification_result import (
+    MODEL_FILE,
     ModelError,
+    Result,
     fit_metrics,
     parameter_rows,
     pictures,
     plain,
 )
 from haptic_accel.analysis.plots import Style, frequency_axis, rule
-from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ALL_AXES, NAMES
 from haptic_accel.core.handle.matrix_plant import THREE_AXES
 from haptic_accel.core.identification.fit import INTERVAL, HandleFit
 from haptic_accel.core.identification.sweep import OUTLIERS, SweepParameters
 from haptic_accel.core.identification.three_axes import ThreeAxisIdentification
 from haptic_accel.core.model import ACTUATOR, ComplexArray, FloatArray
+from haptic_accel.core.simulated_identification import master_response
+from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.pages import write
 from haptic_accel.setup.files import EVERY_NODE
-
-MODEL_FILE = "identification.json"
-"""Name of the file of results, which the compensator reads."""
 
 COMPARED = (20.0, 400.0)
 """Band of a comparison with the true response, Hz."""
@@ -55,43 +55,18 @@ WEAKEST = 20.0
 
 
 @dataclass(frozen=True)
-class ThreeAxisResult:
+class ThreeAxisResult(Result[ThreeAxisIdentification]):
     """Result of the identification of a handle with three coils.
 
-    Attributes
-    ----------
-    found : ThreeAxisIdentification
-    actuator : ActuatorParameters
-        Actuator of each axis as known before the identification.
-    latency : int
-        Latency of the recordings, samples.
-    doubts : sequence of str
-        Reasons to doubt the fits, one line each.
-    error : ModelError or None
-        Largest error of the plant, if the true response is known.
-    model : str
-        File of the results, which the parameter file names; beside that file by default.
+    The error is that of the model ``plant``.
     """
 
-    found: ThreeAxisIdentification
-    actuator: ActuatorParameters
-    latency: int
-    doubts: Sequence[str]
-    error: ModelError | None = None
-    model: str = MODEL_FILE
-
-    truth = None
-    """Parameters of a simulated handle with one axis."""
+    model_file = MODEL_FILE
 
     @property
     def fits(self) -> Mapping[str, HandleFit]:
         """Fits by axis."""
         return self.found.fits
-
-    @property
-    def notes(self) -> list[str]:
-        """Warnings to the reader of the metrics."""
-        return [*self.doubts, *self.found.outliers]
 
     @property
     def explained(self) -> str:
@@ -103,35 +78,27 @@ class ThreeAxisResult:
         )
 
     def beside_truth(
-        self, true: Callable[[FloatArray, float, float | None], ComplexArray], on_arrival: bool
+        self, rig: RigParameters, sweep: SweepParameters, on_arrival: bool
     ) -> ThreeAxisResult:
-        """Return the result with its error against a true response.
-
-        Parameters
-        ----------
-        true : callable
-            True response at frequencies in Hz, for a rate, and for a delay in s in place of the
-            rig's own, or None.
-        on_arrival : bool
-            True if forces took effect on arrival: their age adds to the rig's own delay, so the
-            identified delay is used as the true one.
-        """
+        """Return the result with the error of its plant."""
+        del sweep  # the true response is known at each line
         plant = self.found.plant
         low, high = COMPARED
         lines = self.found.response.frequency
         frequency = lines[(lines >= low) & (lines <= high)]
         delay = float(np.mean([each.delay for each in plant.axes])) if on_arrival else None
+        true = master_response(rig.master, frequency, plant.rate, delay)
         modelled = plant.response(frequency, plant.rate)
-        return replace(self, error=plant_error(modelled, true(frequency, plant.rate, delay)))
+        return replace(self, errors={"plant": plant_error(modelled, true)})
 
     def sentences(self) -> Iterator[str]:
         """Yield the error against the true response, coherence, coupling and delays."""
         response = self.found.response
-        if self.error:
+        for error in self.errors.values():
             yield (
                 f"plant against the true response, {COMPARED[0]:g} to {COMPARED[1]:g} Hz, elements"
-                f" within {WEAKEST:g} dB of the coil's own: at most {self.error.magnitude_db:.2f}"
-                f" dB and {self.error.phase_deg:.1f} degrees"
+                f" within {WEAKEST:g} dB of the coil's own: at most {error.magnitude_db:.2f}"
+                f" dB and {error.phase_deg:.1f} degrees"
             )
         means = response.coherence.mean(axis=0)
         yield "multiple coherence: " + ", ".join(
@@ -160,18 +127,12 @@ class ThreeAxisResult:
             f" samples at {response.rate:g} Hz.\n"
         )
 
-    def parameters(self, age: float) -> dict[str, dict[str, Any]]:
-        """Return the parameters of each node that describe the handle.
-
-        Parameters
-        ----------
-        age : float
-            Age of forces applied on arrival, s; part of the identified delay.
-        """
+    def parameters(self, age: float, model: Path) -> dict[str, dict[str, Any]]:
+        """Return the parameters of each node that describe the handle."""
         del age  # nothing is told to a simulated device
         damping = float(np.mean([fit.handle.b_s for fit in self.fits.values()]))
         actuator = vars(self.actuator) | {"b_s": damping}
-        plant = {"model": self.model, "doubt": "; ".join(self.doubts)}
+        plant = {"model": str(model), "doubt": "; ".join(self.doubts)}
         return {
             EVERY_NODE: {ACTUATOR: plain(actuator)},
             "compensator": {"axes": ", ".join(ALL_AXES.names), "plant": plant},
@@ -180,12 +141,13 @@ class ThreeAxisResult:
     def metrics(self) -> dict[str, Any]:
         """Return the metrics for a JSON file, whose key `THREE_AXES` the compensator reads."""
         response, plant = self.found.response, self.found.plant
+        error = self.errors.get("plant")
         return {
             THREE_AXES: plant.as_document(),
             "axes": {name: _with_intervals(fit) for name, fit in self.fits.items()},
             "latency_samples": self.latency,
-            "max_magnitude_error_db": self.error.magnitude_db if self.error else None,
-            "max_phase_error_deg": self.error.phase_deg if self.error else None,
+            "max_magnitude_error_db": error.magnitude_db if error else None,
+            "max_phase_error_deg": error.phase_deg if error else None,
             "doubts": list(self.doubts),
             "outliers": sum(trial.counters[OUTLIERS] for trial in self.found.trials),
             "cross_coupling_db": response.cross_coupling.tolist(),
@@ -203,7 +165,7 @@ class ThreeAxisResult:
     def write_report(
         self, folder: Path, sweep: SweepParameters, settings: Mapping[str, str]
     ) -> Path:
-        """Write the page of the identification and its figures; return the page's path."""
+        """Write the page, and ``response.png``, ``coherence.png`` and ``condition.png``."""
         folder.mkdir(parents=True, exist_ok=True)
         index = folder / "index.html"
         figures = {

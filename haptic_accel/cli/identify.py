@@ -30,18 +30,16 @@ import click
 from haptic_accel.analysis.identification import (
     COLUMNS,
     Recordings,
-    Result,
-    axes_of,
-    beside_truth,
     check_one_grip,
     evaluate,
     evaluation_stages,
+    identified_axes,
     named,
     read_recordings,
+    rig_as_held,
     run_lockstep,
 )
-from haptic_accel.analysis.identification_report import parameter_table
-from haptic_accel.analysis.identification_three_axes import MODEL_FILE, ThreeAxisResult
+from haptic_accel.analysis.identification_result import PARAMETER_FILE, parameter_table
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import (
@@ -54,7 +52,7 @@ from haptic_accel.cli.output import (
 from haptic_accel.cli.running import run_to_end, shown_stages, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
-from haptic_accel.core.axes import ALL_AXES
+from haptic_accel.core.axes import ALL_AXES, Axes
 from haptic_accel.core.identification.estimate import SMALLER, RecordingError
 from haptic_accel.core.identification.evaluation import DEFAULT_FREE
 from haptic_accel.core.identification.fit import check_free
@@ -138,7 +136,9 @@ def identify(
     Writes a parameter file for params_file:=FILE, and the paper's figures 4 and 5.
     """
     by_grip = _by_grip(arguments, grips)
-    if axes_of(arguments) == ALL_AXES:
+    setups = {grip: Setup.of(each) for grip, each in by_grip.items()}
+    setup = setups[next(iter(by_grip))]
+    if identified_axes(setup) == ALL_AXES:
         check_one_grip(by_grip)
     if lockstep and arguments.master != SIMULATED:
         raise ParameterError(f"master = {arguments.master!r}: with --lockstep must be simulated")
@@ -160,43 +160,41 @@ def identify(
         folder = results_folder(out, "identify_")
         with removed_if_empty(folder), _advising(advise):
             if lockstep:
-                recorded = Recordings(_run_lockstep(by_grip, workers))
+                recorded = Recordings(_run_lockstep(setups, workers))
             else:
                 shown = _shown(named(sources, arguments.grip))
-                places = shown if sources else _run_live(by_grip, folder)
+                places = shown if sources else _run_live(setups, folder)
                 recorded = read_recordings(places, arguments, recording_rate)
             for error in recorded.left_out:
                 print(advise(error), file=sys.stderr)
             with shown_stages(evaluation_stages(recorded.trials)) as tell:
-                result = evaluate(recorded.trials, arguments, free, tell)
+                result = evaluate(recorded.trials, setup, free, tell)
     if arguments.master == SIMULATED and not sources and len(by_grip) == 1:
-        (held,) = by_grip.values()
-        result = beside_truth(result, held, on_arrival=not (lockstep or arguments.latency))
+        on_arrival = not (lockstep or arguments.latency)
+        result = result.beside_truth(rig_as_held(setup), arguments.sweep, on_arrival)
     run = "lockstep" if lockstep else "live graph"
     if sources:
         run = "recordings: " + ", ".join(sources)
     described = asdict(replace(arguments, latency=result.latency))
     settings = {name: str(value) for name, value in described.items() if value != ""}
-    parameters = folder / "handle.yaml"
-    if isinstance(result, ThreeAxisResult):
-        save(result.metrics(), folder / MODEL_FILE)
-    nodes = result.parameters(recorded.age)
+    parameters, model = folder / PARAMETER_FILE, Path(result.model_file)
+    if result.model_file:
+        save(result.metrics(), folder / model)
+    nodes = result.parameters(recorded.age, model)
     parameters.write_text(result.heading + parameter_text(nodes), encoding="utf-8")
     page = result.write_report(folder, arguments.sweep, {"run": run, **settings})
     save(result.metrics(), json_file)
     print_table(parameter_table(result.fits, result.truth))
     print(*result.sentences(), sep="\n")
-    if arguments.actuator == AUDIO and isinstance(result, Result):
-        _, devices = Setup.of(arguments).node("master_device")
-        scale = devices[AUDIO].largest_force / result.found.fit.handle.m_h
+    if arguments.actuator == AUDIO and result.moving_mass:
+        _, devices = setup.node("master_device")
+        scale = devices[AUDIO].largest_force / result.moving_mass
         tell_supervisor(FULL_SCALE, value=scale)
         print(f"audio.full_scale: {scale:.4g} N per kg of the handle's mass without m_a")
     print(*result.notes, result.explained, sep="\n")
     print(f"parameters: {update or parameters}", f"report: {page}", sep="\n")
     if update:
-        if isinstance(result, ThreeAxisResult):
-            result = replace(result, model=str((folder / MODEL_FILE).resolve()))
-            nodes = result.parameters(recorded.age)
+        nodes = result.parameters(recorded.age, (folder / model).resolve())
         nodes[EVERY_NODE] |= {"rate": arguments.rate}
         nodes.setdefault("master_device", {}).update(
             device=arguments.master, actuator_device=arguments.actuator
@@ -264,31 +262,32 @@ def _by_grip(arguments: IdentifyArguments, grips: Sequence[str]) -> dict[str, Id
 
 
 def _run_lockstep(
-    by_grip: Mapping[str, IdentifyArguments], workers: Workers
+    setups: Mapping[str, Setup[IdentifyArguments]], workers: Workers
 ) -> dict[str, list[IdentificationTrial]]:
     with stop_on_signal() as stop:
-        runs = workers.map(run_lockstep, list(by_grip.values()), stop)
-        trials = dict(zip(by_grip, runs, strict=False))
-    if len(trials) < len(by_grip):
+        runs = workers.map(run_lockstep, list(setups.values()), stop)
+        trials = dict(zip(setups, runs, strict=False))
+    if len(trials) < len(setups):
         raise StoppedError("interrupted", INTERRUPTED)
     return trials
 
 
 def _run_live(
-    by_grip: Mapping[str, IdentifyArguments], folder: Path
+    setups: Mapping[str, Setup[IdentifyArguments]], folder: Path
 ) -> Iterator[tuple[str, Path]]:
     """Run the graph once for each grip; yield each grip and its bag."""
-    for grip, arguments in by_grip.items():
+    for grip, setup in setups.items():
+        arguments = setup.arguments
         bag = Path(arguments.bag or folder / "bags" / grip)
-        if arguments.master != SIMULATED and len(by_grip) > 1 and sys.stdin.isatty():
+        if arguments.master != SIMULATED and len(setups) > 1 and sys.stdin.isatty():
             input(f"hold the handle with the {grip} grip, then press Enter")
-        _run_graph(replace(arguments, bag=str(bag)))
+        _run_graph(replace(arguments, bag=str(bag)), identified_axes(setup))
         yield grip, bag
 
 
-def _run_graph(arguments: IdentifyArguments) -> None:
+def _run_graph(arguments: IdentifyArguments, axes: Axes) -> None:
     trials = arguments.trials
-    repeats = repeats_of_trial(axes_of(arguments), arguments.sweep)
+    repeats = repeats_of_trial(axes, arguments.sweep)
     grip = f"{arguments.grip} grip: "
     places = [
         f"{grip}trial {trial} of {trials}, repeat {repeat} of {repeats}"

@@ -45,7 +45,7 @@ def result() -> ThreeAxisResult:
     found = identify_three_axes(trials(plant(), 1), SWEEP, RANGE, BANDWIDTH, free=DEFAULT_FREE)
     modelled, true = (each.response(FREQUENCY, RATE) for each in (found.plant, plant()))
     error = plant_error(modelled, true)
-    return ThreeAxisResult(found, ActuatorParameters(), 3, found.doubts, error)
+    return ThreeAxisResult(found, ActuatorParameters(), 3, found.doubts, errors={"plant": error})
 
 
 def test_the_compensators_plant_is_the_one_in_the_metrics(
@@ -67,8 +67,9 @@ def test_the_compensators_plant_is_the_one_in_the_metrics(
 
 
 def test_the_parameter_file_names_model_and_axes(result: ThreeAxisResult) -> None:
-    known = replace(result, model="/rig/identification.json", doubts=["axis x: doubtful"])
-    content = yaml.safe_load(known.heading + parameter_text(known.parameters(0.0)))
+    known = replace(result, doubts=["axis x: doubtful"])
+    model = Path("/rig/identification.json")
+    content = yaml.safe_load(known.heading + parameter_text(known.parameters(0.0, model)))
     compensator = content["/**/compensator"]["ros__parameters"]
     assert compensator["axes"] == "x, y, z"
     assert compensator["plant"]["model"] == "/rig/identification.json"

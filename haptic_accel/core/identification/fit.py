@@ -283,6 +283,13 @@ class HandleFit(Point):
     limited: tuple[str, ...]
 
     @property
+    def certain_friction(self) -> float:
+        """Dry friction, N; 0 for one that may be zero, as it must not be compensated."""
+        friction = self.bearing.friction
+        certain = friction > INTERVAL * self.standard_errors.get("friction", 0.0)
+        return friction if certain else 0.0
+
+    @property
     def deviates(self) -> bool:
         """True if the residual exceeds that of noise by four of its standard deviations."""
         return self.residual > 1.0 + 4.0 / math.sqrt(2.0 * self.count)

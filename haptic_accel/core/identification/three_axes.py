@@ -35,7 +35,7 @@ from haptic_accel.core.identification.evaluation import (
     choose_fit,
     fit_doubts,
 )
-from haptic_accel.core.identification.fit import INTERVAL, HandleFit, fit_handle
+from haptic_accel.core.identification.fit import HandleFit, fit_handle
 from haptic_accel.core.identification.matrix_response import (
     MatrixResponse,
     check_matrix_response,
@@ -208,7 +208,7 @@ def _as_recorded(
     fit: HandleFit, force: FloatArray, sweep: SweepParameters, found: MatrixResponse
 ) -> ComplexArray:
     """Return a fitted axis' response to a periodic force, which dry friction may change."""
-    if not _certain_friction(fit):
+    if not fit.certain_friction:
         return _causal(fit).response(found.frequency, found.rate)
     repeats = DROPPED_REPEATS + 1
     (moved,) = simulated([_causal(fit)], np.tile(force, repeats), found.rate)
@@ -221,19 +221,13 @@ def _causal(fit: HandleFit) -> HandleFit:
     return replace(fit, delay=max(0.0, fit.delay))
 
 
-def _certain_friction(fit: HandleFit) -> float:
-    """Return the dry friction, N, or 0 for one that may be zero and must not be compensated."""
-    certain = fit.bearing.friction > INTERVAL * fit.standard_errors.get("friction", 0.0)
-    return fit.bearing.friction if certain else 0.0
-
-
 def _plant(fit: HandleFit) -> Plant:
     return Plant(
         handle=fit.handle,
         mount=fit.mount,
         delay=_causal(fit).delay,
         bandwidth=fit.low_pass_frequency,
-        friction=_certain_friction(fit),
+        friction=fit.certain_friction,
     )
 
 

@@ -27,7 +27,7 @@ import pandas as pd
 
 from haptic_accel.analysis import plots
 from haptic_accel.analysis.csv_tables import csv_text
-from haptic_accel.analysis.identification_report import pictures
+from haptic_accel.analysis.identification_result import pictures
 from haptic_accel.analysis.provenance import provenance
 from haptic_accel.core.decimals import defined
 from haptic_accel.core.evaluation.statistics import CONFIDENCE

@@ -20,7 +20,7 @@ from __future__ import annotations
 import base64
 import dataclasses
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,12 +28,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from haptic_accel.analysis.identification_report import (
-    KNOWN,
-    POOLED,
-    ModelError,
-    write_identification_report,
-)
+from haptic_accel.analysis.identification_one_axis import POOLED, OneAxisResult
+from haptic_accel.analysis.identification_result import KNOWN, ModelError
+from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.identification.evaluation import Identification, identify_handle
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import HandleParameters, MountParameters
@@ -68,19 +65,18 @@ def two() -> Identification:
     return identified(HELD)
 
 
-def report(found: Identification, folder: Path, **changes: object) -> Page:
-    arguments: dict[str, object] = {
-        "settings": {"seed": "7", "rig": "simulated"},
-        "truth": TRUTH,
-        "errors": ERRORS,
-        "band": (15.0, 180.0),
-    }
-    path = write_identification_report(
-        found,
-        SWEEP,
-        folder,
-        **(arguments | changes),  # type: ignore[arg-type]
-    )
+def report(
+    found: Identification,
+    folder: Path,
+    settings: Mapping[str, str] | None = None,
+    doubts: Sequence[str] = (),
+    *,
+    simulated: bool = True,
+) -> Page:
+    result = OneAxisResult(found, ActuatorParameters(), 3, doubts)
+    if simulated:
+        result = replace(result, truth=TRUTH, errors=ERRORS)
+    path = result.write_report(folder, SWEEP, settings or {"seed": "7", "rig": "simulated"})
     assert path == folder / "index.html"
     return Page(path)
 
@@ -175,7 +171,7 @@ def test_a_single_grip_needs_no_pooled_columns(one: Identification, tmp_path: Pa
 def test_without_truth_there_are_neither_true_values_nor_errors(
     one: Identification, tmp_path: Path
 ) -> None:
-    page = report(one, tmp_path, truth=None, errors={})
+    page = report(one, tmp_path, simulated=False)
     assert page.tables[0][0] == ["parameter", "unit", "pinch"]
     assert page.row(0, "k_s") == ["N/m", "266", KNOWN]
     assert "true response" not in page.text
@@ -209,7 +205,7 @@ def test_numbers_that_are_none_never_reach_the_reader(one: Identification, tmp_p
 
 
 def test_notes_come_first_and_settings_last(one: Identification, tmp_path: Path) -> None:
-    page = report(one, tmp_path, notes=["First of all.", "And then."], settings={"seed": "12"})
+    page = report(one, tmp_path, {"seed": "12"}, ["First of all.", "And then."])
     places = [page.text.index(words) for words in ("First of all.", "And then.", "Parameters")]
     assert places == sorted(places)
     assert page.tables[-1] == [["seed", "12"]]
@@ -226,7 +222,7 @@ def test_notes_come_first_and_settings_last(one: Identification, tmp_path: Path)
 )
 def test_hostile_text_stays_text(hostile: str, one: Identification, tmp_path: Path) -> None:
     found = dataclasses.replace(one, grips={hostile: one.grips["pinch"]})
-    page = report(found, tmp_path, settings={hostile: hostile}, notes=[hostile])
+    page = report(found, tmp_path, {hostile: hostile}, [hostile])
     assert "script" not in page.tags
     assert page.tags.count("img") == len(FIGURES)
     assert page.text.count(hostile) >= 6

@@ -13,11 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Report of an identification: a page with parameters, models and plots."""
+"""Result of an identification with one coil: metrics, parameters, page and figures."""
 
 from __future__ import annotations
 
-import base64
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -32,298 +31,285 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from haptic_accel.analysis import plots
+from haptic_accel.analysis.identification_result import (
+    PARAMETER_FILE,
+    ModelError,
+    Result,
+    fit_metrics,
+    parameter_rows,
+    pictures,
+    plain,
+)
 from haptic_accel.analysis.plots import BLUE, DASHES, VERMILION, Style, frequency_axis, rule, short
 from haptic_accel.core.handle.discrete import DiscreteModel
 from haptic_accel.core.identification import sweep as sweeps
-from haptic_accel.core.identification.estimate import FrequencyResponse
+from haptic_accel.core.identification.estimate import FrequencyResponse, dft_ratio
 from haptic_accel.core.identification.evaluation import (
     GripIdentification,
     Identification,
+    centred,
 )
 from haptic_accel.core.identification.fit import HandleFit
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import (
+    ACTUATOR,
     ComplexArray,
     FloatArray,
-    HandleParameters,
-    MountParameters,
+    Suspension,
     handle_model,
 )
 from haptic_accel.core.parameters import own_schema
-from haptic_accel.core.tables import DASH, ResultTable, number
+from haptic_accel.core.simulated_identification import run_identification
+from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.tables import number
 from haptic_accel.pages import write
+from haptic_accel.setup.files import EVERY_NODE
 
-PARAMETER_FILE = "handle.yaml"
-"""Name of the parameter file to which the page refers."""
+LOWEST_COMPARED = 15.0
+"""Frequency below which the compensator's high-pass passes nothing (paper), Hz."""
+
+HIGHEST_COMPARED = 400.0
+"""Frequency above which the true response lies in the accelerometer's noise, Hz."""
 
 POOLED = "all grips"
 """Heading of the fit to all trials of several grips."""
 
-KNOWN = "known"
-"""Text for the standard error of a parameter that was not fitted."""
-
-MICROSECONDS = 1e6
-"""Microseconds per second."""
+POOLED_NOTE = (
+    "models of all grips pooled are a compromise between them, the discrete model most of all; for"
+    " the best model of one grip, identify that grip alone"
+)
+"""Note on several grips."""
 
 
 @dataclass(frozen=True)
-class ModelError:
-    """Largest errors of a model's response over a band.
+class OneAxisResult(Result[Identification]):
+    """Result of the identification of a handle with one coil, held with one or several grips.
 
-    Attributes
-    ----------
-    magnitude_db : float
-        Largest magnitude error, dB.
-    phase_deg : float
-        Largest phase error, degrees.
+    Errors are those of the models ``discrete`` and ``physical``.
     """
 
-    magnitude_db: float
-    phase_deg: float
+    @property
+    def band(self) -> tuple[float, float]:
+        """Lowest and highest frequency of a comparison with the true response, Hz."""
+        lowest, highest = self.found.band
+        return max(LOWEST_COMPARED, lowest), min(0.9 * highest, HIGHEST_COMPARED)
+
+    @property
+    def notes(self) -> list[str]:
+        """Warnings to the reader of the metrics."""
+        return super().notes + [POOLED_NOTE] * (len(self.found.grips) > 1)
+
+    @property
+    def fits(self) -> dict[str, HandleFit]:
+        """Fit of each grip and, if there are several, of all together."""
+        fits = {name: grip.fit for name, grip in self.found.grips.items()}
+        return fits if len(fits) == 1 else {**fits, POOLED: self.found.fit}
+
+    @property
+    def explained(self) -> str:
+        """Sentence on the residual of the fit."""
+        fit = self.found.fit
+        relative = f"{100 * fit.relative_residual:.2g} % of the response (root mean square)"
+        if len(self.found.grips) > 1:
+            return (
+                f"The pooled fit is a compromise between the grips. Its residual is {relative},"
+                " and its standard errors show the difference between the grips, not the noise."
+            )
+        sentence = (
+            f"The residual of the fit is {fit.residual:.3g} times the scatter of the data, or"
+            f" {relative}."
+        )
+        if not fit.deviates:
+            return (
+                f"{sentence} Noise alone gives about 1: the data shows no significant deviation"
+                " from the model."
+            )
+        sentence += " Noise alone gives about 1, so the handle deviates from the model"
+        if "friction" in fit.standard_errors:
+            return f"{sentence}. The standard errors include that."
+        return f"{sentence}, for example by dry friction. The standard errors do not include that."
+
+    @property
+    def moving_mass(self) -> float:
+        """Mass of the handle without the actuator, kg."""
+        return self.found.fit.handle.m_h
+
+    def beside_truth(
+        self, rig: RigParameters, sweep: SweepParameters, on_arrival: bool
+    ) -> OneAxisResult:
+        """Return the result with the errors of its models."""
+        errors = model_errors(self.found, rig, sweep, self.band, on_arrival)
+        return replace(self, truth=rig.master.handle, errors=errors)
+
+    def sentences(self) -> Iterator[str]:
+        """Yield errors against the true response, and the delay of the hardware."""
+        for name, error in self.errors.items():
+            yield (
+                f"{name} model against the true response, {self.band[0]:g} to {self.band[1]:g} Hz:"
+                f" at most {error.magnitude_db:.2f} dB and {error.phase_deg:.1f} degrees"
+            )
+        yield (
+            f"delay of the hardware: {self.found.fit.delay * 1e6:.0f} us, in addition to the"
+            f" graph's latency of {self.latency} samples"
+        )
+
+    def parameters(self, age: float, model: Path) -> dict[str, dict[str, Any]]:
+        """Return the parameters of each node that describe the handle, and its controllers."""
+        del model  # the parameters hold all models
+        found, fit = self.found, self.found.fit
+        friction = float(f"{fit.certain_friction:.4f}")
+        handle = plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
+        mount = plain(asdict(fit.mount))
+        suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
+        return {
+            EVERY_NODE: {ACTUATOR: plain(asdict(self.actuator) | suspension)},
+            "master_device": {
+                "simulated": {
+                    "handle": handle,
+                    "mount": mount,
+                    "drive": {
+                        "delay": float(f"{max(0.0, fit.delay - age):.6f}"),
+                        "coulomb_friction": friction,
+                    },
+                }
+            },
+            "compensator": {
+                "constant": plain({"mass": fit.handle.m_h}),
+                "dynamic": plain(asdict(found.approximate)),
+                "plant": {
+                    "handle": handle,
+                    "mount": mount,
+                    "delay": float(f"{max(0.0, fit.delay):.6f}"),
+                    "bandwidth": fit.low_pass_frequency,
+                    "friction": friction,
+                    "doubt": "; ".join(self.doubts),
+                },
+            },
+        }
+
+    @property
+    def heading(self) -> str:
+        """First lines of a parameter file."""
+        fit = self.found.fit
+        return (
+            "# A handle as identified; use with params_file:=FILE. SI units.\n"
+            f"# Band {fit.band[0]:.4g} to {fit.band[1]:.4g} Hz, delay of the hardware"
+            f" {fit.delay * 1e6:.0f} us, beside the latency\n# and the loop's own sample, residual"
+            f" {fit.residual:.2f} (1: noise alone).\n"
+        )
+
+    def metrics(self) -> dict[str, Any]:
+        """Return the metrics of an identification for a JSON file.
+
+        Keys without a model's name refer to the discrete model.
+        """
+        found, errors = self.found, self.errors
+        discrete = errors.get("discrete")
+        return {
+            **fit_metrics(found.fit),
+            "latency_samples": self.latency,
+            "max_magnitude_error_db": discrete.magnitude_db if discrete else None,
+            "max_phase_error_deg": discrete.phase_deg if discrete else None,
+            "band_hz": list(self.band),
+            "doubts": list(self.doubts),
+            "outliers": {
+                name: sum(trial.counters[sweeps.OUTLIERS] for trial in grip.trials)
+                for name, grip in found.grips.items()
+            },
+            "physical_model": asdict(errors["physical"]) if errors else None,
+            "grips": {name: fit_metrics(grip.fit) for name, grip in found.grips.items()},
+            "approximate_model": asdict(found.approximate),
+            "discrete_model": {
+                "sections": found.discrete.sections.tolist(),
+                "delay_samples": found.discrete.delay_samples,
+                "rate_hz": found.discrete.rate,
+            },
+        }
+
+    def write_report(
+        self, folder: Path, sweep: SweepParameters, settings: Mapping[str, str]
+    ) -> Path:
+        """Write the page, and ``fig4_sweep.png``, ``fig5_models.png`` and ``coherence.png``."""
+        folder.mkdir(parents=True, exist_ok=True)
+        found = self.found
+        identified = next(iter(found.grips.values()))
+        figures = {
+            "fig4_sweep.png": sweep_plot(identified.trials[0], sweep),
+            "fig5_models.png": model_plot(found),
+            "coherence.png": coherence_plot(found),
+        }
+        index = folder / "index.html"
+        write(
+            index,
+            "identification.html.j2",
+            result=self,
+            found=found,
+            settings=settings,
+            columns=list(self.fits),
+            parameters=parameter_rows(self.fits, self.truth),
+            simulated=self.truth is not None,
+            order=_order(found.discrete),
+            number=number,
+            parameter_file=PARAMETER_FILE,
+            pictures=pictures(figures, folder),
+        )
+        return index
 
 
-def write_identification_report(
+def model_errors(
     found: Identification,
-    sweep: SweepParameters,
-    folder: Path,
-    *,
-    settings: Mapping[str, str],
-    truth: HandleParameters | None,
-    errors: Mapping[str, ModelError],
+    rig: RigParameters,
+    sweep: sweeps.SweepParameters,
     band: tuple[float, float],
-    notes: Sequence[str] = (),
-) -> Path:
-    """Write a page with the parameters, models and plots of an identification to a folder.
+    on_arrival: bool,
+) -> dict[str, ModelError]:
+    """Compare the models with the response of the rig without noise, friction and converters.
 
     Parameters
     ----------
     found : Identification
-        Result of the identification.
+    rig : RigParameters
+        Simulated rig that was identified.
     sweep : SweepParameters
-        Excitation of the handle.
-    folder : Path
-        Folder, created if necessary. The page refers to a file ``handle.yaml`` in it.
-    settings : mapping of str to str
-        Arguments of the run, shown as a table.
-    truth : HandleParameters or None
-        Parameters of a simulated handle, if known.
-    errors : mapping of str to ModelError
-        Errors by model, ``discrete`` and ``physical``; empty if the true response is unknown.
+        Excitation of the comparison.
     band : tuple of float
-        Band of the errors, Hz.
-    notes : sequence of str
-        Paragraphs below the heading, warnings first.
+        Lowest and highest frequency compared, Hz.
+    on_arrival : bool
+        True if forces took effect on arrival. Their age adds to the rig's own delay and is part of
+        the models, so the identified delay is used as the true one.
 
     Returns
     -------
-    Path
-        Page ``folder/index.html``, which is self-contained. The plots are also saved beside it as
-        ``fig4_sweep.png``, ``fig5_models.png`` and ``coherence.png``.
+    dict of ModelError
+        Largest errors of the models ``discrete`` and ``physical``.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    identified = next(iter(found.grips.values()))
-    plots = {
-        "fig4_sweep.png": sweep_plot(identified.trials[0], sweep),
-        "fig5_models.png": model_plot(found),
-        "coherence.png": coherence_plot(found),
-    }
-    index = folder / "index.html"
-    write(
-        index,
-        "identification.html.j2",
-        found=found,
-        settings=settings,
-        notes=notes,
-        columns=list(fits_by_column(found)),
-        parameters=parameter_rows(fits_by_column(found), truth),
-        simulated=truth is not None,
-        explained=explained(found),
-        order=_order(found.discrete),
-        errors=errors,
-        band=band,
-        number=number,
-        parameter_file=PARAMETER_FILE,
-        pictures=pictures(plots, folder),
+    master, rate = rig.master, found.discrete.rate
+    delay = max(0.0, found.fit.delay) if on_arrival else master.drive.delay
+    clean = replace(
+        master,
+        drive=replace(master.drive, coulomb_friction=0.0, bits=32, delay=delay),
+        accelerometer=replace(master.accelerometer, noise_density=0.0, bits=32),
     )
-    return index
-
-
-_DPI = 130  # pixels per inch
-_CSS_DPI = 96  # pixels per inch of a page
-_DIGITS = 5  # significant digits of a value with unknown error
-_MOST_DIGITS = 7  # for a very small error
-_ERROR_DIGITS = 2  # of a standard error
-
-
-def pictures(figures: Mapping[str, Figure], folder: Path) -> dict[str, dict[str, Any]]:
-    """Write figures to a folder; return by name their addresses for a page and sizes in pixels."""
-    return {name: _picture(figure, folder / name) for name, figure in figures.items()}
-
-
-def _picture(figure: Figure, path: Path) -> dict[str, Any]:
-    """Write a figure; return its address for a page and its size in pixels."""
-    figure.savefig(path, dpi=_DPI)
-    encoded = base64.b64encode(path.read_bytes()).decode("ascii")
-    width, height = (round(_CSS_DPI * inches) for inches in figure.get_size_inches())
-    return {"source": f"data:image/png;base64,{encoded}", "width": width, "height": height}
-
-
-# Contents of the page
-
-
-@dataclass(frozen=True)
-class Row:
-    """Row of the parameter table: true value, and for each fit value and error."""
-
-    name: str
-    text: str
-    unit: str
-    true: str
-    cells: list[tuple[str, str]]
-
-
-def fits_by_column(found: Identification) -> dict[str, HandleFit]:
-    """Return the fit of each grip and, if there are several, of all together."""
-    fits = {name: grip.fit for name, grip in found.grips.items()}
-    return fits if len(fits) == 1 else {**fits, POOLED: found.fit}
-
-
-def _quantities() -> Iterator[tuple[str, str, str, float]]:
-    """Yield name, text, unit, and the factor to that unit, for all possible fitted quantities."""
-    for name, (_, given) in own_schema(HandleParameters).items():
-        yield name, given.text, given.unit, 1.0
-    yield "friction", "dry friction of the actuator's bearing", "N", 1.0
-    yield (
-        "delay",
-        "delay of the hardware, in addition to latency, hold and one sample",
-        "µs",
-        MICROSECONDS,
+    (trial,) = run_identification(clean, sweep, rate, latency=0)
+    force, acceleration = (
+        sweeps.kept_repeats(values, sweep, rate)
+        for values in (trial.actuator_force, centred(trial.handle_acceleration))
     )
-    for name, (_, given) in own_schema(MountParameters).items():
-        yield f"mount_{name}", "mount of the accelerometer", given.unit or "1", 1.0
-
-
-def parameter_rows(
-    by_column: Mapping[str, HandleFit], truth: HandleParameters | None
-) -> list[Row]:
-    """Return the table of fitted and known parameters.
-
-    Parameters
-    ----------
-    by_column : mapping of str to HandleFit
-        Fits, each with a cell in a row.
-    truth : HandleParameters or None
-        Parameters of a simulated handle, if known.
-    """
-    fits = list(by_column.values())
-    of_handle = own_schema(HandleParameters)
-    rows = []
-    for name, text, unit, factor in _quantities():
-        fitted = any(name in fit.standard_errors for fit in fits)
-        if fitted or name in of_handle:
-            cells = [
-                _cell(fit.value(name), fit.standard_errors.get(name), factor)
-                if name in fit.standard_errors or name in of_handle
-                else (DASH, DASH)
-                for fit in fits
-            ]
-            label = name if name in of_handle else name.replace("_", " ")
-            rows.append(Row(label, text, unit, _number(getattr(truth, name, None)), cells))
-    return rows
-
-
-def parameter_table(
-    by_column: Mapping[str, HandleFit], truth: HandleParameters | None
-) -> ResultTable:
-    """Return the parameters as a table for a terminal."""
-    left = ("name", "unit", "true") if truth else ("name", "unit")
-    rows = []
-    for row in parameter_rows(by_column, truth):
-        cells = [
-            f"{value} ± {error}" if error[0].isdigit() else f"{value} {error}"
-            for value, error in row.cells
-        ]
-        rows.append([*(getattr(row, name) for name in left), *cells])
-    headings = ("", *left[1:], *by_column)
-    return ResultTable(headings, rows, "the handle, with standard errors", left=len(left))
-
-
-def _cell(value: float, error: float | None, factor: float) -> tuple[str, str]:
-    """Return a value, rounded to the last digit of its standard error, and that error."""
-    value *= factor
-    if error is None:
-        return _number(value), KNOWN
-    error *= factor
-    if not (math.isfinite(value) and math.isfinite(error) and error > 0.0):
-        return _number(value), _number(error)
-    decimals = _decimals(error, _ERROR_DIGITS)
-    own = min(decimals, _decimals(value, _MOST_DIGITS)) if value else decimals
-    return number(value, own), number(error, decimals)
-
-
-def _decimals(value: float, digits: int) -> int:
-    """Return the number of decimals that gives a value a number of significant digits."""
-    return max(0, digits - 1 - math.floor(math.log10(abs(value))))
-
-
-def _number(value: float | None) -> str:
-    """Return a number as text, or a dash if there is none."""
-    if value is None or not math.isfinite(value):
-        return DASH
-    return f"{value:.{_DIGITS}g}".replace("-", "\N{MINUS SIGN}")
-
-
-def fit_metrics(fit: HandleFit) -> dict[str, Any]:
-    """Return the parameters of a fit with standard errors for a JSON file."""
-    return {
-        "parameters": {
-            name: {
-                "value": fit.value(name),
-                "standard_error": fit.standard_errors.get(name),
-                "unit": given.unit,
-            }
-            for name, (_, given) in own_schema(HandleParameters).items()
-        },
-        "delay_s": fit.delay,
-        "delay_us": fit.delay * 1e6,
-        "delay_standard_error_s": fit.standard_errors.get("delay"),
-        "friction_n": fit.bearing.friction,
-        "friction_standard_error_n": fit.standard_errors.get("friction"),
-        "mount": asdict(fit.mount),
-        "mount_standard_errors": {
-            name: fit.standard_errors.get(f"mount_{name}") for name in asdict(fit.mount)
-        },
-        "residual": fit.residual,
-    }
-
-
-def plain(values: Mapping[str, Any]) -> dict[str, float]:
-    """Return numbers rounded to six digits for a parameter file."""
-    return {name: float(f"{value:.6g}") for name, value in values.items()}
-
-
-def explained(found: Identification) -> str:
-    """Return a sentence on the residual of the fit."""
-    residual = found.fit.residual
-    if len(found.grips) > 1:
-        return (
-            "The pooled fit is a compromise between the grips. Its residual is"
-            f" {100 * found.fit.relative_residual:.2g} % of the response (root mean square), and"
-            " its standard errors show the difference between the grips, not the noise."
+    true = dft_ratio(force, acceleration, rate, band, sweep.repeats - 1)
+    errors = {}
+    for name, response in (
+        ("discrete", found.discrete.response(true.frequency)),
+        ("physical", found.fit.response(true.frequency, rate)),
+    ):
+        ratio = response / true.response
+        errors[name] = ModelError(
+            float(np.max(np.abs(20 * np.log10(np.abs(ratio))))),
+            float(np.max(np.abs(np.angle(ratio))) * (180 / math.pi)),
         )
-    sentence = (
-        f"The residual of the fit is {residual:.3g} times the scatter of the data, or"
-        f" {100 * found.fit.relative_residual:.2g} % of the response (root mean square)."
-    )
-    if not found.fit.deviates:
-        return (
-            f"{sentence} Noise alone gives about 1: the data shows no significant deviation from"
-            " the model."
-        )
-    sentence += " Noise alone gives about 1, so the handle deviates from the model"
-    if "friction" in found.fit.standard_errors:
-        return f"{sentence}. The standard errors include that."
-    return f"{sentence}, for example by dry friction. The standard errors do not include that."
+    return errors
+
+
+# Figures
 
 
 def _order(model: DiscreteModel) -> int:
