@@ -32,16 +32,12 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFor
 
 from haptic_accel.analysis import plots
 from haptic_accel.analysis.identification_result import (
-    PARAMETER_FILE,
     ModelError,
     Result,
     fit_metrics,
-    parameter_rows,
-    pictures,
     plain,
 )
 from haptic_accel.analysis.plots import BLUE, DASHES, VERMILION, Style, frequency_axis, rule, short
-from haptic_accel.core.handle.discrete import DiscreteModel
 from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification.estimate import FrequencyResponse, dft_ratio
 from haptic_accel.core.identification.evaluation import (
@@ -61,8 +57,6 @@ from haptic_accel.core.model import (
 from haptic_accel.core.parameters import own_schema
 from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.core.simulated_rig import RigParameters
-from haptic_accel.core.tables import number
-from haptic_accel.pages import write
 from haptic_accel.setup.files import EVERY_NODE
 
 LOWEST_COMPARED = 15.0
@@ -87,6 +81,15 @@ class OneAxisResult(Result[Identification]):
 
     Errors are those of the models ``discrete`` and ``physical``.
     """
+
+    template = "identification.html.j2"
+
+    @property
+    def order(self) -> int:
+        """Number of poles of the discrete model."""
+        sections = self.found.discrete.sections
+        # A first-order section has no z^-2 in its denominator.
+        return int(2 * len(sections) - np.count_nonzero(sections[:, 5] == 0.0))
 
     @property
     def band(self) -> tuple[float, float]:
@@ -226,34 +229,14 @@ class OneAxisResult(Result[Identification]):
             },
         }
 
-    def write_report(
-        self, folder: Path, sweep: SweepParameters, settings: Mapping[str, str]
-    ) -> Path:
-        """Write the page, and ``fig4_sweep.png``, ``fig5_models.png`` and ``coherence.png``."""
-        folder.mkdir(parents=True, exist_ok=True)
-        found = self.found
-        identified = next(iter(found.grips.values()))
-        figures = {
+    def figures(self, sweep: SweepParameters) -> dict[str, Figure]:
+        """Return the paper's Figs. 4 and 5, and the coherence."""
+        identified = next(iter(self.found.grips.values()))
+        return {
             "fig4_sweep.png": sweep_plot(identified.trials[0], sweep),
-            "fig5_models.png": model_plot(found),
-            "coherence.png": coherence_plot(found),
+            "fig5_models.png": model_plot(self.found),
+            "coherence.png": coherence_plot(self.found),
         }
-        index = folder / "index.html"
-        write(
-            index,
-            "identification.html.j2",
-            result=self,
-            found=found,
-            settings=settings,
-            columns=list(self.fits),
-            parameters=parameter_rows(self.fits, self.truth),
-            simulated=self.truth is not None,
-            order=_order(found.discrete),
-            number=number,
-            parameter_file=PARAMETER_FILE,
-            pictures=pictures(figures, folder),
-        )
-        return index
 
 
 def model_errors(
@@ -310,11 +293,6 @@ def model_errors(
 
 
 # Figures
-
-
-def _order(model: DiscreteModel) -> int:
-    """Return the number of poles; a first-order section has no z^-2 in its denominator."""
-    return int(2 * len(model.sections) - np.count_nonzero(model.sections[:, 5] == 0.0))
 
 
 MASS_LIKE = 60.0

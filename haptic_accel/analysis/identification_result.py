@@ -23,7 +23,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from matplotlib.figure import Figure
 
@@ -36,6 +36,7 @@ from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import own_schema
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.tables import DASH, ResultTable, number
+from haptic_accel.pages import write
 
 PARAMETER_FILE = "handle.yaml"
 """Name of the parameter file to which the page refers."""
@@ -94,6 +95,9 @@ class Result(ABC, Generic[Found]):
     doubts: Sequence[str]
     truth: HandleParameters | None = None
     errors: Mapping[str, ModelError] = field(default_factory=dict)
+
+    template: ClassVar[str]
+    """Template of the page."""
 
     model_file = ""
     """Name of a file of metrics that the parameter file names; empty without one."""
@@ -163,6 +167,9 @@ class Result(ABC, Generic[Found]):
         """Return the metrics for a JSON file."""
 
     @abstractmethod
+    def figures(self, sweep: SweepParameters) -> dict[str, Figure]:
+        """Return the figures of the page by the names of their files."""
+
     def write_report(
         self, folder: Path, sweep: SweepParameters, settings: Mapping[str, str]
     ) -> Path:
@@ -178,6 +185,22 @@ class Result(ABC, Generic[Found]):
         settings : mapping of str to str
             Arguments of the run, shown as a table.
         """
+        folder.mkdir(parents=True, exist_ok=True)
+        index = folder / "index.html"
+        write(
+            index,
+            self.template,
+            result=self,
+            found=self.found,
+            settings=settings,
+            columns=list(self.fits),
+            parameters=parameter_rows(self.fits, self.truth),
+            simulated=self.truth is not None,
+            number=number,
+            parameter_file=PARAMETER_FILE,
+            pictures=pictures(self.figures(sweep), folder),
+        )
+        return index
 
 
 # Tables

@@ -31,8 +31,6 @@ from haptic_accel.analysis.identification_result import (
     ModelError,
     Result,
     fit_metrics,
-    parameter_rows,
-    pictures,
     plain,
 )
 from haptic_accel.analysis.plots import Style, frequency_axis, rule
@@ -44,7 +42,6 @@ from haptic_accel.core.identification.three_axes import ThreeAxisIdentification
 from haptic_accel.core.model import ACTUATOR, ComplexArray, FloatArray
 from haptic_accel.core.simulated_identification import master_response
 from haptic_accel.core.simulated_rig import RigParameters
-from haptic_accel.pages import write
 from haptic_accel.setup.files import EVERY_NODE
 
 COMPARED = (20.0, 400.0)
@@ -61,7 +58,9 @@ class ThreeAxisResult(Result[ThreeAxisIdentification]):
     The error is that of the model ``plant``.
     """
 
+    template = "identification_three_axes.html.j2"
     model_file = MODEL_FILE
+    names = NAMES
 
     @property
     def fits(self) -> Mapping[str, HandleFit]:
@@ -162,31 +161,14 @@ class ThreeAxisResult(Result[ThreeAxisIdentification]):
             },
         }
 
-    def write_report(
-        self, folder: Path, sweep: SweepParameters, settings: Mapping[str, str]
-    ) -> Path:
-        """Write the page, and ``response.png``, ``coherence.png`` and ``condition.png``."""
-        folder.mkdir(parents=True, exist_ok=True)
-        index = folder / "index.html"
-        figures = {
+    def figures(self, sweep: SweepParameters) -> dict[str, Figure]:
+        """Return response, coherence and condition number."""
+        del sweep
+        return {
             "response.png": response_plot(self.found),
             "coherence.png": coherence_plot(self.found),
             "condition.png": condition_plot(self.found),
         }
-        write(
-            index,
-            "identification_three_axes.html.j2",
-            result=self,
-            response=self.found.response,
-            names=NAMES,
-            sweep=sweep,
-            settings=settings,
-            columns=[f"axis {name}" for name in self.fits],
-            parameters=parameter_rows(self.fits, None),
-            simulated=False,
-            pictures=pictures(figures, folder),
-        )
-        return index
 
 
 def _with_intervals(fit: HandleFit) -> dict[str, Any]:
