@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, update_option, verb
-from haptic_accel.cli.output import check_writable, next_command
+from haptic_accel.cli.output import next_command
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import NAMES
 from haptic_accel.core.bounded_files import located
@@ -105,10 +105,8 @@ def calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None:
     """
     if bool(arguments.port) == bool(arguments.usb_serial):
         raise ParameterError("port = '': must be given, or usb_serial, and not both")
-    if update:
-        if arguments.file:
-            raise ParameterError(f"file = '{arguments.file}': must be empty with --update")
-        check_writable(update, "update")
+    if update and arguments.file:
+        raise ParameterError(f"file = '{arguments.file}': must be empty with --update")
     path = update or Path(arguments.file or f"calibration_{arguments.side}.yaml")
     if not path.absolute().parent.is_dir() or path.is_dir():
         raise ParameterError(f"file = '{path}': must be a file in an existing folder")

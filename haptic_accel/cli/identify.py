@@ -43,7 +43,6 @@ from haptic_accel.analysis.identification_result import PARAMETER_FILE, paramete
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import (
-    check_writable,
     next_command,
     removed_if_empty,
     results_folder,
@@ -147,8 +146,6 @@ def identify(
     check_free(free)
     for each in by_grip.values():
         identification_graph(each)  # errors are found first
-    if update:
-        check_writable(update, "update")
     kept = [
         *(["--lockstep"] if lockstep else []),
         *(["--grips", ",".join(grips)] if grips else []),

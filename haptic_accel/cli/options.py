@@ -123,12 +123,18 @@ class Verb(click.Command):
         """Run the verb, with the options that mean a word among its words.
 
         A parameter named ``arguments`` receives the words as the dataclass that declares them.
-        An unwritable file for results is refused before the run; a file in a folder that the verb
-        will make is writable. A verb that needs ROS 2 is refused in one line where there is none.
+        An unwritable file for results, or one that cannot be updated, is refused before the run; a
+        file in a folder that the verb will make is writable. A verb that needs ROS 2 is refused
+        in one line where there is none.
         """
         file, folder = ctx.params.get("json_file"), ctx.params.get("out")
         if file and folder not in file.parents:
             check_writable(file)
+        if update := ctx.params.get("update"):
+            from haptic_accel.setup.rig_file import check_updatable  # imports what computes
+
+            check_writable(update, "update")
+            check_updatable(update)
         options = [each.name for each in self.params if isinstance(each, WordOption)]
         given = {name: ctx.params.pop(name) for name in options}
         more = [f"{name}:={value}" for name, value in given.items() if value is not None]

@@ -53,22 +53,7 @@ def update_parameter_file(path: Path, nodes: Mapping[str, Mapping[str, Any]]) ->
     ParameterError
         The file cannot be read or written.
     """
-    try:
-        from ruamel.yaml import YAML
-        from ruamel.yaml.error import YAMLError
-    except ImportError:
-        missing = "an update needs ruamel.yaml: pip install ruamel.yaml"
-        raise ParameterError(f"{path}: {missing}") from None
-    document = YAML()
-    document.width, document.preserve_quotes = 2**31, True
-    content: Any = {}
-    if path.exists():
-        read_parameter_file(path)  # refuses another form
-        with located(path, "must be YAML"):
-            try:
-                content = document.load(read_text(path)) or {}
-            except YAMLError as error:
-                raise ValueError(str(error)) from None
+    document, content = _document(path)
     for node, values in nodes.items():
         section = content.setdefault(_key(content, node), {ROS_PARAMETERS: {}})[ROS_PARAMETERS]
         for name, value in _leaves(values):
@@ -124,6 +109,38 @@ def teleoperation_words(params_file: str, found: Path, *words: str) -> list[str]
     if found.absolute() not in parameter_paths(params_file):
         files.append(str(found))
     return ["teleop", f"params_file:={SEPARATOR.join(files)}", *words]
+
+
+def check_updatable(path: Path) -> None:
+    """Refuse a file that `update_parameter_file` cannot change.
+
+    Raises
+    ------
+    ParameterError
+        The file is no parameter file, or cannot be read.
+    """
+    _document(path)
+
+
+def _document(path: Path) -> tuple[Any, Any]:
+    """Return a reader and writer of YAML, and the content of a file, empty for a new one."""
+    try:
+        from ruamel.yaml import YAML
+        from ruamel.yaml.error import YAMLError
+    except ImportError:
+        missing = "an update needs ruamel.yaml: pip install ruamel.yaml"
+        raise ParameterError(f"{path}: {missing}") from None
+    document = YAML()
+    document.width, document.preserve_quotes = 2**31, True
+    content: Any = {}
+    if path.exists():
+        read_parameter_file(path)  # refuses another form
+        with located(path, "must be YAML"):
+            try:
+                content = document.load(read_text(path)) or {}
+            except YAMLError as error:
+                raise ValueError(str(error)) from None
+    return document, content
 
 
 def _key(content: Mapping[str, Any], node: str) -> str:
