@@ -82,7 +82,7 @@ class Comparison:
         )
 
 
-def check_comparison(wanted: str, places: Sequence[Path]) -> None:
+def check_comparison(wanted: str, paths: Sequence[Path]) -> None:
     """Reject an impossible comparison before reading bags.
 
     Raises
@@ -91,9 +91,9 @@ def check_comparison(wanted: str, places: Sequence[Path]) -> None:
         The comparison is neither ``runs`` nor ``controller:A,B``, or there are not two runs.
     """
     if wanted == RUNS:
-        if len(places) != 2:
+        if len(paths) != 2:
             raise ParameterError(
-                f"compare: needs two bags or folders to compare, not {len(places)}"
+                f"compare: needs two bags or folders to compare, not {len(paths)}"
             )
         return
     names = wanted.removeprefix(CONTROLLERS).split(",")
@@ -105,7 +105,7 @@ def check_comparison(wanted: str, places: Sequence[Path]) -> None:
         )
 
 
-def compared(analysis: Analysis, wanted: str, places: Sequence[Path] = ()) -> Comparison:
+def compared(analysis: Analysis, wanted: str, paths: Sequence[Path] = ()) -> Comparison:
     """Pair trials and test the difference of their errors.
 
     Two trials form a pair if they have the same surface, grip, and seed or recording; for two runs
@@ -117,7 +117,7 @@ def compared(analysis: Analysis, wanted: str, places: Sequence[Path] = ()) -> Co
     analysis : Analysis
     wanted : str
         ``runs``, or ``controller:A,B``.
-    places : sequence of Path
+    paths : sequence of Path
         Paths given by the user; for ``runs``, the two to compare.
 
     Raises
@@ -125,12 +125,12 @@ def compared(analysis: Analysis, wanted: str, places: Sequence[Path] = ()) -> Co
     ParameterError
         The comparison does not exist.
     """
-    check_comparison(wanted, places)
+    check_comparison(wanted, paths)
     frame = trials(analysis)
     key = frame.surface + ", grip " + frame.grip + ", " + frame["pair"]
     if wanted == RUNS:
         sources = np.array([str(trial.source) for trial in analysis.trials])
-        names = [str(place) for place in places]
+        names = [str(path) for path in paths]
         sides = [frame.assign(key=key + ", " + frame.controller)[sources == n] for n in names]
         if all(len(side) == 1 for side in sides):
             sides = [side.assign(key="the only trial") for side in sides]
@@ -164,9 +164,9 @@ def _errors(side: pd.DataFrame, name: str) -> pd.DataFrame:
     )
 
 
-def compare(analysis: Analysis, wanted: str, places: Sequence[Path] = ()) -> pd.DataFrame:
+def compare(analysis: Analysis, wanted: str, paths: Sequence[Path] = ()) -> pd.DataFrame:
     """Test two controllers or runs; return a row for all surfaces, and one for each.
 
     Parameters as for `compared`.
     """
-    return compared(analysis, wanted, places).frame
+    return compared(analysis, wanted, paths).frame

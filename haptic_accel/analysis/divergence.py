@@ -35,7 +35,7 @@ from haptic_accel.core.bounded_files import located
 from haptic_accel.core.due_forces import PAST_TICK
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS, on_grid, places
+from haptic_accel.core.sampling import NANOSECONDS, grid_indices, on_grid
 from haptic_accel.setup.arguments import (
     REPLAY,
     SIMULATED,
@@ -134,10 +134,10 @@ def find_divergence(path: Path) -> Divergence:
     first, signals = length, []
     for topic, vectors in trial_vectors(trial).items():
         values = vectors[:length]
-        place = _first_difference(bag, topic.name, start, arguments.rate, values)
-        if place < first:
-            first, signals = place, [topic.name]
-        elif place == first < length:
+        index = _first_difference(bag, topic.name, start, arguments.rate, values)
+        if index < first:
+            first, signals = index, [topic.name]
+        elif index == first < length:
             signals.append(topic.name)
     if first == length:
         return Divergence(path, length, None, arguments.rate)
@@ -180,7 +180,7 @@ def _first_difference(bag: Bag, name: str, start: int, rate: float, expected: Fl
     signal = bag.signals.get(name)
     if signal is None:
         return len(expected)
-    values, seen = on_grid(places(signal.stamps, start, rate), signal.values, len(expected))
+    values, seen = on_grid(grid_indices(signal.stamps, start, rate), signal.values, len(expected))
     differs = np.any(values != expected, axis=1)
     found = np.flatnonzero(differs & seen)
     return int(found[0]) if len(found) else len(expected)

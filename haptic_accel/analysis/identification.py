@@ -55,7 +55,7 @@ from haptic_accel.core.identification.three_axes import (
 )
 from haptic_accel.core.model import ACTUATOR, FloatArray, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS, BoolArray, on_grid, places, same_rate
+from haptic_accel.core.sampling import NANOSECONDS, BoolArray, grid_indices, on_grid, same_rate
 from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.materials.columns import ACCELERATION, FORCE, Column, Wording
@@ -228,13 +228,13 @@ def named(sources: Sequence[str], grip: str) -> Iterator[tuple[str, Path]]:
 
 
 def read_recordings(
-    places: Iterable[tuple[str, Path]], arguments: IdentifyArguments, recording_rate: float
+    paths: Iterable[tuple[str, Path]], arguments: IdentifyArguments, recording_rate: float
 ) -> Recordings:
     """Read trials from bags and CSV files.
 
     Parameters
     ----------
-    places : iterable of tuple
+    paths : iterable of tuple
         Grip and path of each.
     arguments : IdentifyArguments
     recording_rate : float
@@ -249,7 +249,7 @@ def read_recordings(
     """
     found = Recordings()
     ages = []
-    for grip, path in places:
+    for grip, path in paths:
         if os.path.isdir(path):
             bag = read_bag_with_warnings(path)
             trials = _trials(bag, arguments, found.left_out)
@@ -359,7 +359,7 @@ def _on_grid(
     recorded: Signal, start: int, rate: float, length: int
 ) -> tuple[FloatArray, BoolArray]:
     """Return the vectors of a signal on a grid, and a mask of its samples."""
-    where = places(recorded.stamps, start, rate)
+    where = grid_indices(recorded.stamps, start, rate)
     columns = [on_grid(where, column, length) for column in recorded.values.T]
     return np.stack([values for values, _ in columns], axis=1), columns[0][1]
 

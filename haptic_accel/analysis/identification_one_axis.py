@@ -341,10 +341,10 @@ def sweep_plot(trial: sweeps.IdentificationTrial, sweep: sweeps.SweepParameters)
         panel.set_ylabel(label)
         panel.set_xlim(0, end)
         rule(panel)
-    place: Style = {"xycoords": force.get_xaxis_transform(), "textcoords": "offset points"}
-    place |= {"xytext": (0, 4), "ha": "center", "color": plots.GREY}
-    force.annotate("settling, not evaluated", (dropped / 2, 1.0), **place)
-    force.annotate("evaluated", ((dropped + end) / 2, 1.0), **place)
+    above: Style = {"xycoords": force.get_xaxis_transform(), "textcoords": "offset points"}
+    above |= {"xytext": (0, 4), "ha": "center", "color": plots.GREY}
+    force.annotate("settling, not evaluated", (dropped / 2, 1.0), **above)
+    force.annotate("evaluated", ((dropped + end) / 2, 1.0), **above)
     figure.align_ylabels()
     acceleration.set_xlabel("time (s)")
     return figure

@@ -360,7 +360,7 @@ def band_errors(errors: Mapping[str, Mapping[str, Interval]]) -> Figure:
     figure, panel = _column(2.1, "band (Hz)", "NRMSE (%)", "y")
     width = 0.8 / max(len(names), 1)
     unknown = Interval(math.nan, math.nan, math.nan, 0, "")
-    places = np.arange(len(found))
+    ticks = np.arange(len(found))
     for i, (name, color, hatch) in enumerate(zip(names, cycle(BARS), cycle(HATCHES))):
         bars = [errors[name].get(band, unknown) for band in found]
         reach = np.array([[bar.value - bar.low, bar.high - bar.value] for bar in bars]).T
@@ -368,11 +368,11 @@ def band_errors(errors: Mapping[str, Mapping[str, Interval]]) -> Figure:
         if found:
             look["yerr"] = np.nan_to_num(np.maximum(reach, 0.0))
             look["error_kw"] = {"elinewidth": 0.6, "capsize": 1.2}
-        middles = places + (i - (len(names) - 1) / 2) * width
+        middles = ticks + (i - (len(names) - 1) / 2) * width
         panel.bar(middles, [bar.value for bar in bars], width, label=short(name), **look)
     panel.axhline(100.0, **_EQUAL)
     words = [band.removesuffix(" Hz").replace("-", DASH) for band in found]
-    panel.set_xticks(places, words)
+    panel.set_xticks(ticks, words)
     panel.legend(ncols=max(min(len(names), 4), 1), **_KEY)
     return figure
 
@@ -407,14 +407,14 @@ def strips(rows: Mapping[str, Strip], x: str, reference: float | None = None) ->
         Value with a dashed line, such as chance.
     """
     figure, panel = _named_rows([short(name, _LONGEST) for name in rows], x)
-    for place, strip in enumerate(rows.values()):
+    for row, strip in enumerate(rows.values()):
         values = list(strip.values)
-        spread = place + np.linspace(-0.25, 0.25, len(values)) if len(values) > 1 else [place]
+        spread = row + np.linspace(-0.25, 0.25, len(values)) if len(values) > 1 else [row]
         panel.plot(values, spread[: len(values)], **_VALUES)
         found = strip.estimate
         if math.isfinite(found.low) and math.isfinite(found.high):
-            panel.plot((found.low, found.high), (place, place), color=BLUE, linewidth=1.4)
-        panel.plot(found.value, place, "D", color=BLUE, markersize=4)
+            panel.plot((found.low, found.high), (row, row), color=BLUE, linewidth=1.4)
+        panel.plot(found.value, row, "D", color=BLUE, markersize=4)
     if reference is not None:
         panel.axvline(reference, **_EQUAL)
     panel.set_ylim(len(rows) - 0.5, -0.5)
@@ -449,7 +449,7 @@ def matrix(table: pd.DataFrame, texts: tuple[str, str, str]) -> Figure:
     return figure
 
 
-def places(points: FloatArray, names: Sequence[str]) -> Figure:
+def scaling_map(points: FloatArray, names: Sequence[str]) -> Figure:
     """Draw a map of named points, whose distances are dissimilarities.
 
     Parameters

@@ -42,7 +42,7 @@ from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS, RELEASED, places, sampling_rate
+from haptic_accel.core.sampling import NANOSECONDS, RELEASED, grid_indices, sampling_rate
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.materials.folders import is_recording
 from haptic_accel.setup.arguments import (
@@ -576,7 +576,7 @@ def _segment(
     # A sample may be up to half a period from its grid point, but no later than the end.
     ends = [int(np.searchsorted(stamps, high, side="right")) for stamps in present]
     last = max(int(stamps[max(0, end - 1)]) for stamps, end in zip(present, ends, strict=True))
-    length = int(places(np.array([last]), start, rate)[0]) + 1
+    length = int(grid_indices(np.array([last]), start, rate)[0]) + 1
     signals: dict[str, FloatArray] = {}
     axes = recorded.axes
     for name in _NAMES:

@@ -150,8 +150,8 @@ def named_components(
 
 def _earlier(values: FloatArray, samples: float) -> FloatArray:
     """Shift a signal to earlier times for display, with linear interpolation."""
-    places = np.arange(len(values), dtype=float)
-    return np.interp(places + samples, places, values)
+    positions = np.arange(len(values), dtype=float)
+    return np.interp(positions + samples, positions, values)
 
 
 def thinned(values: FloatArray, points: int) -> tuple[FloatArray, float]:

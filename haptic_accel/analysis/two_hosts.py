@@ -45,7 +45,7 @@ from haptic_accel.core.evaluation.delay import estimate_delay, shift_back
 from haptic_accel.core.evaluation.metrics import by_component
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS, places, sampling_rate
+from haptic_accel.core.sampling import NANOSECONDS, grid_indices, sampling_rate
 
 OFFSET, BOUND = "clock offset (ms)", "clock offset bound (ms)"
 """Values reported by the coupler: the peer's clock minus the local one, and its maximum error."""
@@ -253,12 +253,12 @@ def compare_across(task: tuple[AnalysedTrial, Host, Host]) -> Across | str:
         desired = by_component(passed, _tool(tool, rate, segment.axes))
         desired, handle = comparable(desired, handle, segment.high_pass_frequency, rate)
         # Position of the trial's first sample among the robot's, and the change per sample.
-        place = (operator.clock.peer(segment.start) - robot.span[0]) * rate / NANOSECONDS
-        begin = math.floor(place)
+        position = (operator.clock.peer(segment.start) - robot.span[0]) * rate / NANOSECONDS
+        begin = math.floor(position)
         own = slice(max(0, -begin), min(len(handle), len(desired) - begin))
         error, delays = _pieces(desired[own.start + begin : own.stop + begin], handle[own], rate)
         middles = own.start + (np.arange(len(delays)) + 0.5) * PIECE * rate
-        delays += (place - begin + operator.clock.drift * middles) / rate
+        delays += (position - begin + operator.clock.drift * middles) / rate
     except (ParameterError, ValueError) as reason:
         return f"cannot be compared with {robot.bag}: {reason}"
     low, middle, high = np.quantile(delays, (0.01, 0.5, 0.99)) * 1e3
@@ -277,7 +277,7 @@ def compare_across(task: tuple[AnalysedTrial, Host, Host]) -> Across | str:
 def _tool(tool: Signal, rate: float, axes: Axes) -> FloatArray:
     """Return the robot's samples along the handle's axes, from its first one on."""
     start = int(tool.stamps.min())
-    length = int(places(tool.stamps.max(keepdims=True), start, rate)[0]) + 1
+    length = int(grid_indices(tool.stamps.max(keepdims=True), start, rate)[0]) + 1
     return tool.on_grid(start, rate, length, axes)[0]
 
 

@@ -65,15 +65,15 @@ class MisplacedError(OSError):
     ----------
     is_removed : bool
         The file is in no folder, and disappears with the program that writes it.
-    place : Path or None
+    location : Path or None
         Present path of the file, if the system tells it.
     """
 
-    def __init__(self, name: str, *, is_removed: bool, place: Path | None = None) -> None:
+    def __init__(self, name: str, *, is_removed: bool, location: Path | None = None) -> None:
         what = "removed" if is_removed else "moved away"
         super().__init__(f"{name} was {what} while it was recorded")
         self.is_removed = is_removed
-        self.place = place
+        self.location = location
 
 
 @dataclass
@@ -160,12 +160,12 @@ class ChunkedWriter:
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
         """Add a message."""
         records, number = self._pending.records, connection.id
-        place = records.tell()
-        self._pending.entries[number].extend((timestamp, place))
+        offset = records.tell()
+        self._pending.entries[number].extend((timestamp, offset))
         length = _HEADER + len(data)
         records.write(_MESSAGE.pack(mcap.MESSAGE, length, number, 0, timestamp, timestamp))
         records.write(data)
-        if place > CHUNK:
+        if offset > CHUNK:
             self.close_chunk()
 
     def add_chunk(self, chunk: Chunk) -> None:
@@ -213,10 +213,10 @@ class ChunkedWriter:
         except (FileNotFoundError, NotADirectoryError):
             is_there = False
         if not is_there:
-            is_removed, place = written.st_nlink == 0, None
+            is_removed, location = written.st_nlink == 0, None
             with suppress(OSError):  # Linux tells where an open file is
-                place = Path(f"/proc/self/fd/{self._descriptor}").readlink()
-            raise MisplacedError(self.path.name, is_removed=is_removed, place=place)
+                location = Path(f"/proc/self/fd/{self._descriptor}").readlink()
+            raise MisplacedError(self.path.name, is_removed=is_removed, location=location)
 
     def finish(self, metadata: str) -> None:
         """Write pending data, index and end, and sync them to the disk.
@@ -231,9 +231,9 @@ class ChunkedWriter:
         repeated = text_map({"serialized_metadata": metadata})
         length = mcap.TEXT_LENGTH.pack(len(repeated))
         self._put(record(mcap.METADATA, text("rosbag2"), length, repeated))
-        place = mcap.SPAN.pack(start, self._end - start)
+        span = mcap.SPAN.pack(start, self._end - start)
         self._put(record(mcap.DATA_END, mcap.SUM.pack(self._sum)))
-        self._put_index(record(mcap.METADATA_INDEX, place, text("rosbag2")))
+        self._put_index(record(mcap.METADATA_INDEX, span, text("rosbag2")))
         self._file.close()
         os.fsync(self._descriptor)
         os.close(self._descriptor)
@@ -274,10 +274,10 @@ class ChunkedWriter:
         form = text(self._compression)
         sizes = mcap.CHUNK_HEADER.pack(start, end, len(records), crc32(records))
         header = sizes + form + mcap.LENGTH.pack(len(compressed))
-        place = self._end
+        offset = self._end
         self._put(mcap.RECORD.pack(mcap.CHUNK, len(header) + len(compressed)) + header)
         self._put(compressed)
-        length, indexes = self._end - place, b""
+        length, indexes = self._end - offset, b""
         for number, rows in entries.items():
             indexes += mcap.COUNT.pack(number, self._end)
             index = struct.pack(f"<HI{len(rows)}Q", number, 8 * len(rows), *rows)
@@ -285,9 +285,9 @@ class ChunkedWriter:
         self._chunks.append(
             record(
                 mcap.CHUNK_INDEX,
-                mcap.CHUNK_INDEX_HEADER.pack(start, end, place, length, len(indexes)),
+                mcap.CHUNK_INDEX_HEADER.pack(start, end, offset, length, len(indexes)),
                 indexes,
-                mcap.LENGTH.pack(self._end - place - length),
+                mcap.LENGTH.pack(self._end - offset - length),
                 form,
                 mcap.SPAN.pack(len(compressed), len(records)),
             )
@@ -305,9 +305,9 @@ class ChunkedWriter:
             mcap.STATISTICS: [self._statistics_record()],
         }.items():
             if records:
-                place = self._end
+                offset = self._end
                 self._put(b"".join(records))
-                span = mcap.SPAN.pack(place, self._end - place)
+                span = mcap.SPAN.pack(offset, self._end - offset)
                 offsets += record(mcap.SUMMARY_OFFSET, bytes([kind]), span)
         span = mcap.SPAN.pack(start, self._end)
         self._put(offsets)

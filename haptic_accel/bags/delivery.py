@@ -34,7 +34,7 @@ from haptic_accel.core.due_forces import LATE_TIME, LONGEST, PAST_TICK
 from haptic_accel.core.evaluation.histogram import QUANTILES
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS, RELEASED, SAME_RATE, places
+from haptic_accel.core.sampling import NANOSECONDS, RELEASED, SAME_RATE, grid_indices
 
 AGE_OF = "actuator force"
 """Command whose age is reported, as users feel its force."""
@@ -117,7 +117,7 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
         signal = recorded.signals.get(topic.name)
         if signal is None:
             continue
-        where = places(signal.stamps, start, rate)
+        where = grid_indices(signal.stamps, start, rate)
         within = (where >= 0) & (where < length)
         if within.any():
             seen[topic.name] = np.bincount(where[within], minlength=length) > 0

@@ -30,7 +30,7 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, IntArray
 
 FILE_BITS = 40
-"""Bits of a place within a file, in the places of a bag's messages."""
+"""Bits of an offset within a file, in the offsets of a bag's messages."""
 
 COPIED = 0.5
 """Share of equal messages above which a file is a copy of others."""
@@ -50,7 +50,7 @@ def marks_of(vectors: FloatArray) -> IntArray:
 
 @dataclass
 class FileContent:
-    """Content of one file that tells its place among others.
+    """Content of one file that tells its position among others.
 
     Attributes
     ----------
@@ -87,9 +87,9 @@ class FileContent:
         """Return the samples in order of arrival by topic."""
         found = {}
         for name, parts in self._samples.items():
-            columns = ([getattr(p, key) for p in parts] for key in ("stamps", "places", "marks"))
+            columns = ([getattr(p, key) for p in parts] for key in ("stamps", "offsets", "marks"))
             whole = Arrivals(*map(np.concatenate, columns))
-            found[name] = whole[np.argsort(whole.places, kind="stable")]
+            found[name] = whole[np.argsort(whole.offsets, kind="stable")]
         return found
 
 
@@ -111,10 +111,10 @@ class UsedFiles:
     custom: dict[str, str]
     notes: list[str]
 
-    def moved(self, places: IntArray) -> IntArray:
-        """Return the places of messages in the recording; -1 for messages of no used file."""
-        ranks = self.ranks[places >> FILE_BITS] if len(places) else places
-        within = places & ((1 << FILE_BITS) - 1)
+    def moved(self, offsets: IntArray) -> IntArray:
+        """Return the offsets of messages in the recording; -1 for messages of no used file."""
+        ranks = self.ranks[offsets >> FILE_BITS] if len(offsets) else offsets
+        within = offsets & ((1 << FILE_BITS) - 1)
         return np.where(ranks < 0, -1, (ranks << FILE_BITS) + within)
 
 
@@ -208,8 +208,8 @@ def _order(
 ) -> list[int]:
     """Return the files' numbers in the order in which one continues another."""
     numbered = list(spans)
-    place = {name: at for at, name in enumerate(listed)}
-    stated = sorted(numbered, key=lambda n: place.get(files[n].name, len(listed)))
+    ranks = {name: at for at, name in enumerate(listed)}
+    stated = sorted(numbered, key=lambda n: ranks.get(files[n].name, len(listed)))
     timed = sorted(numbered, key=lambda n: spans[n].first)
     # Names and metadata that agree are right unless the content is.
     tried = [stated, timed] if stated == numbered and listed else [timed, numbered, stated]

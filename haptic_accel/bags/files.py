@@ -200,9 +200,9 @@ class BagFiles:
             self._is_misplaced = True
             if error.is_removed:
                 self._given = 0
-            elif error.place:
-                is_renamed = error.place.name != self._file.path.name
-                self._moved_to = error.place if is_renamed else error.place.parent
+            elif error.location:
+                is_renamed = error.location.name != self._file.path.name
+                self._moved_to = error.location if is_renamed else error.location.parent
         self.lost += given - self.written
         self._forget_lost_files()
         self._renew_metadata()

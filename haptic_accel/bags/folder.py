@@ -113,4 +113,4 @@ def listed_name(name: str) -> str:
 def _numbers(path: Path) -> list[tuple[int, str]]:
     """Return the parts of a name with their numbers, wherever the counter is."""
     parts = re.split("([0-9]+)", path.name)
-    return [(int(part) if place % 2 else 0, part) for place, part in enumerate(parts)]
+    return [(int(part) if index % 2 else 0, part) for index, part in enumerate(parts)]

@@ -104,7 +104,7 @@ class Block:
         Bytes of the block.
     starts, ends : ndarray of int64, shape (n,)
         Start and end of each message in `bytes`.
-    places : ndarray of int64, shape (n,)
+    offsets : ndarray of int64, shape (n,)
         Places of the messages in the file's order; unique in the file.
     """
 
@@ -114,7 +114,7 @@ class Block:
     bytes: ByteArray
     starts: IntArray
     ends: IntArray
-    places: IntArray
+    offsets: IntArray
 
 
 @dataclass(frozen=True)
@@ -136,14 +136,14 @@ class _Index:
         Position in the file.
     records : list
         Kind and content of each index record.
-    places : list
+    spans : list
         Position, length and kind of the file's chunks and metadata, if it has chunks.
     tally : Tally
     """
 
     start: int
     records: list[tuple[int, bytes]]
-    places: list[tuple[int, int, int]]
+    spans: list[tuple[int, int, int]]
     tally: Tally
 
 
@@ -224,9 +224,9 @@ class McapFile:
                 lengths = _heads(chunk.records, starts)["length"].astype(np.int64)
                 ends = starts + RECORD.size + lengths
                 channel = self.channels[number]
-                places = before + starts
+                offsets = before + starts
                 starts = starts + DATA
-                yield Block(channel.topic, channel.schema, times, block, starts, ends, places)
+                yield Block(channel.topic, channel.schema, times, block, starts, ends, offsets)
             before += len(chunk.records)
 
     def chunks(self, *, by_index: bool = True) -> Iterator[Chunk]:
@@ -250,11 +250,11 @@ class McapFile:
             is_intact = not index or _data_are_intact(file, index.start)
             file.seek(len(MAGIC))
             records = self._records(file, size)
-            if index and index.places and not is_intact:
+            if index and index.spans and not is_intact:
                 # A damaged record length hides later records from a scan, but not from the index.
                 for kind, content in index.records:
                     self._declare(kind, content)
-                records = self._records_at(file, size, index.places)
+                records = self._records_at(file, size, index.spans)
             yield from self._gathered(records, by_index=by_index and is_intact)
             if not is_intact and not self.problems:
                 self._report("differs from its checksum, but in no message")
@@ -284,12 +284,12 @@ class McapFile:
         """Yield the complete records, and a truncated chunk."""
         while len(header := file.read(RECORD.size)) == RECORD.size:
             kind, length = RECORD.unpack(header)
-            place = file.tell()
-            is_cut_off = place + length > size
+            offset = file.tell()
+            is_cut_off = offset + length > size
             # After a power cut, a file may end in zeros.
             if kind == mcap.NOTHING or (is_cut_off and kind != mcap.CHUNK):
                 return
-            length = min(length, size - place)
+            length = min(length, size - offset)
             if kind in _READ_KINDS and length <= LARGEST_RECORD:
                 yield kind, file.read(length)
                 continue
@@ -298,18 +298,18 @@ class McapFile:
                     f"a record has {length} bytes and is left out; at most {LARGEST_RECORD} are"
                     " allowed"
                 )
-            file.seek(place + length)
+            file.seek(offset + length)
 
     def _records_at(
-        self, file: BinaryIO, size: int, places: list[tuple[int, int, int]]
+        self, file: BinaryIO, size: int, spans: list[tuple[int, int, int]]
     ) -> Iterator[tuple[int, bytes]]:
         """Yield records at the index's positions, and an end."""
-        for place, length, kind in places:
-            if length > LARGEST_RECORD or place + length > size:
+        for offset, length, kind in spans:
+            if length > LARGEST_RECORD or offset + length > size:
                 self._report(f"a record of {length} bytes is not where the index has it")
                 continue
             self._allowance.spend(length)  # the index may repeat a position many times
-            file.seek(place)
+            file.seek(offset)
             yield kind, file.read(length)[RECORD.size :]
         yield mcap.DATA_END, b""
 
@@ -389,11 +389,11 @@ class McapFile:
         Schemas and channels are declared during the scan.
         """
         found: dict[int, list[tuple[int, int]]] = {}
-        records, place = chunk.records, 0
+        records, offset = chunk.records, 0
         parts, begin, removed = [], 0, 0
-        while place + RECORD.size <= len(records):
-            kind, length = RECORD.unpack_from(records, place)
-            start = place + RECORD.size
+        while offset + RECORD.size <= len(records):
+            kind, length = RECORD.unpack_from(records, offset)
+            start = offset + RECORD.size
             end = start + length
             if kind == mcap.NOTHING or end > len(records):
                 break
@@ -401,20 +401,20 @@ class McapFile:
                 number, _, time, _ = mcap.MESSAGE_HEADER.unpack_from(records, start)
                 is_sound = time <= NEVER
                 if is_sound:
-                    found.setdefault(number, []).append((time, place - removed))
+                    found.setdefault(number, []).append((time, offset - removed))
             else:
                 is_sound = kind != mcap.MESSAGE and self._declare(kind, records[start:end])
             if kind == mcap.MESSAGE and not is_sound:
                 self._report("a message is too short, or has an impossible time: it is left out")
             if not is_sound:
-                parts.append(records[begin:place])
-                removed += end - place
+                parts.append(records[begin:offset])
+                removed += end - offset
                 begin = end
-            place = end
+            offset = end
         entries = {
             number: _pair(np.array(rows, np.uint64).view(_ENTRY)) for number, rows in found.items()
         }
-        whole = b"".join((*parts, records[begin:place]))
+        whole = b"".join((*parts, records[begin:offset]))
         return Chunk(whole, chunk.compression, entries)
 
     def _declare(self, kind: int, content: bytes) -> bool:
@@ -480,7 +480,7 @@ def _index(file: BinaryIO, size: int) -> _Index:
         records = list(itertools.islice(_index_records(content), MOST_INDEXED + 1))
         if len(records) > MOST_INDEXED:
             raise ValueError(f"it has more than {MOST_INDEXED} records")
-        places = [
+        spans = [
             (*mcap.SPAN.unpack_from(content, offset), kind)
             for found, content in records
             for known, offset, kind in _SPANS
@@ -489,18 +489,18 @@ def _index(file: BinaryIO, size: int) -> _Index:
         (tally,) = (_tally(content) for kind, content in records if kind == mcap.STATISTICS)
     except DAMAGE_ERRORS as error:
         raise DamagedIndexError(f"its index is damaged: {error}") from None
-    has_chunks = any(kind == mcap.CHUNK for *_, kind in places)
-    return _Index(start, records, sorted(places) if has_chunks else [], tally)
+    has_chunks = any(kind == mcap.CHUNK for *_, kind in spans)
+    return _Index(start, records, sorted(spans) if has_chunks else [], tally)
 
 
 def _index_records(content: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield kind and content of the records in an index."""
-    place = 0
-    while place < len(content):
-        kind, length = RECORD.unpack_from(content, place)
-        place += RECORD.size
-        yield kind, content[place : place + length]
-        place += length
+    offset = 0
+    while offset < len(content):
+        kind, length = RECORD.unpack_from(content, offset)
+        offset += RECORD.size
+        yield kind, content[offset : offset + length]
+        offset += length
 
 
 def _is_indexed(chunk_index: bytes) -> bool:

@@ -68,8 +68,8 @@ from haptic_accel.core.sampling import (
     BoolArray,
     IntArray,
     coupled_stretches,
+    grid_indices,
     on_grid,
-    places,
 )
 from haptic_accel.core.topics import (
     ACTUATOR_FORCE,
@@ -118,9 +118,9 @@ class Signal:
         """Return the components along some axes on a grid, and a mask of samples.
 
         The components have shape (n,) for one axis, and (n, k) for several. Parameters as for
-        `core.sampling.places` and `core.sampling.on_grid`.
+        `core.sampling.grid_indices` and `core.sampling.on_grid`.
         """
-        where = places(self.stamps, start, rate)
+        where = grid_indices(self.stamps, start, rate)
         first, *others = axes.indices
         along = self.values[:, [first, *others] if others else first]
         return on_grid(where, along, length)
@@ -230,8 +230,8 @@ class Bag:
         ]
         names = tuple(
             name
-            for place, name in enumerate(NAMES)
-            if any((np.abs(values[:, place]) > 0.0).any() for values in acted)
+            for axis, name in enumerate(NAMES)
+            if any((np.abs(values[:, axis]) > 0.0).any() for values in acted)
         )
         return Axes(names) if names else ACTUATOR_AXES
 
@@ -360,13 +360,13 @@ def _foreign_blocks(source: Path) -> Iterator[Block]:
         with closing(sqlite3.connect(address, uri=True)) as database:
             _check_tables(database)
             for topic, kind, *message in database.execute(_IN_ORDER):
-                time, place, data = message
-                rows[str(topic), str(kind)].append((int(time), int(place), bytes(data)))
+                time, offset, data = message
+                rows[str(topic), str(kind)].append((int(time), int(offset), bytes(data)))
     except sqlite3.Error as error:
         raise ValueError(" ".join(str(error).split())) from None
     for (topic, kind), messages in rows.items():
-        times, places, contents = zip(*messages, strict=True)
-        order = np.array(places, np.int64)
+        times, offsets, contents = zip(*messages, strict=True)
+        order = np.array(offsets, np.int64)
         yield _joined(topic, kind, np.array(times, np.int64), order, contents)
 
 
@@ -402,15 +402,15 @@ def _decompressed(block: Block, allowance: Allowance) -> Block:
     for start, end in zip(block.starts.tolist(), block.ends.tolist(), strict=True):
         contents.append(decompressed_message(block.bytes[start:end].tobytes()))
         allowance.spend(len(contents[-1]))
-    return _joined(block.topic, block.type, block.received, block.places, contents)
+    return _joined(block.topic, block.type, block.received, block.offsets, contents)
 
 
 def _joined(
-    topic: str, kind: str, received: IntArray, places: IntArray, contents: Sequence[bytes]
+    topic: str, kind: str, received: IntArray, offsets: IntArray, contents: Sequence[bytes]
 ) -> Block:
     lengths = np.array([len(content) for content in contents], dtype=np.int64)
     ends, joined = np.cumsum(lengths), np.frombuffer(b"".join(contents), np.uint8)
-    return Block(topic, kind, received, joined, ends - lengths, ends, places)
+    return Block(topic, kind, received, joined, ends - lengths, ends, offsets)
 
 
 def _news(changes: Sequence[Change]) -> Iterator[Change]:
@@ -430,8 +430,8 @@ class _Collected:
         self._bag = bag
         self._vectors = vectors
         self._file = FileContent("")
-        self._before = 0  # place of the file's beginning
-        # Stamps, places, marks, times and values of each topic, as bytes, which grow in place;
+        self._before = 0  # offset of the file's beginning
+        # Stamps, offsets, marks, times and values of each topic, as bytes, which grow in place;
         # arrays would need a copy.
         self._columns: dict[str, tuple[bytearray, ...]] = {}
         # With the node's namespace, as all graphs of a ROS domain publish to the same two topics.
@@ -482,7 +482,7 @@ class _Collected:
             chosen = of_files[name][found.chosen[name]]
             times, vectors = np.frombuffer(received, np.int64), np.frombuffer(values)
             if len(times):
-                times = found.moved(times[chosen], given[name].places[found.chosen[name]])
+                times = found.moved(times[chosen], given[name].offsets[found.chosen[name]])
             if len(vectors):
                 vectors = vectors.reshape(-1, 3)[chosen]
             bag.signals[name] = Signal(found.stamps[name], times, vectors.reshape(-1, 3))
@@ -502,19 +502,19 @@ class _Collected:
     def _of_graph(
         self, items: Sequence[tuple[str, int, _Kind]], used: UsedFiles
     ) -> tuple[list[_Kind], IntArray]:
-        """Return the graph's items of the used files in order of arrival, and their places."""
-        ours = [(place, item) for below, place, item in items if self._namespace in (None, below)]
-        places = used.moved(np.array([place for place, _ in ours], np.int64))
-        order = np.argsort(places, kind="stable")
-        order = order[places[order] >= 0]
-        return [ours[index][1] for index in order.tolist()], places[order]
+        """Return the graph's items of the used files in order of arrival, and their offsets."""
+        ours = [rest for below, *rest in items if self._namespace in (None, below)]
+        offsets = used.moved(np.array([offset for offset, _ in ours], np.int64))
+        order = np.argsort(offsets, kind="stable")
+        order = order[offsets[order] >= 0]
+        return [ours[index][1] for index in order.tolist()], offsets[order]
 
     def _in_time(
         self, items: Sequence[tuple[str, int, _Item]], used: UsedFiles, found: Timeline
     ) -> list[_Item]:
         """Return the graph's reports or changes in order of time, each once."""
-        ours, places = self._of_graph(items, used)
-        times = found.moved(np.array([item.received for item in ours], np.int64), places)
+        ours, offsets = self._of_graph(items, used)
+        times = found.moved(np.array([item.received for item in ours], np.int64), offsets)
         moved: dict[str, _Item] = {}
         for index in np.argsort(times, kind="stable").tolist():
             item = replace(ours[index], received=int(times[index]))
@@ -539,51 +539,51 @@ class _Collected:
         if not formed.any():
             return
         columns = self._columns.setdefault(name, tuple(bytearray() for _ in range(5)))
-        places, marks = self._before + block.places[formed], marks_of(values)
+        offsets, marks = self._before + block.offsets[formed], marks_of(values)
         columns[0].extend(stamps.tobytes())
-        columns[1].extend(places.tobytes())
+        columns[1].extend(offsets.tobytes())
         columns[2].extend(marks.tobytes())
         if self._vectors is None:
             columns[3].extend(block.received[formed].tobytes())
         if self._vectors is None or name in self._vectors:
             columns[4].extend(values.tobytes())
         if not self._is_alone:
-            self._file.add(name, Arrivals(stamps, places, marks))
+            self._file.add(name, Arrivals(stamps, offsets, marks))
 
     def _add_diagnostics(self, block: Block) -> None:
         # Before 0.2.0, a topic in the graph's namespace, with the node's name only.
         below = block.topic.removesuffix(f"/{_REPORTS}")
-        for received, place, message in self._decoded(block):
+        for received, offset, message in self._decoded(block):
             for status in message.status:
                 values = {pair.key: pair.value for pair in status.values}
                 namespace, node = reporter(status.name)
                 said = Diagnosis(received, node, status.message, values)
-                self._diagnostics.append((below or namespace, place, said))
+                self._diagnostics.append((below or namespace, offset, said))
 
     def _add_changes(self, block: Block) -> None:
-        for received, place, message in self._decoded(block):
+        for received, offset, message in self._decoded(block):
             namespace, _, node = message.node.rpartition("/")
             declared = {parameter.name for parameter in message.new_parameters}
             for changed in (*message.new_parameters, *message.changed_parameters):
                 value = getattr(changed.value, _VALUES.get(changed.value.type, ""), None)
                 value = value.tolist() if isinstance(value, np.ndarray) else value
                 change = Change(received, node, changed.name, value)
-                self._changes.append((namespace, place, change))
+                self._changes.append((namespace, offset, change))
                 if changed.name in declared:
-                    self._stated.append((namespace, place, change))
+                    self._stated.append((namespace, offset, change))
 
     def _add_descriptions(self, block: Block) -> None:
         """Add the nodes' descriptions of themselves."""
         namespace = block.topic.removesuffix(f"/{DESCRIPTION.name}")
-        for received, place, message in self._decoded(block):
+        for received, offset, message in self._decoded(block):
             try:
                 facts = read_description(message.data)
             except ValueError as error:
                 self._once(f"{block.topic}: a message is not read: {error}")
                 continue
-            self._described.append((namespace, place, facts))
+            self._described.append((namespace, offset, facts))
             stated = [
-                (namespace, place, Change(received, node, name, value))
+                (namespace, offset, Change(received, node, name, value))
                 for node, own in facts[PARAMETERS].items()
                 for name, value in own.items()
             ]
@@ -591,12 +591,12 @@ class _Collected:
             self._changes += stated
 
     def _decoded(self, block: Block) -> Iterator[tuple[int, int, Any]]:
-        places = self._before + block.places
-        rows = (each.tolist() for each in (block.received, places, block.starts, block.ends))
-        for received, place, start, end in zip(*rows, strict=True):
+        offsets = self._before + block.offsets
+        rows = (each.tolist() for each in (block.received, offsets, block.starts, block.ends))
+        for received, offset, start, end in zip(*rows, strict=True):
             try:
                 data = block.bytes[start:end].tobytes()
-                yield received, place, _types().deserialize_cdr(data, block.type)
+                yield received, offset, _types().deserialize_cdr(data, block.type)
             except Exception as error:
                 # Bytes of other messages cause arbitrary errors.
                 self._once(f"{block.topic}: a message cannot be read: {error}")

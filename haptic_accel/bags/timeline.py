@@ -65,26 +65,26 @@ class Arrivals:
     ----------
     stamps : ndarray of int64, shape (n,)
         Times of the samples, ns.
-    places : ndarray of int64, shape (n,)
+    offsets : ndarray of int64, shape (n,)
         Places of the messages in the order of arrival; unique in the bag.
     marks : ndarray of int64, shape (n,)
         Numbers that are equal for equal samples.
     """
 
     stamps: IntArray
-    places: IntArray
+    offsets: IntArray
     marks: IntArray
 
     def __getitem__(self, chosen: IntArray | BoolArray | slice) -> Arrivals:
         """Return some of the messages."""
-        return Arrivals(self.stamps[chosen], self.places[chosen], self.marks[chosen])
+        return Arrivals(self.stamps[chosen], self.offsets[chosen], self.marks[chosen])
 
 
 @dataclass(frozen=True)
 class _Step:
-    """Step of the clock: place of the first message after it, and size, ns."""
+    """Step of the clock: offset of the first message after it, and size, ns."""
 
-    place: int
+    offset: int
     by: int
 
 
@@ -105,13 +105,13 @@ class Timeline:
     chosen: dict[str, IntArray] = field(default_factory=dict)
     stamps: dict[str, IntArray] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-    _places: list[int] = field(default_factory=list)
+    _offsets: list[int] = field(default_factory=list)
     _shifts: list[int] = field(default_factory=lambda: [0])
     _counted: tuple[IntArray, IntArray] | None = None
 
-    def moved(self, times: IntArray, places: IntArray) -> IntArray:
-        """Return times of the bag's clock, with places of arrival, on this timeline, ns."""
-        parts = np.searchsorted(self._places, places, side="right")
+    def moved(self, times: IntArray, offsets: IntArray) -> IntArray:
+        """Return times of the bag's clock, with offsets of arrival, on this timeline, ns."""
+        parts = np.searchsorted(self._offsets, offsets, side="right")
         return self._steady(times + np.array(self._shifts, np.int64)[parts])
 
     def _steady(self, times: IntArray) -> IntArray:
@@ -134,7 +134,7 @@ def timeline(topics: Mapping[str, Arrivals], rate: float | None = None) -> Timel
         Sampling rate stated in the bag, Hz.
     """
     found = Timeline()
-    by_arrival = {name: np.argsort(given.places, kind="stable") for name, given in topics.items()}
+    by_arrival = {name: np.argsort(given.offsets, kind="stable") for name, given in topics.items()}
     arrived = {name: given[by_arrival[name]] for name, given in topics.items()}
     longest = max(arrived.values(), key=lambda given: len(given.stamps), default=None)
     if longest is None:
@@ -151,7 +151,7 @@ def timeline(topics: Mapping[str, Arrivals], rate: float | None = None) -> Timel
     parts = _parts(left, cuts, found)
     _join(left, parts, cuts, period, found)
     jumps = [np.diff(given.stamps[parts[name] >= 0]) for name, given in left.items()]
-    if not found._places and any((each < -_RELEASED).any() for each in jumps):
+    if not found._offsets and any((each < -_RELEASED).any() for each in jumps):
         found.notes.append("its messages are not in order of time: their stamps give the order")
     doubled = 0
     for name, given in left.items():
@@ -215,7 +215,7 @@ def _tell_strays(
 
 
 def _steps(given: Arrivals, period: float) -> Iterator[_Step]:
-    """Yield the places from which a topic's stamps repeat times that have been."""
+    """Yield the offsets from which a topic's stamps repeat times that have been."""
     begin = 0
     for _ in range(MOST_STEPS):
         rest = given[slice(begin, None)]
@@ -229,11 +229,11 @@ def _steps(given: Arrivals, period: float) -> Iterator[_Step]:
             # Chunks in another order leave no gap in order of time.
             if gaps > np.sum(jumps > _RELEASED):
                 ends = back[:MOST_STEPS]
-                for place, by in zip(rest.places[ends + 1], jumps[ends], strict=True):
-                    yield _Step(int(place), round(by - period))
+                for offset, by in zip(rest.offsets[ends + 1], jumps[ends], strict=True):
+                    yield _Step(int(offset), round(by - period))
             return
         at = int(np.argmin(jumps[:latest]))
-        yield _Step(int(rest.places[at + 1]), round(jumps[at] - period))
+        yield _Step(int(rest.offsets[at + 1]), round(jumps[at] - period))
         begin += at + 1
 
 
@@ -265,27 +265,27 @@ def _parts(
     usual = Counter(len(steps) for steps in cuts.values() if steps).most_common(1)
     number = usual[0][0] if usual and usual[0][1] * 2 > len(cuts) else 0
     common = next((cuts[name] for name in cuts if number and len(cuts[name]) == number), [])
-    found._places = [step.place for step in common]
+    found._offsets = [step.offset for step in common]
     parts = {}
     for name, given in left.items():
         own = cuts[name]
         matched = [
             min(
                 (step for step in own if abs(step.by - each.by) <= _RELEASED),
-                key=lambda step, place=each.place: abs(step.place - place),  # type: ignore[misc]
+                key=lambda step, offset=each.offset: abs(step.offset - offset),  # type: ignore[misc]
                 default=each,
             )
             for each in common
         ]
-        borders = [step.place for step in matched]
-        parts[name] = np.searchsorted(borders, given.places, side="right")
+        borders = [step.offset for step in matched]
+        parts[name] = np.searchsorted(borders, given.offsets, side="right")
         # The clock of reception was set before the first message of any topic with the new time.
-        found._places = [min(pair) for pair in zip(found._places, borders, strict=True)]
+        found._offsets = [min(pair) for pair in zip(found._offsets, borders, strict=True)]
         cuts[name] = matched if all(step in own for step in matched) else []
         # A message sent again, or overtaken by another one, is no step of a clock.
         faults = [step for step in own if step not in matched and step.by < -_RELEASED]
         if faults:
-            late = given.places >= faults[0].place
+            late = given.offsets >= faults[0].offset
             parts[name][late] = -1
             cuts[name] = []
             found.notes.append(
@@ -303,8 +303,8 @@ def _join(
     found: Timeline,
 ) -> None:
     """Let the samples after each step follow those before it by one period."""
-    names = [name for name, steps in cuts.items() if len(steps) == len(found._places)]
-    for number in range(1, len(found._places) + 1):
+    names = [name for name, steps in cuts.items() if len(steps) == len(found._offsets)]
+    for number in range(1, len(found._offsets) + 1):
         before = [left[name].stamps[parts[name] == number - 1] for name in names]
         after = [left[name].stamps[parts[name] == number] for name in names]
         end = max(int(stamps.max()) for stamps in before if len(stamps)) + found._shifts[-1]

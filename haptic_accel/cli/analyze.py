@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     "haptic-accel analyze bags/ --compare controller:constant,inverse",
     "haptic-accel analyze monday tuesday --compare",
 )
-@click.argument("places", metavar="BAG...", type=FILE, nargs=-1, required=True)
+@click.argument("paths", metavar="BAG...", type=FILE, nargs=-1, required=True)
 @click.option(
     "--shift",
     default="granted",
@@ -78,7 +78,7 @@ if TYPE_CHECKING:
 @json_option
 @out_option
 def analyze(
-    places: Sequence[Path],
+    paths: Sequence[Path],
     *,
     shift: str,
     comparison: str | None,
@@ -94,9 +94,9 @@ def analyze(
     Takes any number of bags, or folders with bags. Prints Table II, and writes a page, plots
     for a paper, and tables.
     """
-    for place in places:
-        find_bags(place)
-    # Its libraries take a second to import, for which a place without bags need not wait.
+    for path in paths:
+        find_bags(path)
+    # Its libraries take a second to import, for which a path without bags need not wait.
     from haptic_accel.analysis.comparison import RUNS, check_comparison, compared
     from haptic_accel.analysis.loading import analyse
     from haptic_accel.analysis.metrics import Shift
@@ -109,14 +109,14 @@ def analyze(
 
     chosen = Shift.read(shift)
     if comparison:
-        check_comparison(comparison, places)
+        check_comparison(comparison, paths)
     parameters = Setup.of(GraphArguments(rig=rig)).rig() if rig else None
     folder = results_folder(out)
     with stop_on_signal() as stop:
         spread = partial(workers.map, stop=stop)
         try:
             analysis = analyse(
-                places,
+                paths,
                 chosen,
                 rig=parameters,
                 rate=rate,
@@ -124,7 +124,7 @@ def analyze(
                 spread=spread,
                 ended=print_trials,
             )
-            bags = [bag for place in places for bag in find_bags(place)]
+            bags = [bag for path in paths for bag in find_bags(path)]
             if not analysis.trials and len(bags) == 1:
                 read_bag(bags[0])  # or says in one line why it cannot be read
         except ParameterError:
@@ -132,7 +132,7 @@ def analyze(
             raise
         parted = list(divergences(analysis, spread)) if lockstep else []
         interrupted = stop()
-    found = compared(analysis, comparison, places) if comparison else None
+    found = compared(analysis, comparison, paths) if comparison else None
     page = write_analysis(analysis, folder, found)
     content = as_json(analysis, found)
     if lockstep:

@@ -160,8 +160,8 @@ def identify(
                 recorded = Recordings(_run_lockstep(setups, workers))
             else:
                 shown = _shown(named(sources, arguments.grip))
-                places = shown if sources else _run_live(setups, folder)
-                recorded = read_recordings(places, arguments, recording_rate)
+                recordings = shown if sources else _run_live(setups, folder)
+                recorded = read_recordings(recordings, arguments, recording_rate)
             for error in recorded.left_out:
                 print(advise(error), file=sys.stderr)
             with shown_stages(evaluation_stages(recorded.trials)) as tell:
@@ -224,11 +224,11 @@ def _advised(arguments: IdentifyArguments, kept: Sequence[str], error: Recording
     return f"{error}; {next_command('identify', *stated_words(changed), *kept)}"
 
 
-def _shown(places: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Path]]:
-    """Yield places, and show which one is being read."""
-    places = list(places)
-    with shown_stages([f"reading {path}" for _, path in places]) as begin:
-        for grip, path in places:
+def _shown(recordings: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Path]]:
+    """Yield recordings, and show which one is being read."""
+    recordings = list(recordings)
+    with shown_stages([f"reading {path}" for _, path in recordings]) as begin:
+        for grip, path in recordings:
             begin(f"reading {path}")
             yield grip, path
 
@@ -286,16 +286,16 @@ def _run_graph(arguments: IdentifyArguments, axes: Axes) -> None:
     trials = arguments.trials
     repeats = repeats_of_trial(axes, arguments.sweep)
     grip = f"{arguments.grip} grip: "
-    places = [
+    progress = [
         f"{grip}trial {trial} of {trials}, repeat {repeat} of {repeats}"
         for trial in range(1, trials + 1)
         for repeat in range(1, repeats + 1)
     ]
-    with stop_on_signal() as stop, shown_stages(places) as begin:
+    with stop_on_signal() as stop, shown_stages(progress) as begin:
 
         def follow(_: str, event: Mapping[str, Any]) -> None:
-            if event["event"] == REPEAT and event["done"] < len(places):
-                begin(places[event["done"]])
+            if event["event"] == REPEAT and event["done"] < len(progress):
+                begin(progress[event["done"]])
             elif event["event"] == TOO_STRONG:
                 tell_supervisor(TOO_STRONG)
 

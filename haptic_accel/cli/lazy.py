@@ -146,11 +146,11 @@ class LazyGroup(click.Group):
             return kit.group or self._imported(kit.module, cmd_name)
         return None
 
-    def _imported(self, place: str, verb: str) -> click.Command:
+    def _imported(self, module: str, verb: str) -> click.Command:
         """Return the command of a verb from a module, or from a package of modules."""
-        modules = [import_module(place)]
+        modules = [import_module(module)]
         if hasattr(modules[0], "__path__"):
-            within = (f"{place}.{name}" for name in (self.name, verb))
+            within = (f"{module}.{name}" for name in (self.name, verb))
             modules = [import_module(each) for each in within if find_spec(each)]
         found = (each for module in modules for each in vars(module).values())
         return next(

@@ -145,8 +145,8 @@ def run_study(
         results = start([items[index] for index in left], stop, show)  # before the bar's thread
         try:
             with progress:
-                for place, result in results:
-                    index = left[place]
+                for position, result in results:
+                    index = left[position]
                     done[index] = result
                     if journal:
                         journal.add(keys[index], result)

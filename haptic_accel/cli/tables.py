@@ -45,9 +45,9 @@ def print_table(table: ResultTable) -> None:
         _print_lines(console, table, rows)
         return
     shown = Table(title=table.title or None, caption=table.note or None, caption_justify="left")
-    for place, heading in enumerate(table.headings):
-        side: Literal["left", "right"] = "left" if place < table.left else "right"
-        width = widths[place] if rows else None
+    for index, heading in enumerate(table.headings):
+        side: Literal["left", "right"] = "left" if index < table.left else "right"
+        width = widths[index] if rows else None
         shown.add_column(heading, justify=side, overflow="fold", min_width=width)
     for row in rows:
         shown.add_row(*row)

@@ -226,20 +226,20 @@ class _Cluster:
     TOGETHER = False
 
     def __init__(self, address: str, run: Callable[[Any], Any]) -> None:
-        place = f"executor = {address!r}"
+        location = f"executor = {address!r}"
         if not re.fullmatch(ADDRESS, address):
-            raise ParameterError(f"{place}: must be tcp://HOST:PORT or tls://HOST:PORT")
+            raise ParameterError(f"{location}: must be tcp://HOST:PORT or tls://HOST:PORT")
         try:
             from distributed import Client, KilledWorker
         except ImportError:
             raise ParameterError(
-                f"{place}: needs dask.distributed: pip install 'haptic_accel[cluster]'"
+                f"{location}: needs dask.distributed: pip install 'haptic_accel[cluster]'"
             ) from None
         try:
             self._client = Client(address, timeout=CONNECTING, set_as_default=False)
         except (OSError, ValueError) as error:
             reason = str(error).partition("\n")[0] or type(error).__name__
-            raise ParameterError(f"{place}: no scheduler answers: {reason}") from None
+            raise ParameterError(f"{location}: no scheduler answers: {reason}") from None
         self.LOST = (KilledWorker, CancelledError)
         self._run = partial(_run_alike, run, software(), Path.cwd())
 

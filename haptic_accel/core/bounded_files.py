@@ -52,13 +52,13 @@ BLOCK = 1 << 16
 
 @contextmanager
 def located(
-    place: object, form: str = "", unreadable: str = "must be a readable file: "
+    location: object, form: str = "", unreadable: str = "must be a readable file: "
 ) -> Iterator[None]:
     """Convert errors into one-line messages that start with the file's name.
 
     Parameters
     ----------
-    place : object
+    location : object
         File, or another start of the message.
     form : str
         Required form of the file, for errors of its reader.
@@ -73,13 +73,13 @@ def located(
     try:
         yield
     except ParameterError as error:
-        raise ParameterError(f"{place}: {error}") from None
+        raise ParameterError(f"{location}: {error}") from None
     except OSError as error:
-        raise ParameterError(f"{place}: {unreadable}{error.strerror}") from None
+        raise ParameterError(f"{location}: {unreadable}{error.strerror}") from None
     except ValueError as error:
         if not form:
             raise
-        raise ParameterError(f"{place}: {form}: {shown(str(error))}") from None
+        raise ParameterError(f"{location}: {form}: {shown(str(error))}") from None
 
 
 @contextmanager
@@ -183,8 +183,8 @@ def read_xml(path: Path) -> ElementTree.Element:
     parser = ElementTree.XMLParser(target=_Elements())
     content = memoryview(read_bytes(path))
     try:
-        for place in range(0, len(content), BLOCK):
-            parser.feed(bytes(content[place : place + BLOCK]))
+        for start in range(0, len(content), BLOCK):
+            parser.feed(bytes(content[start : start + BLOCK]))
         root: ElementTree.Element = parser.close()
     except (ElementTree.ParseError, LookupError, AssertionError) as error:
         # Includes encodings that Python does not support.

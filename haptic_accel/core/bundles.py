@@ -119,30 +119,30 @@ def unpack_bundle(data: bytes) -> list[Entry]:
     if len(data) > LONGEST_BUNDLE:
         raise ValueError("too long")
     encapsulation, dimensions, _, length = _BEFORE.unpack_from(data)
-    place = _BEFORE.size
-    end = place + length
+    offset = _BEFORE.size
+    end = offset + length
     if encapsulation[:2] != _ENCAPSULATION[:2] or dimensions:
         raise ValueError("not a list of bytes in plain little-endian CDR")
     if not end <= len(data) <= end + _PADDING:
         raise ValueError("not of the length that it says")
-    if data[place : place + len(_MARK)] != _MARK:
+    if data[offset : offset + len(_MARK)] != _MARK:
         raise ValueError(f"does not begin with {_MARK.decode()}")
     try:
-        (count,) = _COUNT.unpack_from(data, place + len(_MARK))
-        place += len(_MARK) + _COUNT.size
+        (count,) = _COUNT.unpack_from(data, offset + len(_MARK))
+        offset += len(_MARK) + _COUNT.size
         topics = []
         for _ in range(count):
-            (size,) = _COUNT.unpack_from(data, place)
-            place += _COUNT.size + size
-            topics.append(data[place - size : place].decode())
+            (size,) = _COUNT.unpack_from(data, offset)
+            offset += _COUNT.size + size
+            topics.append(data[offset - size : offset].decode())
         entries = []
-        while place < end:
-            time, index, size = _ENTRY.unpack_from(data, place)
-            place += _ENTRY.size + size
-            entries.append((topics[index], min(time, _LATEST), data[place - size : place]))
+        while offset < end:
+            time, index, size = _ENTRY.unpack_from(data, offset)
+            offset += _ENTRY.size + size
+            entries.append((topics[index], min(time, _LATEST), data[offset - size : offset]))
     except (struct.error, IndexError, UnicodeDecodeError):
         raise ValueError("not a table of topics and their messages") from None
-    if place != end:
+    if offset != end:
         raise ValueError("ends within a message")
     return entries
 

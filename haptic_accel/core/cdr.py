@@ -187,7 +187,7 @@ def unpack_state(data: bytes) -> bool:
     return bool(data[_ORIGIN])
 
 
-def unpack_text(data: bytes, place: int) -> str:
+def unpack_text(data: bytes, offset: int) -> str:
     """Return the text at an offset of a message, in bytes from its start.
 
     Raises
@@ -195,12 +195,12 @@ def unpack_text(data: bytes, place: int) -> str:
     ValueError
         The bytes are no text in plain CDR.
     """
-    if len(data) < place + _LENGTH.size:
+    if len(data) < offset + _LENGTH.size:
         raise ValueError("too short")
     if data[1] not in _BYTE_ORDERS:
         raise ValueError("not plain CDR")
-    (length,) = struct.unpack_from(f"{_BYTE_ORDERS[data[1]]}I", data, place)
-    begin = place + _LENGTH.size
+    (length,) = struct.unpack_from(f"{_BYTE_ORDERS[data[1]]}I", data, offset)
+    begin = offset + _LENGTH.size
     if not 0 < length <= len(data) - begin:
         raise ValueError("too short")
     return data[begin : begin + length - 1].decode(errors="replace")  # without its NUL
@@ -236,10 +236,10 @@ def unpack_stamped_vectors(
         words = header.view(f"{mark}u4").astype(np.int64)
         seconds = header.view(f"{mark}i4")[:, 0].astype(np.int64)
         stamps[chosen] = seconds * NANOSECONDS + words[:, 1]
-        places = starts[chosen] + _vector_offset(words[:, 2])
-        fits = places + _VECTOR_SIZE <= ends[chosen]
+        offsets = starts[chosen] + _vector_offset(words[:, 2])
+        fits = offsets + _VECTOR_SIZE <= ends[chosen]
         formed[chosen] = fits
-        values[chosen[fits]] = _gathered(block, places[fits], _VECTOR_SIZE).view(f"{mark}f8")
+        values[chosen[fits]] = _gathered(block, offsets[fits], _VECTOR_SIZE).view(f"{mark}f8")
     return stamps[formed], values[formed], formed
 
 
@@ -249,7 +249,7 @@ def unpack_stamps(stamps: bytes) -> IntArray:
     return words[::2] * NANOSECONDS + words[1::2]
 
 
-def _gathered(block: ByteArray, places: IntArray, size: int) -> ByteArray:
+def _gathered(block: ByteArray, offsets: IntArray, size: int) -> ByteArray:
     """Return the bytes at several offsets, each with the same size, shape (n, size)."""
-    gathered: ByteArray = block[places[:, None] + np.arange(size)]
+    gathered: ByteArray = block[offsets[:, None] + np.arange(size)]
     return gathered

@@ -167,10 +167,10 @@ def _departures(samples: FloatArray, begins: IntArray, ends: IntArray) -> IntArr
     half = (highest - lowest) / 2
     apart = np.abs(samples[begins] - lowest - half) > RATIO * half
     begins, ends = begins[apart], ends[apart]
-    places = np.concatenate(
+    indices = np.concatenate(
         [begins[:, None] - 1 - np.arange(AROUND), ends[:, None] + np.arange(AROUND)], axis=1
     )
-    around = samples[np.clip(places, 0, len(samples) - 1)]
+    around = samples[np.clip(indices, 0, len(samples) - 1)]
     median = np.median(around, axis=1)
     deviations = np.sort(np.abs(around - median[:, None]), axis=1)
     own = np.abs(samples[begins] - median)

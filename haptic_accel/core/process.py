@@ -108,7 +108,7 @@ _SHORTAGES = {
 of various classes."""
 
 _RUN = (
-    "import sys; sys.path = [place for place in sys.path if place]; import runpy;"
+    "import sys; sys.path = [path for path in sys.path if path]; import runpy;"
     " runpy.run_module(sys.argv.pop(1), run_name='__main__', alter_sys=True)"
 )
 """Python program that runs a module. Unlike ``python -m`` it does not search the working directory

@@ -143,7 +143,7 @@ def sampling_rate(stamps: IntArray, stated: float | None = None) -> float:
     return whole if whole and abs(found - whole) <= WHOLE_RATE * whole else found
 
 
-def places(stamps: IntArray, start: int, rate: float) -> IntArray:
+def grid_indices(stamps: IntArray, start: int, rate: float) -> IntArray:
     """Return the index of the nearest grid point for each stamp.
 
     Parameters
@@ -157,7 +157,7 @@ def places(stamps: IntArray, start: int, rate: float) -> IntArray:
 
     Examples
     --------
-    >>> places(np.array([2_000_000, 3_100_000, 4_900_000]), 2_000_000, 1000.0)
+    >>> grid_indices(np.array([2_000_000, 3_100_000, 4_900_000]), 2_000_000, 1000.0)
     array([0, 1, 3])
     """
     return np.round((stamps - start) * (rate / NANOSECONDS)).astype(np.int64)

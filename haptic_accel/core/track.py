@@ -116,8 +116,9 @@ def gridded(
         stamps = stamps[stamps >= start - half_period(rate)]
     if not len(stamps):
         raise ParameterError("no acceleration is left")
-    places = np.concatenate([[0], np.cumsum(np.rint(np.diff(stamps) / period))]).astype(np.int64)
-    length = int(places[-1]) + 1
+    steps = np.rint(np.diff(stamps) / period)
+    positions = np.concatenate([[0], np.cumsum(steps)]).astype(np.int64)
+    length = int(positions[-1]) + 1
     if length > MOST_SAMPLES:
         raise ParameterError(
             f"its stamps span {length} samples at {rate:g} Hz, must be at most {MOST_SAMPLES}"
@@ -129,7 +130,7 @@ def gridded(
             times, values = _whole(signal)
             near = np.maximum(np.searchsorted(stamps, times, side="right") - 1, 0)
             steps = np.rint((times - stamps[near]) / period).astype(np.int64)
-            where = places[near] + steps
+            where = positions[near] + steps
             if ((where >= 0) & (where < length)).any():
                 found, seen = on_grid(where, values, length)
                 return found, ~seen
@@ -256,13 +257,13 @@ class ReplayRig:
         self._driven = False
         self._now = 0.0
         self._since: float | None = None
-        self._place = -1
+        self._position = -1
         self._lost = self._skipped = self._arm_forces = self._actuator_forces = 0
 
     @property
     def ended(self) -> bool:
         """True after the last sample."""
-        return not self._loop and self._place >= len(self._track) - 1
+        return not self._loop and self._position >= len(self._track) - 1
 
     def advance(self, time: float) -> None:
         """Advance to a time, s, or go back to a late tick from the time of a force."""
@@ -274,11 +275,11 @@ class ReplayRig:
             return self._waiting
         if self._since is None:
             self._since = self._now
-        place = round((self._now - self._since) * self._track.rate)
+        position = round((self._now - self._since) * self._track.rate)
         if not self._loop:
-            place = min(place, len(self._track) - 1)
-        self._count(place)
-        track, index = self._track, place % len(self._track)
+            position = min(position, len(self._track) - 1)
+        self._count(position)
+        track, index = self._track, position % len(self._track)
         return Sample(
             vector(track.position[index]),
             vector(track.velocity[index]),
@@ -306,13 +307,13 @@ class ReplayRig:
             "actuator_forces_ignored": self._actuator_forces,
         }
 
-    def _count(self, place: int) -> None:
+    def _count(self, position: int) -> None:
         """Count played and skipped samples."""
-        if place == self._place:
+        if position == self._position:
             return
-        self._skipped += place - self._place - 1
-        self._place = place
-        self._lost += bool(self._track.lost[place % len(self._track)])
+        self._skipped += position - self._position - 1
+        self._position = position
+        self._lost += bool(self._track.lost[position % len(self._track)])
 
 
 def _whole(signal: Stamped) -> Stamped:

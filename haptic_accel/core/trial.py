@@ -361,17 +361,17 @@ def _crossed(
     crossings: Sequence[PlayedSample], tool: FloatArray, rate: float, axes: Axes
 ) -> tuple[Crossing, FloatArray]:
     """Return the network's signals, and the tool's acceleration at the played times."""
-    places = np.array([each.position for each in crossings])
+    ticks = np.array([each.position for each in crossings])
     count = np.arange(len(tool))
     played = along(axes, np.array([each.played.value for each in crossings]))
     kinds = tuple(each.played.kind for each in crossings)
     energy = np.array([each.energy for each in crossings])
     followed = np.apply_along_axis(
-        lambda component: np.interp(np.nan_to_num(places), count, component), 0, tool
+        lambda component: np.interp(np.nan_to_num(ticks), count, component), 0, tool
     )
     # While waiting nothing is played, and nothing desired.
-    aligned = np.where(np.isnan(places), played.T, followed.T).T
-    return Crossing(played, (count - places) / rate, kinds, energy), aligned
+    aligned = np.where(np.isnan(ticks), played.T, followed.T).T
+    return Crossing(played, (count - ticks) / rate, kinds, energy), aligned
 
 
 class PlayedSample(NamedTuple):

@@ -107,17 +107,17 @@ class Hand:
         self, path: Path, stiffness: float = 150.0, damping: float = HAND_DAMPING
     ) -> None:
         self._path, self._stiffness, self._damping = path, stiffness, damping
-        self.place = path(0.0)
+        self.point = path(0.0)
 
     def lead(self, time: float) -> None:
         """Move to the position of a time, s."""
-        self.place = self._path(time)
+        self.point = self._path(time)
 
     def __call__(self, position: Vector, velocity: Vector) -> Vector:
         """Return the force of the hand on the arm, N."""
         x, y, z = (
             self._stiffness * (p - q) - self._damping * v
-            for p, q, v in zip(self.place, position, velocity, strict=True)
+            for p, q, v in zip(self.point, position, velocity, strict=True)
         )
         return x, y, z
 
@@ -147,13 +147,13 @@ def stroke(time: float, speed: float = 0.1, length: float = 0.08, turn: float = 
     passed, within = divmod(time, half)
     cruise = half - turn
     if within < turn / 2:
-        place = (turn / math.pi) * speed * (1 - math.cos(math.pi * within / turn))
+        travelled = (turn / math.pi) * speed * (1 - math.cos(math.pi * within / turn))
     elif within < turn / 2 + cruise:
-        place = speed * (turn / math.pi + within - turn / 2)
+        travelled = speed * (turn / math.pi + within - turn / 2)
     else:
         rest = half - within
-        place = length - (turn / math.pi) * speed * (1 - math.cos(math.pi * rest / turn))
-    return (place if passed % 2 == 0 else length - place), 0.0, 0.0
+        travelled = length - (turn / math.pi) * speed * (1 - math.cos(math.pi * rest / turn))
+    return (travelled if passed % 2 == 0 else length - travelled), 0.0, 0.0
 
 
 @dataclass(frozen=True)

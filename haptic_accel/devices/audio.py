@@ -445,11 +445,11 @@ class HeldForce:
         while self._waiting and self._waiting[0][0] < start + count / rate:
             due, forces = self._waiting.pop(0)
             force = np.array(forces)
-            place = max(0.0, (due - start) * rate)
-            first = int(place)
+            sample = max(0.0, (due - start) * rate)
+            first = int(sample)
             # The new force acts for the rest of that sample.
             if first < count:
-                means[first] += (force - self._held) * (first + 1 - place)
+                means[first] += (force - self._held) * (first + 1 - sample)
             means[first + 1 :] = force
             self._held = force
         return means

@@ -185,9 +185,9 @@ class ObservedDevice:
         position = np.full((count, 3), np.nan)
         with self._lock:
             samples, forces = list(self._samples), list(self._forces)
-        for tick, value, place in samples:
+        for tick, value, point in samples:
             if first <= tick < end:
-                acceleration[tick - first], position[tick - first] = value, place
+                acceleration[tick - first], position[tick - first] = value, point
         for tick, value in forces:
             if first <= tick < end:
                 force[tick - first] = value

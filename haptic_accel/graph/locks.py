@@ -95,15 +95,15 @@ def sole_graph(namespace: str) -> Iterator[None]:
 def _lock(domain: int, role: str) -> socket.socket:
     """Lock a role, or raise an error that names the role's process."""
     lock = socket.socket(socket.AF_UNIX)
-    place = address(domain, role)
+    socket_name = address(domain, role)
     try:
-        lock.bind(place)
+        lock.bind(socket_name)
     except OSError as error:
         lock.close()
         if error.errno != errno.EADDRINUSE:
             raise
         raise ParameterError(
-            f"ROS domain {domain}: has a {role} already, {_described(holder(place))};"
+            f"ROS domain {domain}: has a {role} already, {_described(holder(socket_name))};"
             f" stop it, or set another namespace or {DOMAIN}"
         ) from None
     lock.listen(ASKERS)

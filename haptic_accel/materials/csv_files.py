@@ -131,7 +131,7 @@ class _Table:
         )
         self._titles = [title.strip() for title in next(self._rows)]
         # The first one may be the index that pandas writes.
-        self._untitled = [place for place, each in enumerate(self._titles) if place and not each]
+        self._untitled = [index for index, each in enumerate(self._titles) if index and not each]
 
     def read(
         self, columns: Sequence[Column], rate: float, wording: Wording
@@ -139,8 +139,8 @@ class _Table:
         """Return the columns and the sampling rate; see `read_csv`."""
         wanted = [chosen(self._name, column, self._titles, wording) for column in columns]
         factors = [
-            factor_of(self._name, self._titles[place], column.quantity)
-            for place, column in zip(wanted, columns, strict=True)
+            factor_of(self._name, self._titles[index], column.quantity)
+            for index, column in zip(wanted, columns, strict=True)
         ]
         times = self._times(wanted)
         values = [array("d") for _ in columns]
@@ -149,21 +149,21 @@ class _Table:
             if not any(row):
                 continue
             self._check(row)
-            for place, column, factor, numbers in zip(
+            for index, column, factor, numbers in zip(
                 wanted, columns, factors, values, strict=True
             ):
-                numbers.append(self._value(row, place, column.quantity, factor))
+                numbers.append(self._value(row, index, column.quantity, factor))
             if len(values[0]) > resampling.MOST_SAMPLES:
                 raise too_long(self._name, len(values[0]))
-            for place in times:
-                self._note_time(row, place, times)
+            for index in times:
+                self._note_time(row, index, times)
             if times:
                 lines.append(self._line)
         self._tell_comments()
-        for place, stamps in times.items():
+        for index, stamps in times.items():
             if stamps is not None:
-                where = f"{self._name}: column {shown(self._titles[place])}"
-                unit = TIME.parsed(self._titles[place])[1]
+                where = f"{self._name}: column {shown(self._titles[index])}"
+                unit = TIME.parsed(self._titles[index])[1]
                 rate = rate_of_times(
                     where,
                     np.array(stamps),
@@ -177,34 +177,34 @@ class _Table:
     def _times(self, wanted: Sequence[int]) -> dict[int, array[float] | None]:
         """Return an empty array for each column of times; None for times in another form."""
         found: dict[int, array[float] | None] = {}
-        for place, title in enumerate(self._titles):
-            if place not in wanted and is_time(title):
-                found[place] = array("d")
+        for index, title in enumerate(self._titles):
+            if index not in wanted and is_time(title):
+                found[index] = array("d")
                 if TIME.parsed(title)[1] and TIME.factor(TIME.parsed(title)[1]) is None:
-                    self._leave_out(place, found)
+                    self._leave_out(index, found)
         return found
 
-    def _leave_out(self, place: int, times: dict[int, array[float] | None]) -> None:
-        times[place] = None
+    def _leave_out(self, index: int, times: dict[int, array[float] | None]) -> None:
+        times[index] = None
         warn_once(
-            f"{self._name}: column {shown(self._titles[place])} has no numbers in s, ms, us or ns:"
+            f"{self._name}: column {shown(self._titles[index])} has no numbers in s, ms, us or ns:"
             " it is not compared with the rate"
         )
 
     def _note_time(
-        self, row: Sequence[str], place: int, times: dict[int, array[float] | None]
+        self, row: Sequence[str], index: int, times: dict[int, array[float] | None]
     ) -> None:
-        stamps = times[place]
+        stamps = times[index]
         if stamps is None:
             return
-        text = row[place] if place < len(row) else ""
+        text = row[index] if index < len(row) else ""
         time = self._number(text)
         if math.isfinite(time):
             stamps.append(time)
         elif stamps:
-            raise self._wrong(place, text, "must be a time, as in the lines before")
+            raise self._wrong(index, text, "must be a time, as in the lines before")
         else:
-            self._leave_out(place, times)
+            self._leave_out(index, times)
 
     def _check(self, row: Sequence[str]) -> None:
         """Reject a row with values that no title names."""
@@ -216,30 +216,30 @@ class _Table:
                 f"{self._name}: line {self._line}: {len(row)} values: must be"
                 f" {len(self._titles)} at most, as the header{commas}"
             )
-        for place in self._untitled:
-            if place < len(row) and row[place]:
+        for index in self._untitled:
+            if index < len(row) and row[index]:
                 raise ParameterError(
-                    f"{self._name}: line {self._line}: {row[place][:40]!r} in a column without a"
+                    f"{self._name}: line {self._line}: {row[index][:40]!r} in a column without a"
                     f" title: must have one{commas}"
                 )
 
-    def _value(self, row: Sequence[str], place: int, quantity: Quantity, factor: float) -> float:
-        text = row[place] if place < len(row) else ""
+    def _value(self, row: Sequence[str], index: int, quantity: Quantity, factor: float) -> float:
+        text = row[index] if index < len(row) else ""
         value = self._number(text) * factor
         if not abs(value) <= LARGEST_VALUE:
             raise self._wrong(
-                place,
+                index,
                 text,
                 f"must be a number from {-LARGEST_VALUE:g} to {LARGEST_VALUE:g}"
                 f" {quantity.si_unit}",
             )
         return value
 
-    def _wrong(self, place: int, text: str, allowed: str) -> ParameterError:
+    def _wrong(self, index: int, text: str, allowed: str) -> ParameterError:
         sign = f" with {self._decimal!r} for decimals, as in the lines before"
         other = {".": ",", ",": "."}.get(self._decimal)
         return ParameterError(
-            f"{self._name}: line {self._line}: {shown(self._titles[place])} = {text[:40]!r}: "
+            f"{self._name}: line {self._line}: {shown(self._titles[index])} = {text[:40]!r}: "
             f"{allowed}{sign if other and other in text else ''}"
         )
 

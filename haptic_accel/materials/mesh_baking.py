@@ -92,16 +92,16 @@ def baked(path: Path, spacing: float, scale: float) -> tuple[FloatArray, FloatAr
     # The grid is centred: margins are equal on opposite sides.
     counts = sides.astype(int)
     corner = (low + high - (counts - 1) * spacing) / 2
-    places = corner + spacing * np.moveaxis(np.indices(counts), 0, -1).reshape(-1, 3)
-    every = [_distances(path, apart, places, spacing) for apart in _apart(_solids(path, mesh))]
+    positions = corner + spacing * np.moveaxis(np.indices(counts), 0, -1).reshape(-1, 3)
+    every = [_distances(path, apart, positions, spacing) for apart in _apart(_solids(path, mesh))]
     return np.min(every, axis=0).reshape(counts), corner, "; ".join(filter(None, remarks))
 
 
-def _distances(path: Path, mesh: Any, places: FloatArray, spacing: float) -> FloatArray:
+def _distances(path: Path, mesh: Any, positions: FloatArray, spacing: float) -> FloatArray:
     """Return signed distances to solids that do not overlap, which their volume must confirm."""
     from trimesh.proximity import signed_distance
 
-    found = -np.asarray(signed_distance(mesh, places))
+    found = -np.asarray(signed_distance(mesh, positions))
     filled = float(np.clip(0.5 - found / spacing, 0.0, 1.0).sum()) * spacing**3
     if abs(filled - mesh.volume) > LARGEST_LOSS * mesh.area * spacing:
         raise ParameterError(

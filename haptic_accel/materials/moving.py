@@ -227,12 +227,12 @@ class MovingTool:
             size > bound,
         )
 
-    def _ground_velocity(self, geom: int, place: FloatArray) -> FloatArray:
+    def _ground_velocity(self, geom: int, point: FloatArray) -> FloatArray:
         """Return the velocity of a geom at a position, m/s."""
         twist = np.zeros(6)
         kind = self._mujoco.mjtObj.mjOBJ_GEOM
         self._mujoco.mj_objectVelocity(self._model, self._data, kind, geom, twist, 0)
-        lever = place - self._data.geom_xpos[geom]
+        lever = point - self._data.geom_xpos[geom]
         return np.asarray(twist[3:] + self._cross(twist[:3], lever))
 
     def _cross(self, first: FloatArray, second: FloatArray) -> FloatArray:
@@ -252,8 +252,8 @@ def _with_tool(path: Path, start: Vector, parameters: ToolParameters) -> Any:
 
     stated = specification(path)
     x, y, z = start
-    place = [x, y, z + parameters.height + TIP_RADIUS]
-    body = stated.worldbody.add_body(name=_TOOL, pos=place, gravcomp=1)
+    point = [x, y, z + parameters.height + TIP_RADIUS]
+    body = stated.worldbody.add_body(name=_TOOL, pos=point, gravcomp=1)
     for axis in np.eye(3):
         body.add_joint(
             type=mjtJoint.mjJNT_SLIDE,

@@ -49,7 +49,7 @@ between s, ms, us and ns."""
 
 
 def rate_of_times(
-    place: str,
+    location: str,
     times: FloatArray,
     where: Callable[[int], str],
     unit: str,
@@ -60,7 +60,7 @@ def rate_of_times(
 
     Parameters
     ----------
-    place : str
+    location : str
         File and column in messages.
     times : ndarray, shape (n,)
         Time of each sample, in the unit.
@@ -86,8 +86,8 @@ def rate_of_times(
     if len(times) < 2:
         return stated
     if not np.all(np.isfinite(times)):
-        raise ParameterError(f"{place}: must be finite numbers")
-    period, uncertainty = _period(place, times, where)
+        raise ParameterError(f"{location}: must be finite numbers")
+    period, uncertainty = _period(location, times, where)
     factors = {unit: TIME.units[unit]} if unit else {each: TIME.units[each] for each in _SCALES}
     rates = {name: 1.0 / (period * factor) for name, factor in factors.items()}
     if stated:
@@ -95,16 +95,18 @@ def rate_of_times(
             return stated
         likely = [rate for rate in rates.values() if unit or LOWEST <= rate < HIGHEST]
         says = f"says {_whole(likely[0]):g} Hz" if likely else f"has steps of {period:g}"
-        raise ParameterError(f"{place} {says}, {argument} = {stated:g}: must agree")
+        raise ParameterError(f"{location} {says}, {argument} = {stated:g}: must agree")
     rate = rates[unit or TIME.unit]
     if not unit and not LOWEST <= rate < HIGHEST:
         raise ParameterError(
-            f"{place} has steps of {period:g} without a unit: must state it, such as time_ms, or"
-            f" {argument} must be given"
+            f"{location} has steps of {period:g} without a unit: must state it, such as"
+            f" time_ms, or {argument} must be given"
         )
     if uncertainty > TOLERANCE:
-        raise ParameterError(f"{place} is too coarse to tell the rate: {argument} must be given")
-    return checked_rate(f"{place}: sampling rate", _whole(rate))
+        raise ParameterError(
+            f"{location} is too coarse to tell the rate: {argument} must be given"
+        )
+    return checked_rate(f"{location}: sampling rate", _whole(rate))
 
 
 _SCALES = ("s", "ms", "us", "ns")
@@ -116,45 +118,45 @@ def _whole(rate: float) -> float:
     return whole if math.isclose(rate, whole, rel_tol=RATE_TOLERANCE) else rate
 
 
-def _period(place: str, times: FloatArray, where: Callable[[int], str]) -> tuple[float, float]:
+def _period(location: str, times: FloatArray, where: Callable[[int], str]) -> tuple[float, float]:
     """Return the mean step of even times, and its relative uncertainty."""
     steps = np.diff(times)
     back = np.flatnonzero(steps < 0)
     if len(back):
         at = int(back[0])
         raise ParameterError(
-            f"{place} goes back at {where(at + 1)}, from {times[at]:.15g} to"
+            f"{location} goes back at {where(at + 1)}, from {times[at]:.15g} to"
             f" {times[at + 1]:.15g}: must rise"
         )
     length = float(times[-1] - times[0])
     if length <= 0:
-        raise ParameterError(f"{place} is always {times[0]:.15g}: must rise")
+        raise ParameterError(f"{location} is always {times[0]:.15g}: must rise")
     usual = float(np.median(steps))
     ordinary = np.abs(steps - usual) <= 0.5001 * usual
     if np.mean(ordinary) < USUAL_SHARE:
-        return _coarse_period(place, steps, times, where)
+        return _coarse_period(location, steps, times, where)
     period = float(steps[ordinary].mean())
     odd = np.flatnonzero(~ordinary)
     grid = times[0] + period * np.arange(len(times))
     apart = float(np.abs(times - grid).max())
     if len(odd) > MOST_UNEVEN * len(steps) or apart > max(MOST_UNEVEN * length, 1.5 * period):
-        raise _uneven(place, steps, period, where)
+        raise _uneven(location, steps, period, where)
     if len(odd):
         worst = int(odd[np.argmax(np.abs(steps[odd] - period))])
         warn_once(
-            f"{place}: {len(odd)} of {len(steps)} steps are not {period:g}, such as"
+            f"{location}: {len(odd)} of {len(steps)} steps are not {period:g}, such as"
             f" {steps[worst]:g} before {where(worst + 1)}: samples are taken as even"
         )
     elif (spread := float(steps.std())) > JITTER * period:
         warn_once(
-            f"{place}: steps differ by {100 * spread / period:.0f} % RMS from {period:g}: samples"
-            " are taken as even"
+            f"{location}: steps differ by {100 * spread / period:.0f} % RMS from {period:g}:"
+            " samples are taken as even"
         )
     return period, 0.0
 
 
 def _coarse_period(
-    place: str, steps: FloatArray, times: FloatArray, where: Callable[[int], str]
+    location: str, steps: FloatArray, times: FloatArray, where: Callable[[int], str]
 ) -> tuple[float, float]:
     """Return the period of even samples whose times are rounded to more than half of it."""
     length = float(times[-1] - times[0])
@@ -162,15 +164,15 @@ def _coarse_period(
     resolution = float(steps[steps > 0].min())
     apart = times - times[0] - period * np.arange(len(times))
     if np.ptp(apart) > 2.0 * resolution:  # rounding, of these times and of the first and the last
-        raise _uneven(place, steps, period, where)
+        raise _uneven(location, steps, period, where)
     return period, resolution / length
 
 
 def _uneven(
-    place: str, steps: FloatArray, period: float, where: Callable[[int], str]
+    location: str, steps: FloatArray, period: float, where: Callable[[int], str]
 ) -> ParameterError:
     worst = int(np.argmax(np.abs(steps - period)))
     return ParameterError(
-        f"{place} is uneven: steps are {period:g} on average, {steps[worst]:g} before"
+        f"{location} is uneven: steps are {period:g} on average, {steps[worst]:g} before"
         f" {where(worst + 1)}: samples must have a constant rate"
     )

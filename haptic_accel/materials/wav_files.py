@@ -106,17 +106,17 @@ def _check_chunks(name: str, file: io.BufferedReader) -> None:
     if end > size + 1:  # the last pad byte may be missing
         raise ParameterError(f"{name}: is cut off after {size} bytes, its header says {end}")
     found: list[bytes] = []
-    while (place := file.tell()) < end and len(head := file.read(8)) == 8:
+    while (offset := file.tell()) < end and len(head := file.read(8)) == 8:
         if len(found) == MOST_CHUNKS:
             raise ParameterError(f"{name}: has more than {MOST_CHUNKS} chunks")
         length = int.from_bytes(head[4:], order)
         found.append(head[:4])
-        if head[:4] == DATA and place + 8 + length > end:
+        if head[:4] == DATA and offset + 8 + length > end:
             raise ParameterError(
                 f"{name}: its samples have {length} bytes, but it ends after"
-                f" {max(end - place - 8, 0)} of them"
+                f" {max(end - offset - 8, 0)} of them"
             )
-        file.seek(place + 8 + length + length % 2)
+        file.seek(offset + 8 + length + length % 2)
     for chunk in (FORMAT, DATA):
         if found.count(chunk) > 1:
             raise ParameterError(

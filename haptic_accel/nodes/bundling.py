@@ -55,13 +55,13 @@ def join(node: Node, offer: Callable[[], Publisher]) -> BundleSender:
     offer : callable
         Creates the publisher of the bundles for their first node.
     """
-    place = _place(node)
-    if place not in _shared:
-        _shared[place] = BundleSender(node, offer())
-    return _shared[place]
+    key = _key(node)
+    if key not in _shared:
+        _shared[key] = BundleSender(node, offer())
+    return _shared[key]
 
 
-def _place(node: Node) -> tuple[Any, str]:
+def _key(node: Node) -> tuple[Any, str]:
     return node.context, node.resolve_topic_name(BUNDLES.name)
 
 
@@ -112,4 +112,4 @@ class BundleSender:
         self.flush()
         if node is self._node:
             self.listening = int
-            del _shared[_place(node)]
+            del _shared[_key(node)]

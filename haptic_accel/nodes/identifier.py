@@ -154,11 +154,11 @@ class Identifier(GraphNode):
             if within >= self._rest:
                 self.finish()
             return ZERO
-        place = within - self._rest
-        if place < 0:
+        index = within - self._rest
+        if index < 0:
             return ZERO
-        self._log_progress(trial * self._repeats + place // self._repeat)
-        force: Vector = self._force[place]
+        self._log_progress(trial * self._repeats + index // self._repeat)
+        force: Vector = self._force[index]
         return force
 
     def _log_progress(self, done: int) -> None:

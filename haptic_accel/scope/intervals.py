@@ -27,7 +27,7 @@ from haptic_accel.core.control.filters import comparable
 from haptic_accel.core.due_forces import LATE_TIME
 from haptic_accel.core.evaluation.metrics import evaluate, lengths
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.sampling import NANOSECONDS, IntArray, places
+from haptic_accel.core.sampling import NANOSECONDS, IntArray, grid_indices
 from haptic_accel.scope.windows import EDGE, Windows, paired
 
 AT_LIMIT = 0.999
@@ -116,7 +116,7 @@ def lost_percent(stamps: IntArray, begin: int, end: int, rate: float) -> float:
     """
     within = stamps[(stamps >= begin) & (stamps <= end)]
     expected = 1 + int((end - begin) * rate / NANOSECONDS)
-    found = len(np.unique(places(within, begin, rate))) if len(within) else 0
+    found = len(np.unique(grid_indices(within, begin, rate))) if len(within) else 0
     return 100.0 * max(0, expected - found) / expected
 
 

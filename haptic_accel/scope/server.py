@@ -508,8 +508,8 @@ class ScopeServer:
         """Count a failure of this server; log the first of its kind."""
         self.traffic.failures += 1
         *_, (frame, line) = traceback.walk_tb(error.__traceback__)
-        place = f"{Path(frame.f_code.co_filename).name}:{line}"
-        kind = f"{what}: {type(error).__name__} at {place}"
+        location = f"{Path(frame.f_code.co_filename).name}:{line}"
+        kind = f"{what}: {type(error).__name__} at {location}"
         if kind not in self._logged:
             self._logged.add(kind)
             _LOG.error("%s: %s", kind, shown(str(error)))

@@ -32,7 +32,7 @@ from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import Spectra, evaluate, spectra
 from haptic_accel.core.handle.plant import Dynamics
 from haptic_accel.core.model import FloatArray, Vector
-from haptic_accel.core.sampling import LATENCY, NANOSECONDS, IntArray, half_period, places
+from haptic_accel.core.sampling import LATENCY, NANOSECONDS, IntArray, grid_indices, half_period
 from haptic_accel.scope.lowest_error import LowestError
 
 LONGEST_WINDOW = 5.0
@@ -105,9 +105,9 @@ class Ring:
 
     def put(self, stamp: int, value: float) -> None:
         """Add a sample with its stamp in ns."""
-        place = self.count % self._capacity
-        self._stamps[place] = stamp
-        self._values[place] = value
+        index = self.count % self._capacity
+        self._stamps[index] = stamp
+        self._values[index] = value
         self.count += 1
 
     def extend(self, stamps: IntArray, values: FloatArray) -> None:
@@ -454,8 +454,8 @@ def paired(
         return np.zeros(0), np.zeros(0)
     start = int(actual_stamps[0])
     _, first, second = np.intersect1d(
-        places(desired_stamps, start, rate) + shift,
-        places(actual_stamps, start, rate),
+        grid_indices(desired_stamps, start, rate) + shift,
+        grid_indices(actual_stamps, start, rate),
         return_indices=True,
     )
     return desired[first], actual[second]

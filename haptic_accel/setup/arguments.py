@@ -95,29 +95,29 @@ THREE_AXIS_SWEEP = {
 takes (Hz, s)."""
 
 
-def sets(*places: str, **changes: Any) -> Any:
+def sets(*targets: str, **changes: Any) -> Any:
     """Declare an argument by the parameters of nodes that it sets.
 
     Parameters
     ----------
-    places : str
+    targets : str
         Node and dotted parameter name, with a dot between; the argument has default and
-        specification of the first place.
+        specification of the first target.
     changes
         Attributes of the specification that differ.
     """
-    node, _, name = places[0].partition(".")
+    node, _, name = targets[0].partition(".")
     default, specification = node_schema(node)[name]
-    return specified(default, replace(specification, sets=places, **changes))
+    return specified(default, replace(specification, sets=targets, **changes))
 
 
 def everywhere(name: str) -> list[str]:
-    """Return the places of a parameter in all nodes that have it."""
+    """Return the targets of a parameter in all nodes that have it."""
     return [f"{node}.{name}" for node in NODES if name in node_schema(node)]
 
 
 def in_devices(*names: str) -> list[str]:
-    """Return the places of parameters in both device nodes."""
+    """Return the targets of parameters in both device nodes."""
     return [f"{arm}_device.{name}" for arm in ("master", "slave") for name in names]
 
 
@@ -253,11 +253,11 @@ class LaunchArguments(NamespaceArguments):
         namespace = NamespaceArguments(given.get("namespace", "")).namespace
         for path, values in read_parameter_files(given.get("params_file", ""), namespace):
             for name, (default, specification) in schema(cls).items():
-                places = _decisive(default, specification.sets)
-                found = [place for place in places if place[1] in values[place[0]]]
+                targets = _decisive(default, specification.sets)
+                found = [target for target in targets if target[1] in values[target[0]]]
                 for node, key in found[:1]:
-                    place = f"{path}: {key} of {node}"
-                    decided[name] = checked(place, values[node][key], default, specification)
+                    target = f"{path}: {key} of {node}"
+                    decided[name] = checked(target, values[node][key], default, specification)
         return decided | given
 
 
@@ -392,14 +392,14 @@ def _text(value: Any) -> str:
     return short if not isinstance(value, float) or float(short) == value else str(value)
 
 
-def _decisive(default: Any, places: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """Yield node and parameter of the places whose value in a file decides an argument.
+def _decisive(default: Any, targets: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Yield node and parameter of the targets whose value in a file decides an argument.
 
-    A place with another default, such as the latency of the devices for an identification, is set
+    A target with another default, such as the latency of the devices for an identification, is set
     by the argument but does not decide it.
     """
-    for place in places:
-        node, _, name = place.partition(".")
+    for target in targets:
+        node, _, name = target.partition(".")
         if node_schema(node)[name][0] == default:
             yield node, name
 

@@ -295,7 +295,7 @@ def _quoted(values: Any) -> Any:
 
 
 class _Plain(yaml.SafeDumper):
-    """Writes shared values once for each place, because no reader supports aliases."""
+    """Writes shared values once for each use, because no reader supports aliases."""
 
     def ignore_aliases(self, data: Any) -> bool:
         """Return True."""

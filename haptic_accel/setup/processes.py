@@ -250,9 +250,9 @@ def _check_bag(arguments: Arguments) -> None:
     folder = Path(arguments.bag or "bags/new").absolute()
     there = next(each for each in folder.parents if os.path.exists(each))
     # Under a name of its own: a graph that starts at the same time checks the same folder.
-    place = f"bag = '{arguments.bag}'"
+    location = f"bag = '{arguments.bag}'"
     with (
-        located(place, unreadable="must be a folder to make: "),
+        located(location, unreadable="must be a folder to make: "),
         TemporaryDirectory(prefix=".", dir=there) as apart,
     ):
         Path(apart, folder.relative_to(there)).mkdir(parents=True)

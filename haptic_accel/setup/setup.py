@@ -201,8 +201,8 @@ def known_arguments(metadata: Mapping[str, Any]) -> dict[str, Any]:
     values = Parameters.from_metadata(metadata).values
     found: dict[str, Any] = {"surface": values.get("slave_device", {}).get(names.RECORDING)}
     for name, (_, specification) in schema(GraphArguments).items():
-        places = (place.partition(".")[::2] for place in specification.sets)
-        given = (values.get(node, {}).get(key) for node, key in places)
+        targets = (target.partition(".")[::2] for target in specification.sets)
+        given = (values.get(node, {}).get(key) for node, key in targets)
         found.setdefault(name, next((value for value in given if value not in (None, "")), None))
     return {name: value for name, value in found.items() if value not in (None, "")}
 
@@ -214,9 +214,9 @@ def _resolved(arguments: Arguments) -> Values:
     own = [(path, read_parameter_file(path, arguments.namespace)) for path in _files(arguments)]
     given = read_parameter_files(arguments.params_file, arguments.namespace)
     files = [*own, *given]
-    for place, (path, content) in enumerate(files, 1):
+    for index, (path, content) in enumerate(files, 1):
         if path != _defaults_file():
-            _check_given(path, content, set_here, [later for _, later in files[place:]])
+            _check_given(path, content, set_here, [later for _, later in files[index:]])
         for executable in NODES:
             values[executable] |= content[executable]
     for executable, set_values in set_here.items():
@@ -284,19 +284,19 @@ def _set_by(arguments: Arguments) -> Values:
     """Return the parameters that arguments set, by the executables of the graph."""
     own: Values = {node: {} for node in _nodes(arguments)}
 
-    def put(place: str, value: Any) -> None:
-        node, _, parameter = place.partition(".")
+    def put(target: str, value: Any) -> None:
+        node, _, parameter = target.partition(".")
         if node in own:
             own[node][parameter] = value
 
     for name, (default, specification) in schema(type(arguments)).items():
         value = getattr(arguments, name)
         if not (specification.yields and value == default):
-            for place in specification.sets:
-                put(place, _absolute(value) if specification.path else value)
-    for place, value in _derived(arguments).items():
+            for target in specification.sets:
+                put(target, _absolute(value) if specification.path else value)
+    for target, value in _derived(arguments).items():
         if value is not None:
-            put(place, value)
+            put(target, value)
     return own
 
 

@@ -26,7 +26,7 @@ from hypothesis import given
 from fuzzing import fuzz_few
 from guises import BAG_CHANGES, RATE, BagForm, Kind, Made, right_bag, write_form
 from haptic_accel.bags.reading import read_bag
-from haptic_accel.core.sampling import NANOSECONDS, places
+from haptic_accel.core.sampling import NANOSECONDS, grid_indices
 
 
 def content(form: BagForm, folder: Path) -> tuple[object, list[str]]:
@@ -34,7 +34,7 @@ def content(form: BagForm, folder: Path) -> tuple[object, list[str]]:
     bag = read_bag(write_form(form, folder))
     start = min((int(each.stamps[0]) for each in bag.signals.values()), default=0)
     signals = {
-        name: (places(each.stamps, start, RATE).tolist(), each.values.tobytes())
+        name: (grid_indices(each.stamps, start, RATE).tolist(), each.values.tobytes())
         for name, each in bag.signals.items()
     }
     on_time = all((each.received == each.stamps).all() for each in bag.signals.values())

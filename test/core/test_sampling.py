@@ -26,10 +26,10 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import (
     IntArray,
     coupled_stretches,
+    grid_indices,
     half_period,
     missing_samples,
     on_grid,
-    places,
     same_rate,
     sampling_rate,
 )
@@ -49,7 +49,7 @@ def test_what_is_there_keeps_its_place_and_what_is_not_holds(there: set[int], la
     start = 1_700_000_000_000_000_000
     where = np.array(sorted(there))
     stamps = start + where * 1_000_000 + late
-    found = places(stamps, start, 1000.0)
+    found = grid_indices(stamps, start, 1000.0)
     np.testing.assert_array_equal(found, where)
     held, seen = on_grid(found, where.astype(float), 100)
     np.testing.assert_array_equal(np.flatnonzero(seen), where)

@@ -84,5 +84,5 @@ def _coefficients(samples: FloatArray) -> FloatArray:
     if lags[0] <= np.finfo(float).tiny:
         return np.zeros(order)
     lags[0] *= 1 + RIDGE
-    place = np.arange(order)
-    return np.linalg.solve(lags[abs(place[:, None] - place)], lags[1:])
+    index = np.arange(order)
+    return np.linalg.solve(lags[abs(index[:, None] - index)], lags[1:])

@@ -317,7 +317,7 @@ class PairedWindow:
     def _moved(self) -> int:
         """Move the samples still needed to the end; return the index before them."""
         kept = self._length - 1
-        place = len(self._cause) - kept
+        index = len(self._cause) - kept
         for samples in (self._cause, self._effect):
-            samples[place:] = samples[:kept]
-        return place - 1
+            samples[index:] = samples[:kept]
+        return index - 1

@@ -74,7 +74,7 @@ class PositionServo:
             return None
         p = self._parameters
         x, y, z = (
-            p.stiffness * (goal - place) - p.damping * speed
-            for goal, place, speed in zip(self.set_point, position, velocity, strict=True)
+            p.stiffness * (goal - coordinate) - p.damping * speed
+            for goal, coordinate, speed in zip(self.set_point, position, velocity, strict=True)
         )
         return x, y, z

@@ -83,7 +83,7 @@ class BodyParameters(Checked):
 
 @dataclass(frozen=True)
 class CoilMounting(Checked):
-    """Directions and places of the coils on the handle.
+    """Directions and positions of the coils on the handle.
 
     Each coil is tilted from its own axis towards the next one (x, y, z, x), and its line of action
     passes the centre of mass at a distance along the axis after that. The defaults give a
@@ -119,7 +119,7 @@ class CoilMounting(Checked):
         )
 
     @property
-    def places(self) -> FloatArray:
+    def positions(self) -> FloatArray:
         """Points of the lines of action nearest to the centre of mass as columns, m, (3, 3)."""
         offsets = self.offset_x, self.offset_y, self.offset_z
         return np.stack([offset * _AXES[k - 1] for k, offset in enumerate(offsets)], axis=1)
@@ -142,7 +142,7 @@ class SensorMounts:
 
 
 def mass_matrix(handle: HandleParameters, body: BodyParameters, coils: CoilMounting) -> FloatArray:
-    """Return the mass matrix of place, turn and coils, shape (9, 9), in kg, kg m and kg m^2.
+    """Return the mass matrix of position, turn and coils, shape (9, 9), in kg, kg m and kg m^2.
 
     As in eq. (2) of the paper, the mass m_h is that of everything which moves with the handle
     along an axis while one coil moves freely: it contains the two other coils.
@@ -161,11 +161,11 @@ def mass_matrix(handle: HandleParameters, body: BodyParameters, coils: CoilMount
     mass = np.zeros((9, 9))
     mass[PLACE, PLACE] = rigid * np.eye(3)
     mass[TURN, TURN] = handle.m_h * body.gyration_radius**2 * np.eye(3)
-    for coil, (direction, place) in enumerate(
-        zip(coils.directions.T, coils.places.T, strict=True)
+    for coil, (direction, position) in enumerate(
+        zip(coils.directions.T, coils.positions.T, strict=True)
     ):
         moved = np.zeros((3, 9))  # motion of the coil's centre by all coordinates
-        moved[:, PLACE], moved[:, TURN] = np.eye(3), -_cross(place)
+        moved[:, PLACE], moved[:, TURN] = np.eye(3), -_cross(position)
         moved[:, TRAVEL.start + coil] = direction
         mass += handle.m_a * moved.T @ moved
     return mass
@@ -174,7 +174,7 @@ def mass_matrix(handle: HandleParameters, body: BodyParameters, coils: CoilMount
 def stiffness_and_damping(
     handle: HandleParameters, body: BodyParameters
 ) -> tuple[FloatArray, FloatArray]:
-    """Return stiffness and damping of place, turn and coils, each of shape (9,).
+    """Return stiffness and damping of position, turn and coils, each of shape (9,).
 
     Half of the grip acts at each end of its width. Units are N/m and N s/m, and for the turn
     N m/rad and N m s/rad.
@@ -188,7 +188,7 @@ def stiffness_and_damping(
 
 
 def sensed_motion(body: BodyParameters) -> FloatArray:
-    """Return the motion of the accelerometer's place by place, turn and coils, shape (3, 9)."""
+    """Return the motion of the accelerometer's point by position, turn and coils, shape (3, 9)."""
     sensed = np.zeros((3, 9))
     sensed[:, PLACE] = np.eye(3)
     sensed[:, TURN] = -_cross(np.array([body.sensor_x, body.sensor_y, body.sensor_z]))
@@ -208,7 +208,7 @@ def three_axis_mechanics(
     Constants name states and inputs: forces of the coils and between coil and handle, N, those of
     the arm, accelerations of the hand and of gravity, m/s^2. As in eq. (1), a coil's force pushes
     the handle along the coil's direction, and the coil the other way. The acceleration is that of
-    the accelerometer's place along the axes of the handle, after its low-pass.
+    the accelerometer's motion along the axes of the handle, after its low-pass.
 
     Parameters
     ----------
@@ -229,17 +229,17 @@ def three_axis_mechanics(
     stiffness, damping = stiffness_and_damping(handle, body)
     stiffness[PLACE] += coupling
     a[_RATES, _BODY], a[_RATES, _RATES] = -inverse_mass * stiffness, -inverse_mass * damping
-    for axis, place, speed, driven in (
+    for axis, position, speed, driven in (
         (0, HAND_X, HAND_V_X, HAND_A_X),
         (2, HAND_Z, HAND_V_Z, HAND_A_Z),
     ):
-        a[place, speed] = b[speed, driven] = 1.0
-        a[_RATES, place] = handle.k_u * inverse_mass[:, axis]
+        a[position, speed] = b[speed, driven] = 1.0
+        a[_RATES, position] = handle.k_u * inverse_mass[:, axis]
         a[_RATES, speed] = handle.b_u * inverse_mass[:, axis]
     b[_RATES, COILS], b[_RATES, BETWEEN] = -inverse_mass[:, TRAVEL], inverse_mass[:, TRAVEL]
     b[_RATES, ARM] = inverse_mass[:, PLACE]
     b[SPEED.start + 2, FALL] = 1.0
-    # Where the mount is rigid, it moves with its place on the handle.
+    # Where the mount is rigid, it moves with its point on the handle.
     sensed = sensed_motion(body)
     a[BENT, BENDING] = np.eye(3)
     a[BENDING], b[BENDING] = sensed @ a[_RATES], sensed @ b[_RATES]

@@ -415,9 +415,9 @@ class _Problem:
             slope = used.T @ residuals
             newton = -covariance @ slope
             room = max(0.0, most - float(residuals @ residuals) - float(slope @ newton))
-            place = np.count_nonzero(free[:at])  # of the variable among the free ones
-            toward = covariance[place]
-            own = float(toward[place])
+            column = np.count_nonzero(free[:at])  # of the variable among the free ones
+            toward = covariance[column]
+            own = float(toward[column])
             step[:] = 0.0
             step[free] = newton + sign * toward * math.sqrt(room / own)
             outside = (values + step <= low) & (step < 0) | (values + step >= high) & (step > 0)

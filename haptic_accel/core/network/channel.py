@@ -98,12 +98,12 @@ class Channel(Generic[T]):
 
     def send(self, packet: T, now: float) -> None:
         """Send a packet; it may get lost."""
-        lost, twice, *places = self._random.random(4).tolist()
+        lost, twice, *draws = self._random.random(4).tolist()
         p = self.parameters
         if lost < p.loss or any(start <= now < end for start, end in self._blackouts):
             return
-        for place in places[: 1 + (twice < p.duplication)]:
-            arrival = now + max(0.0, p.delay + p.jitter * (2.0 * place - 1.0))
+        for draw in draws[: 1 + (twice < p.duplication)]:
+            arrival = now + max(0.0, p.delay + p.jitter * (2.0 * draw - 1.0))
             heapq.heappush(self._travelling, (arrival, next(self._order), packet))
 
     def arrived(self, now: float) -> list[T]:

@@ -141,7 +141,7 @@ class Playout:
         self._ages: deque[float] = deque(maxlen=math.ceil(ARRIVAL_WINDOW * self._rate))
         self._sorted: list[float] = []
         self._target, self._aimed = -math.inf, 0.0
-        self._place: int | None = None  # in samples / STEPS
+        self._position: int | None = None  # in samples / STEPS
         self._step = 0
         self._taken = 0.0
         self._concealments = [LossConcealment() for _ in self._rest]
@@ -150,9 +150,9 @@ class Playout:
     @property
     def delay(self) -> float:
         """Delay of the playout above the minimum in `ARRIVAL_WINDOW`, s; 0 while waiting."""
-        if self._place is None:
+        if self._position is None:
             return 0.0
-        return self._age(self._place / STEPS, self._taken) - self._sorted[0]
+        return self._age(self._position / STEPS, self._taken) - self._sorted[0]
 
     @property
     def target(self) -> float:
@@ -162,7 +162,7 @@ class Playout:
     @property
     def position(self) -> float:
         """Number of the sample played last, with its fraction; NaN while waiting."""
-        return math.nan if self._place is None else self._place / STEPS
+        return math.nan if self._position is None else self._position / STEPS
 
     def put(
         self, first: int, samples: Sequence[float], now: float, axes: Axes = ACTUATOR_AXES
@@ -190,12 +190,12 @@ class Playout:
         elif newest > self._newest:
             self._stride = min(self._stride, newest - self._newest)
             self._newest = newest
-        due = self._base - 1 if self._place is None else self._place // STEPS
+        due = self._base - 1 if self._position is None else self._position // STEPS
         for number in range(first, newest + 1):
             if number in self._samples or number <= due - self._kept:
                 continue
-            place = (number - first) * size
-            value = tuple(samples[place : place + size])
+            position = (number - first) * size
+            value = tuple(samples[position : position + size])
             if not math.isfinite(sum(value)):
                 continue
             repaired = newest - number >= self._stride
@@ -224,35 +224,35 @@ class Playout:
         self.clear()
 
     def _next(self, now: float) -> _Held:
-        if self._place is None:
-            self._place = (self._newest - 1) * STEPS
+        if self._position is None:
+            self._position = (self._newest - 1) * STEPS
             self._rest = self._samples[max(self._samples)].value
-        if self._place % STEPS == 0:
+        if self._position % STEPS == 0:
             self._choose_pace(now)
-        following = self._place + STEPS + self._step
+        following = self._position + STEPS + self._step
         if following > self._newest * STEPS and self._spare(following, now) < -TOLERANCE:
-            self._place = -(-self._place // STEPS) * STEPS  # and pause, as the delay has to grow
+            self._position = -(-self._position // STEPS) * STEPS  # pause: the delay grows
             return self._concealed()
-        for number in range(self._place // STEPS, following // STEPS):
+        for number in range(self._position // STEPS, following // STEPS):
             self._samples.pop(number - self._kept, None)
-        self._place = following
+        self._position = following
         return self._received(*divmod(following, STEPS)) or self._concealed()
 
     def _choose_pace(self, now: float) -> None:
         """Choose whether the delay grows or shrinks by a sample; skip missed ticks."""
-        assert self._place is not None
-        spare = self._spare(self._place + STEPS, now)
+        assert self._position is not None
+        spare = self._spare(self._position + STEPS, now)
         if spare > MISSED * self._rate:
-            self._place += int(spare) * STEPS
+            self._position += int(spare) * STEPS
             spare %= 1.0
         self._step = -1 if spare < -TOLERANCE else 1 if spare > 1.0 + SLACK else 0
 
-    def _spare(self, place: int, now: float) -> float:
-        """Return the time since a place was due, in samples."""
-        return (self._age(place / STEPS, now) - self._target) * self._rate
+    def _spare(self, position: int, now: float) -> float:
+        """Return the time since a position was due, in samples."""
+        return (self._age(position / STEPS, now) - self._target) * self._rate
 
     def _received(self, number: int, part: int) -> _Held | None:
-        """Return the received value at a place, interpolated between two samples where needed."""
+        """Return the received value at a position, interpolated between samples."""
         one = self._samples.get(number)
         if one is not None and part:
             two = self._samples.get(number + 1)

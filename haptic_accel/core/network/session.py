@@ -212,9 +212,9 @@ class Session:
         self._came_in_vain(now)
         if self.own != own:
             return Admission.REFUSED
-        place = 1 << behind if 0 <= behind < DUPLICATE_WINDOW else 0
-        if place and not self._seen & place:
-            self._seen |= place
+        bit = 1 << behind if 0 <= behind < DUPLICATE_WINDOW else 0
+        if bit and not self._seen & bit:
+            self._seen |= bit
             self.out_of_order += 1
             self.lost -= 1
             return Admission.OVERTAKEN

@@ -73,9 +73,9 @@ class Exploration:
 
     def at(self, time: float) -> tuple[float, float, float, float]:
         """Return x, z in m and their velocities in m/s at a time in s; at rest before 0."""
-        place = max(0.0, time / TABLE_STEP) % self._last
-        index = int(place)
-        part = place - index
+        position = max(0.0, time / TABLE_STEP) % self._last
+        index = int(position)
+        part = position - index
         x, z, v_x, v_z = self._table[index]
         _, _, next_x, next_z = self._table[index + 1]
         dv_x, dv_z = (next_x - v_x) * part, (next_z - v_z) * part

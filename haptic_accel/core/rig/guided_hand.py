@@ -70,8 +70,8 @@ class GuidedHand:
         if math.isfinite(x) and math.isfinite(z):
             passed = max(STEP, self._time - self._pointed)
             self._pointed = self._time
-            for axis, place in zip(self._axes, (x, z), strict=True):
-                axis.expect(place, passed)
+            for axis, coordinate in zip(self._axes, (x, z), strict=True):
+                axis.expect(coordinate, passed)
 
     def at(self, time: float) -> tuple[float, float, float, float]:
         """Return x, z in m and their velocities in m/s at a time in s, as for `Exploration`.
@@ -95,19 +95,19 @@ class GuidedHand:
 class _Axis:
     """One axis of the hand."""
 
-    def __init__(self, place: float, low: float, high: float) -> None:
+    def __init__(self, coordinate: float, low: float, high: float) -> None:
         self._low, self._high = low, high
-        self.position, self.velocity = place, 0.0
-        self._goal, self._pace = place, 0.0
-        self._lags = [place, place]
+        self.position, self.velocity = coordinate, 0.0
+        self._goal, self._pace = coordinate, 0.0
+        self._lags = [coordinate, coordinate]
 
-    def expect(self, place: float, passed: float) -> None:
+    def expect(self, coordinate: float, passed: float) -> None:
         """Correct goal and velocity by a point, a time in s after the previous one."""
         if passed > EXPECTED:  # the point was released meanwhile
             passed, self._pace = EXPECTED, 0.0
-        place = min(self._high, max(self._low, place))
+        coordinate = min(self._high, max(self._low, coordinate))
         farthest = SPEED * passed
-        deviation = min(farthest, max(-farthest, place - self._goal))
+        deviation = min(farthest, max(-farthest, coordinate - self._goal))
         self._goal += CORRECTION * deviation
         pace = self._pace + ACCELERATION * deviation / passed
         self._pace = min(SPEED, max(-SPEED, pace))
@@ -117,8 +117,8 @@ class _Axis:
         if going_on:
             self._goal = min(self._high, max(self._low, self._goal + self._pace * step))
         ahead = self._goal
-        for place, lagging in enumerate(self._lags):
-            ahead = self._lags[place] = lagging + (ahead - lagging) * step / LAG
+        for stage, lagging in enumerate(self._lags):
+            ahead = self._lags[stage] = lagging + (ahead - lagging) * step / LAG
         # The last two lags as a second-order system, with constant acceleration over the step.
         acceleration = ((ahead - self.position) / LAG - 2 * self.velocity) / LAG
         self.position += (self.velocity + acceleration * step / 2) * step

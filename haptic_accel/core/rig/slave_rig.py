@@ -363,11 +363,11 @@ def tip_law(tool: ToolParameters, surface: SurfaceParameters, seed: int) -> Call
             force_x = motor_x - joints * v_x
             force_z = motor_z - joints * v_z
             # The height is linear between points of the profile.
-            place = x / spacing
-            left = floor(place)
+            position = x / spacing
+            left = floor(position)
             index = left % points
             rise = rises[index]
-            penetration = heights[index] + rise * (place - left) - z
+            penetration = heights[index] + rise * (position - left) - z
             normal = 0.0
             if penetration > 0:
                 slope = rise / spacing

@@ -238,9 +238,9 @@ class ThreeAxisRig(HeldRig):
 
     def _hand_coordinates(self) -> FloatArray:
         """Return the coordinates of the handle at which no spring is stretched."""
-        state, place = self._system.state, np.zeros(9)
-        place[0], place[2] = state[HAND_X], state[HAND_Z]
-        return place
+        state, displacement = self._system.state, np.zeros(9)
+        displacement[0], displacement[2] = state[HAND_X], state[HAND_Z]
+        return displacement
 
     def _pull(self, x: float, y: float, z: float) -> bool:
         self._system.inputs[ARM] = x, y, z

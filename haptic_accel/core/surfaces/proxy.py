@@ -52,10 +52,10 @@ class LocalPlane(NamedTuple):
     normal: Vector
     offset: float
 
-    def height(self, place: Vector) -> float:
+    def height(self, position: Vector) -> float:
         """Return the height of a position above the plane, m."""
         n_x, n_y, n_z = self.normal
-        return n_x * place[0] + n_y * place[1] + n_z * place[2] - self.offset
+        return n_x * position[0] + n_y * position[1] + n_z * position[2] - self.offset
 
 
 class Proxy:
@@ -68,13 +68,13 @@ class Proxy:
     Parameters
     ----------
     scene : Scene
-    place : tuple of float
+    position : tuple of float
         Initial position, m; inside an object, the proxy leaves it at the nearest side.
     """
 
-    def __init__(self, scene: Scene, place: Vector) -> None:
+    def __init__(self, scene: Scene, position: Vector) -> None:
         self._objects = scene.objects
-        self.place = place
+        self.position = position
         # Travelled distance at which each object's distance is due for recomputation, since the
         # proxy may then have reached it. Few objects are thus computed.
         self._travelled = 0.0
@@ -93,14 +93,14 @@ class Proxy:
         near: list[tuple[LocalPlane, float]] = []
         short = _ARRIVED
         for _ in range(STEPS):
-            x, y, z = self.place
-            way = math.dist(self.place, tool)
+            x, y, z = self.position
+            way = math.dist(self.position, tool)
             near, clearance = self._near(x, y, z, way + margin)
             goal = _nearest_outside(tool, [plane for plane, _ in near]) if near else tool
             d_x, d_y, d_z = step = goal[0] - x, goal[1] - y, goal[2] - z
             length = math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z)
             share = min(_allowed(step, near), clearance / length) if length else 0.0
-            self.place = (x + share * d_x, y + share * d_y, z + share * d_z)
+            self.position = (x + share * d_x, y + share * d_y, z + share * d_z)
             self._travelled += share * length
             if not near or length < short:
                 break
@@ -186,9 +186,9 @@ def _nearest_outside(tool: Vector, planes: list[LocalPlane]) -> Vector:
     return x, y, z
 
 
-def _deepest(place: Vector, planes: list[LocalPlane]) -> tuple[float, Vector]:
+def _deepest(position: Vector, planes: list[LocalPlane]) -> tuple[float, Vector]:
     """Return the depth of a position below the plane furthest above it, and its normal."""
-    x, y, z = place
+    x, y, z = position
     most, found = -math.inf, ZERO
     for _, normal, offset in planes:
         gap = offset + SKIN - (normal[0] * x + normal[1] * y + normal[2] * z)

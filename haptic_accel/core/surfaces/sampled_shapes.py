@@ -89,8 +89,8 @@ class HeightField:
 
     def distances(self, points: FloatArray) -> FloatArray:
         """Return the signed distances of points of shape (n, 3), m."""
-        places = (points[:, :2] - self._corner) / self.spacing
-        return (points[:, 2] - _interpolated(self.heights, places)) * self._scale
+        positions = (points[:, :2] - self._corner) / self.spacing
+        return (points[:, 2] - _interpolated(self.heights, positions)) * self._scale
 
     def _cell(self, x: float, y: float) -> tuple[Sequence[float], Sequence[float], float, float]:
         """Return the heights of a position's cell, two by two along x and y, and the weights."""
@@ -167,10 +167,10 @@ class DistanceGrid:
 
     def distances(self, points: FloatArray) -> FloatArray:
         """Return the signed distances of points of shape (n, 3), m."""
-        places = (points - self.corner) / self.spacing
+        positions = (points - self.corner) / self.spacing
         last = np.array(self.grid.shape) - 1
-        outside = np.linalg.norm(places - places.clip(0, last), axis=1) * self.spacing
-        values = _interpolated(self.grid, places) * self._scale
+        outside = np.linalg.norm(positions - positions.clip(0, last), axis=1) * self.spacing
+        values = _interpolated(self.grid, positions) * self._scale
         return np.where(outside > 0, np.hypot(values, outside), values)
 
     def _look(self, x: float, y: float, z: float) -> tuple[float, Vector, Vector]:
@@ -222,23 +222,23 @@ def _largest_of_cells(values: FloatArray, besides: int = -1) -> FloatArray:
     return values
 
 
-def _interval(place: float, samples: int) -> tuple[int, float]:
+def _interval(position: float, samples: int) -> tuple[int, float]:
     """Return the index of the sample before a position, in units of the spacing, and weight."""
-    if place <= 0:
+    if position <= 0:
         return 0, 0.0
-    if place >= samples - 1:
+    if position >= samples - 1:
         return samples - 2, 1.0
-    before = int(place)
-    return before, place - before
+    before = int(position)
+    return before, position - before
 
 
-def _interpolated(samples: FloatArray, places: FloatArray) -> FloatArray:
+def _interpolated(samples: FloatArray, positions: FloatArray) -> FloatArray:
     """Return interpolated values at positions of shape (n, axes) in units of the spacing."""
     last = np.array(samples.shape) - 1
-    places = places.clip(0, last)
-    before = np.minimum(places.astype(int), last - 1)
-    shares = places - before
-    found = np.zeros(len(places))
+    positions = positions.clip(0, last)
+    before = np.minimum(positions.astype(int), last - 1)
+    shares = positions - before
+    found = np.zeros(len(positions))
     for corner in itertools.product((0, 1), repeat=samples.ndim):
         weight = np.where(corner, shares, 1 - shares).prod(axis=1)
         found += weight * samples[tuple((before + corner).T)]

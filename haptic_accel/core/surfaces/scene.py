@@ -133,12 +133,12 @@ class Scene:
             ),
         )
 
-    def first_hit(self, place: Vector, direction: Vector, way: float) -> tuple[int, float]:
+    def first_hit(self, point: Vector, direction: Vector, way: float) -> tuple[int, float]:
         """Return the first object hit by a ray of limited length, and the distance to it.
 
         Parameters
         ----------
-        place : tuple of float
+        point : tuple of float
             m.
         direction : tuple of float
             Unit vector.
@@ -152,7 +152,7 @@ class Scene:
         way : float
             m.
         """
-        (x, y, z), (d_x, d_y, d_z) = place, direction
+        (x, y, z), (d_x, d_y, d_z) = point, direction
         gone = 0.0
         for _ in range(MOST_STEPS):
             at = (x + gone * d_x, y + gone * d_y, z + gone * d_z)
@@ -185,10 +185,10 @@ class Scene:
         from contourpy import contour_generator  # part of matplotlib; for drawing only
 
         across, up = np.linspace(*x, SECTION_POINTS), np.linspace(*z, SECTION_POINTS)
-        places = np.stack(np.broadcast_arrays(across, y, up[:, np.newaxis]), axis=-1)
+        points = np.stack(np.broadcast_arrays(across, y, up[:, np.newaxis]), axis=-1)
         found = {}
         for each in self.objects:
-            distances = each.distances(places.reshape(-1, 3)).reshape(len(up), len(across))
+            distances = each.distances(points.reshape(-1, 3)).reshape(len(up), len(across))
             lines = contour_generator(across, up, distances).lines(0.0)
             if lines:
                 found[each.name] = [np.asarray(line) for line in lines]

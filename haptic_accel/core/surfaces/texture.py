@@ -251,7 +251,7 @@ class TextureModel:
         return self._plane.triangles
 
     def locate(self, speeds: FloatArray, forces: FloatArray) -> Places:
-        """Return the places of speeds in m/s and forces in N, or the nearest ones in the hull."""
+        """Return the positions of speeds, m/s, and forces, N, or the nearest ones in the hull."""
         return self._plane.locate(np.column_stack([speeds, forces]))
 
     def spectrum(self, speed: float, force: float, frequency: FloatArray) -> FloatArray:
@@ -264,11 +264,11 @@ class TextureModel:
         frequency : ndarray
             Up to half the rate, Hz.
         """
-        places = self.locate(np.array([speed]), np.array([force]))
-        lsf, ma_lsf = places.interpolate(self.lsf), places.interpolate(self.ma_lsf)
+        positions = self.locate(np.array([speed]), np.array([force]))
+        lsf, ma_lsf = positions.interpolate(self.lsf), positions.interpolate(self.ma_lsf)
         gain = power_gain(*map(to_polynomial, (ma_lsf, lsf)))
         return np.asarray(
-            places.interpolate(self.rms) ** 2 / gain * self._shapes(lsf, ma_lsf, frequency)[0]
+            positions.interpolate(self.rms) ** 2 / gain * self._shapes(lsf, ma_lsf, frequency)[0]
         )
 
     def _shapes(self, lsf: FloatArray, ma_lsf: FloatArray, frequency: FloatArray) -> FloatArray:
@@ -322,16 +322,16 @@ class _Cells:
     def __init__(self, model: TextureModel) -> None:
         steps = np.linspace(0.0, 1.0, CELLS + 1)
         speeds, forces = np.meshgrid(steps * model.speeds.max(), steps * model.forces.max())
-        places = model.locate(speeds.ravel(), forces.ravel())
-        forward = to_polynomial(places.interpolate(model.ma_lsf))
-        feedback = to_polynomial(places.interpolate(model.lsf))
+        positions = model.locate(speeds.ravel(), forces.ravel())
+        forward = to_polynomial(positions.interpolate(model.ma_lsf))
+        feedback = to_polynomial(positions.interpolate(model.lsf))
         self.forward, self.feedback = forward[:, 1:], feedback[:, 1:]
         # Interpolate the acceleration's RMS, not the innovation's. Between nodes with different
         # spectra, peaks are wider than at either, and the same innovation gives less acceleration.
         # Nor its power: vibration grows in proportion to speed or faster, so that a line in power
         # from rest to the slowest node is too loud in between, by 41 % in the middle.
-        corners = model.rms[places.corners] / np.sqrt(power_gain(forward, feedback))[:, None]
-        self.deviation = np.einsum("mi,mij->mj", corners, places.affine)
+        corners = model.rms[positions.corners] / np.sqrt(power_gain(forward, feedback))[:, None]
+        self.deviation = np.einsum("mi,mij->mj", corners, positions.affine)
         self.largest = corners.max(axis=1)
 
 

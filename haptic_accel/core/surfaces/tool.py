@@ -144,7 +144,7 @@ class VirtualTool:
         material = self.scene.objects[number].material
         depth = pressed.force() / material.stiffness if pressed else -SKIN
         self._meet(self.scene.moved(added(ZERO, up, way - FAR + depth)))
-        self._proxy.place = added(self.position, up, depth + SKIN)
+        self._proxy.position = added(self.position, up, depth + SKIN)
         if pressed:
             self._near = [self._touches[number]]
             self._near[0].take_over(pressed)
@@ -357,13 +357,13 @@ class Touch:
         self.bristle = (softer * x, softer * y, softer * z)
         self.sliding, self._pressed = other.sliding, True
 
-    def lay(self, plane: LocalPlane, place: Vector, spare: float) -> float:
+    def lay(self, plane: LocalPlane, point: Vector, spare: float) -> float:
         """Set the plane of the surface for the next period, with the tool at a position.
 
         Parameters
         ----------
         plane : LocalPlane
-        place : tuple of float
+        point : tuple of float
             Position of the tool, m.
         spare : float
             Energy that the spring may gain from the new plane, J. If it would gain more, for
@@ -380,7 +380,7 @@ class Touch:
         outwards = along(self.normal, self.bristle)
         self.bristle = (b_x - outwards * n_x, b_y - outwards * n_y, b_z - outwards * n_z)
         self._offset = plane.offset
-        depth, before = max(0.0, -plane.height(place)), self.depth
+        depth, before = max(0.0, -plane.height(point)), self.depth
         won = self._stiffness / 2 * (depth * depth - before * before)
         if won > spare:
             permitted = math.sqrt(max(0.0, before * before + 2 * spare / self._stiffness))
@@ -392,13 +392,13 @@ class Touch:
         self._rest_given = -self.energy() - self._spring_given
         return won
 
-    def settle(self, place: Vector) -> float:
+    def settle(self, point: Vector) -> float:
         """Return the energy in J generated since the plane was set, with the tool at a position.
 
         This is the error of the integration. Damper and friction count only if they generate.
         """
         n_x, n_y, n_z = self.normal
-        self.depth = self._offset - n_x * place[0] - n_y * place[1] - n_z * place[2]
+        self.depth = self._offset - n_x * point[0] - n_y * point[1] - n_z * point[2]
         if self.depth <= 0:
             self.end()
         spring = self._spring_energy()
@@ -407,12 +407,12 @@ class Touch:
     def _spring_energy(self) -> float:
         return self._stiffness / 2 * self.depth**2
 
-    def push(self, place: Vector, came: Vector, velocity: Vector, step: float) -> Vector:
+    def push(self, point: Vector, came: Vector, velocity: Vector, step: float) -> Vector:
         """Return the tool's velocity after a step, given the position at its middle.
 
         Parameters
         ----------
-        place : tuple of float
+        point : tuple of float
             Position, m.
         came : tuple of float
             Velocity of the tool before the step, m/s.
@@ -423,7 +423,7 @@ class Touch:
         """
         (n_x, n_y, n_z), mass = self.normal, self._mass
         v_x, v_y, v_z = velocity
-        depth = self._offset - n_x * place[0] - n_y * place[1] - n_z * place[2]
+        depth = self._offset - n_x * point[0] - n_y * point[1] - n_z * point[2]
         if depth <= 0:
             if self._pressed:
                 self.end()
@@ -517,9 +517,9 @@ def along(direction: Vector, vector: Vector) -> float:
     return direction[0] * vector[0] + direction[1] * vector[1] + direction[2] * vector[2]
 
 
-def added(place: Vector, direction: Vector, way: float) -> Vector:
+def added(point: Vector, direction: Vector, way: float) -> Vector:
     """Return a vector plus a multiple of another, such as the position at a distance in m."""
-    x, y, z = (at + way * part for at, part in zip(place, direction, strict=True))
+    x, y, z = (at + way * part for at, part in zip(point, direction, strict=True))
     return x, y, z
 
 

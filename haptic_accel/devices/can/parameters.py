@@ -253,7 +253,7 @@ class CanParameters(Checked):
         """Joints of these kinematics, by name."""
         joints = self.joint1, self.joint2, self.joint3
         count = 1 + KINEMATICS.index(self.kinematics)
-        return {f"joint{place + 1}": joints[place] for place in range(count)}
+        return {f"joint{number + 1}": joints[number] for number in range(count)}
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -306,7 +306,7 @@ def error_names(error: int, firmware: str) -> str:
         A key of `ERRORS`.
     """
     known = ERRORS[firmware]
-    bits = [1 << place for place in range(32) if error >> place & 1]
+    bits = [1 << index for index in range(32) if error >> index & 1]
     return ", ".join(known.get(bit, f"unknown error 0x{bit:x}") for bit in bits)
 
 

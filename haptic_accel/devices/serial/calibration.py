@@ -160,7 +160,7 @@ def rest(counts: FloatArray, nominal_gain: float) -> Rest:
 
 
 def vertical(up: FloatArray, down: FloatArray) -> int:
-    """Return the place of the axis that was turned over, the one whose mean differs most.
+    """Return the index of the axis that was turned over, the one whose mean differs most.
 
     Parameters
     ----------

@@ -340,8 +340,8 @@ class Sensor:
     def accelerations(self, counts: Sequence[int], nominal_gain: float) -> list[Vector]:
         """Return the accelerations of samples, counts by sample, then by axis."""
         columns = [
-            [(gain or nominal_gain) * (each - offset) for each in counts[place :: len(self.names)]]
-            for place, (gain, offset) in enumerate(zip(self._gains, self._offsets, strict=True))
+            [(gain or nominal_gain) * (each - offset) for each in counts[index :: len(self.names)]]
+            for index, (gain, offset) in enumerate(zip(self._gains, self._offsets, strict=True))
         ]
         vectors = [self._own.vector(each) for each in zip(*columns, strict=True)]
         if not self._mounting:

@@ -410,7 +410,7 @@ class BoardLink(Connection):
         self._next_index = index + samples.number
         self._clock.add(self._last_clock, arrival)
         first = self._clock.time(self._last_clock) + self._lead
-        self._take([first + place / wanted.rate for place in range(samples.number)], samples)
+        self._take([first + index / wanted.rate for index in range(samples.number)], samples)
         if self._clock.known:
             self._align(first, arrival)
 

@@ -435,8 +435,8 @@ class BringUp:
             self._person.show(board)
             gain = board.identity.nominal_gain
             for pose in ("upwards", "downwards"):
-                place = f"with the coil's axis {pose}, firm and still"
-                self._goes_on(f"hold the {HELD[side]} {place}, then press Enter")
+                pose_text = f"with the coil's axis {pose}, firm and still"
+                self._goes_on(f"hold the {HELD[side]} {pose_text}, then press Enter")
                 poses.append(board.collect(POSE))
             number = board.identity.serial_number
         axis = vertical(*poses)

@@ -209,8 +209,8 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
         b"m": lambda: print(f"current {_currents(boards[0], devices[MASTER])} A", flush=True),
     }
     poses = itertools.product(NAMES, (GRAVITY, -GRAVITY))
-    for place, (name, gravity) in enumerate(poses, start=1):
-        keys[b"%d" % place] = partial(held.tilt, Axes((name,)).vector([gravity]))
+    for index, (name, gravity) in enumerate(poses, start=1):
+        keys[b"%d" % index] = partial(held.tilt, Axes((name,)).vector([gravity]))
     with on_keys(keys) as read:
         if read:
             print(f"keys: {KEYS}", flush=True)
@@ -241,9 +241,9 @@ def emulate_can(arguments: EmulateCanArguments) -> None:
             _simulated(rig, side, rate, arguments.seed),
             rate=rate,
             watchdog=WATCHDOG,
-            seed=arguments.seed + place,
+            seed=arguments.seed + index,
         )
-        for place, side in enumerate(SIDES)
+        for index, side in enumerate(SIDES)
     }
     if arguments.interface:
         configuration = bus_configuration(parameters[MASTER])
@@ -411,7 +411,7 @@ def _driver_parameters(arguments: EmulateCanArguments, side: str, folder: Path) 
         return {"interface": "slcan", **channel, **shared}
     # Both are on one bus: the slave's nodes follow the master's.
     first = 0 if side == MASTER else len(KINEMATICS)
-    nodes = {f"joint{place + 1}.node_id": first + place for place in range(len(KINEMATICS))}
+    nodes = {f"joint{index + 1}.node_id": first + index for index in range(len(KINEMATICS))}
     return {"interface": arguments.interface, "channel": arguments.channel, **shared, **nodes}
 
 

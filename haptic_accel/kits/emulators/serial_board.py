@@ -278,10 +278,10 @@ class Board:
         elif len(self._scheduled) == ROOM:
             self._overflowed += 1
         else:
-            place = len(self._scheduled)
-            while place and difference(self._scheduled[place - 1].due, set_point.due) > 0:
-                place -= 1
-            self._scheduled.insert(place, set_point)
+            index = len(self._scheduled)
+            while index and difference(self._scheduled[index - 1].due, set_point.due) > 0:
+                index -= 1
+            self._scheduled.insert(index, set_point)
 
     def _apply(self, set_point: SetCurrent | ScheduleCurrent) -> None:
         self.currents = tuple(max(-protocol.FULL_SCALE, counts) for counts in set_point.counts)

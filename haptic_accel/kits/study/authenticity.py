@@ -76,7 +76,7 @@ def noted(head: str) -> str:
     >>> noted("0123456789abcdef0123456789abcdef")
     '0123 4567 89ab cdef'
     """
-    return " ".join(head[place : place + GROUP] for place in range(0, NOTED_DIGITS, GROUP))
+    return " ".join(head[index : index + GROUP] for index in range(0, NOTED_DIGITS, GROUP))
 
 
 def head_entry(chain: Chain) -> Entry:

@@ -74,8 +74,8 @@ def study_argument(verb: F) -> F:
     def with_study(*given: Any, study: Path, **settings: Any) -> Any:
         return verb(*given, study=Study(study), **settings)
 
-    place = click.argument("study", metavar="[STUDY]", type=FILE, default=".")
-    return cast("F", place(with_study))
+    argument = click.argument("study", metavar="[STUDY]", type=FILE, default=".")
+    return cast("F", argument(with_study))
 
 
 participant_option = click.option(
@@ -498,7 +498,7 @@ def _ended(study: Study, log: Log, begun: SessionRecord, port: int, *, opened: b
     texts = read_texts(protocol.language, study.folder)
     plan = Plan(protocol, begun.seed, begun.row)
     page: ParticipantPage
-    rig = LiveRig(protocol, study.place(begun.participant))
+    rig = LiveRig(protocol, study.participant_folder(begun.participant))
 
     def stop_at_once() -> None:
         rig.stop()

@@ -154,8 +154,8 @@ def check_blanks(protocol: Protocol) -> None:
         With the line of the text, and all its blanks.
     """
     file = _document(protocol)
-    for place, name in (*(((), text) for text in TEXTS), (("consent",), "text")):
-        section = file.at(*place)
+    for location, name in (*(((), text) for text in TEXTS), (("consent",), "text")):
+        section = file.at(*location)
         if blanks := BLANK.findall(section.at(name).text()):
             told = "; ".join(" ".join(each.split()) for each in blanks)
             section.refuse(f"{name}: must have its {len(blanks)} blanks filled in: {told}", name)

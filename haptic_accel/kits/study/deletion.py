@@ -105,8 +105,8 @@ def _linked_bags(link: Path) -> Iterator[Path]:
         return
     target = link.resolve()
     for other in link.parent.parent.glob(f"*/{BAGS}"):
-        place = other.resolve()
-        if other != link and (target in (place, *place.parents) or place in target.parents):
+        folder = other.resolve()
+        if other != link and (target in (folder, *folder.parents) or folder in target.parents):
             raise ParameterError(
                 f"{link}: leads to {target}, as {other} does: must be a folder of its own, as it"
                 " is not known whose bags are there"

@@ -153,7 +153,7 @@ class Study:
         """False once the study is unblinded."""
         return all(entry["kind"] != UNBLINDING for entry in self.journal)
 
-    def place(self, participant: str) -> Path:
+    def participant_folder(self, participant: str) -> Path:
         """Return the folder of a participant, who need not exist.
 
         Raises
@@ -191,7 +191,7 @@ class Study:
             The participant has begun already, or the study has simulated observers and this is
             none, or the reverse.
         """
-        folder, protocol = self.place(participant), self.protocol
+        folder, protocol = self.participant_folder(participant), self.protocol
         (self.folder / PARTICIPANTS).mkdir(mode=0o700, exist_ok=True)
         with self._open_journal() as journal:  # one at a time, as rows must differ
             others = self.sessions
@@ -290,7 +290,7 @@ class Study:
         ParameterError
             As for `deletion`, or the session is running.
         """
-        deletion, file = self.deletion(participant), self.place(participant) / LOG
+        deletion, file = self.deletion(participant), self.participant_folder(participant) / LOG
         # The log need not be readable.
         with io.FileIO(file) as held, self._open_journal() as journal:
             lock(held, file)
@@ -299,7 +299,7 @@ class Study:
             journal.add(DELETION, session=session)
 
     def _existing(self, participant: str) -> Path:
-        folder = self.place(participant)
+        folder = self.participant_folder(participant)
         if not (folder / LOG).is_file():
             logs = folder.parent.glob(f"*/{LOG}")
             known = ", ".join(sorted(each.parent.name for each in logs)) or "none"

@@ -51,7 +51,7 @@ def williams(count: int) -> list[list[int]]:
     >>> williams(4)
     [[0, 3, 1, 2], [1, 0, 2, 3], [2, 1, 3, 0], [3, 2, 0, 1]]
     """
-    first = [(place + 1) // 2 * (-1) ** place % count for place in range(count)]
+    first = [(index + 1) // 2 * (-1) ** index % count for index in range(count)]
     rows = [[(number + row) % count for number in first] for row in range(count)]
     mirrored = count % 2 and count > 1
     return rows + [row[::-1] for row in rows] if mirrored else rows
@@ -79,27 +79,27 @@ def ordered(protocol: Protocol, row: int, generator: np.random.Generator) -> Slo
     square = williams(len(groups))
     if protocol.order.kind == "williams":
         turns = [square[(row + turn) % len(square)] for turn in range(repeats)]
-        return [(place, block) for block, turn in enumerate(turns) for place in turn]
+        return [(index, block) for block, turn in enumerate(turns) for index in turn]
     return [
-        (int(place), block)
+        (int(index), block)
         for block, group in enumerate(square[row % len(square)])
-        for place in generator.permutation(np.repeat(groups[group], repeats))
+        for index in generator.permutation(np.repeat(groups[group], repeats))
     ]
 
 
 def _groups(protocol: Protocol) -> list[list[int]]:
-    """Return the places of the items in groups, which a Williams square puts in order."""
+    """Return the indices of the items in groups, which a Williams square puts in order."""
     groups: dict[Value, list[int]] = {}
-    for place, item in enumerate(TASKS[protocol.task].items(protocol)):
+    for index, item in enumerate(TASKS[protocol.task].items(protocol)):
         condition = item.comparison if isinstance(item, Pair) else item
-        key = _KEYS[protocol.order.kind](protocol, condition, place)
-        groups.setdefault(key, []).append(place)
+        key = _KEYS[protocol.order.kind](protocol, condition, index)
+        groups.setdefault(key, []).append(index)
     return list(groups.values())
 
 
 _KEYS: Mapping[str, Callable[[Protocol, Condition, int], Value]] = {
-    "random": lambda protocol, condition, place: 0,
-    "blocked": lambda protocol, condition, place: condition[protocol.order.block_by],
-    "williams": lambda protocol, condition, place: place,
+    "random": lambda protocol, condition, index: 0,
+    "blocked": lambda protocol, condition, index: condition[protocol.order.block_by],
+    "williams": lambda protocol, condition, index: index,
 }
 """Common property of the members of a group: nothing, a value, or their place."""

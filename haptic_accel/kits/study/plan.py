@@ -79,7 +79,7 @@ class Plan:
         catch = (self._method.trials - 1) // extras.catch_every if extras.catch_every else 0
         self.trials = extras.practice + self._method.trials + catch
         items = self._certain or self._task.items(protocol)
-        self._practice = [items[place] for place in generator.permutation(len(items))]
+        self._practice = [items[index] for index in generator.permutation(len(items))]
         self._finished: Counter[str] = Counter()
         self.attempt = 0
         self._planned = self._plan()

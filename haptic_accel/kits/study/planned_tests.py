@@ -79,8 +79,8 @@ def counted(protocol: Protocol, sessions: Sequence[SessionRecord]) -> list[Count
             condition = _condition(protocol, items[name], record.trial.level)
             answer = record.answer.value if record.answer else ""
             found.append(CountedTrial(session.participant, name, condition, record, answer))
-    places = {name: place for place, name in enumerate(items)}
-    return sorted(found, key=lambda each: places[each.family])
+    indices = {name: index for index, name in enumerate(items)}
+    return sorted(found, key=lambda each: indices[each.family])
 
 
 def _condition(protocol: Protocol, item: Item, level: float | None) -> Condition:

@@ -45,7 +45,7 @@ class Choice:
     ----------
     item : Pair or Condition
     order : int
-        Order of the stimuli: place in `Task.orders`.
+        Order of the stimuli: index in `Task.orders`.
     track : str
         Track of a staircase, or the pair or condition, under which trials are analysed together.
     block : int
@@ -136,8 +136,8 @@ class Constant:
         slots = ordered(protocol, row, generator)
         decks = [_deck(len(task.orders), protocol.procedure.repeats, generator) for _ in items]
         self._choices = [
-            Choice(items[place], decks[place].pop(), family(items[place]), block)
-            for place, block in slots
+            Choice(items[index], decks[index].pop(), family(items[index]), block)
+            for index, block in slots
         ]
         self.trials = len(self._choices)
         self._done = 0
@@ -300,7 +300,7 @@ class QuestPlus:
         """Go on after a trial; None if it was left out."""
         self._done += 1
         if correct is not None:
-            self._log_likelihood += np.log(self._probabilities[int(correct), self._place])
+            self._log_likelihood += np.log(self._probabilities[int(correct), self._index])
             self._choose()
 
     def _choose(self) -> None:
@@ -309,8 +309,8 @@ class QuestPlus:
         # The entropy of the parameters falls by the information of the answer about them.
         information = entr(self._probabilities @ posterior).sum(0) - self._entropies @ posterior
         # Rounded, so that another order of summation on another machine chooses the same.
-        self._place = int(np.argmax(np.round(information, 9)))
-        self.distance = float(self._distances[self._place])
+        self._index = int(np.argmax(np.round(information, 9)))
+        self.distance = float(self._distances[self._index])
 
 
 GRID = 31

@@ -334,8 +334,8 @@ def _check_design(file: Document, protocol: Protocol) -> None:
     try:
         Plan(protocol, seed=0, row=0)
     except ParameterError as error:
-        place, _, problem = str(error).partition(" = ")
-        section, _, name = place.rpartition(".")
+        location, _, problem = str(error).partition(" = ")
+        section, _, name = location.rpartition(".")
         (file.get(section, {}) if section else file).refuse(f"{name} = {problem}", name)
     participants, balanced = protocol.rules.participants, rows(protocol)
     if participants % balanced:

@@ -149,11 +149,11 @@ def _plain(row: Row) -> Row:
 def planned_results(planned: Sequence[PlannedResult]) -> Iterator[Result]:
     """Yield the results of planned tests: those of one measure against one number together."""
     groups = groupby(planned, lambda each: (each.measured, each.against))
-    for place, ((measured, against), group) in enumerate(groups, 1):
+    for number, ((measured, against), group) in enumerate(groups, 1):
         own = list(group)
         strips = {each.test.name: Strip(each.values.values(), each.mean) for each in own}
         yield Result(
-            f"planned_{place}",
+            f"planned_{number}",
             f"Tests of {measured}",
             "Student's t-test of the mean of the participants (p); Wilcoxon's signed ranks and"
             " flipped signs show whether its result hangs on a normal distribution. A dot is a"
@@ -385,7 +385,7 @@ def _dissimilarities(protocol: Protocol, trials: Trials) -> Iterator[Result]:
             {"condition": name, "dimension_1": float(x), "dimension_2": float(y)}
             for name, (x, y) in zip(shown, scaling.points, strict=True)
         ],
-        plots.places(scaling.points, shown),
+        plots.scaling_map(scaling.points, shown),
     )
 
 

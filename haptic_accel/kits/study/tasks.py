@@ -84,13 +84,13 @@ class Task:
         order : int
             Place in `orders`.
         """
-        places, right = self.orders[order]
+        items, right = self.orders[order]
         if isinstance(item, Pair):
             conditions = {"r": item.reference, "c": item.comparison}
         else:
             conditions = {"x": item}
             right = labels(protocol)[item] if right == "x" else right
-        return tuple(conditions[place] for place in places), self.admitted(protocol), right
+        return tuple(conditions[item] for item in items), self.admitted(protocol), right
 
 
 def labels(protocol: Protocol) -> dict[Condition, str]:

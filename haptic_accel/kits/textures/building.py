@@ -390,8 +390,8 @@ def _segment(recording: Recording, first: int, last: int, size: int) -> Segment:
     own = slice(first * size, last * size)
     speed, force = (float(np.median(each[own])) for each in (recording.speed, recording.force))
     products = _products(recording.acceleration[own])
-    place = (first * BLOCK, last * BLOCK)
-    return Segment(recording.name, *place, speed, force, (last - first) * size, products)
+    span = (first * BLOCK, last * BLOCK)
+    return Segment(recording.name, *span, speed, force, (last - first) * size, products)
 
 
 _REASONS = ("", "out of contact", "at rest", "landing")
@@ -447,8 +447,8 @@ def _stationary(samples: FloatArray, size: int, labels: FloatArray) -> Iterator[
         products = total[end] - total[starts] - crossing[end - 1]
         lengths = best[starts] + _description(products, (end - starts) * size, len(samples))
         lengths[wide] = np.inf
-        place = int(np.argmin(lengths))
-        best[end], begin[end] = lengths[place], starts[place]
+        index = int(np.argmin(lengths))
+        best[end], begin[end] = lengths[index], starts[index]
     ends = [count]
     while ends[-1] > 0:
         ends.append(int(begin[ends[-1]]))
@@ -586,22 +586,22 @@ class _Growth:
     def __init__(self, segments: Sequence[Segment]) -> None:
         weights = np.array([each.samples for each in segments], dtype=float)
         weights /= weights.mean()
-        places = np.log([(each.speed, each.force) for each in segments])
+        points = np.log([(each.speed, each.force) for each in segments])
         powers = np.log([each.products[0] / each.samples for each in segments])
-        places -= np.average(places, axis=0, weights=weights)
+        points -= np.average(points, axis=0, weights=weights)
         powers -= np.average(powers, weights=weights)
         root = np.sqrt(weights)
-        places, powers = places * root[:, None], powers * root
-        unexplained = powers - places @ np.linalg.lstsq(places, powers)[0]
+        points, powers = points * root[:, None], powers * root
+        unexplained = powers - points @ np.linalg.lstsq(points, powers)[0]
         noise = float(unexplained @ unexplained) / max(len(segments) - 3, 1)
         doubt = noise / PRIOR**2 * np.eye(2)
         # Least squares, as without noise and at one force the matrix has no inverse.
-        fitted = np.linalg.lstsq(places.T @ places + doubt, places.T @ powers)[0]
+        fitted = np.linalg.lstsq(points.T @ points + doubt, points.T @ powers)[0]
         self.exponents = np.maximum(fitted, 0.0)
 
-    def power(self, places: FloatArray) -> FloatArray:
+    def power(self, points: FloatArray) -> FloatArray:
         """Return the relative power at speeds, m/s, and forces, N: shape (n,) for (n, 2)."""
-        return np.asarray(np.prod(places**self.exponents, axis=1))
+        return np.asarray(np.prod(points**self.exponents, axis=1))
 
     def mean_power(self, group: Sequence[Segment]) -> float:
         """Return the mean relative power over segments."""
@@ -621,8 +621,8 @@ def _groups(segments: Sequence[Segment], count: int, largest: FloatArray) -> lis
 
     if len(segments) == 1:
         return [list(segments)]
-    places = np.array([(each.speed, each.force) for each in segments]) / largest
-    tree = linkage(places, "ward")
+    points = np.array([(each.speed, each.force) for each in segments]) / largest
+    tree = linkage(points, "ward")
     apart = 1 + int(np.count_nonzero(tree[:, 2] > CLOSE))
     numbers = fcluster(tree, min(count, apart), "maxclust")
     return [[s for s, n in zip(segments, numbers, strict=True) if n == k] for k in set(numbers)]
@@ -696,10 +696,10 @@ def _hull(segments: Sequence[Segment], largest: FloatArray) -> tuple[FloatArray,
     """
     from scipy.spatial import ConvexHull, QhullError
 
-    places = np.array([(each.speed, each.force) for each in segments]) / largest
+    points = np.array([(each.speed, each.force) for each in segments]) / largest
     try:
-        hull = ConvexHull(places)
+        hull = ConvexHull(points)
     except (QhullError, ValueError):  # fewer than three, or collinear
-        order = np.lexsort(places.T)
-        return places[order[[0, -1]]], 0.0
-    return places[hull.vertices], float(hull.volume)
+        order = np.lexsort(points.T)
+        return points[order[[0, -1]]], 0.0
+    return points[hull.vertices], float(hull.volume)

@@ -133,8 +133,8 @@ def _from_npz(path: Path, rate: float, calibration: float | None) -> TextureMode
         warn_once(f"{path}: {shown(', '.join(unread))}: not read")
     times = [index for index, name in enumerate(names) if is_time(name)]
     for index in times:
-        place, unit = f"{path}: channel {shown(names[index])}", TIME.parsed(names[index])[1]
-        rate_of_times(place, data[index], "sample {}".format, unit, own_rate, "sample_rate")
+        location, unit = f"{path}: channel {shown(names[index])}", TIME.parsed(names[index])[1]
+        rate_of_times(location, data[index], "sample {}".format, unit, own_rate, "sample_rate")
     own = [index for index, name in enumerate(names) if "acc" in name.lower()]
     own = own or _only_channel(path, [n for i, n in enumerate(names) if i not in times], names)
     stated = [names[index] for index in own if ACCELERATION.parsed(names[index])[1]]

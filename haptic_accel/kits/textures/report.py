@@ -107,8 +107,8 @@ def draw(
     plane.triplot(speeds, model.forces, model.triangles, color="#bbbbbb", linewidth=0.8)
     nodes = plane.scatter(speeds, model.forces, c=model.rms, cmap="viridis", zorder=3)
     figure.colorbar(nodes, ax=plane, label="RMS (m/s²)")
-    places = np.array([(each.speed / MILLI, each.force) for each in segments]).reshape(-1, 2)
-    plane.plot(*places.T, ".", color="#d55e00", markersize=3, label="segments")
+    positions = np.array([(each.speed / MILLI, each.force) for each in segments]).reshape(-1, 2)
+    plane.plot(*positions.T, ".", color="#d55e00", markersize=3, label="segments")
     plane.set(xlabel="speed (mm/s)", ylabel="force (N)")
     return figure
 

@@ -153,7 +153,7 @@ def test_at_high_frequencies_masses_alone_decide() -> None:
     sensor = np.array([body.sensor_x, body.sensor_y, body.sensor_z])
     inertia = TABLE_I.m_h * body.gyration_radius**2
     for coil in range(3):
-        direction, place = coils.directions[:, coil], coils.places[:, coil]
+        direction, place = coils.directions[:, coil], coils.positions[:, coil]
         spin = np.cross(place, direction) / inertia
         expected = direction / TABLE_I.m_h + np.cross(spin, sensor)
         assert np.abs(found[:, coil]) == pytest.approx(np.abs(expected), rel=0.02, abs=0.05)

@@ -81,7 +81,7 @@ def test_it_is_never_inside_of_an_object(
     proxy = Proxy(there, (0.0, 0.0, 0.1))
     for tool in way((0.0, 0.0, 0.1), *stations, speed=speed)[:200]:
         proxy.follow(tool, MARGIN)
-        assert min(each.distance(*proxy.place) for each in there.objects) > -ROUNDING
+        assert min(each.distance(*proxy.position) for each in there.objects) > -ROUNDING
 
 
 PLATE = 1.2e-3
@@ -115,8 +115,8 @@ def test_a_thin_plate_holds_it_however_fast_the_tool_is(
     proxy = Proxy(there, start)
     for tool in way(start, end, speed=speed):
         proxy.follow(tool, MARGIN)
-        assert np.dot(proxy.place, matrix[:, 2]) > PLATE / 2 - 1e-6
-    assert np.dot(proxy.place, matrix[:, 2]) == pytest.approx(PLATE / 2, abs=2e-6) or speed > 1
+        assert np.dot(proxy.position, matrix[:, 2]) > PLATE / 2 - 1e-6
+    assert np.dot(proxy.position, matrix[:, 2]) == pytest.approx(PLATE / 2, abs=2e-6) or speed > 1
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_on_a_plane_it_is_above_the_tool(tool: Vector, nearest: Vector) -> None:
     proxy = Proxy(scene((Plane(), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))), (0.0, 0.0, 0.05))
     for _ in range(3):
         proxy.follow(tool, MARGIN)
-    assert proxy.place == pytest.approx(nearest, abs=1.1 * SKIN)
+    assert proxy.position == pytest.approx(nearest, abs=1.1 * SKIN)
 
 
 @few
@@ -144,10 +144,10 @@ def test_on_a_sphere_it_comes_to_the_place_nearest_to_the_tool(
         proxy.follow(tool, MARGIN)
     size = math.hypot(*tool)
     if size > radius:
-        assert proxy.place == pytest.approx(tool, abs=1e-5)
+        assert proxy.position == pytest.approx(tool, abs=1e-5)
     elif size > 0.1 * radius and tool[2] > -0.9 * size:
         nearest = [radius / size * part for part in tool]
-        assert proxy.place == pytest.approx(nearest, abs=1e-4)
+        assert proxy.position == pytest.approx(nearest, abs=1e-4)
 
 
 def test_it_slides_off_an_edge_and_down_the_side() -> None:
@@ -155,9 +155,9 @@ def test_it_slides_off_an_edge_and_down_the_side() -> None:
     for tool in way((0.0, 0.0, 0.01), (0.0, 0.0, -0.001), (0.03, 0.0, -0.001), speed=0.2):
         planes = proxy.follow(tool, MARGIN)
         if tool[0] < 0.0199:
-            assert proxy.place[2] >= 0.0
+            assert proxy.position[2] >= 0.0
     assert planes == []
-    assert proxy.place == tool
+    assert proxy.position == tool
 
 
 def test_in_a_corner_of_three_walls_it_stays_in_the_corner() -> None:
@@ -170,7 +170,7 @@ def test_in_a_corner_of_three_walls_it_stays_in_the_corner() -> None:
     proxy = Proxy(corner, (0.03, 0.03, 0.03))
     for tool in way((0.03, 0.03, 0.03), (-0.01, -0.02, -0.03), speed=0.5):
         planes = proxy.follow(tool, MARGIN)
-    assert proxy.place == pytest.approx((0.0, 0.0, 0.0), abs=2 * SKIN)
+    assert proxy.position == pytest.approx((0.0, 0.0, 0.0), abs=2 * SKIN)
     assert sorted(plane.number for plane in planes) == [0, 1, 2]
 
 
@@ -192,7 +192,7 @@ def test_between_planes_it_comes_at_once_to_the_place_nearest_to_the_tool(
     normals = np.array([each.gradient(*tool) for each in plane.objects])
     # The nearest place in a cone: the tool, and a positive sum of normals (Moreau, 1962).
     shares, _ = nnls(normals.T, -np.array(tool))
-    assert proxy.place == pytest.approx(tool + shares @ normals, abs=1e-4)
+    assert proxy.position == pytest.approx(tool + shares @ normals, abs=1e-4)
 
 
 @pytest.mark.parametrize("angle", [5.0, 15.0, 60.0])
@@ -206,5 +206,5 @@ def test_in_an_acute_groove_it_stays_at_the_bottom(angle: float) -> None:
     bottom = SKIN / math.sin(math.radians(angle / 2))
     for tool in way((0.0, 0.0, -0.01), (0.001, 0.02, -0.01), speed=0.5):
         planes = proxy.follow(tool, MARGIN)
-        assert proxy.place == pytest.approx((0.0, tool[1], bottom), abs=1e-8)
+        assert proxy.position == pytest.approx((0.0, tool[1], bottom), abs=1e-8)
         assert len(planes) == 2

@@ -62,7 +62,7 @@ def test_a_copy_whole_or_cut_off_is_refused_by_name(
     study: Study, name: str, lines: int | None
 ) -> None:
     copy = study.folder / "participants" / name
-    shutil.copytree(study.place("S01"), copy)
+    shutil.copytree(study.participant_folder("S01"), copy)
     (copy / LOG).write_bytes(b"".join(lines_of(copy / LOG)[:lines]))
     found = f"'S01' and '{name}' have the same session of S01"
     for act in (lambda: study.sessions, lambda: study.begin("S03", simulated=True)):
@@ -70,7 +70,7 @@ def test_a_copy_whole_or_cut_off_is_refused_by_name(
             act()
         assert found in str(told.value)
         assert "\n" not in str(told.value)
-    assert not study.place("S03").exists()
+    assert not study.participant_folder("S03").exists()
     with pytest.raises(ParameterError, match=f"has the same session as {name[:3]}"):
         study.delete("S01")
     shutil.rmtree(copy)
@@ -78,14 +78,14 @@ def test_a_copy_whole_or_cut_off_is_refused_by_name(
 
 
 def test_a_renamed_folder_is_refused(study: Study) -> None:
-    study.place("S02").rename(study.place("S07"))
+    study.participant_folder("S02").rename(study.participant_folder("S07"))
     with pytest.raises(ParameterError, match="participants: 'S07' has the session of S02: must"):
         _ = study.sessions
 
 
 @pytest.mark.parametrize("name", ["log (1).jsonl", "log.sync-conflict-20261126-1-A.jsonl"])
 def test_two_logs_in_a_folder_are_refused(study: Study, name: str) -> None:
-    (study.place("S02") / name).write_bytes(b"")
+    (study.participant_folder("S02") / name).write_bytes(b"")
     with pytest.raises(ParameterError) as told:
         _ = study.sessions
     assert f"'S02' has '{name}' beside {LOG}" in str(told.value)
@@ -102,13 +102,13 @@ def test_people_and_simulated_observers_are_not_mixed(study: Study, tmp_path: Pa
         study.begin("P01")
     people = write_study(tmp_path / "people")
     run_session(people, people.begin("P01"))
-    shutil.copytree(study.place("S01"), people.place("S01"))
+    shutil.copytree(study.participant_folder("S01"), people.participant_folder("S01"))
     with pytest.raises(ParameterError, match="'S01' are simulated observers among people"):
         _ = people.sessions
 
 
 def test_the_last_line_changed_is_found(study: Study) -> None:
-    file = study.place("S01") / LOG
+    file = study.participant_folder("S01") / LOG
     *rest, last = lines_of(file)
     assert b"complete" in last
     file.write_bytes(b"".join([*rest, last.replace(b"complete", b"stopped!")]))
@@ -119,7 +119,7 @@ def test_the_last_line_changed_is_found(study: Study) -> None:
 
 @pytest.mark.parametrize("cut", [1, 5])
 def test_an_end_that_was_cut_off_is_found(study: Study, cut: int) -> None:
-    file = study.place("S01") / LOG
+    file = study.participant_folder("S01") / LOG
     lines = lines_of(file)
     file.write_bytes(b"".join(lines[:-cut]))
     told = f"^{file}: ends at line {len(lines) - cut}, and the journal has its line {len(lines)}"
@@ -129,7 +129,7 @@ def test_an_end_that_was_cut_off_is_found(study: Study, cut: int) -> None:
 
 
 def test_a_log_that_was_hashed_anew_is_found(study: Study) -> None:
-    file = study.place("S01") / LOG
+    file = study.participant_folder("S01") / LOG
     lines = lines_of(file)
     entry = json.loads(lines[4])
     lines[4] = json.dumps({**entry, "answered": entry["answered"] + 1}).encode()
@@ -141,7 +141,7 @@ def test_a_log_that_was_hashed_anew_is_found(study: Study) -> None:
 
 
 def test_who_changes_the_first_line_leaves_a_session_without_a_log(study: Study) -> None:
-    file = study.place("S01") / LOG
+    file = study.participant_folder("S01") / LOG
     first, *rest = lines_of(file)
     file.write_bytes(hashed_anew([first.replace(b'"row": 0', b'"row": 7'), *rest]))
     assert study.doubts == [LOST, "not in the journal: ends of sittings of S01"]
@@ -150,7 +150,7 @@ def test_who_changes_the_first_line_leaves_a_session_without_a_log(study: Study)
 
 def test_a_forger_of_both_files_changes_the_head_in_the_notebook(study: Study) -> None:
     before = [each.head for each in study.ends]
-    file, journal = study.place("S01") / LOG, study.folder / JOURNAL
+    file, journal = study.participant_folder("S01") / LOG, study.folder / JOURNAL
     lines = lines_of(file)
     lines[-1] = lines[-1].replace(b"complete", b"stopped!")
     file.write_bytes(hashed_anew(lines))
@@ -167,7 +167,7 @@ def test_a_forger_of_both_files_changes_the_head_in_the_notebook(study: Study) -
 
 
 def test_the_printed_head_is_that_of_the_end(study: Study) -> None:
-    lines = lines_of(study.place("S02") / LOG)
+    lines = lines_of(study.participant_folder("S02") / LOG)
     end = study.ends[1]
     assert (end.participant, end.line, end.in_journal) == ("S02", len(lines), True)
     assert end.head == noted(hashlib.sha256(lines[-1]).hexdigest())
@@ -176,7 +176,7 @@ def test_the_printed_head_is_that_of_the_end(study: Study) -> None:
 def test_a_deleted_session_is_not_missing_and_a_lost_one_is(study: Study) -> None:
     study.delete("S01")
     assert study.doubts == []
-    shutil.rmtree(study.place("S02"))
+    shutil.rmtree(study.participant_folder("S02"))
     assert study.doubts == [LOST]
 
 

@@ -212,7 +212,7 @@ def test_a_participant_is_deleted_when_confirmed(
     words = "study", "delete-participant", simulated.folder, "--participant", "S02"
     assert status_of(*words) == 130  # nobody answers the question
     assert len(simulated.sessions) == 3
-    assert str(simulated.place("S02") / "log.jsonl") in capsys.readouterr().out
+    assert str(simulated.participant_folder("S02") / "log.jsonl") in capsys.readouterr().out
     assert "S02 is deleted" in output_of(*words, "--yes")
     assert [each.participant for each in simulated.sessions] == ["S01", "S03"]
     for file in simulated.folder.rglob("*"):
@@ -235,7 +235,7 @@ def test_no_participant_follows_the_last_one(tmp_path: Path) -> None:
         run_session(study, study.begin(name))
     message = refusal("study", "run", study.folder, "--participant", "P03")
     assert message.startswith(f"{study.folder}: 2 participants have completed it")
-    assert not study.place("P03").exists()
+    assert not study.participant_folder("P03").exists()
 
 
 @pytest.mark.parametrize("name", sorted(templates()))

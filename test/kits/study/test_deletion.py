@@ -60,17 +60,18 @@ def files(folder: Path) -> list[str]:
 def test_nothing_behind_a_participant_that_is_a_link_is_deleted(
     study: Study, stranger: Path, tmp_path: Path
 ) -> None:
-    (study.place("P07") / LOG).rename(stranger / LOG)
-    study.place("P07").rmdir()
-    study.place("P07").symlink_to(stranger)
+    (study.participant_folder("P07") / LOG).rename(stranger / LOG)
+    study.participant_folder("P07").rmdir()
+    link = study.participant_folder("P07")
+    link.symlink_to(stranger)
     before = files(tmp_path)
-    with pytest.raises(ParameterError, match=f"^{study.place('P07')}: is a link to {stranger}: "):
+    with pytest.raises(ParameterError, match=f"^{link}: is a link to {stranger}: "):
         study.delete("P07")
     assert files(tmp_path) == before
 
 
 def test_links_go_and_what_they_lead_to_stays(study: Study, stranger: Path) -> None:
-    before, place = files(stranger), study.place("P07")
+    before, place = files(stranger), study.participant_folder("P07")
     (place / "notes").symlink_to(stranger)
     (place / "deep").mkdir()
     (place / "deep" / "link").symlink_to(stranger)
@@ -85,14 +86,14 @@ def test_links_go_and_what_they_lead_to_stays(study: Study, stranger: Path) -> N
 
 def test_linked_bags_are_deleted_and_no_more(study: Study, stranger: Path) -> None:
     before = files(stranger)
-    (study.place("P07") / "bags").symlink_to(stranger)
+    (study.participant_folder("P07") / "bags").symlink_to(stranger)
     bags = [bag(stranger / f"{number:03d}") for number in range(2)]
     deletion = study.deletion("P07")
     assert set(bags) < set(deletion.removed)
     assert {stranger / "letter.txt", stranger / "2026"} < set(deletion.left)
     study.delete("P07")
     assert files(stranger) == before
-    assert not study.place("P07").exists()
+    assert not study.participant_folder("P07").exists()
 
 
 def test_bags_of_two_participants_in_one_folder_are_not_deleted(
@@ -101,7 +102,7 @@ def test_bags_of_two_participants_in_one_folder_are_not_deleted(
     (tmp_path / "disk").mkdir()
     bag(tmp_path / "disk" / "000")
     for name in ("P01", "P07"):
-        (study.place(name) / "bags").symlink_to(tmp_path / "disk")
+        (study.participant_folder(name) / "bags").symlink_to(tmp_path / "disk")
     before = files(tmp_path)
     with pytest.raises(ParameterError, match="not known whose bags are there"):
         study.delete("P07")
@@ -109,7 +110,7 @@ def test_bags_of_two_participants_in_one_folder_are_not_deleted(
 
 
 def test_a_plan_names_all_that_is_deleted(study: Study) -> None:
-    place = study.place("P07")
+    place = study.participant_folder("P07")
     bag(place / "bags" / "000")
     (place / "graph.log").touch()
     names = [each.name for each in study.deletion("P07").removed]

@@ -131,31 +131,31 @@ def test_unblinding_is_kept_with_its_reason(study: Study) -> None:
 def test_a_deletion_leaves_no_trace(study: Study) -> None:
     for name in ("P01", "P07"):
         run_session(study, study.begin(name))
-    place = study.place("P07")
+    place = study.participant_folder("P07")
     (place / "bags" / "1").mkdir(parents=True)
     (place / "bags" / "1" / "bag.mcap").write_bytes(b"P07")
     (place / "graph.log").write_text("P07")
     for name in (ANALYSIS, EXPORT):
         (study.folder / name / "psych-ds").mkdir(parents=True)
         (study.folder / name / "psych-ds" / "trials_data.csv").write_text("participant\nP07\n")
-    kept = (study.place("P01") / LOG).read_bytes()
+    kept = (study.participant_folder("P01") / LOG).read_bytes()
     study.delete("P07")
     for path in study.folder.rglob("*"):
         assert "P07" not in str(path.relative_to(study.folder))
         assert path.is_dir() or b"P07" not in path.read_bytes()
     assert study.journal[-1]["kind"] == "deletion"
-    assert (study.place("P01") / LOG).read_bytes() == kept
+    assert (study.participant_folder("P01") / LOG).read_bytes() == kept
     assert [each.participant for each in study.sessions] == ["P01"]
 
 
 @pytest.mark.parametrize("content", [b"", b"damaged\n"])
 def test_a_log_that_cannot_be_read_is_deleted_too(study: Study, content: bytes) -> None:
     study.begin("P07").close()
-    (study.place("P07") / LOG).write_bytes(content)
-    with pytest.raises(ParameterError, match=f"^{study.place('P07') / LOG}: "):
+    (study.participant_folder("P07") / LOG).write_bytes(content)
+    with pytest.raises(ParameterError, match=f"^{study.participant_folder('P07') / LOG}: "):
         study.resume("P07")
     study.delete("P07")
-    assert not study.place("P07").exists()
+    assert not study.participant_folder("P07").exists()
 
 
 def test_a_running_session_is_not_deleted(study: Study) -> None:
@@ -164,17 +164,17 @@ def test_a_running_session_is_not_deleted(study: Study) -> None:
         pytest.raises(ParameterError, match="another process"),
     ):
         study.delete("P07")
-    assert study.place("P07").exists()
+    assert study.participant_folder("P07").exists()
 
 
 def test_a_deletion_that_was_broken_off_can_be_repeated(
     study: Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study.begin("P07").close()
-    (study.place("P07") / "bags").mkdir()
+    (study.participant_folder("P07") / "bags").mkdir()
     with monkeypatch.context() as patch:
         patch.setattr("pathlib.Path.unlink", lambda _: (_ for _ in ()).throw(KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
             study.delete("P07")
     study.delete("P07")
-    assert not study.place("P07").exists()
+    assert not study.participant_folder("P07").exists()

@@ -288,7 +288,7 @@ def test_a_full_disk_stops_the_forces_and_loses_nothing(study: Study) -> None:
     with pytest.raises(OSError, match="No space left"):
         run_session(study, log, rig=rig)
     assert stops
-    before = read_session(study.place("P01"))
+    before = read_session(study.participant_folder("P01"))
     assert before.ended == ""
     after = run_session(study, study.resume("P01"))
     assert after.records[: len(before.records)] == before.records
@@ -357,7 +357,7 @@ def test_killed_sessions_lose_nothing_and_ask_nothing_twice(tmp_path: Path, sess
         longest = min(durations)  # so that most are killed, however fast the machine is
         while not run_killed(study, notes, chance.uniform(0, longest)):
             kills += 1
-            inside += (study.place("P01") / LOG).exists()
+            inside += (study.participant_folder("P01") / LOG).exists()
             longest *= 2  # so that each session ends
         lines = notes.read_text().splitlines()
         acknowledged: Counter[str] = Counter()
@@ -368,7 +368,7 @@ def test_killed_sessions_lose_nothing_and_ask_nothing_twice(tmp_path: Path, sess
             else:
                 assert name not in acknowledged, f"{name} is asked again"
         assert set(acknowledged.values()) == {1}
-        found = read_session(study.place("P01"))
+        found = read_session(study.participant_folder("P01"))
         assert timeless(found) == whole
         answers = {str(each.trial.number): each.answer.value for each in found.records}  # type: ignore[union-attr]
         for line in lines:

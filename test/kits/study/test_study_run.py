@@ -208,11 +208,11 @@ def test_a_run_that_is_refused_leaves_no_participant(
     assert status_of(*words(study)) == 1
     assert capsys.readouterr().err == f"haptic-accel: {StandIn.trouble}\n"
     assert study.sessions == []
-    assert not study.place("P07").exists()
+    assert not study.participant_folder("P07").exists()
     monkeypatch.setattr(StandIn, "trouble", "")
     with socket.create_server(("127.0.0.1", 0)) as taken:
         assert status_of(*words(study), "--port", taken.getsockname()[1]) == 1
-    assert not study.place("P07").exists()
+    assert not study.participant_folder("P07").exists()
     assert status_of(*words(study)) == 0
     assert study.sessions[0].ended == COMPLETE
 

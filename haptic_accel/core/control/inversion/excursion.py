@@ -171,7 +171,7 @@ class ExcursionControl:
     ----------
     taps : ndarray, shape (k, n)
         Present taps of the members, N per m/s^2.
-    place : float
+    position : float
         Member in use, from 0 for the first to k - 1 for the last.
     """
 
@@ -213,7 +213,7 @@ class ExcursionControl:
         self._predictor.expect(self.taps + self._following)
         self._predictor.reset()
         self._window.reset()
-        self.place = self._wanted = 0.0
+        self.position = self._wanted = 0.0
 
     def process(self, value: float) -> float:
         """Process one sample of the members' input; return the force, N."""
@@ -224,19 +224,19 @@ class ExcursionControl:
             self._choose()
         latest = self._window.push(value)
         self._move()
-        member = int(self.place)
-        share = self.place - member
+        member = int(self.position)
+        share = self.position - member
         force = float(self.taps[member].dot(latest))
         if share:
             force += share * (float(self.taps[member + 1].dot(latest)) - force)
         return force
 
     def _move(self) -> None:
-        missing = self._wanted - self.place
+        missing = self._wanted - self.position
         if abs(missing) > _SETTLED:
-            self.place += self._attack * missing
+            self.position += self._attack * missing
         elif missing:
-            self.place = self._wanted
+            self.position = self._wanted
 
     def _choose(self) -> None:
         needed = self._needed() if self._predictor.exceeds(self._limit) else 0.0

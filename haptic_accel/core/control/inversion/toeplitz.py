@@ -63,8 +63,8 @@ def improved(
     mirrored = np.concatenate([none, columns[:, :0:-1]], axis=1)
     matrices = np.fft.rfft(np.concatenate([columns, mirrored], axis=1)).real
     yield None
-    place = np.arange(length)
-    circulants = np.fft.rfft(((length - place) * columns + place * mirrored) / length).real
+    index = np.arange(length)
+    circulants = np.fft.rfft(((length - index) * columns + index * mirrored) / length).real
     yield None
     spectra = matrices * np.fft.rfft(starts, size)
     yield None

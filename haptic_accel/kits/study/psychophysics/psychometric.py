@@ -137,9 +137,9 @@ def fit_psychometric(
     >>> round(fit.threshold.value, 1), round(fit.slope.value, 1)
     (1.5, 1.0)
     """
-    levels, places = np.unique(np.asarray(distances, dtype=float), return_inverse=True)
+    levels, indices = np.unique(np.asarray(distances, dtype=float), return_inverse=True)
     counts, totals = (
-        np.bincount(places, np.asarray(each, dtype=float)).astype(float)
+        np.bincount(indices, np.asarray(each, dtype=float)).astype(float)
         for each in (correct, trials)
     )
     n = int(np.sum(totals))
@@ -261,12 +261,12 @@ def _marginals(log_posterior: FloatArray) -> list[FloatArray]:
 
 def _support(axis: FloatArray, marginal: FloatArray) -> tuple[float, float]:
     """Return the ends of the part of an axis whose posterior is not negligible."""
-    places = np.flatnonzero(marginal > _NEGLIGIBLE * np.max(marginal))
-    return float(axis[max(places[0] - 1, 0)]), float(axis[min(places[-1] + 1, len(axis) - 1)])
+    indices = np.flatnonzero(marginal > _NEGLIGIBLE * np.max(marginal))
+    return float(axis[max(indices[0] - 1, 0)]), float(axis[min(indices[-1] + 1, len(axis) - 1)])
 
 
-def _around(axis: FloatArray, place: int) -> tuple[float, float]:
-    return float(axis[max(place - 2, 0)]), float(axis[min(place + 2, len(axis) - 1)])
+def _around(axis: FloatArray, index: int) -> tuple[float, float]:
+    return float(axis[max(index - 2, 0)]), float(axis[min(index + 2, len(axis) - 1)])
 
 
 def _best(log_posterior: FloatArray) -> tuple[int, ...]:

@@ -172,10 +172,10 @@ def test_the_place_is_within_the_bank_and_the_same_every_time(values: list[float
     for value in values:
         force = one.process(value)
         assert force == other.process(value)
-        assert 0.0 <= one.place <= 2.0
+        assert 0.0 <= one.position <= 2.0
         assert abs(force) <= abs(value)
     one.restart(one.taps)
-    assert one.place == 0.0
+    assert one.position == 0.0
     assert [one.process(0.0) for _ in range(50)] == [0.0] * 50
 
 
@@ -187,7 +187,7 @@ def test_within_the_limit_the_first_member_is_used(values: list[float]) -> None:
     quiet = control([1.0, 0.5, 0.1])
     for value in values:
         assert quiet.process(scale * value) == pytest.approx(scale * value, rel=1e-12)
-        assert quiet.place == 0.0
+        assert quiet.position == 0.0
 
 
 def test_as_much_is_given_up_as_the_limit_needs() -> None:
@@ -195,20 +195,20 @@ def test_as_much_is_given_up_as_the_limit_needs() -> None:
     found = control([1.0, 0.5, 0.1], limit=2.5e-3)
     force = [found.process(1.0) for _ in range(400)]
     # The force was as large for the first milliseconds; at last the spring holds what is left.
-    assert 0.5 < found.place < 1.0
-    assert force[-1] == pytest.approx(1.0 - 0.5 * found.place)
+    assert 0.5 < found.position < 1.0
+    assert force[-1] == pytest.approx(1.0 - 0.5 * found.position)
     assert force[-1] <= 2.5e-3 * SUSPENSION.k_s
     # Later, without any input, it comes back.
     for _ in range(20_000):
         found.process(0.0)
-    assert found.place == 0.0
+    assert found.position == 0.0
 
 
 def test_what_no_member_keeps_gets_the_last_one() -> None:
     found = control([1.0, 0.5, 0.1])
     for _ in range(200):
         force = found.process(1e3)
-    assert found.place == 2.0
+    assert found.position == 2.0
     assert force == pytest.approx(100.0)
 
 
@@ -232,7 +232,7 @@ def test_the_travel_of_other_taps_is_predicted_at_once() -> None:
     found.replace(10.0 * found.taps)
     for _ in range(100):
         found.process(0.5)
-    assert found.place > 0.5
+    assert found.position > 0.5
 
 
 # The whole inverse
