@@ -131,7 +131,7 @@ def with_tables(text: str) -> str:
 
 
 def main() -> None:
-    """Write the tables of all pages anew."""
+    """Rewrite the tables of all pages."""
     for page in sorted(FOLDER.glob("*.md")):
         text = page.read_text()
         if (new := with_tables(text)) != text:

@@ -82,7 +82,7 @@ class Comparison:
         )
 
 
-def check_comparison(wanted: str, paths: Sequence[Path]) -> None:
+def check_comparison(comparison: str, paths: Sequence[Path]) -> None:
     """Reject an impossible comparison before reading bags.
 
     Raises
@@ -90,22 +90,22 @@ def check_comparison(wanted: str, paths: Sequence[Path]) -> None:
     ParameterError
         The comparison is neither ``runs`` nor ``controller:A,B``, or there are not two runs.
     """
-    if wanted == RUNS:
+    if comparison == RUNS:
         if len(paths) != 2:
             raise ParameterError(
                 f"compare: needs two bags or folders to compare, not {len(paths)}"
             )
         return
-    names = wanted.removeprefix(CONTROLLERS).split(",")
-    right = wanted.startswith(CONTROLLERS) and len(names) == 2 and all(names)
+    names = comparison.removeprefix(CONTROLLERS).split(",")
+    right = comparison.startswith(CONTROLLERS) and len(names) == 2 and all(names)
     if not right or names[0] == names[1]:
         raise ParameterError(
-            f"compare = {wanted!r}: leave out to compare two bags or folders, or give two"
+            f"compare = {comparison!r}: leave out to compare two bags or folders, or give two"
             f" controllers: {CONTROLLERS}A,B"
         )
 
 
-def compared(analysis: Analysis, wanted: str, paths: Sequence[Path] = ()) -> Comparison:
+def compared(analysis: Analysis, comparison: str, paths: Sequence[Path] = ()) -> Comparison:
     """Pair trials and test the difference of their errors.
 
     Two trials form a pair if they have the same surface, grip, and seed or recording; for two runs
@@ -115,7 +115,7 @@ def compared(analysis: Analysis, wanted: str, paths: Sequence[Path] = ()) -> Com
     Parameters
     ----------
     analysis : Analysis
-    wanted : str
+    comparison : str
         ``runs``, or ``controller:A,B``.
     paths : sequence of Path
         Paths given by the user; for ``runs``, the two to compare.
@@ -125,17 +125,17 @@ def compared(analysis: Analysis, wanted: str, paths: Sequence[Path] = ()) -> Com
     ParameterError
         The comparison does not exist.
     """
-    check_comparison(wanted, paths)
+    check_comparison(comparison, paths)
     frame = trials(analysis)
     key = frame.surface + ", grip " + frame.grip + ", " + frame["pair"]
-    if wanted == RUNS:
+    if comparison == RUNS:
         sources = np.array([str(trial.source) for trial in analysis.trials])
         names = [str(path) for path in paths]
         sides = [frame.assign(key=key + ", " + frame.controller)[sources == n] for n in names]
         if all(len(side) == 1 for side in sides):
             sides = [side.assign(key="the only trial") for side in sides]
     else:
-        names = wanted.removeprefix(CONTROLLERS).split(",")
+        names = comparison.removeprefix(CONTROLLERS).split(",")
         sides = [frame.assign(key=key)[frame.controller == name] for name in names]
     errors = [_errors(side, name) for side, name in zip(sides, ("first", "second"), strict=True)]
     pairs = errors[0].merge(errors[1].drop(columns="surface"), on="key").dropna()
@@ -164,9 +164,9 @@ def _errors(side: pd.DataFrame, name: str) -> pd.DataFrame:
     )
 
 
-def compare(analysis: Analysis, wanted: str, paths: Sequence[Path] = ()) -> pd.DataFrame:
+def compare(analysis: Analysis, comparison: str, paths: Sequence[Path] = ()) -> pd.DataFrame:
     """Test two controllers or runs; return a row for all surfaces, and one for each.
 
     Parameters as for `compared`.
     """
-    return compared(analysis, wanted, paths).frame
+    return compared(analysis, comparison, paths).frame

@@ -288,12 +288,14 @@ def _trials(
     """
     force, acceleration, missing = _read_excited(bag, arguments.rate)
     sweep, rate = arguments.sweep, arguments.rate
-    wanted = sweeps.excitation(sweep, rate)
+    expected = sweeps.excitation(sweep, rate)
     if force[:, [axis for axis in range(3) if axis != ACTUATOR_AXIS]].any():
-        wanted = orthogonal_excitation(sweep, rate)
+        expected = orthogonal_excitation(sweep, rate)
     else:
         force, acceleration = force[:, ACTUATOR_AXIS], acceleration[:, ACTUATOR_AXIS]
-    found = sweeps.find_trials(force, acceleration, sweep, rate, missing, bag.latency or 0, wanted)
+    found = sweeps.find_trials(
+        force, acceleration, sweep, rate, missing, bag.latency or 0, expected
+    )
     # The device's counts do not name the trial.
     values = _last_values(bag)
     for trial in found:

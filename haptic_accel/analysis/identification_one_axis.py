@@ -421,8 +421,8 @@ def _looks(grips: Grips) -> Iterator[tuple[str, GripIdentification, str, str, st
 def _thinned(response: FrequencyResponse) -> FrequencyResponse:
     """Return lines with logarithmic spacing, as far as available."""
     low, high = response.frequency[0], response.frequency[-1]
-    wanted = np.geomspace(low, high, _AVERAGED_POINTS)
-    some = np.unique(np.abs(response.frequency - wanted[:, None]).argmin(axis=1))
+    spaced = np.geomspace(low, high, _AVERAGED_POINTS)
+    some = np.unique(np.abs(response.frequency - spaced[:, None]).argmin(axis=1))
     names = ("frequency", "response", "coherence")
     return replace(response, **{name: getattr(response, name)[some] for name in names})
 

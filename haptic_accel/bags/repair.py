@@ -156,7 +156,7 @@ def repair(path: Path) -> Repair:
         if (path / METADATA).exists():
             _set_aside(path / METADATA)
         now.write(path)
-        done.repairs.append(f"{METADATA}: written anew")
+        done.repairs.append(f"{METADATA}: rewritten")
     return done
 
 

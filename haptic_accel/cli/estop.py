@@ -32,7 +32,7 @@ from haptic_accel.graph.stop_signal import PendingStop, Signalled, age, own_doma
 from haptic_accel.setup.namespaces import NamespaceArguments
 
 TIMEOUT = 2.5
-"""Time-out for the devices to be found and to confirm, s, before the graph is joined anew."""
+"""Time-out for the devices to be found and to confirm, s, before the graph is joined again."""
 
 ATTEMPTS = 3
 """Number of times to join the graph. A process that joins in the same moment as a device may not

@@ -72,7 +72,7 @@ class EmergencyStop:
         self.stopped = self._followed = False
         self.began = 0
         self._started = now
-        self._wanted = self._coupler_stopped = False
+        self._requested = self._coupler_stopped = False
         self._heard = self._coupler_heard = -math.inf
 
     def is_settled(self, now: float) -> bool:
@@ -93,7 +93,7 @@ class EmergencyStop:
 
     def receive(self, stop: bool, now: float) -> bool:
         """Handle a stop message; return whether it is new."""
-        self._wanted = stop
+        self._requested = stop
         if stop:
             self._heard = now
         return stop and self.stop()
@@ -120,7 +120,7 @@ class EmergencyStop:
     def _refusal(self, now: float, publishers: Sequence[str]) -> str:
         if not self.is_settled(now):
             return "has just started: ask again in a second"
-        if self._wanted and publishers:
+        if self._requested and publishers:
             names = " and ".join(publishers)
             return (
                 f"{names} published true on the topic, or may have: let it publish false,"

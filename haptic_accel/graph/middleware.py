@@ -64,10 +64,10 @@ def check_middleware(environment: Mapping[str, str]) -> None:
             f"{DISCOVERY_RANGE} = 'OFF': must be LOCALHOST, SUBNET or SYSTEM_DEFAULT, or unset:"
             " with OFF no node finds another"
         )
-    wanted, known = environment.get(MIDDLEWARE, ""), _middlewares(environment)
-    if wanted and known and wanted not in known:
+    requested, known = environment.get(MIDDLEWARE, ""), _middlewares(environment)
+    if requested and known and requested not in known:
         raise ParameterError(
-            f"{MIDDLEWARE} = '{wanted}': must be {' or '.join(sorted(known))}, which"
+            f"{MIDDLEWARE} = '{requested}': must be {' or '.join(sorted(known))}, which"
             f" {'is' if len(known) == 1 else 'are'} installed, or unset"
         )
 

@@ -44,7 +44,7 @@ LAST_PORT = 7300
 """Port from which those of links begin."""
 
 SILENCE = 3 * EngagementParameters.timeout
-"""Time without datagrams in which arms let go and the playout of vibration begins anew, s, with a
+"""Time without datagrams in which arms let go and the playout of vibration begins again, s, with a
 margin for a busy machine."""
 
 ANSWER_TIME = 10.0
@@ -114,7 +114,7 @@ class RelayProcess:
         self._wait(network)
 
     def begin_anew(self, network: ChannelParameters) -> None:
-        """Change the network behind a silence, after which both sides begin anew.
+        """Change the network behind a silence, after which both sides begin again.
 
         The arms let go, and engage again half a second later, where they were. From then on the
         vibration has the new delay, also a shorter one.

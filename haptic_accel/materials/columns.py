@@ -180,7 +180,7 @@ def is_time(title: str) -> bool:
 
 
 def chosen(file: str, column: Column, titles: Sequence[str], wording: Wording) -> int:
-    """Return the index of a wanted column.
+    """Return the index of a requested column.
 
     Raises
     ------

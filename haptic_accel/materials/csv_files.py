@@ -137,12 +137,12 @@ class _Table:
         self, columns: Sequence[Column], rate: float, wording: Wording
     ) -> tuple[list[FloatArray], float]:
         """Return the columns and the sampling rate; see `read_csv`."""
-        wanted = [chosen(self._name, column, self._titles, wording) for column in columns]
+        chosen_columns = [chosen(self._name, column, self._titles, wording) for column in columns]
         factors = [
             factor_of(self._name, self._titles[index], column.quantity)
-            for index, column in zip(wanted, columns, strict=True)
+            for index, column in zip(chosen_columns, columns, strict=True)
         ]
-        times = self._times(wanted)
+        times = self._times(chosen_columns)
         values = [array("d") for _ in columns]
         lines = array("I")
         for row in self._rows:
@@ -150,7 +150,7 @@ class _Table:
                 continue
             self._check(row)
             for index, column, factor, numbers in zip(
-                wanted, columns, factors, values, strict=True
+                chosen_columns, columns, factors, values, strict=True
             ):
                 numbers.append(self._value(row, index, column.quantity, factor))
             if len(values[0]) > resampling.MOST_SAMPLES:
@@ -174,11 +174,11 @@ class _Table:
                 )
         return [np.array(each, dtype=np.float64) for each in values], rate
 
-    def _times(self, wanted: Sequence[int]) -> dict[int, array[float] | None]:
+    def _times(self, chosen_columns: Sequence[int]) -> dict[int, array[float] | None]:
         """Return an empty array for each column of times; None for times in another form."""
         found: dict[int, array[float] | None] = {}
         for index, title in enumerate(self._titles):
-            if index not in wanted and is_time(title):
+            if index not in chosen_columns and is_time(title):
                 found[index] = array("d")
                 if TIME.parsed(title)[1] and TIME.factor(TIME.parsed(title)[1]) is None:
                     self._leave_out(index, found)

@@ -211,7 +211,7 @@ class GraphNode(SupervisedNode):
         return [state for state in inbox.drain_states() if state or inbox.sole]
 
     def start_anew(self) -> None:
-        """Discard the waiting samples: after a change of the clock, stamps begin anew."""
+        """Discard the waiting samples: after a change of the clock, stamps begin again."""
 
     def publish_final_diagnostics(self) -> None:
         """Publish the final diagnostics."""
@@ -305,7 +305,7 @@ class GraphNode(SupervisedNode):
     def _on_jump(self, topic: Topic, jumped: Samples) -> None:
         """Restart the sequence checks of all signals, so that the change is reported once."""
         by = jumped.sequence.jump
-        self.get_logger().warning(f"{topic.name}: a clock was set by {by:+.3g} s; starting anew")
+        self.get_logger().warning(f"{topic.name}: a clock was set by {by:+.3g} s; starting again")
         for samples in self._followed:
             if samples is not jumped:
                 samples.sequence.begin()

@@ -105,8 +105,8 @@ class GraphView(GraphNode):
         self._controller: str | None = None
         refuse = partial(self.refuse, PARAMETER_EVENTS)
         self._remotes = {
-            name: RemoteParameters(self, name, wanted, self._update_settings, refuse)
-            for name, wanted in WANTED.items()
+            name: RemoteParameters(self, name, parameter_names, self._update_settings, refuse)
+            for name, parameter_names in WANTED.items()
         }
         self._scene = ScopeScene(
             self,

@@ -86,9 +86,9 @@ class JoinedView:
         RequestError
             A node does not answer, or has another value.
         """
-        wanted = [(_node(each), dict(_asked(each))) for each in requests]
-        found = self._together(self._client.parameters(node, list(v)) for node, v in wanted)
-        for (node, values), now in zip(wanted, found, strict=True):
+        requested = [(_node(each), dict(_asked(each))) for each in requests]
+        found = self._together(self._client.parameters(node, list(v)) for node, v in requested)
+        for (node, values), now in zip(requested, found, strict=True):
             for (name, value), has in zip(values.items(), now, strict=True):
                 if has != value:
                     raise RequestError(f"{node}: {name} = {has}: must be {value}, as requested")

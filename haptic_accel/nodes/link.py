@@ -55,7 +55,7 @@ SEARCH_PERIOD = 2.0
 """Interval between attempts to find the way to a peer, s."""
 
 NOTE_PERIOD = 1.0
-"""Interval between lines to the coupler about this link, s, as it may have started anew."""
+"""Interval between lines to the coupler about this link, s, as it may have started again."""
 
 INSECURE = (
     "insecure:=true: datagrams are not authenticated: whoever reaches the port can move the arm;"

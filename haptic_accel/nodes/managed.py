@@ -78,11 +78,11 @@ class Managed(LifecycleNodeMixin):
         """Change the state as requested; rclpy would end the node for an impossible transition."""
         # By name or, without a name, by number.
         possible = {name: n for n, name, *_ in self._state_machine.available_transitions}
-        wanted = request.transition
-        if wanted.label in possible if wanted.label else wanted.id in possible.values():
+        requested = request.transition
+        if requested.label in possible if requested.label else requested.id in possible.values():
             return self._unguarded(request, response)
         self.get_logger().warning(
-            f"transition {shown(wanted.label) or wanted.id}: refused in state {self.state};"
+            f"transition {shown(requested.label) or requested.id}: refused in state {self.state};"
             f" allowed: {', '.join(possible)}"
         )
         response.success = False

@@ -81,17 +81,17 @@ class Restamper(GraphNode):
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return the waiting time of samples, and the number of shifts measured again."""
-        anew = max(0, self._shift.anchored - 1)
-        new, self._reported = anew - self._reported, anew
+        moves = max(0, self._shift.anchored - 1)
+        new, self._reported = moves - self._reported, moves
         warning = (
-            f"played stamps were moved anew {new} times: they must be played at their original"
+            f"played stamps were moved again {new} times: they must be played at their original"
             " rate, by a player that keeps it"
         )
         return warning if new else "", {
             "samples": str(self._lead.count),
             "samples after their tick": str(self._past_tick),
             **self._lead.diagnostics("time to their tick"),
-            "stamps moved anew": str(anew),
+            "stamps moved again": str(moves),
             "arm forces ignored": str(self._forces),
         }
 
@@ -175,7 +175,7 @@ PACE_TIME = 1_000_000_000
 
 FASTEST = 20.0
 """Speed, or its inverse, beyond which nobody plays a bag: such stamps are nonsense, and compared
-anew."""
+again."""
 
 PACE = 0.2
 """Maximum difference of the stamps' pace from 1: a busy machine delays arrivals by 0.1 s."""

@@ -52,7 +52,7 @@ class RemoteParameters:
         Node that follows the parameters.
     name : str
         Name of the other node, in the same namespace, and of its executable.
-    wanted : tuple of str
+    parameter_names : tuple of str
         Names of its parameters.
     changed : callable
         Called after any value has changed.
@@ -64,12 +64,12 @@ class RemoteParameters:
         self,
         node: GraphNode,
         name: str,
-        wanted: tuple[str, ...],
+        parameter_names: tuple[str, ...],
         changed: Callable[[], None],
         refuse: Callable[[str], None],
     ) -> None:
         self._name = name
-        self._wanted = wanted
+        self._parameter_names = parameter_names
         self._changed = changed
         self._refuse = refuse
         self._client = node.create_client(GetParameters, f"{name}/get_parameters")
@@ -88,7 +88,9 @@ class RemoteParameters:
                 self.values = {}
         elif self._answer is None or self._is_overdue(self._answer):
             self._found = True
-            self._answer = self._client.call_async(GetParameters.Request(names=list(self._wanted)))
+            self._answer = self._client.call_async(
+                GetParameters.Request(names=list(self._parameter_names))
+            )
             self._answer.add_done_callback(lambda answer: self._receive_answer(answer.result()))
             self._due = time.monotonic() + ANSWERING_TIME
 
@@ -107,16 +109,16 @@ class RemoteParameters:
     def receive(self, event: ParameterEvent) -> None:
         """Read the values that the node publishes at its start and after a change."""
         given = [(p.name, p.value) for p in (*event.new_parameters, *event.changed_parameters)]
-        known, refused = admitted(self._name, self._wanted, given)
+        known, refused = admitted(self._name, self._parameter_names, given)
         if known or refused:
             self._answer = None
             self._apply(known, refused)
 
     def _receive_answer(self, answer: GetParameters.Response) -> None:
-        given = zip(self._wanted, answer.values, strict=False)
-        known, refused = admitted(self._name, self._wanted, given)
+        given = zip(self._parameter_names, answer.values, strict=False)
+        known, refused = admitted(self._name, self._parameter_names, given)
         # A node of another version may have values that mean nothing here.
-        self._apply({**dict.fromkeys(self._wanted), **known}, refused)
+        self._apply({**dict.fromkeys(self._parameter_names), **known}, refused)
 
     def _apply(self, known: Mapping[str, Any], refused: list[str]) -> None:
         for reason in refused:
@@ -127,7 +129,7 @@ class RemoteParameters:
 
 
 def admitted(
-    executable: str, wanted: Iterable[str], given: Given
+    executable: str, parameter_names: Iterable[str], given: Given
 ) -> tuple[dict[str, Any], list[str]]:
     """Return requested parameters with valid values, and reasons to refuse the others.
 
@@ -135,7 +137,7 @@ def admitted(
     ----------
     executable : str
         Name of the node's executable.
-    wanted : iterable of str
+    parameter_names : iterable of str
         Names of the parameters that are looked at.
     given : iterable of tuple
         Names and values from outside.
@@ -149,7 +151,7 @@ def admitted(
     known: dict[str, Any] = {}
     refused = []
     for name, message in given:
-        if name not in wanted:
+        if name not in parameter_names:
             continue
         try:
             value = parameter_value_to_python(message)

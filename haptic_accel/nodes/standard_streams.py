@@ -103,7 +103,7 @@ def _unblock(descriptor: int) -> None:
         return
     if descriptor == 0 or not (stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISSOCK(mode)):
         return
-    # Opened anew: the flag of an inherited description applies to all processes that share it,
+    # Opened again: the flag of an inherited description applies to all processes that share it,
     # such as the shell. O_NOCTTY: the leader of a session would get the terminal's signals.
     flags = os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY
     try:

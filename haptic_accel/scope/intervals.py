@@ -76,11 +76,11 @@ def measure(windows: Windows, begin: int, end: int, rate: float) -> IntervalMeas
     """
     settings, margin = windows.settings, round(EDGE * NANOSECONDS)
     stamps, handle = _signal(windows, "handle", begin - margin, end + margin)
-    wanted_stamps, wanted = _signal(windows, "desired", begin - margin, end + margin)
+    desired_stamps, desired_values = _signal(windows, "desired", begin - margin, end + margin)
     _, forces = _signal(windows, "force", begin, end)
     places_of_handle = np.arange(float(len(stamps)))
     shift = settings.latency + 1
-    desired, found = paired(wanted_stamps, wanted, stamps, places_of_handle, shift, rate)
+    desired, found = paired(desired_stamps, desired_values, stamps, places_of_handle, shift, rate)
     index = found.astype(int)
     moments = stamps[index]
     within = (moments >= begin) & (moments <= end)
@@ -101,7 +101,7 @@ def measure(windows: Windows, begin: int, end: int, rate: float) -> IntervalMeas
         desired_rms=asked,
         error=error,
         clipped=100.0 * float(np.mean(limited)) if len(limited) else 0.0,
-        lost=max(lost_percent(each, begin, end, rate) for each in (stamps, wanted_stamps)),
+        lost=max(lost_percent(each, begin, end, rate) for each in (stamps, desired_stamps)),
     )
 
 

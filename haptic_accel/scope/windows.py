@@ -61,7 +61,7 @@ EDGE = 0.25
 for a period of its corner frequency (5 Hz)."""
 
 GAP = 0.5
-"""Gap in the stamps after which derived signals start anew, s: nodes were restarted."""
+"""Gap in the stamps after which derived signals start again, s: nodes were restarted."""
 
 HELD = 0.1
 """Time for which the last force counts, s; then the device has released it."""

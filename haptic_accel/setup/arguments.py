@@ -219,7 +219,7 @@ class NetworkArguments(Checked):
 class LaunchArguments(NamespaceArguments):
     """Launch."""
 
-    namespace: str = like(NamespaceArguments, "namespace")  # declared anew for its heading
+    namespace: str = like(NamespaceArguments, "namespace")  # declared again for its heading
     params_file: str = parameter(
         "",
         "ROS parameter files with commas between, applied over config/teleop.yaml in order; they"

@@ -338,7 +338,7 @@ def _nodes(arguments: Arguments) -> list[str]:
         RECORDER: arguments.record,
         SCOPE: arguments.scope,
     }
-    return [*arms, "coupler", *(name for name, wanted in asked.items() if wanted)]
+    return [*arms, "coupler", *(name for name, is_asked in asked.items() if is_asked)]
 
 
 def _absolute(path: str) -> str:

@@ -204,7 +204,7 @@ def test_metadata_that_was_changed_is_written_anew(memory: Path) -> None:
         "metadata.yaml is not read: is not metadata of a bag: it differs from its checksum,"
         " which is its last line"
     ]
-    assert repair(memory / "bag").repairs == ["metadata.yaml: written anew"]
+    assert repair(memory / "bag").repairs == ["metadata.yaml: rewritten"]
     assert metadata.read_text() == saved
 
 
@@ -300,7 +300,7 @@ def test_what_is_no_file_is_not_read(memory: Path, name: str, kind: str) -> None
         path.mkdir()
     if name == "metadata.yaml":
         assert "metadata.yaml is not read" in read_bag(memory / "bag").problems[0]
-        assert repair(memory / "bag").repairs == ["metadata.yaml: written anew"]
+        assert repair(memory / "bag").repairs == ["metadata.yaml: rewritten"]
         assert read_bag(memory / "bag").problems == []
         return
     for refused in (memory / "bag", path):

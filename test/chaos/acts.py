@@ -417,7 +417,7 @@ class Acts:
         self._graph.wait_for(arrives, "the page answers")
 
     def _fail_recorder(self, damage: Callable[[], str]) -> None:
-        """Let the recorder fail, which no force needs to know, and start it anew."""
+        """Let the recorder fail, which no force needs to know, and start it again."""
         recorder = self._graph.nodes[RECORDER]
         recorder.wait_for(RECORDING)
         reason = damage()

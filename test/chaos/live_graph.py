@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A graph whose processes are started, hurt and started anew one by one."""
+"""A graph whose processes are started, hurt and started again one by one."""
 
 from __future__ import annotations
 

@@ -188,7 +188,7 @@ def test_a_bag_of_a_stop_and_its_release_can_be_played_and_does_not_more_than_st
 
     graph = haptic_accel("teleop", "rate:=200", "record:=false")
     graph.wait_for("engaged")
-    observer.collect((MASTER_ARM_FORCE,), 100)  # the device counts anew at the arm's first force
+    observer.collect((MASTER_ARM_FORCE,), 100)  # the device counts again at the arm's first force
     observer.call(SetBool, EMERGENCY_STOP.name, SetBool.Request(data=True))
     graph.wait_for("let go: emergency stop")
     so_far, before = len(graph.lines), applied(observer)
@@ -240,7 +240,7 @@ def test_a_stop_outlasts_who_gave_it_and_the_coupler_and_all_are_released_or_non
     nodes["slave_device"].process.send_signal(signal.SIGCONT)
     for topic in STOPPED:
         observer.wait_for_state(topic, True)
-    # A coupler that starts anew is told of the stop.
+    # A coupler that starts again is told of the stop.
     kill(nodes["coupler"])
     nodes["coupler"] = begin("coupler")
     nodes["coupler"].wait_for(

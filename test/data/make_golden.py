@@ -17,7 +17,7 @@
 
 ``python test/data/make_golden.py`` runs the simulated rig in lockstep and keeps what the slave
 gave, and the handle's acceleration; for when what the bags hold is to change. With ``--figures``
-the bags stay and only the figures are made anew, which a change of rig or controller may ask for,
+the bags stay and only the figures are made again, which a change of rig or controller may ask for,
 and whoever reads the change then sees.
 """
 

@@ -39,7 +39,7 @@ from haptic_accel.materials import recordings as recording
 from haptic_accel.materials.recordings import FULL_SCALE, FloatArray, read_recording
 from recordings import write_recording, write_wav
 
-# One folder serves all examples of a test: each writes its files anew.
+# One folder serves all examples of a test: each writes its files again.
 untimed = settings(
     deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200
 )

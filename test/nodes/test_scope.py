@@ -179,7 +179,7 @@ def test_further_signals_are_drawn_where_chosen_and_remembered(shared: Shared) -
         page.locator(f"#show-{name}").uncheck()
     assert not page.locator("#forces").is_visible()
     newest = page.evaluate("hapticScope.newest()")
-    # Their number begins anew with each connection.
+    # Their number begins again with each connection.
     shared.wait(f"hapticScope.newest() > {newest} + 2", "a full window")
 
 

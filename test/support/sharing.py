@@ -102,7 +102,7 @@ class LookAtOneGraph:
     """Class of tests that look at one graph, started with the first and ended by the last.
 
     A subclass names the words of ``haptic-accel``. The fixtures of all tests, such as `observer`
-    and `ask`, join the graph's ROS domain. A graph that has died is started anew for the next
+    and `ask`, join the graph's ROS domain. A graph that has died is started again for the next
     test. The last test calls `graph.end`.
     """
 

@@ -243,15 +243,15 @@ def scaled_within(force: Sequence[float], allowed: Sequence[float]) -> Sequence[
     (2.0, 1.5, 0.0)
     """
     share, last = 1.0, -1
-    for coil, (wanted, most) in enumerate(zip(force, allowed, strict=True)):
-        if most != wanted != 0.0 and most / wanted < share:
-            share, last = most / wanted, coil
+    for coil, (requested, most) in enumerate(zip(force, allowed, strict=True)):
+        if most != requested != 0.0 and most / requested < share:
+            share, last = most / requested, coil
     if last < 0:
         return force
     if share <= 0.0:
         return (0.0,) * len(force)
     # Exactly what the guard allows, without rounding.
     return tuple(
-        most if coil == last else share * wanted
-        for coil, (wanted, most) in enumerate(zip(force, allowed, strict=True))
+        most if coil == last else share * requested
+        for coil, (requested, most) in enumerate(zip(force, allowed, strict=True))
     )

@@ -143,7 +143,7 @@ class Authority:
         self._measured.clear()
         self._state = np.zeros_like(self._state)
         # Running means of <d^2>, <d y>, <y^2>, and of the noise in the last one, (m/s^2)^2.
-        self._wanted = self._common = self._moved = self._noise = 0.0
+        self._desired_power = self._common = self._moved = self._noise = 0.0
         self._level = 0.0  # highest <d^2> of late, (m/s^2)^2
         self._silent = 0.0  # time of silence so far, s
         self.noise = math.inf
@@ -195,21 +195,23 @@ class Authority:
         block, self._state = self._filtered(self._sections, block, zi=self._state)
         # The components of a vector, one after the other, have the sum of their powers.
         block = block.reshape(2, -1)
-        wanted, common, _, moved = (block @ block.T / length).ravel().tolist()
+        desired_power, common, _, moved = (block @ block.T / length).ravel().tolist()
         pace = length / self._rate / POWER_MEMORY
         share = -math.expm1(-pace)
-        self._wanted += share * (wanted - self._wanted)
+        self._desired_power += share * (desired_power - self._desired_power)
         self._common += share * (common - self._common)
         self._moved += share * (moved - self._moved)
-        self._level = max(self._level * math.exp(-length / self._rate / LOUDEST), self._wanted)
-        loud = wanted >= max(SILENT**2, QUIET * self._level)
+        self._level = max(
+            self._level * math.exp(-length / self._rate / LOUDEST), self._desired_power
+        )
+        loud = desired_power >= max(SILENT**2, QUIET * self._level)
         moving = moved >= max(LARGEST_NOISE**2, RINGING * self._level) and not described
         if loud or moving:
             rising = RECOVERING if described else RISING
             # `_change` is relative to what is used.
             change = min(max(self._caution * self._change(), FALLING), rising)
             self._scale(change**pace, RISING**pace)
-        elif self._wanted < SILENT**2:
+        elif self._desired_power < SILENT**2:
             if self.fraction < RESTORED and not described:
                 self._scale(1.0, math.exp(-length / self._rate / CAUTIOUS))
             self._noise += share * (moved - self._noise)
@@ -223,7 +225,7 @@ class Authority:
         """Return the factor to the best fraction, or to the one that is accepted."""
         moved = max(self._moved - self._noise, 1e-3 * self._noise, 1e-9)
         best = self._common / moved
-        accepted = math.sqrt(SLIGHT * self._wanted / moved)
+        accepted = math.sqrt(SLIGHT * self._desired_power / moved)
         if best > 0.0:
             return math.hypot(GROWTH * best, accepted)
         # Where change^2 <y^2> - 2 change <d y> = SLIGHT <d^2>.

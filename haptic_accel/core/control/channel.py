@@ -194,7 +194,7 @@ class Channel:
         self._rest = tool_acceleration
         self._active.begin(tool_acceleration)
 
-    def wanted(self, tool: float, measured: float) -> tuple[float, float]:
+    def requested(self, tool: float, measured: float) -> tuple[float, float]:
         """Return desired acceleration and force before the actuator's limits; then `settle`.
 
         Parameters
@@ -218,7 +218,7 @@ class Channel:
         Parameters
         ----------
         desired, measured : float
-            Desired and measured acceleration of `wanted`.
+            Desired and measured acceleration of `requested`.
         force : float
             Force within the actuator's limits, N.
         """

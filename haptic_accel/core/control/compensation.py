@@ -329,7 +329,7 @@ class Compensation:
         indices = self._indices
         own, forces = [], []  # desired acceleration and force of each coil
         for coil, channel in enumerate(channels):
-            acceleration, force = channel.wanted(shaped[indices[coil]], measured[coil])
+            acceleration, force = channel.requested(shaped[indices[coil]], measured[coil])
             if channel.asleep:  # its controller was unstable
                 self.reset()
                 return ZERO, ZERO

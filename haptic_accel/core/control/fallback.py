@@ -153,7 +153,7 @@ class Fallback:
         """Return to the initial state, for a controller and its additional delay."""
         self.supervisor.reset()
         self._share, self._gain = 1.0, 0.0
-        self._wanted = self._expected = 0.0
+        self._requested = self._expected = 0.0
         self._running = 0  # number of samples of `dynamic` since it began
         self._turn = 0  # part to compute next
         self.follow(name, granted_delay)
@@ -175,20 +175,20 @@ class Fallback:
         self._error = 0.0  # ratio to error without force
         self._tracking.reset()
 
-    def force(self, desired_acceleration: float, wanted: float) -> float:
+    def force(self, desired_acceleration: float, requested: float) -> float:
         """Return the force to send in place of the controller's force, N."""
         if self._reducible:
-            wanted *= self._authority.used
-        self._wanted = wanted
+            requested *= self._authority.used
+        self._requested = requested
         if self._share == 1.0 and not self.substitute and self._gain == 0.0:
-            return wanted
+            return requested
         self._running += 1
         settled = self._running > self._settling
         substituted = self._dynamic.force(desired_acceleration, math.nan)
         share = self._part * self._probing if self.substitute else 1.0
         self._share = self._faded(self._share, share)
         self._gain = self._faded(self._gain, float(settled and self.substitute == DYNAMIC))
-        return self._share * wanted + self._gain * substituted
+        return self._share * requested + self._gain * substituted
 
     def observe(self, desired: float, measured: float, force: float) -> None:
         """Process one sample.
@@ -213,7 +213,7 @@ class Fallback:
         self._tracking.observe(self._desired[later], measured)
         if self.substitute:
             self._prospect.observe(self._expected, self._desired[0])
-            self._expected = self._model.process(self._wanted)
+            self._expected = self._model.process(self._requested)
 
     def update(self) -> bool:
         """Execute a part of slow computations; return True after a new result."""
@@ -329,5 +329,5 @@ class Fallback:
         """Return the power of a density in the evaluated lines."""
         return float(self._counted @ density) * float(self._tracking.frequency[1])
 
-    def _faded(self, share: float, wanted: float) -> float:
-        return share + min(max(wanted - share, -self._pace), self._pace)
+    def _faded(self, share: float, requested: float) -> float:
+        return share + min(max(requested - share, -self._pace), self._pace)

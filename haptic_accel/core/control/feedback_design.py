@@ -410,9 +410,9 @@ class _Problem:
         self.model = self.grid.sequence(responses[0])[1 : length + 1]
         self._through = passed * late * responses
         self._modelled = passed * late * late * self.grid.spectrum(self.model)
-        force, wanted = feedforward(frequency), self.grid.delay(goal.granted_delay)
-        self._kept = responses[0] * force - wanted if foreseen else np.zeros_like(force)
-        self._fought = responses * force - wanted - self._kept
+        force, target = feedforward(frequency), self.grid.delay(goal.granted_delay)
+        self._kept = responses[0] * force - target if foreseen else np.zeros_like(force)
+        self._fought = responses * force - target - self._kept
         expected = goal.spectrum(frequency) * np.abs(passed) ** 2
         self._expected = expected / expected.sum()
         unexpected = UNEXPECTED_DENSITY**2 * np.abs(passed) ** 2
@@ -511,5 +511,5 @@ class _Problem:
         fall += reached.conj() * (held * outside + self._noise * (sensitivity - 1.0))
         column = self.grid.sequence(growth.sum(axis=0))[: self._length]
         column[0] *= 1.0 + _RIDGE
-        wanted = self.grid.sequence(-fall.sum(axis=0))[: self._length]
-        return np.asarray(solve_toeplitz(column, wanted), dtype=np.float64)
+        target = self.grid.sequence(-fall.sum(axis=0))[: self._length]
+        return np.asarray(solve_toeplitz(column, target), dtype=np.float64)

@@ -48,7 +48,7 @@ class Gain:
 
     def __init__(self, value: float, rate: float) -> None:
         self._length = max(1, round(RAMP * rate))
-        self.value = self._wanted = value
+        self.value = self._target = value
         self._step, self._left = 0.0, 0
 
     @property
@@ -59,20 +59,20 @@ class Gain:
     @property
     def is_silent(self) -> bool:
         """True while the gain is zero and stays so."""
-        return self.value == self._wanted == 0.0
+        return self.value == self._target == 0.0
 
-    def change(self, wanted: float) -> None:
+    def change(self, target: float) -> None:
         """Begin a ramp to another gain."""
-        self._wanted, self._left = wanted, self._length
-        self._step = (wanted - self.value) / self._length
+        self._target, self._left = target, self._length
+        self._step = (target - self.value) / self._length
 
     def settle(self) -> None:
         """End a ramp at once."""
-        self.value, self._left = self._wanted, 0
+        self.value, self._left = self._target, 0
 
     def advance(self) -> float:
         """Return the gain of the next sample."""
         if self._left:
             self._left -= 1
-            self.value = self._wanted - self._left * self._step
+            self.value = self._target - self._left * self._step
         return self.value

@@ -413,9 +413,9 @@ class PassiveHalf:
         ratio = k * self._spring_share * (spring / stretch if stretch else 1.0)
         fx, fy, fz = ratio * ex - b * vx, ratio * ey - b * vy, ratio * ez - b * vz
         size = math.sqrt(fx * fx + fy * fy + fz * fz)
-        wanted = min(size, most)
-        self._total_share = self._recovered(self._total_share, limit, wanted)
-        shorter = self._total_share * (wanted / size if size else 1.0)
+        requested = min(size, most)
+        self._total_share = self._recovered(self._total_share, limit, requested)
+        shorter = self._total_share * (requested / size if size else 1.0)
         self._note_limited(min(reach, most) < stretch or min(limit, most) < size)
         self._spring_energy = min(spring, reach) ** 2 / (2.0 * k)
         reserve = size * shorter * travel
@@ -424,10 +424,11 @@ class PassiveHalf:
             (fx * shorter, fy * shorter, fz * shorter), (-b * vx, -b * vy, -b * vz), reserve
         )
 
-    def _recovered(self, share: float, possible: float, wanted: float) -> float:
-        """Return the share of a wanted force that is possible, and rises slowly from the last."""
+    def _recovered(self, share: float, possible: float, requested: float) -> float:
+        """Return the possible share of a requested force; it rises slowly from the last."""
         return min(
-            possible / wanted if possible < wanted else 1.0, share + self._period / SHARE_TIME
+            possible / requested if possible < requested else 1.0,
+            share + self._period / SHARE_TIME,
         )
 
     def _note_limited(self, limited: bool) -> None:

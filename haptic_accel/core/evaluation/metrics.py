@@ -501,12 +501,12 @@ def band_nrmse(
         As for `metrics.spectra`.
     """
     found = spectra(desired, actual - desired, rate)
-    wanted, wrong = found.desired**2, found.actual**2
-    least = QUIET_SHARE * float(np.sum(wanted))
+    desired_power, wrong = found.desired**2, found.actual**2
+    least = QUIET_SHARE * float(np.sum(desired_power))
     errors = {}
     for band in chosen:
         within = (found.frequency >= band.low) & (found.frequency < band.high)
-        reference = float(np.sum(wanted[within]))
+        reference = float(np.sum(desired_power[within]))
         error = float(np.sum(wrong[within]))
         errors[band.name] = math.sqrt(error / reference) if reference > least else math.nan
     return errors

@@ -69,8 +69,8 @@ def approximate_model(
     if not 0 < low < high < np.inf:
         raise ParameterError(f"band = {low:g} to {high:g} Hz: must satisfy 0 < low < high")
     frequency = np.geomspace(low, high, _LINES)
-    wanted = handle_model(handle).response(frequency)
-    if not np.isfinite(wanted).all() or (wanted == 0).any():
+    exact = handle_model(handle).response(frequency)
+    if not np.isfinite(exact).all() or (exact == 0).any():
         raise ParameterError(
             f"handle = {handle}: has no finite response from {low:g} to {high:g} Hz"
         )
@@ -78,7 +78,7 @@ def approximate_model(
     bounds = np.log([_FREQUENCIES if name.endswith("frequency") else _DAMPING for name in _FREE])
 
     def residuals(point: FloatArray) -> FloatArray:
-        ratio = _model(point).model().response(frequency) / wanted
+        ratio = _model(point).model().response(frequency) / exact
         return np.concatenate([np.log(np.abs(ratio)), _PULL * (point - paper)])
 
     found = least_squares(residuals, paper, bounds=(bounds[:, 0], bounds[:, 1]), x_scale=1.0)

@@ -86,14 +86,14 @@ def _fitted(found: MatrixResponse, own: ComplexArray, length: int) -> tuple[Floa
         least = LEAST_DEVIATION * np.abs(own[:, coil])
         deviation = np.maximum(found.deviation[:, axis, coil], least)
         rows = _stacked(basis * (own[:, coil] / deviation)[:, np.newaxis])
-        wanted = _stacked(found.response[:, axis, coil] / deviation)
+        measured = _stacked(found.response[:, axis, coil] / deviation)
         normal = rows.T @ rows
         end = found.response[-1, axis, coil] / own[-1, coil]
         assumed = precision + outside.T @ outside
         known = outside.T @ np.repeat([end.real / OUTSIDE, 0.0], len(outside) // 2)
-        solution = np.linalg.solve(normal + assumed, rows.T @ wanted + known)
+        solution = np.linalg.solve(normal + assumed, rows.T @ measured + known)
         taps[axis, coil] = solution
-        error += float(np.sum((wanted - rows @ solution) ** 2))
+        error += float(np.sum((measured - rows @ solution) ** 2))
         parameters += float(np.trace(np.linalg.solve(normal + assumed, normal)))
     values = 2 * COILS**2 * len(found.frequency)
     criterion = values * math.log(error / values) + 2.0 * parameters

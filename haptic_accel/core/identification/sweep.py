@@ -303,7 +303,7 @@ def find_trials(
     rate: float,
     missing: npt.NDArray[np.bool_] | None = None,
     latency: int = 0,
-    wanted: FloatArray | None = None,
+    expected: FloatArray | None = None,
 ) -> list[IdentificationTrial]:
     """Find the excitation in a recording by its correlation with the force.
 
@@ -319,7 +319,7 @@ def find_trials(
         Mask of the samples that were not recorded, but interpolated.
     latency : int
         Delay from sample to force, in samples.
-    wanted : ndarray, shape (m,) or (m, 3), optional
+    expected : ndarray, shape (m,) or (m, 3), optional
         Forces of a trial, N; default: those of `excitation`.
 
     Returns
@@ -337,8 +337,8 @@ def find_trials(
     from scipy import signal
 
     check_axes(actuator_force, handle_acceleration)
-    wanted = excitation(parameters, rate) if wanted is None else wanted
-    length = len(wanted)
+    expected = excitation(parameters, rate) if expected is None else expected
+    length = len(expected)
     if len(actuator_force) < length + latency:
         raise RecordingError(
             f"recording: {len(actuator_force)} samples at {rate:g} Hz, must be at least"
@@ -348,12 +348,12 @@ def find_trials(
     columns = actuator_force.reshape(len(actuator_force), -1)
     product = sum(
         signal.correlate(force, each, mode="valid", method="fft")
-        for force, each in zip(columns.T, wanted.reshape(length, -1).T, strict=True)
+        for force, each in zip(columns.T, expected.reshape(length, -1).T, strict=True)
     )
     energy = np.cumsum(np.concatenate([[0.0], np.sum(columns**2, axis=1)]))
-    norm = np.sqrt((energy[length:] - energy[:-length]) * float(np.sum(wanted**2)))
+    norm = np.sqrt((energy[length:] - energy[:-length]) * float(np.sum(expected**2)))
     # If there is hardly any force, rounding errors must not resemble the sweep.
-    correlation = np.asarray(product / np.maximum(norm, _LEAST_FORCE * float(np.sum(wanted**2))))
+    correlation = np.asarray(product / np.maximum(norm, _LEAST_FORCE * float(np.sum(expected**2))))
     starts = []
     best = float(correlation.max())
     while len(correlation) and correlation.max() >= ALIKE:

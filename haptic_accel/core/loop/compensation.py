@@ -161,13 +161,13 @@ class CompensationPart:
 
     def _before(self, stamp: int) -> tuple[bool, Vector | None]:
         """Return True and the previous tick's handle sample (None if lost); False if awaited."""
-        wanted = stamp - self._period
-        while self._handle and self._handle[0][0] < wanted - self._period / 2:
+        due = stamp - self._period
+        while self._handle and self._handle[0][0] < due - self._period / 2:
             self._handle.popleft()
         if not self._handle:
             return False, None
         received, acceleration = self._handle[0]
-        return True, acceleration if received < wanted + self._period / 2 else None
+        return True, acceleration if received < due + self._period / 2 else None
 
     def _fill(self, stamp: int) -> None:
         """Pass predictions of lost samples to the filters, which thus miss no sample."""

@@ -279,7 +279,7 @@ class Endpoint:
             "packets out of order": str(session.out_of_order),
             "packets refused": str(session.refused),
             "peer restarts": str(session.restarts),
-            "sessions begun anew": str(session.renewals),
+            "sessions restarted": str(session.renewals),
         }
 
     def _is_echoed(self, packet: Packet) -> bool:

@@ -276,6 +276,6 @@ class ThreeAxisRig(HeldRig):
             for coil, own in enumerate(travels):
                 x, y, z = friction
                 left = moved[coil] - own[0] * x - own[1] * y - own[2] * z
-                wanted = friction[coil] + (left - creep * friction[coil]) / (own[coil] + creep)
-                friction[coil] = min(self._friction, max(-self._friction, wanted))
+                sticking = friction[coil] + (left - creep * friction[coil]) / (own[coil] + creep)
+                friction[coil] = min(self._friction, max(-self._friction, sticking))
         np.subtract(free, self._rubbed[steps - 1].dot(friction), self._system.state)

@@ -42,7 +42,7 @@ _REASONS = {
     errno.ENOENT: _MISSING,
     errno.ENODEV: _MISSING,
     errno.ENXIO: _MISSING,
-    errno.EACCES: "no permission: join the group that owns it (ls -l; often dialout), log in anew",
+    errno.EACCES: "no permission: join the group that owns it (ls -l; often dialout), and log in",
     errno.EPERM: "no permission: it needs an administrator",
     errno.EBUSY: "busy: another program has it open",
     errno.ENETDOWN: "it is down: sudo ip link set CHANNEL up type can bitrate 1000000",

@@ -270,9 +270,9 @@ class BoardLink(Connection):
         assert self._answered
         self._check(self._answered)
         self.identity = self._answered
-        wanted = required.configuration
-        request = protocol.Configure(wanted.rate, wanted.axes, wanted.samples_per_frame)
-        self._ask(request, lambda: self._configuration == wanted, f"refuses {wanted}")
+        requested = required.configuration
+        request = protocol.Configure(requested.rate, requested.axes, requested.samples_per_frame)
+        self._ask(request, lambda: self._configuration == requested, f"refuses {requested}")
         self._last_frame = time.monotonic()
         self.connected = True
         if required.coils and self._thread is None:
@@ -307,7 +307,7 @@ class BoardLink(Connection):
 
     def _check(self, identity: protocol.Identity) -> None:
         """Raise `DeviceError` if a board does not meet the requirements."""
-        required, wanted = self._required, self._required.configuration
+        required, requested = self._required, self._required.configuration
         number, highest = identity.serial_number, identity.highest_rate
         first = self.identity.serial_number if self.identity else number
         if required.serial_number not in ("", number):
@@ -322,10 +322,10 @@ class BoardLink(Connection):
                 f" {', '.join(required.coils)}: set serial.axes, or flash firmware for three coils"
                 " (firmware/README.md)"
             )
-        elif wanted.axes & ~identity.axes:
+        elif requested.axes & ~identity.axes:
             lacking = "does not have the requested axis of the accelerometer"
-        elif wanted.rate > highest:
-            lacking = f"takes {highest} samples per second at most, not {wanted.rate}"
+        elif requested.rate > highest:
+            lacking = f"takes {highest} samples per second at most, not {requested.rate}"
         else:
             return
         raise DeviceError(f"{self._path}: board {number} {lacking}")
@@ -399,8 +399,8 @@ class BoardLink(Connection):
             self._send(protocol.DisarmRequest())
 
     def _take_samples(self, clock: int, samples: protocol.Samples, arrival: float) -> None:
-        wanted = self._required.configuration
-        if self._configuration is None or samples.axes != wanted.axes:
+        requested = self._required.configuration
+        if self._configuration is None or samples.axes != requested.axes:
             return  # of an earlier configuration
         if self._next_index is None:
             self._next_index, self._last_clock = samples.index, clock
@@ -410,7 +410,7 @@ class BoardLink(Connection):
         self._next_index = index + samples.number
         self._clock.add(self._last_clock, arrival)
         first = self._clock.time(self._last_clock) + self._lead
-        self._take([first + index / wanted.rate for index in range(samples.number)], samples)
+        self._take([first + index / requested.rate for index in range(samples.number)], samples)
         if self._clock.known:
             self._align(first, arrival)
 

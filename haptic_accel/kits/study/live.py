@@ -142,8 +142,8 @@ class LiveRig:
     ) -> PresentedStimulus:
         """Present a condition with a faded beginning and end; see `trials.Rig`."""
         try:
-            wanted, settings, network = self._needs(condition)
-            self._begin_anew(wanted, network)
+            requested, settings, network = self._needs(condition)
+            self._restart(requested, network)
             presented = self._present(settings, network, seconds, begun)
         except (RequestError, RelayError, ParameterError) as error:
             self._check()  # the reason is rather that the graph has ended
@@ -183,31 +183,31 @@ class LiveRig:
         self, condition: Condition
     ) -> tuple[GraphArguments, dict[str, Value], ChannelParameters | None]:
         """Return arguments, settings while it runs, and network of a condition's graph."""
-        wanted, settings = arguments(self._protocol, condition), live(self._protocol, condition)
+        requested, settings = arguments(self._protocol, condition), live(self._protocol, condition)
         if "network" not in settings:
-            return wanted, settings, None
+            return requested, settings, None
         if "surface" in settings:  # the slave's side cannot be reached but through the network
-            wanted = replace(wanted, surface=str(settings.pop("surface")))
-        return wanted, settings, channel(settings["network"])
+            requested = replace(requested, surface=str(settings.pop("surface")))
+        return requested, settings, channel(settings["network"])
 
-    def _begin_anew(self, wanted: GraphArguments, network: ChannelParameters | None) -> None:
+    def _restart(self, requested: GraphArguments, network: ChannelParameters | None) -> None:
         """Start the graph again where it has ended, or has other arguments."""
         ended = self._graph.ended if self._graph else ""
-        same = wanted == self._arguments and (network is None) == (self._relay is None)
+        same = requested == self._arguments and (network is None) == (self._relay is None)
         if self._graph and not ended and same:
             return
         if ended and self._retried:
             raise StoppedError(f"{ended}, twice; see {self._folder / 'graph.log'}")
         self._retried = bool(ended)
         self._close()
-        self._start(wanted, network)
+        self._start(requested, network)
 
-    def _start(self, wanted: GraphArguments, network: ChannelParameters | None) -> None:
+    def _start(self, requested: GraphArguments, network: ChannelParameters | None) -> None:
         bags = self._folder / "bags"
         bag = bags / f"{len(list(bags.iterdir())):03d}"
         self._bag = str(bag.relative_to(self._folder))
-        self._arguments = wanted
-        asked = replace(wanted, bag=str(bag), record=True, scope=False)
+        self._arguments = requested
+        asked = replace(requested, bag=str(bag), record=True, scope=False)
         if network is None:
             processes = graph(asked)
         else:

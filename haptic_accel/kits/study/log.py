@@ -17,7 +17,7 @@
 
 Each line has the SHA-256 of the line before it, so that a line that was changed, removed or put
 in before others is found. The SHA-256 of the last line, the head, stands for the whole log: who
-kept it elsewhere finds a changed or missing end, and a log that was hashed anew. What names
+kept it elsewhere finds a changed or missing end, and a log that was hashed again. What names
 conditions is sealed, in base64: an envelope against reading by accident, not a lock.
 """
 

@@ -124,7 +124,7 @@ class ParticipantPage:
     ) -> None:
         self.windows = source.windows
         self.noise: float | None = None
-        self._source, self._wanted = source, noise if noise > -100.0 else None
+        self._source, self._noise = source, noise if noise > -100.0 else None
         self._server = ScopeServer(self, Access(HOST), HOST, port, self._act, "study", texts)
         self._questions = Questions[Answer]()
         self._screen, self._begun = Screen("", "wait"), time.monotonic()
@@ -204,7 +204,7 @@ class ParticipantPage:
             elapsed = time.monotonic() - self._begun
         screen |= {"id": identity, "elapsed": elapsed}
         led = self._source.is_led
-        return {"page": self._page, "noise": self._wanted, "led": led, "screen": screen}
+        return {"page": self._page, "noise": self._noise, "led": led, "screen": screen}
 
     def scene(self) -> dict[str, Any]:
         """Return the scene without names and textures of its objects."""
@@ -241,7 +241,7 @@ class ParticipantPage:
     async def _seen(self, screen: str, noise: float | None) -> None:
         """Take a sign that the page shows a stimulus, with the level of its noise, dB."""
         with self._questions.changed:
-            if screen == self._questions.id and noise == self._wanted:
+            if screen == self._questions.id and noise == self._noise:
                 self._misses()
                 self._sign, self.noise = time.monotonic(), noise
                 self._questions.changed.notify_all()

@@ -148,8 +148,8 @@ def matching(conditions: Iterable[Condition], words: str) -> tuple[Condition, ..
     >>> [str(each) for each in matching(both, "controller=adaptive")]
     ['controller=adaptive gain=1']
     """
-    wanted = set(words.split())
-    return tuple(each for each in conditions if wanted <= set(str(each).split()))
+    asked = set(words.split())
+    return tuple(each for each in conditions if asked <= set(str(each).split()))
 
 
 def word(value: Value) -> str:

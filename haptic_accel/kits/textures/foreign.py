@@ -97,8 +97,8 @@ def import_texture(
     if read is None:
         raise ParameterError(f"{path}: must be one of *{', *'.join(_READERS)}")
     if calibration is not None:
-        wanted = Specification("calibration", "m/s^2", 0.0, LARGEST_VALUE, above=True)
-        checked("calibration", calibration, 1.0, wanted)
+        allowed = Specification("calibration", "m/s^2", 0.0, LARGEST_VALUE, above=True)
+        checked("calibration", calibration, 1.0, allowed)
         if path.suffix.lower() in (".xml", ".csv"):
             raise ParameterError(f"calibration = {calibration:g}: {path} has units: leave it out")
     return read(path, rate, calibration)

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// A plot of the page, drawn anew for each trial; its legend shows and hides curves.
+// A plot of the page, drawn again for each trial; its legend shows and hides curves.
 import { axis, colour } from "./axes.js";
 import { byId, digits, press } from "./elements.js";
 

@@ -10,7 +10,7 @@ const LATE = 128; // frames that the browser renders at a time: what begins soon
 const RESERVE = 0.008; // s that shall be left to play whenever samples arrive
 const MEMORY = 10; // s of which all but one shall be without underrun
 const BEND = 0.02; // largest change of speed, by which the reserve is corrected: a third of a semitone
-const STALE = 0.25; // s by which samples may come late, or wait, before playing begins anew
+const STALE = 0.25; // s by which samples may come late, or wait, before playing begins again
 const GAP = 0.02; // s of lost samples across which a line is drawn, beyond which is silence
 
 /** Time in which sound begins, and ends where samples are late, s. */
@@ -23,7 +23,7 @@ export class Stream {
     this.reset();
   }
 
-  /** Let what is scheduled fade away; the next samples begin anew. */
+  /** Let what is scheduled fade away; the next samples begin again. */
   reset() {
     this.gain?.gain.setTargetAtTime(0, this.context.currentTime, FADE / 3);
     this.gain = new GainNode(this.context);
@@ -51,7 +51,7 @@ export class Stream {
     this.delay = this.next / sampleRate - now + HALF / rate;
   }
 
-  /** Begin anew after a time: of a backlog, only the end is played. */
+  /** Begin again after a time: of a backlog, only the end is played. */
   begin(now, newest) {
     this.reset();
     Object.assign(this, { newest, sample: 0, upsampler: new Upsampler() });

@@ -77,7 +77,7 @@ def alternating(force: float, count: int) -> list[float]:
 
 
 @given(
-    wanted=forces,
+    requested=forces,
     repeats=st.integers(1, 5),
     handle=handle_accelerations,
     peak=st.one_of(st.just(0.0), st.floats(1e-3, 100.0)),
@@ -87,7 +87,7 @@ def alternating(force: float, count: int) -> list[float]:
     rate=st.floats(31.0, 20e3),
 )
 def test_no_command_overheats_the_coil_or_exceeds_its_peak(
-    wanted: list[float],
+    requested: list[float],
     repeats: int,
     handle: float,
     peak: float,
@@ -102,7 +102,7 @@ def test_no_command_overheats_the_coil_or_exceeds_its_peak(
     limited = ActuatorGuard(actuator, rate)
     bearable = min(peak, continuous) ** 2
     heat, weight = 0.0, -math.expm1(-1 / (rate * thermal_time))
-    for force in wanted * repeats:
+    for force in requested * repeats:
         applied = limited.limited(force, handle)
         assert abs(applied) <= peak
         heat += weight * (applied**2 - heat)
@@ -114,16 +114,16 @@ def test_no_command_overheats_the_coil_or_exceeds_its_peak(
 def test_a_cold_coil_gives_its_peak() -> None:
     cold = guard(wide())
     # A tenth of what it bears takes 10 s x 0.1 x (2.2 / 6.6)^2 of the peak.
-    wanted = alternating(PEAK_FORCE, 110)
-    assert [cold.limited(force, 0.0) for force in wanted] == wanted
+    requested = alternating(PEAK_FORCE, 110)
+    assert [cold.limited(force, 0.0) for force in requested] == requested
     assert (cold.heated, cold.saturated) == (0, 0)
     assert 0.09 < cold.heat < 0.1
 
 
 def test_the_continuous_force_is_free_for_ever() -> None:
     warm = guard(wide(thermal_time=0.1))
-    wanted = alternating(CONTINUOUS_FORCE, 20_000)
-    assert [warm.limited(force, 0.0) for force in wanted] == wanted
+    requested = alternating(CONTINUOUS_FORCE, 20_000)
+    assert [warm.limited(force, 0.0) for force in requested] == requested
     assert warm.heated == 0
     assert warm.heat == pytest.approx(1.0)
 

@@ -133,7 +133,7 @@ def test_both_boards_do_the_same_whatever_comes(tmp_path: Path, identity: Identi
     rng = random.Random(2)
     encoder = Encoder()
     pair = Pair(identity)
-    now = (1 << 32) - 10_000_000  # the clock begins anew on the way
+    now = (1 << 32) - 10_000_000  # the clock begins again on the way
     coils = len(identity.coils)
     states, periods = set(), set()
     for _ in range(STEPS):

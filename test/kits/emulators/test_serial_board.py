@@ -70,7 +70,7 @@ class Host:
     """Talks to a board, without a port."""
 
     def __init__(self, identity: Identity = HANDLE) -> None:
-        self.now = CLOCKS - 10_000  # begins anew soon
+        self.now = CLOCKS - 10_000  # begins again soon
         self.heard: list[Message] = []
         self.clocks: list[int] = []
         self.room = True

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Logs that were copied, moved, changed, cut or hashed anew are found."""
+"""Logs that were copied, moved, changed, cut or hashed again are found."""
 
 from __future__ import annotations
 

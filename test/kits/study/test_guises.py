@@ -106,7 +106,7 @@ def behind_a_link(folder: Path) -> None:
 
 
 def in_reverse(folder: Path) -> None:
-    """Write all files anew in the reverse order, with other times."""
+    """Write all files again in the reverse order, with other times."""
     for place, file in enumerate(sorted(folder.rglob("*.jsonl"), reverse=True)):
         content = file.read_bytes()
         file.unlink()

@@ -133,7 +133,7 @@ class FeedbackController(Controller):
         self._start()
 
     def _start(self) -> None:
-        self._wanted = deque([0.0] * self._delay)
+        self._desired = deque([0.0] * self._delay)
         self._expected = 0.0  # acceleration of the model at the last tick, m/s^2
         self._surprise = 0.0  # latest known measurement, m/s^2
         self._first = math.nan  # gravity and other acceleration at the start, m/s^2
@@ -150,8 +150,8 @@ class FeedbackController(Controller):
         # at the next tick. The model's first values are zero for the latency.
         expected, self._expected = self._expected, self._model.process(self._surplus)
         if not self._foreseen:
-            self._wanted.append(desired_acceleration)
-            expected += self._wanted.popleft()
+            self._desired.append(desired_acceleration)
+            expected += self._desired.popleft()
         surprise = expected - measured_acceleration
         if math.isfinite(surprise):
             if math.isnan(self._first):

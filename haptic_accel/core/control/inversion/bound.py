@@ -286,9 +286,9 @@ class _Problem(Tracking):
         """Return the filter of least error for a frequency-dependent cost of the force's power."""
         desired = self.desired
         factor = minimum_phase(self.grid, np.sqrt(np.abs(self.response) ** 2 + cost))
-        wanted = self.grid.sequence(self.delay * desired * (self.response / factor).conj())
-        wanted[self.grid.points :] = 0.0  # times before zero
-        driven = self.grid.spectrum(wanted) / factor
+        target = self.grid.sequence(self.delay * desired * (self.response / factor).conj())
+        target[self.grid.points :] = 0.0  # times before zero
+        driven = self.grid.spectrum(target) / factor
         missed = float(np.sum(np.abs(self.response * driven - self.delay * desired) ** 2))
         share = (missed + self.noise) / float(np.sum(np.abs(desired) ** 2))
         return Optimum(driven / self.tool, 100.0 * math.sqrt(share))

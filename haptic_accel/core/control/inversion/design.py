@@ -384,7 +384,7 @@ class NormalEquations:
         self._moved = np.abs(travel_response(handle, frequency)) ** 2
         delay = np.exp(-2j * np.pi * goal.granted_delay / rate * frequency)
         # From the convolution's input back to the desired acceleration.
-        self._wanted = delay / section_response(sections, frequency, rate)
+        self._target_response = delay / section_response(sections, frequency, rate)
 
     def spectra(
         self,
@@ -413,8 +413,8 @@ class NormalEquations:
             the right side from the third.
         """
         force = FORCE_COST**2 * (driven + unexpected)
-        wanted = driven * response.conj() * self._wanted * target
-        return np.stack([driven * np.abs(response) ** 2 + force, driven * self._moved, wanted])
+        cross = driven * response.conj() * self._target_response * target
+        return np.stack([driven * np.abs(response) ** 2 + force, driven * self._moved, cross])
 
 
 def travel_cost(corner: float) -> float:

@@ -213,7 +213,7 @@ class ExcursionControl:
         self._predictor.expect(self.taps + self._following)
         self._predictor.reset()
         self._window.reset()
-        self.position = self._wanted = 0.0
+        self.position = self._target = 0.0
 
     def process(self, value: float) -> float:
         """Process one sample of the members' input; return the force, N."""
@@ -232,20 +232,20 @@ class ExcursionControl:
         return force
 
     def _move(self) -> None:
-        missing = self._wanted - self.position
+        missing = self._target - self.position
         if abs(missing) > _SETTLED:
             self.position += self._attack * missing
         elif missing:
-            self.position = self._wanted
+            self.position = self._target
 
     def _choose(self) -> None:
         needed = self._needed() if self._predictor.exceeds(self._limit) else 0.0
-        if needed > self._wanted:
-            self._wanted = needed
-        elif self._wanted:
-            self._wanted += self._release * (needed - self._wanted)
-            if self._wanted < _SETTLED:
-                self._wanted = 0.0
+        if needed > self._target:
+            self._target = needed
+        elif self._target:
+            self._target += self._release * (needed - self._target)
+            if self._target < _SETTLED:
+                self._target = 0.0
 
     def _needed(self) -> float:
         """Return the first index whose interpolated peak is within the limit, or the last one."""

@@ -117,15 +117,15 @@ class _Problem(Tracking):
 
     def best(self, cost: FloatArray) -> Optimum:
         """Return the filter of least error for costs of each coil's power, shape (3, 1, n)."""
-        response, wanted = self.response, self.delay * self.desired
+        response, target = self.response, self.delay * self.desired
         gram = _product(_adjoint(response), response)
         for coil in range(3):
             gram[coil, coil] += cost[coil, 0]
         factor = _right_factor(self.grid, gram)
         inverse = _inverse(factor)
-        aimed = _product(_adjoint(inverse), _product(_adjoint(response), wanted))
+        aimed = _product(_adjoint(inverse), _product(_adjoint(response), target))
         driven = _product(inverse, _causal(self.grid, aimed))
-        missed = float(np.sum(np.abs(_product(response, driven) - wanted) ** 2))
+        missed = float(np.sum(np.abs(_product(response, driven) - target) ** 2))
         share = (missed + self.noise) / float(np.sum(np.abs(self.desired) ** 2))
         return Optimum(_product(driven, _inverse(self.tool)), 100.0 * math.sqrt(share))
 

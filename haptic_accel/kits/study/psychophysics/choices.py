@@ -174,24 +174,24 @@ def scale_dissimilarities(dissimilarities: ArrayLike) -> Scaling:
     dissimilarities : array-like, shape (k, k)
         Of each two conditions, not negative; the mean of both triangles counts.
     """
-    wanted = np.asarray(dissimilarities, dtype=float)
-    wanted = (wanted + wanted.T) / 2
-    k = len(wanted)
+    given = np.asarray(dissimilarities, dtype=float)
+    given = (given + given.T) / 2
+    k = len(given)
     centring = np.eye(k) - 1 / k
-    values, vectors = np.linalg.eigh(-centring @ wanted**2 @ centring / 2)
+    values, vectors = np.linalg.eigh(-centring @ given**2 @ centring / 2)
     points = vectors[:, ::-1][:, :2] * np.sqrt(np.maximum(values[::-1][:2], 0))
     errors = math.inf
     for _ in range(_STEPS):
         distances = _distances(points)
-        before, errors = errors, float(np.sum((wanted - distances) ** 2))
+        before, errors = errors, float(np.sum((given - distances) ** 2))
         if errors >= before * (1 - _GAIN):
             break
-        ratio = np.divide(wanted, distances, out=np.zeros_like(wanted), where=distances > 0)
+        ratio = np.divide(given, distances, out=np.zeros_like(given), where=distances > 0)
         points = (np.diag(ratio.sum(axis=1)) - ratio) @ points / k
     distances = _distances(points)
     left, sizes, _ = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     power = float(np.sum(distances**2))
-    stress = math.sqrt(float(np.sum((wanted - distances) ** 2)) / power) if power else math.nan
+    stress = math.sqrt(float(np.sum((given - distances) ** 2)) / power) if power else math.nan
     return Scaling(left * sizes, stress)
 
 
