@@ -40,7 +40,7 @@ BUDGETS = {
     "kits/emulators": 1_180,
     "graph": 1_120,
     "kits/textures": 1_050,
-    "kits/bringup": 830,
+    "kits/bringup": 875,
     "links": 700,
     "pages": 50,
 }

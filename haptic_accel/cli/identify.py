@@ -64,6 +64,7 @@ from haptic_accel.core.process import (
     INTERRUPTED,
     REPEAT,
     TOO_STRONG,
+    UNUSABLE,
     tell_supervisor,
 )
 from haptic_accel.devices.audio import AUDIO
@@ -206,6 +207,7 @@ def _advising(advise: Callable[[RecordingError], str]) -> Iterator[None]:
     try:
         yield
     except RecordingError as error:
+        tell_supervisor(UNUSABLE, reason=str(error))
         if error.factors == SMALLER:
             tell_supervisor(TOO_STRONG)
         raise StoppedError(advise(error)) from None

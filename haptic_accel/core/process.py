@@ -53,9 +53,13 @@ ENGAGED, OVER, RECORDED, REPEAT = "engaged", "over", "recorded", "repeat"
 """Events of a graph: the arms are coupled; its duration is over; a bag is whole, with its `path`;
 a repeat of an excitation begins, with the number of repeats `done`."""
 
-PROGRESS, TOO_STRONG, FULL_SCALE = "progress", "too_strong", "full_scale"
-"""Events of a verb: its next stage, with `text`; an excitation that needs a smaller amplitude; the
-force at a sound card's full scale, `value`, N per kg of the handle's mass."""
+PROGRESS, FULL_SCALE = "progress", "full_scale"
+"""Events of a verb: its next stage, with `text`; the force at a sound card's full scale, `value`,
+N per kg of the handle's mass."""
+
+UNUSABLE, TOO_STRONG = "unusable", "too_strong"
+"""Events of an identification: a recording that cannot be evaluated, with its `reason`; an
+excitation that needs a smaller amplitude."""
 
 _RECORD = "\x1e"
 """First character of a line with an event: a record of a JSON text sequence (RFC 7464)."""

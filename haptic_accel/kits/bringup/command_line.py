@@ -34,7 +34,8 @@ from haptic_accel.cli.output import next_command
 from haptic_accel.cli.running import print_line
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, ENDING, WRONG_ARGUMENTS
-from haptic_accel.kits.bringup.steps import STEPS, BringUp, BringUpArguments, BringUpError, Watched
+from haptic_accel.kits.bringup.bench import STEPS, BringUpArguments, BringUpError, Watched
+from haptic_accel.kits.bringup.steps import BringUp
 
 if TYPE_CHECKING:
     from haptic_accel.kits.bringup.guide import Guide

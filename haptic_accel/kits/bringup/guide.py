@@ -27,7 +27,7 @@ import numpy as np
 
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, shown
-from haptic_accel.kits.bringup.steps import NOT_PASSED, PASSED, SKIP, Watched
+from haptic_accel.kits.bringup.bench import NOT_PASSED, PASSED, SKIP, Watched
 from haptic_accel.scope.server import CommandError, check_choice
 from haptic_accel.scope.windows import Windows
 

@@ -37,7 +37,7 @@ from haptic_accel.core.process import DONE, INTERRUPTED, WRONG_ARGUMENTS
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.devices.serial.protocol import FULL_SCALE
-from haptic_accel.kits.bringup.steps import STEPS
+from haptic_accel.kits.bringup.bench import STEPS
 from haptic_accel.setup.files import read_parameter_file
 from haptic_accel.setup.rig_file import note_step, noted_steps
 from running import Command

@@ -24,8 +24,9 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.core.parameters import from_flat
-from haptic_accel.kits.bringup import steps
-from haptic_accel.kits.bringup.steps import BringUp, BringUpArguments, Watched
+from haptic_accel.kits.bringup import bench
+from haptic_accel.kits.bringup.bench import BringUpArguments, Watched
+from haptic_accel.kits.bringup.steps import BringUp
 from haptic_accel.setup.files import read_parameter_file
 from haptic_accel.setup.rig_file import note_step, noted_steps, update_parameter_file
 
@@ -36,6 +37,7 @@ class Typist:
     def __init__(self, at_resistor: list[str]) -> None:
         self._at_resistor = at_resistor
         self.lines: list[str] = []
+        self.requests: list[str] = []
         self.asked = 0
 
     def begin(self, number: int, step: str, purpose: str) -> None: ...
@@ -82,7 +84,7 @@ def test_only_s_skips_the_measurement_of_the_current_and_the_file_says_so(rig: P
 VERB = """
 import json, sys
 from pathlib import Path
-from haptic_accel.core.process import FULL_SCALE, PROGRESS, TOO_STRONG, tell_supervisor
+from haptic_accel.core.process import FULL_SCALE, PROGRESS, TOO_STRONG, UNUSABLE, tell_supervisor
 
 verb, *words = sys.argv[1:]
 calls = Path("calls.json")
@@ -93,9 +95,12 @@ print("words in any language")
 if verb == "identify":
     tell_supervisor(PROGRESS, text="trial 1")
     if number == 0:
+        tell_supervisor(UNUSABLE, reason="no coherence")
+        sys.exit("no coherence; next: a command")
+    if number == 1:
         tell_supervisor(TOO_STRONG)
         sys.exit("much too far")
-    if number == 1:
+    if number == 2:
         tell_supervisor(FULL_SCALE, value=2.0)
 else:
     late = 5.0 if number == 0 else 0.0
@@ -106,13 +111,15 @@ else:
     ]
     Path(words[words.index("--json") + 1]).write_text(json.dumps({"conditions": conditions}))
 """
-"""Stand-in for the program: the first excitation is too strong, the first comparison late."""
+"""Stand-in for the program: the first recording is unusable, the second excitation too strong, the
+first comparison late."""
 
 
 class Willing(Typist):
     """A person who does as told, with a handle of 0.2 kg."""
 
     def ask(self, request: str) -> str:
+        self.requests.append(request)
         return "0.2" if "mass" in request else ""
 
 
@@ -120,7 +127,7 @@ def test_verbs_tell_by_events_what_is_next(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(steps, "COMMAND", [sys.executable, "-c", VERB])
+    monkeypatch.setattr(bench, "COMMAND", [sys.executable, "-c", VERB])
     rig = tmp_path / "rig.yaml"
     update_parameter_file(rig, {"master_device": {"device": "simulated"}})
     for step in ("connect", "calibrate", "make_safe"):
@@ -128,11 +135,12 @@ def test_verbs_tell_by_events_what_is_next(
     person = Willing([])
     BringUp(from_flat(BringUpArguments, {"file": str(rig)}), person).run()
     calls = json.loads((tmp_path / "calls.json").read_text())
-    assert [each[0] for each in calls] == ["identify"] * 3 + ["experiment"] * 2
+    assert [each[0] for each in calls] == ["identify"] * 4 + ["experiment"] * 2
     weaker = [any(word.startswith("start_amplitude:=") for word in each) for each in calls]
-    assert weaker == [False, True, False, False, False]
+    assert weaker == [False, False, True, False, False, False]
     values = read_parameter_file(rig)
     assert values["master_device"]["audio.full_scale"] == 2.0 * 0.2
     assert values["coupler"]["latency"] == 2  # one sample more than by default
-    assert person.lines.count("trial 1") == 3
+    assert "no coherence; press Enter to try again, or type s to stop" in person.requests
+    assert person.lines.count("trial 1") == 4
     assert any("5.0 % of the actuator forces took effect late" in line for line in person.lines)

@@ -1,0 +1,292 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Rig on the bench: its file, its devices, and the person who is asked and told."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.parameters import Checked, like, parameter, shown
+from haptic_accel.core.process import PROGRESS, SUPERVISOR, module_command, read_event
+from haptic_accel.core.sampling import DEFAULT_RATE
+from haptic_accel.core.signal_checks import Check
+from haptic_accel.core.topics import ARMS
+from haptic_accel.devices import MASTERS, SLAVES, DeviceError
+from haptic_accel.devices.audio import AUDIO
+from haptic_accel.devices.observed import Observation, ObservedDevice
+from haptic_accel.setup.arguments import POINTER, SIMULATED, VIRTUAL, GraphArguments
+from haptic_accel.setup.files import parameter_paths, read_parameter_file
+from haptic_accel.setup.node_parameters import SAFETY, build_device
+from haptic_accel.setup.setup import Setup
+
+MASTER, SLAVE = ARMS
+
+STEPS = {
+    "connect": "find the boards, and look at their signals",
+    "calibrate": "turn each board over, for its axis, gain and offset",
+    "make_safe": "force, polarity, stop, silence and a pulled plug",
+    "identify": "excite the handle, and fit its model",
+    "prove": "feel the surface without and with compensation, and compare",
+}
+"""Names of the steps, and their purpose."""
+
+HELD = {MASTER: "handle", SLAVE: "tool"}
+"""Part in the hand or on the surface, of each arm."""
+
+ARMS_ALONE = "can", "crtk"
+"""Devices with neither accelerometer nor actuator in the handle."""
+
+SERIAL = "serial"
+"""Ending of the names of devices with a board on USB serial."""
+
+COMMAND = module_command("haptic_accel.cli.main")
+"""Command line of this program."""
+
+RESPONSE_SETTLING = 0.4
+"""Time until a probing force's response is steady, or has died away, s."""
+
+PATIENCE = 60.0
+"""Time to wait for what the user is asked to do, s."""
+
+ACTION_POLL_PERIOD = 0.02
+"""Interval between looks for it, s."""
+
+SKIP = "s"
+"""Answer that goes on without what is asked."""
+
+PASSED, NOT_PASSED, SKIPPED = "ok: ", "NOT PASSED: ", "SKIPPED: "
+"""Beginnings of the lines that tell a check's result."""
+
+
+@dataclass(frozen=True)
+class BringUpArguments(Checked):
+    """Rig to bring up."""
+
+    file: str = parameter("rig.yaml", "file of the rig, to write and to go on from")
+    master: str = parameter(SERIAL, "master device", choices=tuple(MASTERS))
+    actuator: str = like(GraphArguments, "actuator")
+    slave: str = parameter(SERIAL, "slave device", choices=tuple(SLAVES))
+    ports: str = parameter(
+        "", "serial ports of the boards with commas between; empty for those of this machine"
+    )
+    params_file: str = parameter(
+        "", "ROS parameter files to take over into a new file, such as an arm's kinematics"
+    )
+    rate: float = parameter(DEFAULT_RATE, "sampling rate", unit="Hz", low=100.0, high=10e3)
+    force_constant: float = parameter(
+        ActuatorParameters.force_constant,
+        "force constant of the handle's actuator, from its data sheet",
+        unit="N/A",
+        low=-1000.0,
+        high=1000.0,
+    )
+    redo: str = parameter("", "step to begin with again; empty to go on", choices=("", *STEPS))
+
+
+class Watched(Protocol):
+    """Source of a live signal."""
+
+    def last(self, seconds: float) -> Observation:
+        """Return the samples of the last seconds."""
+
+
+class Person(Protocol):
+    """Person who brings up the rig, at a terminal or a page."""
+
+    def begin(self, number: int, step: str, purpose: str) -> None:
+        """Show that a step begins."""
+
+    def tell(self, line: str) -> None:
+        """Show a line."""
+
+    def show(self, watched: Watched | None) -> None:
+        """Show a live signal from now on; None for none."""
+
+    def ask(self, request: str) -> str:
+        """Return the answer to a request, empty to go on; raise EOFError where there is none."""
+
+    def request(self, line: str) -> None:
+        """Ask for an action that is noticed by itself."""
+
+
+class Outcome(NamedTuple):
+    """Outcome of a verb: exit status, its last non-empty line, and its events by name."""
+
+    status: int
+    last: str
+    events: Mapping[str, Mapping[str, Any]]
+
+
+class BringUpError(RuntimeError):
+    """Error: the rig cannot be brought up further; the message is one line."""
+
+
+class Bench:
+    """Rig that is brought up.
+
+    Parameters
+    ----------
+    arguments : BringUpArguments
+    person : Person
+
+    Attributes
+    ----------
+    path : Path
+        Parameter file of the rig.
+    notes : list of str
+        Results of the present step, for the file.
+
+    Raises
+    ------
+    ParameterError
+        A file cannot be read.
+    """
+
+    def __init__(self, arguments: BringUpArguments, person: Person) -> None:
+        self.arguments, self.person = arguments, person
+        self.path = Path(arguments.file)
+        self.notes: list[str] = []
+        for path in parameter_paths(arguments.params_file):
+            read_parameter_file(path)
+        if self.path.exists():
+            read_parameter_file(self.path)
+
+    def settle(self, measure: Callable[[], list[Check]], *, can_skip: bool = True) -> None:
+        """Measure until all checks pass, or the user goes on without; note the last results."""
+        while True:
+            try:
+                found = measure()
+            except DeviceError as error:
+                found = [Check(False, str(error), "check the cable and the device's supply")]
+            for check in found:
+                self._tell(check)
+            passed = all(check.passed for check in found)
+            skip = f" or type {SKIP} to go on all the same" if can_skip else ""
+            if passed or not self.goes_on(f"press Enter to try again{skip}"):
+                self.notes += [("" if each.passed else NOT_PASSED) + each.text for each in found]
+                return
+
+    def _tell(self, check: Check) -> None:
+        if check.passed:
+            self.person.tell(PASSED + check.text)
+        else:
+            self.person.tell(NOT_PASSED + check.text)
+            self.person.tell(f"  {check.advice}")
+
+    def goes_on(self, request: str) -> bool:
+        """Ask until the answer is empty, or `SKIP` where offered; return whether it is empty."""
+        allowed = {"": "Enter", SKIP: f"{SKIP} and Enter"}
+        if f"type {SKIP} " not in request:
+            del allowed[SKIP]
+        while (answer := self.person.ask(request).strip().lower()) not in allowed:
+            self.person.tell(f"{shown(answer)}: must be {' or '.join(allowed.values())}")
+        return not answer
+
+    def number(self, request: str) -> float:
+        """Ask until the answer is a finite number; return it."""
+        while True:
+            with suppress(ValueError):
+                if math.isfinite(number := float(self.person.ask(request))):
+                    return number
+            self.person.tell("must be a number, such as 0.1")
+
+    def report_folder(self, step: str) -> Path:
+        """Return the path of a new folder beside the rig's file."""
+        beside = self.path.with_name(f"{self.path.stem}_reports")
+        free = (beside / f"{step}_{n}" for n in itertools.count(1))
+        return next(folder for folder in free if not folder.exists())
+
+    def keep(self, report: Path) -> None:
+        """Tell and note where a report is."""
+        self.notes.append(f"report in {report}")
+        self.person.tell(self.notes[-1])
+
+    def awaits(self, request: str, happened: Callable[[], bool]) -> bool:
+        """Ask for an action, and return whether it happens in time."""
+        if request:
+            self.person.request(request)
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            if happened():
+                return True
+            time.sleep(ACTION_POLL_PERIOD)
+        return False
+
+    def command(self, *words: str) -> Outcome:
+        """Run a verb of this program, and show its progress."""
+        last, events = "no reason given", dict[str, Mapping[str, Any]]()
+        with subprocess.Popen(
+            [*COMMAND, *words],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, SUPERVISOR: str(os.getpid())},
+        ) as process:
+            assert process.stdout
+            try:
+                for line in process.stdout:
+                    if event := read_event(line):
+                        events[event["event"]] = event
+                        if event["event"] == PROGRESS:
+                            self.person.tell(event["text"])
+                    else:
+                        last = line.rstrip() or last
+            except BaseException:
+                process.terminate()
+                process.wait()
+                raise
+        return Outcome(process.returncode, last, events)
+
+    def parameters(self, side: str) -> tuple[Any, dict[str, Any]]:
+        """Return the parameters of a side's device, and those of its options by name."""
+        arguments = GraphArguments.from_given(params_file=str(self.path), record=False)
+        return Setup.of(arguments).node(f"{side}_device")
+
+    def device_name(self, side: str) -> str:
+        """Return the driver of a side's device."""
+        return str(self.parameters(side)[0].device)
+
+    def is_simulated(self, side: str) -> bool:
+        """Return whether no hardware belongs to a side's device."""
+        return self.device_name(side) in (SIMULATED, POINTER, VIRTUAL)
+
+    def has_actuator(self) -> bool:
+        """Return whether the handle has an actuator that is no simulation."""
+        own, _ = self.parameters(MASTER)
+        return own.actuator_device == AUDIO or own.device not in (SIMULATED, POINTER, *ARMS_ALONE)
+
+    @contextmanager
+    def observed(self, side: str) -> Iterator[ObservedDevice]:
+        """Open a side's device, and close it, without force, in the end."""
+        own, options = self.parameters(side)
+        device = build_device(f"{side}_device", own, options)
+        with ObservedDevice(device, options[SAFETY], own.rate, own.latency) as observed:
+            time.sleep(RESPONSE_SETTLING)
+            try:
+                yield observed
+            finally:
+                self.person.show(None)

@@ -1,0 +1,138 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Identification of the handle, and the proof that compensation helps, by this program's verbs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from haptic_accel.analysis.experiment import LOST_SHARE
+from haptic_accel.core import signal_checks as checks
+from haptic_accel.core.identification.sweep import SweepParameters
+from haptic_accel.core.process import FULL_SCALE, TOO_STRONG, UNUSABLE
+from haptic_accel.core.signal_checks import Check
+from haptic_accel.core.topics import ARMS
+from haptic_accel.kits.bringup.bench import ARMS_ALONE, MASTER, Bench, BringUpError
+from haptic_accel.setup.rig_file import update_parameter_file
+
+SMALLEST_SHARE = 0.05
+"""Share of the sweep's amplitudes below which identification is not tried again."""
+
+TRIAL = 10
+"""Duration of a trial with a controller, s, as the paper's."""
+
+TIMED = "master_device", "slave_device", "coupler", "compensator"
+"""Nodes that share the latency of the graph."""
+
+MOST_LATENCY = 4
+"""Largest latency that the proof sets, samples. Each adds to the least possible error (`bound`);
+beyond, the machine is not fit for the rate."""
+
+MOST_LATE = 100.0 * LOST_SHARE
+"""Share of late forces above which a graph needs more time, %, as an experiment warns."""
+
+
+def identify(bench: Bench) -> None:
+    """Identify the handle; scale the force of a sound card by its mass."""
+    if bench.device_name(MASTER) in ARMS_ALONE:
+        return
+    if scale := _identified(bench).get(FULL_SCALE):
+        mass = bench.number("type the mass of all that moves with the handle, without m_a, kg")
+        full_scale = {"audio": {"full_scale": float(f"{scale['value'] * mass:.4g}")}}
+        update_parameter_file(bench.path, {"master_device": full_scale})
+        bench.person.tell("the force is scaled now: again, with newtons")
+        _identified(bench)
+    bench.notes.append("the model is in this file")
+
+
+def _identified(bench: Bench) -> Mapping[str, Mapping[str, Any]]:
+    """Identify the handle, with less force where the travel is short; return the events."""
+    bench.goes_on("hold the handle as in use, without moving it, then press Enter")
+    share = 1.0
+    words = ["params_file:=" + str(bench.path), "--update", str(bench.path)]
+    while True:
+        out = bench.report_folder("identify")
+        ran = bench.command("identify", *words, *_amplitudes(share), "--out", str(out))
+        if ran.status == 0:
+            bench.keep(out)
+            return ran.events
+        share /= 2
+        if TOO_STRONG not in ran.events or share < SMALLEST_SHARE:
+            reason = ran.events.get(UNUSABLE, {}).get("reason", ran.last)
+            if not bench.goes_on(f"{reason}; press Enter to try again, or type s to stop"):
+                raise BringUpError(reason)
+            share = 1.0
+        else:
+            bench.person.tell("the actuator came near its stops: again with half the force")
+
+
+def prove(bench: Bench) -> None:
+    """Compare the errors without and with compensation on a surface."""
+    if not {bench.device_name(side) for side in ARMS}.isdisjoint(ARMS_ALONE):
+        bench.settle(lambda: [Check(True, "no accelerometer on both arms: not compared")])
+        return
+    bench.goes_on(
+        f"take the handle, and stroke the surface once the arms engage, {TRIAL} s without"
+        f" and {TRIAL} s with compensation; press Enter to begin"
+    )
+    bench.settle(lambda: _compared(bench))
+
+
+def _compared(bench: Bench) -> list[Check]:
+    """Run the graph without compensation and with `adaptive`, and compare the errors."""
+    out = bench.report_folder("prove")
+    results = out.with_suffix(".json")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    ran = bench.command(
+        *("experiment", "--controllers", "none,adaptive"),
+        *(f"params_file:={bench.path}", "surface:=plywood", f"duration:={TRIAL}"),
+        *("--out", str(out), "--json", str(results)),
+    )
+    if ran.status:
+        return [Check(False, ran.last, "haptic-accel doctor checks the machine")]
+    bench.keep(out)
+    conditions = json.loads(results.read_text(encoding="utf-8"))["conditions"]
+    none, adaptive = sorted(conditions, key=lambda each: each["controller"], reverse=True)
+    without, error = none["nrmse_percent"], adaptive["nrmse_percent"]
+    if without is None or error is None:
+        advice = "press the tool on the surface, and stroke along it during both trials"
+        return [Check(False, "the tool touched nothing", advice)]
+    least = adaptive["limited_bound_percent"]
+    late = max(each["deadlines_missed_percent"] or 0.0 for each in conditions)
+    if late > MOST_LATE:
+        told = f"{late:.1f} % of the actuator forces took effect late"
+        in_time = Check(False, told, _more_time(bench))
+    else:
+        in_time = Check(True, "forces in time")
+    return [in_time, checks.proof_check(without, error, least or 0.0)]
+
+
+def _more_time(bench: Bench) -> str:
+    """Give the forces a sample more time, as far as that is useful; return what was done."""
+    latency = bench.parameters(MASTER)[0].latency + 1
+    if latency > MOST_LATENCY:
+        return "close other programs, and run haptic-accel doctor"
+    update_parameter_file(bench.path, {node: {"latency": latency} for node in TIMED})
+    return f"forces have {latency} samples of time from now on; measure again"
+
+
+def _amplitudes(share: float) -> list[str]:
+    """Return the arguments for a fraction of the sweep's default amplitudes; none for 1."""
+    sweep = SweepParameters()
+    names = ("start_amplitude", "end_amplitude") if share < 1 else ()
+    return [f"{name}:={share * getattr(sweep, name):.3g}" for name in names]
