@@ -288,14 +288,12 @@ def _trials(
     """
     force, acceleration, missing = _read_excited(bag, arguments.rate)
     sweep, rate = arguments.sweep, arguments.rate
-    expected = sweeps.excitation(sweep, rate)
+    wave = sweeps.excitation(sweep, rate)
     if force[:, [axis for axis in range(3) if axis != ACTUATOR_AXIS]].any():
-        expected = orthogonal_excitation(sweep, rate)
+        wave = orthogonal_excitation(sweep, rate)
     else:
         force, acceleration = force[:, ACTUATOR_AXIS], acceleration[:, ACTUATOR_AXIS]
-    found = sweeps.find_trials(
-        force, acceleration, sweep, rate, missing, bag.latency or 0, expected
-    )
+    found = sweeps.find_trials(force, acceleration, sweep, rate, missing, bag.latency or 0, wave)
     # The device's counts do not name the trial.
     values = _last_values(bag)
     for trial in found:

@@ -52,7 +52,7 @@ class RemoteParameters:
         Node that follows the parameters.
     name : str
         Name of the other node, in the same namespace, and of its executable.
-    parameter_names : tuple of str
+    asked : tuple of str
         Names of its parameters.
     changed : callable
         Called after any value has changed.
@@ -64,12 +64,12 @@ class RemoteParameters:
         self,
         node: GraphNode,
         name: str,
-        parameter_names: tuple[str, ...],
+        asked: tuple[str, ...],
         changed: Callable[[], None],
         refuse: Callable[[str], None],
     ) -> None:
         self._name = name
-        self._parameter_names = parameter_names
+        self._asked = asked
         self._changed = changed
         self._refuse = refuse
         self._client = node.create_client(GetParameters, f"{name}/get_parameters")
@@ -88,9 +88,7 @@ class RemoteParameters:
                 self.values = {}
         elif self._answer is None or self._is_overdue(self._answer):
             self._found = True
-            self._answer = self._client.call_async(
-                GetParameters.Request(names=list(self._parameter_names))
-            )
+            self._answer = self._client.call_async(GetParameters.Request(names=list(self._asked)))
             self._answer.add_done_callback(lambda answer: self._receive_answer(answer.result()))
             self._due = time.monotonic() + ANSWERING_TIME
 
@@ -109,16 +107,16 @@ class RemoteParameters:
     def receive(self, event: ParameterEvent) -> None:
         """Read the values that the node publishes at its start and after a change."""
         given = [(p.name, p.value) for p in (*event.new_parameters, *event.changed_parameters)]
-        known, refused = admitted(self._name, self._parameter_names, given)
+        known, refused = admitted(self._name, self._asked, given)
         if known or refused:
             self._answer = None
             self._apply(known, refused)
 
     def _receive_answer(self, answer: GetParameters.Response) -> None:
-        given = zip(self._parameter_names, answer.values, strict=False)
-        known, refused = admitted(self._name, self._parameter_names, given)
+        given = zip(self._asked, answer.values, strict=False)
+        known, refused = admitted(self._name, self._asked, given)
         # A node of another version may have values that mean nothing here.
-        self._apply({**dict.fromkeys(self._parameter_names), **known}, refused)
+        self._apply({**dict.fromkeys(self._asked), **known}, refused)
 
     def _apply(self, known: Mapping[str, Any], refused: list[str]) -> None:
         for reason in refused:
@@ -129,7 +127,7 @@ class RemoteParameters:
 
 
 def admitted(
-    executable: str, parameter_names: Iterable[str], given: Given
+    executable: str, asked: Iterable[str], given: Given
 ) -> tuple[dict[str, Any], list[str]]:
     """Return requested parameters with valid values, and reasons to refuse the others.
 
@@ -137,7 +135,7 @@ def admitted(
     ----------
     executable : str
         Name of the node's executable.
-    parameter_names : iterable of str
+    asked : iterable of str
         Names of the parameters that are looked at.
     given : iterable of tuple
         Names and values from outside.
@@ -151,7 +149,7 @@ def admitted(
     known: dict[str, Any] = {}
     refused = []
     for name, message in given:
-        if name not in parameter_names:
+        if name not in asked:
             continue
         try:
             value = parameter_value_to_python(message)
