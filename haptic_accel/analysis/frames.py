@@ -156,7 +156,7 @@ def ranks(condition: tuple[str, str]) -> tuple[tuple[int, str], ...]:
 
 
 def groups(analysis: Analysis) -> pd.DataFrame:
-    """Return a row for each controller and surface, with intervals of 95 % over trials.
+    """Return a row for each controller and surface, with 95 % intervals over trials.
 
     The column ``interval`` contains the method of the NRMSE's interval, or the reason for its
     absence. Trials without contact are excluded.

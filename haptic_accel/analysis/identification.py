@@ -271,7 +271,7 @@ def read_recordings(
         ("latencies", len({trial.latency for trial in every})),
     ):
         if count > 1:
-            raise ParameterError(f"from: recordings of {count} {name}, must be of one")
+            raise ParameterError(f"from: {count} {name} in the recordings: must be equal")
     found.age = fmean(ages) if ages else 0.0
     return found
 

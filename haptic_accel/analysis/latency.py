@@ -125,7 +125,7 @@ def _missed(name: str, counts: Mapping[str, float]) -> str:
 
 
 def _latest(deadlines: Mapping[str, Row]) -> float | None:
-    """Return by how much the latest force missed its deadline, ms."""
+    """Return the largest delay of a force after its deadline, ms."""
     return max((1e-3 * counts["longest_us"] for counts in deadlines.values()), default=None)
 
 

@@ -217,7 +217,7 @@ def _packed_trace(trace: Trace) -> dict[str, Any]:
 
 
 def _packed(values: FloatArray) -> dict[str, Any]:
-    """Return a signal as base64-encoded 16-bit integers, and the unit of the last bit."""
+    """Return a signal as base64-encoded 16-bit integers, and the value of one step."""
     scale = (float(np.max(np.abs(values))) if values.size else 0.0) / FULL_SCALE or 1.0
     numbers = np.round(values / scale).astype("<i2")
     return {"scale": scale, "data": base64.b64encode(numbers.tobytes()).decode("ascii")}

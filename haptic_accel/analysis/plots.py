@@ -172,7 +172,7 @@ class Portrait:
         begin: float | None = None,
         by_axis: Mapping[str, Evaluation] | None = None,
     ) -> Portrait:
-        """Return the drawn parts of two aligned accelerations.
+        """Return the plotted parts of two aligned accelerations.
 
         See `excerpt_of` for `begin`; `by_axis` has the evaluation of each component of vectors.
         """

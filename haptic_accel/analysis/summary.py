@@ -146,7 +146,7 @@ difference of strength, 2.2 dB."""
 
 
 def _lowest(analysis: Analysis) -> list[str]:
-    """Return a sentence on the lowest possible error, for an error to be read beside it."""
+    """Return a sentence on the lowest possible error, to compare with the measured error."""
     table = table_two(groups(analysis))
     if not table.bounds:
         return []
@@ -171,7 +171,7 @@ def _lowest(analysis: Analysis) -> list[str]:
 
 
 def _shares(frame: pd.DataFrame) -> list[str]:
-    """Return a sentence on the vibration that a hand could not tell from the desired one."""
+    """Return a sentence on the vibration that a hand cannot distinguish from the desired one."""
     each = _each(frame, "indistinguishable_percent", " %")
     return each and [
         "Share of the vibration, by third octave and half second, whose strength a hand could not"

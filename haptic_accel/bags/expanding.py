@@ -89,5 +89,5 @@ def decompressed_message(content: bytes) -> bytes:
     decompressor = zstd.ZstdDecompressor()
     found = decompressor.decompress(content, LARGEST_RECORD)
     if not decompressor.eof:
-        raise ValueError(f"a message is cut off, or has more than {LARGEST_RECORD} bytes")
+        raise ValueError(f"a message is incomplete, or has more than {LARGEST_RECORD} bytes")
     return found

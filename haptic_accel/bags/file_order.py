@@ -50,7 +50,7 @@ def marks_of(vectors: FloatArray) -> IntArray:
 
 @dataclass
 class FileContent:
-    """Content of one file that tells its position among others.
+    """Content of one file, which shows its position in the recording.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class UsedFiles:
     notes: list[str]
 
     def moved(self, offsets: IntArray) -> IntArray:
-        """Return the offsets of messages in the recording; -1 for messages of no used file."""
+        """Return the offsets of messages in the recording; -1 for messages of unused files."""
         ranks = self.ranks[offsets >> FILE_BITS] if len(offsets) else offsets
         within = offsets & ((1 << FILE_BITS) - 1)
         return np.where(ranks < 0, -1, (ranks << FILE_BITS) + within)
@@ -206,7 +206,7 @@ def _span(file: FileContent) -> _Span | None:
 def _order(
     files: Sequence[FileContent], spans: Mapping[int, _Span], listed: Sequence[str]
 ) -> list[int]:
-    """Return the files' numbers in the order in which one continues another."""
+    """Return the files' numbers in the order of the recording."""
     numbered = list(spans)
     ranks = {name: at for at, name in enumerate(listed)}
     stated = sorted(numbered, key=lambda n: ranks.get(files[n].name, len(listed)))
@@ -218,7 +218,7 @@ def _order(
 
 
 def _foreign(file: FileContent, custom: Mapping[str, str]) -> str:
-    """Return the reason why a file's own data are of another recording, or nothing."""
+    """Return the reason why a file's metadata are of another recording; empty for none."""
     for key in (PREFIX + ARGUMENTS, PREFIX + PARAMETERS):
         own, other = file.custom.get(key), custom.get(key)
         if own and other and own != other:
@@ -229,7 +229,7 @@ def _foreign(file: FileContent, custom: Mapping[str, str]) -> str:
 def _conflict(
     files: Sequence[FileContent], spans: Mapping[int, _Span], used: Sequence[int], number: int
 ) -> str:
-    """Return the reason why a file's samples are of another recording, or nothing."""
+    """Return the reason why a file's samples are of another recording; empty for none."""
     known = [spans[other] for other in used if other in spans]
     if number not in spans or not known:
         return ""

@@ -466,7 +466,7 @@ def _index(file: BinaryIO, size: int) -> _Index:
     footer = file.read().rjust(_FOOTER.size, b"\0")
     kind, length, start, _, checksum, mark = _FOOTER.unpack(footer)
     if mark != MAGIC or not start:
-        raise ValueError("was not closed: it has no index")
+        raise ValueError("was not closed: index missing")
     end = size - _FOOTER.size
     is_footer = (kind, length) == (mcap.FOOTER, mcap.SPAN.size + mcap.SUM.size)
     if not (is_footer and len(MAGIC) + _DATA_END.size <= start <= end < start + LARGEST_RECORD):

@@ -102,24 +102,24 @@ def record(kind: int, *parts: bytes) -> bytes:
 
 
 def text(value: str) -> bytes:
-    """Return a text preceded by its length."""
+    """Return a text as bytes, preceded by its length."""
     content = value.encode()
     return TEXT_LENGTH.pack(len(content)) + content
 
 
 def text_map(texts: Mapping[str, str]) -> bytes:
-    """Return texts by name, without a total length."""
+    """Return texts by name as bytes, without their total length."""
     return b"".join(text(name) + text(value) for name, value in texts.items())
 
 
 def read_text(content: BinaryIO) -> str:
-    """Read the output of `text`."""
+    """Return the text in an output of `text`."""
     (length,) = TEXT_LENGTH.unpack(content.read(TEXT_LENGTH.size))
     return content.read(length).decode("utf-8", "replace")
 
 
 def read_text_map(content: bytes) -> dict[str, str]:
-    """Read the output of `text_map`."""
+    """Return the texts by name in an output of `text_map`."""
     stream, texts = BytesIO(content), {}
     while stream.tell() < len(content):
         name = read_text(stream)

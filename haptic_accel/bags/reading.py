@@ -299,7 +299,7 @@ def read_bag_with_warnings(path: Path | str) -> Bag:
 
 
 def _metadata(bag: Bag) -> Metadata:
-    """Return the metadata; if missing, as for an empty bag."""
+    """Return the metadata, or those of an empty bag if they cannot be read."""
     try:
         return read_metadata(bag.path)
     except MetadataError as error:

@@ -215,7 +215,7 @@ def _tell_strays(
 
 
 def _steps(given: Arrivals, period: float) -> Iterator[_Step]:
-    """Yield the offsets from which a topic's stamps repeat times that have been."""
+    """Yield the offsets from which a topic's stamps repeat earlier times."""
     begin = 0
     for _ in range(MOST_STEPS):
         rest = given[slice(begin, None)]

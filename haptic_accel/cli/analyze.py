@@ -56,14 +56,14 @@ if TYPE_CHECKING:
     is_flag=False,
     flag_value="runs",
     metavar="controller:A,B",
-    help="Test whether two controllers differ or, without a value, whether the two bags or folders"
-    " given do; paired by trial.",
+    help="Test the difference between two controllers or, without a value, between the two given"
+    " bags or folders; trials are paired.",
 )
 @click.option(
     "--lockstep",
     is_flag=True,
-    help="Run each trial of simulated devices again in lockstep, and name the first sample at"
-    " which the live one parts from it, with the reason.",
+    help="Repeat each trial of simulated devices in lockstep, and print the first sample at"
+    " which the live trial differs, with the reason.",
 )
 @click.option(
     "--rig",

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``haptic-accel bench latency``: missed deadlines, ages and cost, beside an empty loop."""
+"""``haptic-accel bench latency``: missed deadlines, ages and cost; empty loop for comparison."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ class Usage:
     "--pairs", type=click.IntRange(1, MOST_PAIRS), default=1, help="Number of graphs at a time."
 )
 @click.option("--seconds", default=20.0, help="Length of each measurement, s.")
-@click.option("--plot", type=FILE, metavar="FILE", help="Image of age and CPU against --rates.")
+@click.option("--plot", type=FILE, metavar="FILE", help="Plot of age and CPU over --rates.")
 @json_option
 def latency(
     words: Sequence[str],
@@ -145,7 +145,7 @@ def latency(
     plot: Path | None,
     json_file: Path | None,
 ) -> None:
-    """Measure the missed deadlines of the whole graph, beside those of an empty loop.
+    """Measure missed deadlines of the whole graph, and of an empty loop for comparison.
 
     Runs the graph as users do and an empty loop on the same sampling grid, in turns. Prints missed
     deadlines, ages of forces, losses, CPU and memory.
@@ -165,9 +165,9 @@ def latency(
     with stop_on_signal() as stop:
         for index in range(ROUNDS):
             turn = f"round {index + 1} of {ROUNDS}"
-            click.echo(f"{turn}: the graph, {pairs} x {rate:g} Hz, {span:g} s", err=True)
+            click.echo(f"{turn}: measuring the graph, {pairs} x {rate:g} Hz, {span:g} s", err=True)
             runs.append(measure(arguments, pairs, stop))
-            click.echo(f"{turn}: an empty loop", err=True)
+            click.echo(f"{turn}: measuring the empty loop", err=True)
             runs[-1]["empty_loop"] = _empty_loop(rate, span)
     metrics = {
         **{"rate_hz": rate, "seconds": seconds, "pairs": pairs, "composed": arguments.composed},
@@ -201,7 +201,7 @@ def _compared(words: Sequence[str], rates: Sequence[float], pairs: int, seconds:
     not_run: list[float] = []
     with stop_on_signal() as stop:
         for rate, arguments in runs.items():
-            click.echo(f"{pairs} x {rate:g} Hz, {seconds:g} s", err=True)
+            click.echo(f"measuring the graph, {pairs} x {rate:g} Hz, {seconds:g} s", err=True)
             try:
                 metrics = measure(arguments, pairs, stop)
             except StoppedError as end:

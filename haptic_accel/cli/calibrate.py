@@ -115,7 +115,7 @@ def calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None:
     except (DeviceError, CalibrationError) as error:
         raise StoppedError(str(error)) from None
     except EOFError:
-        raise StoppedError("the input ended before all positions") from None
+        raise StoppedError("the input ended before all positions were measured") from None
     if update:
         update_parameter_file(update, _parameters(arguments, identity, found))
     else:

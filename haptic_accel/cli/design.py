@@ -123,7 +123,7 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         f" force {found.force_rms:.2f} N RMS, travel {1e3 * found.travel_rms:.2f} mm RMS and"
         f" {1e3 * found.landing_travel:.2f} mm after a landing"
     )
-    print(f"the controller gives up low frequencies above {1e3 * loop.travel_limit:.2f} mm")
+    print(f"low frequencies are attenuated for a travel above {1e3 * loop.travel_limit:.2f} mm")
     metrics: dict[str, Any] = {
         "controller": name,
         "rate_hz": loop.rate,

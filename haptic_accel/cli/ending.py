@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The error by which a verb ends before it is done."""
+"""Error that ends a verb early."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from haptic_accel.core.process import FAILED
 
 
 class StoppedError(Exception):
-    """A verb ends early.
+    """Error that ends a verb early.
 
     Parameters
     ----------

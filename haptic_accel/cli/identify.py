@@ -227,7 +227,7 @@ def _advised(arguments: IdentifyArguments, kept: Sequence[str], error: Recording
 
 
 def _shown(recordings: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Path]]:
-    """Yield recordings, and show which one is being read."""
+    """Yield grip and path of each source, and show the path while it is read."""
     recordings = list(recordings)
     with shown_stages([f"reading {path}" for _, path in recordings]) as begin:
         for grip, path in recordings:
@@ -236,7 +236,7 @@ def _shown(recordings: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Path]]
 
 
 def _next(arguments: IdentifyArguments, update: Path | None, parameters: Path) -> list[str]:
-    """Return verb and words that run the identified handle, with what no file tells it."""
+    """Return verb and words that run the identified handle, with settings that no file has."""
     names = ("rig",) if update else ("rig", "master", "actuator", "rate")
     told = {name: getattr(arguments, name) for name in names}
     known = schema(IdentifyArguments)

@@ -44,7 +44,7 @@ WITHOUT_CERTIFICATES = (
 def keys(robot: str, operator: str, out: Path) -> None:
     """Make a key for the hosts ROBOT and OPERATOR, which both need, and certificates for zenoh.
 
-    Each is a name or an address by which the other reaches it, or several with commas between.
+    Each is a name or an address by which the other reaches it, or several separated by commas.
     The authority that signs both certificates keeps no key, so that nobody can make a third.
     """
     hosts = [robot.split(","), operator.split(",")]

@@ -131,7 +131,7 @@ class LazyGroup(click.Group):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Require a verb."""
         if not args and not ctx.resilient_parsing:
-            ctx.fail(f"a verb is missing; there are {', '.join(self.verbs)}")
+            ctx.fail(f"verb missing: must be one of {', '.join(self.verbs)}")
         return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:

@@ -90,7 +90,7 @@ class Words(click.Argument):
 
 
 class WordOption(click.Option):
-    """An option that means the same as the word ``name:=VALUE``, without a line in the help."""
+    """Option hidden in the help, with the meaning of the word ``name:=VALUE``."""
 
 
 class GroupedOption(click.Option):
@@ -183,7 +183,7 @@ def listed_words(text: str) -> list[str]:
 
 
 def one_of(known: Iterable[str]) -> Callable[[str], str]:
-    """Return a parser of a known word, whose error names the nearest."""
+    """Return a parser of a known word; its error names the nearest word."""
     words = list(known)
 
     def read(text: str) -> str:
@@ -196,7 +196,7 @@ def one_of(known: Iterable[str]) -> Callable[[str], str]:
 
 
 def some_of(known: Iterable[str]) -> Callable[[str], list[str]]:
-    """Return a parser of known words with commas between, whose error names the nearest."""
+    """Return a parser of known words separated by commas; its error names the nearest word."""
     read = one_of(known)
     return lambda text: [read(word) for word in listed_words(text)]
 
@@ -206,7 +206,7 @@ def listed_numbers(text: str) -> list[float]:
     try:
         return [read_decimal(word) for word in text.split(",")]
     except ValueError:
-        raise click.BadParameter(f"{text!r}: must be numbers with commas between") from None
+        raise click.BadParameter(f"{text!r}: must be numbers separated by commas") from None
 
 
 FILE = click.Path(path_type=Path)
@@ -248,7 +248,7 @@ def available_cores() -> int:
 
 
 def workers_options(verb: F) -> F:
-    """Add the options for the processes that run conditions side by side."""
+    """Add the options for the processes that run conditions in parallel."""
 
     @wraps(verb)
     def with_workers(*given: Any, jobs: int, executor: str, **settings: Any) -> Any:
@@ -257,13 +257,13 @@ def workers_options(verb: F) -> F:
 
         return verb(*given, workers=Workers(jobs, executor), **settings)
 
-    beside = partial(click.option, cls=GroupedOption, heading="Trials side by side")
+    beside = partial(click.option, cls=GroupedOption, heading="Trials in parallel")
     jobs = beside(
         "--jobs",
         type=click.IntRange(1, 1024),
         default=available_cores(),
         show_default="number of cores",
-        help="Number of trials that run side by side, without ROS; results do not depend on it.",
+        help="Number of parallel trials, without ROS; results do not depend on it.",
     )
     executor = beside(
         "--executor",

@@ -46,7 +46,7 @@ GONE = (errno.EPIPE, errno.EIO)
 
 @contextmanager
 def printable_output() -> Iterator[None]:
-    """Let no text, and no reader that has gone, end a verb before it has written its files.
+    """Keep a verb running despite unprintable text, or an output without a reader.
 
     Control characters are escaped, as names in files may hold some, and characters that the
     terminal's encoding lacks. Output that cannot be written is dropped. The streams stay the same
@@ -96,7 +96,7 @@ def _dropping(stream: Any, act: Callable[..., Any], lost: list[OSError]) -> Call
 
 
 def drop_output(stream: Any) -> None:
-    """Redirect a standard stream to nowhere: Python would try again what it cannot write."""
+    """Redirect a standard stream to the null device: Python would repeat a failed write."""
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, stream.fileno())
     os.close(null)

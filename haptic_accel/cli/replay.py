@@ -97,7 +97,7 @@ def replay(
         if given:
             raise ParameterError(f"--{option}: only with --lockstep")
     if len(bags) > 1:
-        raise ParameterError(f"bag = {' '.join(names)}: must be one, without --lockstep")
+        raise ParameterError(f"bag = {' '.join(names)}: must be one bag, without --lockstep")
     asked = replay_arguments([*bags, *arguments])
     processes = graph(asked.graph)
     if asked.inherited:

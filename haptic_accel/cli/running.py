@@ -116,7 +116,7 @@ def _write(data: bytes) -> None:
 
 
 def _lose_output() -> None:
-    """Redirect the standard output to nowhere, and the standard error if it has no reader."""
+    """Redirect standard output to the null device, and standard error if it has no reader."""
     look = select.poll()
     look.register(2, 0)
     lost = (1, 2) if look.poll(0) else (1,)

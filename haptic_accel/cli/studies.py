@@ -89,7 +89,7 @@ def run_side_by_side(
     line: Callable[[Result], str],
     journal: Journal | None = None,
 ) -> tuple[dict[int, Result], StoppedError | None]:
-    """Run the conditions of a study by workers; see `run_study`."""
+    """Run the conditions of a study in parallel; see `run_study`."""
     return run_study(
         lambda left, stop, _: workers.completed(run, left, stop), items, unit, line, journal
     )

@@ -30,5 +30,5 @@ from haptic_accel.setup.processes import graph
 )
 @arguments(GraphArguments)
 def teleop(arguments: GraphArguments) -> None:
-    """Run the graph until Ctrl-C: both arms, or one of them beside a peer host."""
+    """Run the graph until Ctrl-C: both arms, or one of them with a peer host."""
     run_shown(graph(arguments), endless=arguments.duration == 0)

@@ -31,7 +31,7 @@ from haptic_accel.scope.server import ScopeServer
 @click.option("--surface", default="plywood", metavar="NAME|FILE", help="Surface at the start.")
 @click.option("--rig", default="paper", metavar="NAME|FILE", help="Virtual rig.")
 @click.option(
-    "--port", default=0, metavar="PORT", type=click.IntRange(0, 65535), help="Port; 0 for any."
+    "--port", default=0, metavar="PORT", type=click.IntRange(0, 65535), help="TCP port; 0 for any."
 )
 @click.option("--open/--no-open", "opened", default=True, help="Open the page in a browser.")
 def touch(surface: str, rig: str, port: int, opened: bool) -> None:

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Independent runs of a verb side by side: in processes of this machine, or on a cluster."""
+"""Independent runs of a verb in parallel: in processes of this machine, or on a cluster."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ COMPUTING = ("haptic_accel", "numpy", "scipy")
 
 @dataclass(frozen=True)
 class Workers:
-    """Processes that run conditions side by side. Results do not depend on them.
+    """Processes that run conditions in parallel. Results do not depend on them.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ class _Cluster:
             self._client = Client(address, timeout=CONNECTING, set_as_default=False)
         except (OSError, ValueError) as error:
             reason = str(error).partition("\n")[0] or type(error).__name__
-            raise ParameterError(f"{location}: no scheduler answers: {reason}") from None
+            raise ParameterError(f"{location}: the scheduler does not answer: {reason}") from None
         self.LOST = (KilledWorker, CancelledError)
         self._run = partial(_run_alike, run, software(), Path.cwd())
 

@@ -97,7 +97,7 @@ class ArmEndpoint:
 
     @property
     def set_point(self) -> tuple[Vector, Vector]:
-        """Position, m, and velocity, m/s, of the peer's arm; zero while free."""
+        """Position, m, and velocity, m/s, of the peer's arm; zero while uncoupled."""
         peer = self.endpoint.peer
         return (peer.position, peer.velocity) if peer and peer.engaged else (ZERO, ZERO)
 

@@ -107,7 +107,7 @@ class Document:
         found = self
         for key in keys:
             if key not in found:
-                found.refuse(f"{key} = nothing: must be there", key)
+                found.refuse(f"{key} = nothing: must be given", key)
             found = found.get(key)
         return found
 

@@ -290,7 +290,7 @@ class GripParameters(Checked):
         high=1.0,
     )
     posture: str = parameter(
-        "average", "posture of the hand on the handle; average is Table I", choices=tuple(POSTURES)
+        "average", "posture of the hand; average: Table I of the paper", choices=tuple(POSTURES)
     )
     gravity: float = parameter(0.0, "gravity along the actuator's axis", "m/s^2", -9.81, 9.81)
 

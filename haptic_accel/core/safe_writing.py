@@ -31,7 +31,7 @@ def sync_folder(path: Path) -> None:
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Write a file beside another, to the disk, then put it in its place.
+    """Write a new file to the disk, then replace the present file by it.
 
     Raises
     ------

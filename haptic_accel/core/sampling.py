@@ -132,8 +132,8 @@ def sampling_rate(stamps: IntArray, stated: float | None = None) -> float:
     typical = float(np.median(steps))
     if duration > SPARSE * typical * len(stamps):
         raise ParameterError(
-            f"rate not found: {len(stamps)} samples in {duration / NANOSECONDS:.5g} s lie on no"
-            " grid"
+            f"rate not found: {len(stamps)} samples in {duration / NANOSECONDS:.5g} s are not"
+            " on a sampling grid"
         )
     # Distant stamps on the grid give the period more accurately than adjacent ones.
     found = NANOSECONDS / (duration / max(1.0, float(np.rint(steps / typical).sum())))

@@ -228,7 +228,7 @@ def current_check(measured: float, commanded: float) -> Check:
 
 
 def proof_check(none: float, adaptive: float, least: float) -> Check:
-    """Check the errors of the handle's vibration, %, beside the least possible one."""
+    """Check the errors of the handle's vibration, %, against the lowest possible error."""
     factor, addition = ABOVE_BOUND
     limit = factor * least + addition
     return Check(

@@ -193,7 +193,7 @@ class Trial:
         return evaluate(*self.compared(first, end), self.rate, delay=0.0)
 
     def indistinguishable(self, first: int = 0, end: int | None = None) -> float:
-        """Return the share that a hand could not tell, from a sample to an end; NaN without any.
+        """Return the share of indistinguishable cells from a sample to an end; NaN without any.
 
         Raises
         ------

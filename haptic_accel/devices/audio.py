@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Actuator behind a sound card and amplifiers, beside the master's own device."""
+"""Actuator behind a sound card and amplifiers, in addition to the master's own device."""
 
 from __future__ import annotations
 

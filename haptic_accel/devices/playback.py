@@ -67,10 +67,10 @@ class ReplayParameters(Checked):
         low=SLOWEST,
         high=FASTEST,
     )
-    loop: bool = parameter(False, "play over and over, with the end fading into the beginning")
+    loop: bool = parameter(False, "repeated playback, with a crossfade from the end to the start")
     start: float = parameter(
         0.0,
-        "time to skip, from where the bag's arms were coupled or the file begins",
+        "time to skip, from the coupling of the bag's arms or from the start of the file",
         unit="s",
         low=0.0,
         high=LONGEST_START,

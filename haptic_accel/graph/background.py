@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Graph that runs beside what the same process does, and writes its output to a file."""
+"""Graph on a separate thread of a process, which writes its output to a file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from haptic_accel.setup.processes import Process
 
 
 class BackgroundGraph:
-    """Graph on a thread of its own, until it ends or is closed.
+    """Graph on a separate thread, until it ends or is closed.
 
     Parameters
     ----------

@@ -97,7 +97,7 @@ class RelayProcess:
             raise
 
     def change(self, network: ChannelParameters) -> None:
-        """Change the network; a longer delay is reached at the pace `links.relay.RISE`.
+        """Change the network; the delay increases at the rate `links.relay.RISE`.
 
         The played vibration follows a longer delay at once, but a shorter one within seconds, as
         it waits for the next late datagram: see `begin_anew`.
@@ -114,7 +114,7 @@ class RelayProcess:
         self._wait(network)
 
     def begin_anew(self, network: ChannelParameters) -> None:
-        """Change the network behind a silence, after which both sides begin again.
+        """Interrupt the relay, then use a changed network; both sides engage again.
 
         The arms let go, and engage again half a second later, where they were. From then on the
         vibration has the new delay, also a shorter one.

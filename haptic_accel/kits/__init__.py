@@ -13,4 +13,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Kits: what some users need and most do not, each in a folder that can be taken away."""
+"""Kits: optional features for some users, each in a folder that can be removed."""

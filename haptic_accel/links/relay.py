@@ -67,7 +67,7 @@ class Relay:
 
     @property
     def network(self) -> ChannelParameters:
-        """Behaviour of each direction; a longer delay is reached at the pace `RISE`.
+        """Behaviour of each direction; the delay increases at the rate `RISE`.
 
         Datagrams already in transit keep their delay.
         """

@@ -102,7 +102,7 @@ def _arrays(content: bytes) -> dict[str, Array]:
     mark, *_, directory, _, comment = _END.unpack(content[-_END.size :])
     if mark != b"PK\5\6" or comment or content[-_END.size - 20 :].startswith(b"PK\6\7"):
         # With a comment, or the format for more than 4 GB, the size could be stated elsewhere.
-        raise ValueError("it does not end as a ZIP file")
+        raise ValueError("it must end as a ZIP file without a comment")
     if directory > LONGEST_DIRECTORY:
         raise ValueError(f"its table of contents has more than {LONGEST_DIRECTORY} bytes")
     found: dict[str, Array] = {}
@@ -113,7 +113,7 @@ def _arrays(content: bytes) -> dict[str, Array]:
             raise ValueError(f"{len(members)} arrays; at most {MOST_MEMBERS} are allowed")
         for member in members:
             if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                raise ValueError("it is compressed as NumPy does not")
+                raise ValueError("its compression method is not supported")
             with file.open(member) as stream:
                 array = _array(stream, left)
             left -= array.nbytes
@@ -146,5 +146,5 @@ def _array(stream: IO[bytes], most_bytes: int) -> Array:
     if len(data) < size:
         data += stream.read(size - len(data))
     if len(data) != size or stream.read(1):  # also checks the checksum
-        raise ValueError("it is truncated, or longer than it states")
+        raise ValueError("its data are truncated, or longer than its header states")
     return np.frombuffer(data, kind, count).reshape(shape, order="F" if is_fortran else "C")

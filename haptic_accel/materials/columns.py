@@ -148,7 +148,7 @@ TIME_NAMES = (
 
 @dataclass(frozen=True)
 class Wording:
-    """Names in messages of what a user gives beside a file.
+    """Names, in messages, of the arguments that describe a file.
 
     Attributes
     ----------
@@ -168,7 +168,7 @@ FIXED = Wording(column="")
 
 @dataclass(frozen=True)
 class Column:
-    """Column to read: its names in order of preference, and what it holds."""
+    """Column to read: its names in order of preference, and its quantity."""
 
     names: Sequence[str]
     quantity: Quantity = ACCELERATION

@@ -53,7 +53,7 @@ def set_gain(gain: float) -> Request:
 
 
 def set_reduction(name: str) -> Request:
-    """Change the signal of a single coil."""
+    """Change the reduction of the tool's three axes to one."""
     return set_parameters("compensator", {"reduction": name})
 
 

@@ -130,8 +130,8 @@ class Restamper(GraphNode):
                 self._past_tick += moved < now
             if not said:
                 self.get_logger().info(
-                    f"played samples are used {LEAD / 1e6:g} ms after their arrival, at a tick:"
-                    " their forces are due from there"
+                    f"played samples are used {LEAD / 1e6:g} ms after their arrival, at a tick;"
+                    " the latency of their forces counts from this tick"
                 )
 
         played = replace(topic, name=f"{PLAYED}/{topic.name}")
@@ -182,7 +182,7 @@ PACE = 0.2
 
 
 class PaceError(Exception):
-    """Error: stamps advance at another pace than their arrivals; the message is one line."""
+    """Error: stamps advance at another rate than their arrivals; the message is one line."""
 
 
 class StampShift:

@@ -39,7 +39,7 @@ SIGNALS = {
 
 
 class ScopeScene:
-    """Places that a page shows, and the set-points that its pointer gives the hand.
+    """Positions that a page shows, and set-points for the hand from the page's pointer.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class ScopeScene:
         self._looking = node.create_timer(1 / FRAME_RATE, self._look, autostart=False)
 
     def show(self, shown: bool) -> None:
-        """Follow the places while a page shows them."""
+        """Receive the positions of tool and handle only while a page shows them."""
         if shown == bool(self._inboxes):
             return
         if shown:
@@ -78,7 +78,7 @@ class ScopeScene:
             self._places.clear()
 
     def update(self) -> None:
-        """Offer to lead the hand of a master that can be led; called after parameters changed."""
+        """Create the sender of the hand's set-points if the master follows them."""
         if self._sender is None and self._master().get("device") == POINTER:
             try:
                 self._sender = self._node.sender(topics.HAND_SET_POINT)

@@ -106,11 +106,11 @@ class Connections:
         asyncio.get_running_loop().call_later(STRANGER_TIME, self._expire, transport)
 
     def forget(self, transport: asyncio.BaseTransport) -> None:
-        """Count a stranger's connection that was closed no more."""
+        """Remove a closed connection of a stranger from the count."""
         self._strangers.pop(transport, None)
 
     def admit(self, transport: asyncio.BaseTransport | None) -> None:
-        """Count a connection, if it is still there, among those with access, as their newest."""
+        """Count an open connection as the newest of those with access."""
         if transport:
             self._strangers.pop(transport, None)
             self._admitted.pop(transport, None)
@@ -205,7 +205,7 @@ class _Stranger(asyncio.Protocol):
         self._transport.resume_reading()
 
     def connection_lost(self, reason: Exception | None) -> None:
-        """Be forgotten."""
+        """Remove this connection from the count."""
         self._connections.forget(self._transport)
 
 

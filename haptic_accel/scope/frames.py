@@ -113,7 +113,7 @@ class Cursor:
         self._placed = b""
 
     def places(self) -> bytes | None:
-        """Return the latest places; None if not shown, or unchanged since the last call."""
+        """Return the latest positions; None if not shown, or unchanged since the last call."""
         places = self._windows.places.items()
         admitted = {name: place for name, place in places if name in self._admitted}
         before, self._placed = self._placed, places_frame(admitted)

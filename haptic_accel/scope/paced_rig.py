@@ -138,7 +138,7 @@ class PacedRig:
         self._tick = 0
 
     def _show_plant(self) -> None:
-        """Tell the window of a rig with one axis the plant with the handle as it is held."""
+        """Set the plant of a window with one axis to the handle in its present grip."""
         (_, windows), *others = self._axes
         if others:
             return

@@ -74,7 +74,7 @@ class Questions(Generic[A]):
             self.answer, self._choices = None, choices
 
     def wait(self, reached: Callable[[], bool]) -> None:
-        """Wait until something is reached."""
+        """Wait until a condition is met."""
         with self.changed:
             while not reached():
                 self.changed.wait(EVENT_POLL_PERIOD)

@@ -116,7 +116,7 @@ READ_ONLY = "this scope is read-only: it was started without control"
 
 @dataclass(frozen=True)
 class PageKind:
-    """Kind of a page: what it receives, and how often.
+    """Kind of a page: data that it receives, and their rate.
 
     Attributes
     ----------

@@ -96,7 +96,7 @@ takes (Hz, s)."""
 
 
 def sets(*targets: str, **changes: Any) -> Any:
-    """Declare an argument by the parameters of nodes that it sets.
+    """Declare an argument that sets parameters of nodes.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def in_devices(*names: str) -> list[str]:
 
 @dataclass(frozen=True)
 class ConditionArguments(Checked):
-    """Controller, and what is simulated."""
+    """Controller and simulated rig."""
 
     controller: str = sets(
         "compensator.controller",
@@ -222,7 +222,7 @@ class LaunchArguments(NamespaceArguments):
     namespace: str = like(NamespaceArguments, "namespace")  # declared again for its heading
     params_file: str = parameter(
         "",
-        "ROS parameter files with commas between, applied over config/teleop.yaml in order; they"
+        "ROS parameter files, separated by commas, applied over config/teleop.yaml in order; they"
         " also decide arguments that are not given, such as the devices and the rate",
     )
     log_level: str = parameter(

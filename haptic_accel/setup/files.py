@@ -186,7 +186,7 @@ def read_parameter_files(
     Parameters
     ----------
     params_file : str
-        Paths with commas between.
+        Paths separated by commas.
     namespace : str, optional
         As for `read_parameter_file`.
 

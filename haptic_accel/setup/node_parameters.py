@@ -129,15 +129,15 @@ class RestamperNodeParameters(SampledParameters):
 
     drift: float = parameter(
         0.1,
-        "delay of arrivals behind their shifted stamps above which the shift is measured again",
+        "maximum delay of an arrival after its shifted stamp; above, the shift is measured again",
         unit="s",
         low=0.005,
         high=10.0,
     )
     listeners: int = parameter(
         1,
-        "number of subscribers to acceleration and position that the report of readiness"
-        " waits for",
+        "number of subscribers to acceleration and position that are required for the report of"
+        " readiness",
         low=0,
         high=100,
     )

@@ -64,7 +64,7 @@ REPLAYED = ("replay", "replay_speed", "replay_loop", "replay_start", "rate", "du
 
 @dataclass(frozen=True)
 class ReplayArguments(Checked):
-    """Replay: what is played, and how."""
+    """Replay: source and playback."""
 
     bag: str = parameter("", "bag, or CSV or WAV file, to play")
     rate: float = like(ReplayParameters, "speed")
@@ -260,7 +260,7 @@ def expected_seconds(asked: Replay) -> float:
 
 
 def in_lockstep(asked: Replay) -> Replay:
-    """Return a replay with the simulated handle.
+    """Return a replay for lockstep, with the simulated handle.
 
     Raises
     ------

@@ -34,7 +34,7 @@ def test_it_prints_and_saves_what_a_design_will_do(ran: Ran, here: Path, control
     assert figures["bound_percent"] <= figures["limited_bound_percent"]
     assert figures["bound_percent"] < figures["nrmse_percent"] < 5.0
     assert 0.0 < figures["travel_rms_mm"] < figures["landing_travel_mm"]
-    assert "gives up low frequencies above 3.04 mm" in text
+    assert "low frequencies are attenuated for a travel above 3.04 mm" in text
     assert next_command(text) == ["teleop", f"controller:={controller}", "rig:=ideal"]
     assert len(figures["frequency_hz"]) == len(figures["gain"]) == len(figures["phase_deg"])
     at_80 = figures["frequency_hz"].index(80.0)

@@ -75,7 +75,7 @@ def test_help_lists_every_argument_with_default_and_unit(verb: str) -> None:
         (
             "teleop",
             {
-                "Controller, and what is simulated": ["controller", "surface", "seed"],
+                "Controller and simulated rig": ["controller", "surface", "seed"],
                 "Devices, and the recording that they play": ["master", "slave", "replay"],
                 "Live page": ["scope", "scope_port"],
                 "Recording": ["record", "bag"],
@@ -84,7 +84,7 @@ def test_help_lists_every_argument_with_default_and_unit(verb: str) -> None:
         (
             "replay",
             {
-                "Replay: what is played, and how": ["bag", "rate", "output"],
+                "Replay: source and playback": ["bag", "rate", "output"],
                 "Recording": ["record", "topics"],
             },
         ),
@@ -114,7 +114,7 @@ def test_options_for_one_purpose_have_a_heading() -> None:
     sections = re.split(r"^(\S.*):$", output_of("experiment", "--help"), flags=re.MULTILINE)
     found = dict(zip(sections[1::2], sections[2::2], strict=True))
     assert "--delay" in found["Network between two hosts, in lockstep"]
-    assert "--executor" in found["Trials side by side"]
+    assert "--executor" in found["Trials in parallel"]
     assert not re.search("--(delay|executor|rig) ", found["Options"])
     words = found["Arguments, each as key:=value"]
     assert "  Also as --key VALUE: rig, rate, grip, recording_rate.\n" in words

@@ -163,7 +163,7 @@ def test_an_address_of_no_scheduler_is_refused(address: str, reason: str) -> Non
 
 def test_a_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "CONNECTING", 0.5)
-    with pytest.raises(ParameterError, match="^executor = 'tcp://127.0.0.1:1': no scheduler"):
+    with pytest.raises(ParameterError, match="^executor = 'tcp://127.0.0.1:1': the scheduler"):
         Workers(1, "tcp://127.0.0.1:1").map(runs.negative, [1.0], never)
 
 

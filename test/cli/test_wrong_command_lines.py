@@ -47,7 +47,7 @@ FILES = {
 """Text of files in the working folder."""
 
 REFUSED = {
-    "": "a verb is missing; there are touch, teleop, ...",
+    "": "verb missing: must be one of touch, teleop, ...",
     "dance": "dance: no such verb; there are touch, teleop, ...",
     "telepo": "telepo: no such verb (did you mean teleop?); there are touch, teleop, ...",
     "analyze LONG": "LONG: no such file or folder",
@@ -129,7 +129,7 @@ REFUSED = {
     "replay nowhere": "bag = 'nowhere': no such bag or file",
     "replay bag:=LONG": "bag = 'LONG': no such bag or file",
     "replay text bag:=plywood bag:=text": "bag: given twice",
-    "replay text plywood": "bag = text plywood: must be one, without --lockstep",
+    "replay text plywood": "bag = text plywood: must be one bag, without --lockstep",
     "replay text rate:=11": "rate = 11.0: must be from 0.1 to 10",
     "replay text rate:=fast": "rate = 'fast': must be from 0.1 to 10",
     "replay text controller:=magic": "controller = 'magic': must be one of none, ...",

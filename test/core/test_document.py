@@ -50,7 +50,7 @@ def test_values_are_read_by_their_keys(wood: Document) -> None:
 @pytest.mark.parametrize(
     ("read", "line", "problem"),
     [
-        (lambda wood: wood.at("grain"), 1, "wood.grain = nothing: must be there"),
+        (lambda wood: wood.at("grain"), 1, "wood.grain = nothing: must be given"),
         (lambda wood: wood.at("name").number(POSITIVE), 3, "wood.name = 'oak': must be at least"),
         (lambda wood: wood.at("name").items().__next__(), 3, "wood.name = 'oak': must be a list"),
         (lambda wood: wood.at("name").mapping(), 3, "wood.name = 'oak': must map names to val"),

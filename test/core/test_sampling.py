@@ -91,7 +91,7 @@ def test_no_rate_is_found_where_stamps_do_not_advance(stamps: list[int]) -> None
 
 
 def test_stamps_with_little_between_long_silences_lie_on_no_grid() -> None:
-    with pytest.raises(ParameterError, match="4 samples in 1 s lie on no grid"):
+    with pytest.raises(ParameterError, match="4 samples in 1 s are not on a sampling grid"):
         sampling_rate(stamps_at([0, 1, 999, 1000]), 1000.0)
 
 

@@ -190,5 +190,5 @@ def test_a_wrong_file_is_refused(tmp_path: Path, changed: dict[str, Any], words:
 def test_a_file_without_speeds_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "wrong.npz"
     np.savez(path, samples=np.ones((1, 4)))
-    with pytest.raises(ParameterError, match=f"^{path}: speeds = nothing: must be there"):
+    with pytest.raises(ParameterError, match=f"^{path}: speeds = nothing: must be given"):
         read_taps(path)

@@ -82,7 +82,7 @@ def test_the_file_states_units_and_licence(tmp_path: Path) -> None:
         ("deviation", [0.0, -1.0, 1.0, 1.0], "deviation = -1: must be"),
         ("provenance", {"license": "MIT"}, r"provenance.license: unknown \(did you mean licence"),
         ("forcs", [1.0], r"forcs: unknown \(did you mean forces"),
-        ("lsf", None, "lsf = nothing: must be there"),
+        ("lsf", None, "lsf = nothing: must be given"),
     ],
 )
 def test_a_wrong_file_is_refused_with_file_name_and_range(

@@ -413,7 +413,7 @@ class _ActuatorChannel(_Channel):
         self._coils = [_Coil(parameters, rate) for _ in axes.names]
 
     def command(self, now: float, age: float, force: Vector) -> Vector | None:
-        """Return the force to write for a command; it has no components beside the coils'."""
+        """Return the force to write for a command; components without a coil are zero."""
         return super().command(now, age, self._axes.vector(self._axes.components(force)))
 
     def tick(self, now: float, handle_acceleration: Vector | None) -> Vector | None:
@@ -505,7 +505,7 @@ class SafetyLayer:
 
     @property
     def disarmed(self) -> str:
-        """Why forces are blocked until `arm` is called; empty if they are not blocked."""
+        """Reason why forces are blocked until `arm` is called; empty if they are not blocked."""
         waiting = [c for c in self._channels if not c.watchdog.armed]
         return ", ".join(f"{c.name}: {c.watchdog.tripped}" for c in waiting)
 

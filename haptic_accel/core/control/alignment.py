@@ -12,7 +12,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Alignment of the axes: what a handle's axes show of the forces of the others."""
+"""Alignment of the axes: response of each axis to the forces of the other axes."""
 
 from __future__ import annotations
 

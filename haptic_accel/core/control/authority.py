@@ -232,7 +232,7 @@ class Authority:
         return best + math.hypot(best, accepted)
 
     def _scale(self, change: float, caution: float) -> None:
-        """Multiply fraction and caution, and convert the means to what they will cause."""
+        """Multiply fraction and caution, and adapt the means to the new force."""
         before = self.used
         self.fraction = min(max(LOWEST, self.fraction * change), 1.0)
         self._caution = min(max(WARIEST, self._caution * caution), 1.0)

@@ -189,7 +189,7 @@ class Channel:
             self._gain.settle()
 
     def wake(self, tool_acceleration: float) -> None:
-        """Leave the idle state, for a tool that was at rest with this acceleration, m/s^2."""
+        """End the idle state; `tool_acceleration` is that of the tool at rest, m/s^2."""
         self.asleep = False
         self._rest = tool_acceleration
         self._active.begin(tool_acceleration)

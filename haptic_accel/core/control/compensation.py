@@ -106,8 +106,8 @@ class CompensationParameters(Checked):
     )
     decoupling: str = parameter(
         FULL,
-        "decoupling of three coils: by the inverse of their coupling with its dynamics, or of its"
-        " mean alone",
+        "decoupling of three coils by the inverse of their coupling: with its dynamics, or its"
+        " mean over frequency alone",
         choices=(FULL, STATIC),
     )
     saturation: str = parameter(
@@ -443,7 +443,7 @@ class Compensation:
         return (abs(x) <= most and abs(y) <= most) or (self._single and not self._switch.reduces)
 
     def _still(self, tool: Vector, handle: Vector | None) -> bool:
-        """Return whether all samples so far are equal; leave the idle state at a difference."""
+        """Return whether all samples so far are equal; end the idle state if two differ."""
         if self._tool_at_rest is None:
             self._tool_at_rest = tool
         if self._handle_at_rest is None:
@@ -457,7 +457,7 @@ class Compensation:
         return False
 
     def _wake(self, rest: Vector) -> None:
-        """Leave the idle state, for a tool that was at rest with this acceleration, m/s^2."""
+        """End the idle state; `rest` is the acceleration of the tool at rest, m/s^2."""
         self._rest = rest
         if self._seen:
             self._tool.fill(rest)
@@ -515,7 +515,7 @@ class Compensation:
     def _observe(
         self, own: Sequence[float], desired: Sequence[float], measured: Sequence[float]
     ) -> None:
-        """Show the authority what the driven coils shall cause, and the handle's motion."""
+        """Pass the desired motion of the driven coils, and the measured one, to the authority."""
         is_known = math.isfinite(measured[0])
         moved = [self._handle[index] if is_known else math.nan for index in self._indices]
         if self._judged_alone:

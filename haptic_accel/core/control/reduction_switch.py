@@ -144,7 +144,7 @@ class ReductionSwitch:
         self._listen()
 
     def _prepare(self) -> None:
-        """Build what is used; a principal direction that was found is followed from then on."""
+        """Build the reductions in use; keep updating a principal direction once it was used."""
         for name in filter(None, (self.active, self._following)):
             if name not in self._shapings:
                 self._shapings[name] = _along_z(name, self._rate)

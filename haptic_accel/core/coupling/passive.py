@@ -248,7 +248,7 @@ class PassiveHalf:
             self._ship(max(SIGN, min(self._p.energy, spare / 2)))
 
     def receive(self, shipped: float) -> None:
-        """Receive the cumulative energy sent by the peer, J; outdated values do no harm.
+        """Receive the cumulative energy sent by the peer, J; outdated values are ignored.
 
         Pass values only from packets that answer a session of this half.
         """

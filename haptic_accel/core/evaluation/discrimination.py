@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Share of an acceleration that a hand could not tell from the desired one by its strength.
+"""Share of an acceleration whose strength a hand cannot distinguish from the desired one.
 
 Desired and actual acceleration are cut into cells of half a second and a third of an octave. A
 cell counts if a hand would feel one of the two. The hand could not tell them apart there if their
@@ -98,7 +98,7 @@ def detection_threshold(frequency: FloatArray) -> FloatArray:
 
 
 def indistinguishable(desired: FloatArray, actual: FloatArray, rate: float) -> float:
-    """Return the share of cells in which a hand could not tell actual from desired.
+    """Return the share of cells in which a hand cannot distinguish actual from desired.
 
     A cell is half a second in a Hann window, half overlapping, within a third-octave band. It
     counts if the level of one of the accelerations reaches `detection_threshold`. Its levels are

@@ -76,9 +76,9 @@ class BodyParameters(Checked):
         0.2,
     )
     sensor_axis: str = parameter(
-        "y", "axis of a rotation of the accelerometer that nobody knows of", choices=NAMES
+        "y", "axis of an unknown rotation of the accelerometer", choices=NAMES
     )
-    sensor_rotation: float = parameter(0.0, "angle of that rotation", "rad", -math.pi, math.pi)
+    sensor_rotation: float = parameter(0.0, "angle of this rotation", "rad", -math.pi, math.pi)
 
 
 @dataclass(frozen=True)

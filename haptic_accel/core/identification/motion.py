@@ -134,7 +134,7 @@ def fit_motion(
 def _region(
     problem: _Problem, minima: Sequence[FloatArray], rise: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the ends of profile-likelihood intervals, which contain all minima that qualify.
+    """Return the ends of profile-likelihood intervals around all minima below the cost limit.
 
     Parameters
     ----------

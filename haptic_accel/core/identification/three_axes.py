@@ -174,7 +174,7 @@ def _alone(
     sweep: SweepParameters,
     axis: int,
 ) -> list[IdentificationTrial]:
-    """Return each realisation as a trial of one axis, without what the other coils caused.
+    """Return each realisation as a trial of one axis, without the response to other coils.
 
     Signs are removed, so that all have the same force.
     """

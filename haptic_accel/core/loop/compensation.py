@@ -136,7 +136,7 @@ class CompensationPart:
         self._last = None
 
     def forces(self, now: int) -> Iterator[CompensatedSample]:
-        """Yield the forces of all samples that need not wait any longer.
+        """Yield the forces of all samples that are ready.
 
         After each force, and before the next one, the controller does part of its slow
         computations.

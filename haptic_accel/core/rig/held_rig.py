@@ -186,7 +186,7 @@ class HeldRig(ABC):
 
     @abstractmethod
     def _move(self, steps: int) -> int:
-        """Advance the mechanics by at most a number of steps; return how many."""
+        """Advance the mechanics by at most `steps`; return the number of steps advanced."""
 
     def advance(self, time: float) -> None:
         """Integrate the physics up to `time`, s. Times in the past are ignored."""
@@ -340,7 +340,7 @@ class TravelStop:
         return self._touching or reach > self._travel / 2
 
     def force(self, offset: float, slip: float) -> float:
-        """Return the force on the coil's mass for `STOP_STEPS`, N; zero in free travel."""
+        """Return the force of the stops on the coil, N, held for `STOP_STEPS` steps."""
         overrun = abs(offset) - self._travel
         before, self._touching = self._touching, overrun > 0
         if not self._touching:

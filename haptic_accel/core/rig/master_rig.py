@@ -174,7 +174,7 @@ class MasterRig(HeldRig):
         return bool(x or z)
 
     def _move(self, steps: int) -> int:
-        """Advance the mechanics by at most a number of steps; return how many."""
+        """Advance the mechanics by at most `steps`; return the number of steps advanced."""
         y_a, v_a, y_h, v_h = self._ends.tolist()
         offset, slip = y_a - y_h, v_a - v_h
         if self._stop.near(offset, slip, steps):

@@ -36,7 +36,7 @@ class SimulatedMasterParameters(MasterRigParameters, Checked):
     mounts: SensorMounts = field(default_factory=SensorMounts)
 
     def __post_init__(self) -> None:
-        """Check all fields, and that there is such a handle."""
+        """Check all fields; the axes must be those of one coil or of three."""
         super().__post_init__()
         if Axes.parsed(self.axes) not in (ACTUATOR_AXES, ALL_AXES):
             raise ParameterError(f"axes = {self.axes}: must be z, or x, y, z")

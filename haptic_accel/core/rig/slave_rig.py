@@ -76,7 +76,7 @@ class ToolParameters(Checked):
     axes: str = parameter("z", "axes of the tool's accelerometer: some of x, y, z")
 
     def __post_init__(self) -> None:
-        """Check all fields, and that there are such axes."""
+        """Check all fields, and the names of the axes."""
         super().__post_init__()
         Axes.parsed(self.axes)
 

@@ -247,7 +247,7 @@ class ThreeAxisRig(HeldRig):
         return bool(x or y or z)
 
     def _move(self, steps: int) -> int:
-        """Advance the mechanics by at most a number of steps; return how many."""
+        """Advance the mechanics by at most `steps`; return the number of steps advanced."""
         state = self._system.state
         offsets, slips = state[TRAVEL].tolist(), state[SLIP].tolist()
         for coil, stop in enumerate(self._stops):

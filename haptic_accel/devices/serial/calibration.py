@@ -147,14 +147,14 @@ def rest(counts: FloatArray, nominal_gain: float) -> Rest:
         The sensor moved, or there are too few samples.
     """
     if len(counts) < BLOCKS:
-        raise CalibrationError(f"{len(counts)} samples came, at least {BLOCKS} are needed")
+        raise CalibrationError(f"samples = {len(counts)}: must be at least {BLOCKS}")
     means = np.array([block.mean() for block in np.array_split(counts, BLOCKS)])
     noise = float(counts.std(ddof=1))
     shaking, drift = noise * nominal_gain, float(np.ptp(means)) * nominal_gain
     if shaking > STILL or drift > STEADY:
         raise CalibrationError(
-            f"it moved: standard deviation {shaking:.2f} m/s^2 (at most {STILL:g}), drift"
-            f" {drift:.2f} m/s^2 (at most {STEADY:g}); lay it against something firm"
+            f"the sensor moved: standard deviation {shaking:.2f} m/s^2 (at most {STILL:g}), drift"
+            f" {drift:.2f} m/s^2 (at most {STEADY:g}); hold it against a firm support"
         )
     return Rest(float(counts.mean()), float(means.std(ddof=1)) / math.sqrt(BLOCKS), noise)
 
@@ -270,7 +270,7 @@ def calibrate_axes(poses: Mapping[str, Sequence[Rest]], nominal_gain: float) -> 
         than `MAGNITUDE_ERROR`.
     """
     if len(poses) < FEWEST_POSES:
-        raise CalibrationError(f"poses: {len(poses)}, must be at least {FEWEST_POSES}")
+        raise CalibrationError(f"poses = {len(poses)}: must be at least {FEWEST_POSES}")
     names = list(poses)
     counts = np.array([[axis.mean for axis in rests] for rests in poses.values()])
     upward = np.array([POSES[name] for name in names])

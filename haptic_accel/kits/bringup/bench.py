@@ -90,7 +90,7 @@ class BringUpArguments(Checked):
     actuator: str = like(GraphArguments, "actuator")
     slave: str = parameter(SERIAL, "slave device", choices=tuple(SLAVES))
     ports: str = parameter(
-        "", "serial ports of the boards with commas between; empty for those of this machine"
+        "", "serial ports of the boards, separated by commas; empty for those of this machine"
     )
     params_file: str = parameter(
         "", "ROS parameter files to take over into a new file, such as an arm's kinematics"

@@ -79,7 +79,7 @@ def _bring_up(rig: BringUp, file: str) -> str:
     except BringUpError as error:
         raise StoppedError(str(error)) from None
     except EOFError:
-        raise StoppedError("the input ended; the same command goes on from here") from None
+        raise StoppedError("the input ended; run the same command to continue from here") from None
     print_line(f"parameters: {file}")
     print_line(following)
     return following
@@ -113,7 +113,7 @@ def _bring_up_on_page(arguments: BringUpArguments, terminal: _Terminal) -> None:
 
 
 class _Both:
-    """Person at a page, beside a terminal that has the same lines."""
+    """Person at a page; a terminal shows the same lines."""
 
     def __init__(self, terminal: _Terminal, guide: Guide) -> None:
         self._terminal, self._guide = terminal, guide

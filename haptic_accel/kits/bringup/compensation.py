@@ -55,7 +55,7 @@ def identify(bench: Bench) -> None:
         mass = bench.number("type the mass of all that moves with the handle, without m_a, kg")
         full_scale = {"audio": {"full_scale": float(f"{scale['value'] * mass:.4g}")}}
         update_parameter_file(bench.path, {"master_device": full_scale})
-        bench.person.tell("the force is scaled now: again, with newtons")
+        bench.person.tell("force scale found: repeat the identification with forces in N")
         _identified(bench)
     bench.notes.append("the model is in this file")
 
@@ -78,7 +78,7 @@ def _identified(bench: Bench) -> Mapping[str, Mapping[str, Any]]:
                 raise BringUpError(reason)
             share = 1.0
         else:
-            bench.person.tell("the actuator came near its stops: again with half the force")
+            bench.person.tell("the actuator came near its stops: repeat with half the force")
 
 
 def prove(bench: Bench) -> None:

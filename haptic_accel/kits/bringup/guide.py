@@ -48,7 +48,7 @@ _OFFER = re.compile(rf"type {SKIP} to (.+)$")
 
 
 class Guide:
-    """Person who brings up a rig at a page, and the source of what the page shows.
+    """Person who brings up a rig at a page, and source of the page's content.
 
     The bring-up calls it on one thread, the page's server on another. Any number of pages show the
     same; the first answer to a request counts.
@@ -146,7 +146,7 @@ class Guide:
         return state | {"signal": _signal(watched) if watched else None}
 
     def scene(self) -> dict[str, Any]:
-        """Refuse: a bring-up has no scene.
+        """Refuse to return a scene: a bring-up has none.
 
         Raises
         ------
@@ -155,7 +155,7 @@ class Guide:
         raise ParameterError("scene: a bring-up has none")
 
     def lead(self, x: float, z: float) -> str:
-        """Refuse to lead a hand."""
+        """Refuse to lead a hand: a bring-up has no simulated hand."""
         return "hand: a bring-up leads none"
 
     async def act(self, action: str, value: Any) -> str:

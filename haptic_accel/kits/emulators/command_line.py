@@ -300,7 +300,7 @@ def _side(side: str, host: str) -> str:
 
 
 def _words_source() -> int | None:
-    """Return the standard input, unless there is none or it is another program's terminal."""
+    """Return the standard input; None if missing or the terminal of another program."""
     try:
         source = sys.stdin.fileno()
     except (AttributeError, OSError):  # none, or no file
@@ -323,7 +323,7 @@ def _simulated(rig: RigParameters, side: str, rate: float, seed: int) -> Simulat
 
 
 class _Held:
-    """Boards on their arms, or in a person's hands, where they are held still or tapped.
+    """Accelerations of boards: on their arms, or held still or tapped by a person.
 
     Parameters
     ----------
@@ -339,7 +339,7 @@ class _Held:
         self._asked: set[str] = set()
 
     def tilt(self, gravity: Vector) -> None:
-        """Hold the boards so that gravity acts along the axes, m/s^2; zero for on their arms."""
+        """Set gravity along the axes of held boards, m/s^2; zero for boards on their arms."""
         self._gravity = gravity
 
     def tap(self, side: str) -> None:

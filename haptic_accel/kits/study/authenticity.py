@@ -69,7 +69,7 @@ class SittingEnd:
 
 
 def noted(head: str) -> str:
-    """Return the start of a head, in groups, as a notebook has it.
+    """Return the first digits of a log's hash, in groups, as in the notebook.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def sitting_ends(logs: Logs, journal: Sequence[Entry]) -> list[SittingEnd]:
 
 
 def doubts(logs: Logs, journal: Sequence[Entry]) -> list[str]:
-    """Return lines on what is in the journal or in the logs alone, but was not deleted."""
+    """Return lines on sittings that only the journal or only the logs have, unless deleted."""
     there = {chain.heads[0] for chain, _ in logs.values()}
     deleted = {entry.get("session") for entry in journal if entry["kind"] == DELETION}
     heads = {entry["session"] for entry in journal if entry["kind"] == HEAD}
@@ -144,7 +144,7 @@ def _problems(logs: Logs) -> Iterator[str]:
 
 
 def check_journal(journal: Sequence[Entry]) -> None:
-    """Refuse a journal whose heads are no heads.
+    """Refuse a journal with a malformed entry of a log's hash.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def check_journal(journal: Sequence[Entry]) -> None:
 
 
 def check_heads(logs: Logs, journal: Sequence[Entry]) -> None:
-    """Refuse a log that has not the lines that the journal says.
+    """Refuse a log without the lines that the journal states.
 
     Raises
     ------

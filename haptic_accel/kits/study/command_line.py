@@ -81,9 +81,9 @@ def study_argument(verb: F) -> F:
 participant_option = click.option(
     "--participant", required=True, metavar="PSEUDONYM", help="Pseudonym, such as P07; no name."
 )
-yes_option = click.option("--yes", is_flag=True, help="Do not ask.")
+yes_option = click.option("--yes", is_flag=True, help="Skip the confirmation.")
 port_option = click.option(
-    "--port", default=0, type=click.IntRange(0, 65535), metavar="PORT", help="Port; 0 for any."
+    "--port", default=0, type=click.IntRange(0, 65535), metavar="PORT", help="TCP port; 0 for any."
 )
 open_option = click.option(
     "--open/--no-open", "opened", default=True, help="Open the page in a browser."
@@ -140,7 +140,7 @@ def check(study: Study) -> None:
     "written",
     type=FILE,
     metavar="FOLDER",
-    help="Write the first simulated study as a study's folder, unblinded, instead.",
+    help="New folder for one simulated study, unblinded; no power is estimated.",
 )
 @workers_options
 @json_option
@@ -168,7 +168,9 @@ def simulate(
         _write_simulated(study, written, count, seed)
         return
     if not protocol.tests:
-        raise ParameterError(f"{protocol.source}: tests = nothing: must be there for a power")
+        raise ParameterError(
+            f"{protocol.source}: tests = nothing: must be given to estimate power"
+        )
     run = partial(_significant, protocol, count)
     found, end = run_side_by_side(
         workers, run, range(seed, seed + studies), "studies", lambda _: ""
@@ -325,7 +327,7 @@ def delete_participant(study: Study, *, participant: str, yes: bool) -> None:
     deletion = study.deletion(participant)
     print("to be deleted:", *deletion.removed, sep="\n  ")
     if deletion.left:
-        print("left, as links lead there:", *deletion.left, sep="\n  ")
+        print("not to be deleted, as links lead there:", *deletion.left, sep="\n  ")
     if not yes:
         click.confirm(f"Delete all data of {participant} for ever?", abort=True)
     study.delete(participant)
@@ -435,7 +437,7 @@ def _included(study: Study) -> int:
 
 
 def _print_doubts(study: Study) -> None:
-    """Say what the journal or the logs have alone."""
+    """Print the sittings that only the journal or only the logs have."""
     for line in study.doubts:
         print(line)
 

@@ -118,7 +118,7 @@ _OTHERS: Mapping[str, Callable[[Value], object]] = {GAIN: _gain, NETWORK: channe
 
 
 def check_deliverable(protocol: Protocol) -> None:
-    """Check all that can be known before a participant sits down.
+    """Check everything that can be checked before a session.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def _located(protocol: Protocol, name: str, value: Value) -> Value:
 
 
 def _check_graph(found: GraphArguments, condition: Condition) -> None:
-    """Check that a graph can start with arguments, and has what the condition changes."""
+    """Check that a graph can start with arguments, and that its devices suit the condition."""
     graph(replace(found, record=False))
     for name, value in condition.settings:
         arm, devices = DEVICES.get(name, ("", ()))

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Deletion of a participant's data: what is removed, and what is left.
+"""Deletion of a participant's data: removed and remaining files.
 
 No link is followed but `bags` in the participant's folder, with which an operator may keep bags on
 another disk; there, nothing but the recorder's bags is removed.

@@ -154,7 +154,7 @@ class Study:
         return all(entry["kind"] != UNBLINDING for entry in self.journal)
 
     def participant_folder(self, participant: str) -> Path:
-        """Return the folder of a participant, who need not exist.
+        """Return the folder of a participant, which may be missing.
 
         Raises
         ------
@@ -234,7 +234,7 @@ class Study:
             folder.rmdir()
 
     def note_end(self, log: Log) -> str:
-        """Keep the head of a log in the journal, at the end of a sitting; return it."""
+        """Write the hash of a log's last line to the journal after a sitting; return the hash."""
         chain = read_chain(log.file)
         with self._open_journal() as journal:
             journal.add(HEAD, **head_entry(chain))
@@ -329,7 +329,7 @@ class Study:
 
 
 def _same_first_line(one: Path, other: Path) -> bool:
-    """Return whether two logs, which need not be readable, are of the same session."""
+    """Return whether two logs, readable or not, are of the same session."""
     with located(one), opened(one, LARGEST_LOG) as first, opened(other, LARGEST_LOG) as second:
         line = first.readline()
         return line.endswith(b"\n") and line == second.readline()

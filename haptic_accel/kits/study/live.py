@@ -309,7 +309,7 @@ class LiveRig:
         late = late_percent(before, after, self._arguments.rate)
         found = measure(self.windows, begin, end, self._arguments.rate)
         if found is None:
-            raise UndeliveredError("handle: no samples of its acceleration")
+            raise UndeliveredError("no samples of the handle's acceleration")
         return PresentedStimulus(**vars(found), bag=self._bag, late=late, read_back=has)
 
     def _weigh(self) -> None:

@@ -297,7 +297,7 @@ def session_of(entries: list[Entry]) -> SessionRecord:
     """Return the session that entries hold."""
     first = next((entry for entry in entries if entry["kind"] == SESSION), None)
     if first is None:
-        raise ValueError("it has no session")
+        raise ValueError("no line states a session")
     agreed = (each["version"] for each in entries if each["kind"] == CONSENT and each["agreed"])
     ends = [each.get("reason", "") for each in entries if each["kind"] in (SITTING, END)]
     return SessionRecord(
@@ -333,12 +333,12 @@ def trial_of(entry: Entry) -> TrialRecord:
 
 
 def seal(content: Mapping[str, Any]) -> str:
-    """Return content that nobody reads by accident."""
+    """Return content encoded as text, which nobody reads by accident."""
     return base64.b64encode(json.dumps(content).encode()).decode()
 
 
 def unseal(text: str) -> dict[str, Any]:
-    """Return sealed content."""
+    """Return the content of a sealed text."""
     content: dict[str, Any] = json.loads(base64.b64decode(text, validate=True))
     return content
 

@@ -96,7 +96,7 @@ def read_texts(language: str, beside: Path = Path()) -> dict[str, str]:
 
 
 class ParticipantPage:
-    """Participant at a page, and the source of what the page shows.
+    """Participant at a page, and source of the page's content.
 
     The page opened last is the participant's; others are silent. An answer is acknowledged when
     the session goes on to its next screen: it must be logged before.

@@ -115,7 +115,7 @@ class Plan:
         """
         trial = record.trial
         if trial != self._planned:
-            raise ValueError(f"trial {trial.number}: is not the next one of this plan")
+            raise ValueError(f"trial {trial.number}: must be the next trial of the plan")
         delivered = record.answer is not None and not record.flaw
         if not delivered and self.attempt < self._protocol.bounds.repeats:
             self.attempt += 1

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Procedures: which item a trial presents, by a plan or by the answers so far.
+"""Procedures: choice of the item of each trial, by a plan or by the answers so far.
 
 Levitt, "Transformed up-down methods in psychoacoustics", JASA 49(2B), 467-477, 1971;
 Kaernbach, "Simple adaptive testing with the weighted up-down method", Perception & Psychophysics
@@ -120,7 +120,7 @@ def method(protocol: Protocol, row: int, generator: np.random.Generator) -> Meth
 
 
 class Constant:
-    """Constant stimuli: each item equally often, in an order that is fixed before.
+    """Method of constant stimuli: each item equally often, in an order fixed in advance.
 
     Each order of the stimuli of an item occurs equally often, up to one trial.
 
@@ -206,7 +206,7 @@ class Span:
         return (np.geomspace if self._log else np.linspace)(self.least, self.largest, GRID)
 
     def level(self, distance: float) -> float:
-        """Return the level at a distance, to six digits, which is what a condition's text has."""
+        """Return the level at a distance, rounded to six digits as in the text of a condition."""
         return float(f"{self._reference + self._sign * distance:.6g}")
 
 

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Protocol of a study: what is compared, how, in which order, and within which bounds.
+"""Protocol of a study: conditions, task, order of trials, bounds and planned tests.
 
 Jones, Tan, "Application of psychophysical techniques to haptic research", IEEE Transactions on
 Haptics 6(3), 2013; Hatzfeld et al., Multimodal Technologies and Interaction 1(4):28, 2017.
@@ -99,18 +99,20 @@ class Procedure(Checked):
     repeats: int = parameter(
         10, "constant: number of presentations of each pair or condition", "", 1, 1000
     )
-    trials: int = parameter(60, "quest_plus: trials; staircase: maximum of a track", "", 5, 1000)
-    down: int = parameter(2, "staircase: correct answers in a row before a step down", "", 1, 5)
+    trials: int = parameter(
+        60, "quest_plus: number of trials; staircase: maximum number in a track", "", 5, 1000
+    )
+    down: int = parameter(2, "staircase: successive correct answers before a step down", "", 1, 5)
     step_up: float = parameter(
-        2.0, "staircase: first step up, in the level's unit, or as a factor", "", 0, above=True
+        2.0, "staircase: size of first step up (level's unit, or a factor)", "", 0, above=True
     )
     step_down: float = parameter(
-        2.0, "staircase: first step down, in the level's unit, or as a factor", "", 0, above=True
+        2.0, "staircase: size of first step down (level's unit, or a factor)", "", 0, above=True
     )
-    reversals: int = parameter(8, "staircase: reversals at which a track ends", "", 2, 100)
+    reversals: int = parameter(8, "staircase: number of reversals that end a track", "", 2, 100)
     fine_after: int = parameter(
         2,
-        "staircase: reversals after which steps are halved (factors: their root)",
+        "staircase: number of reversals after which steps are halved (factors: square root)",
         "",
         0,
         100,
@@ -156,15 +158,15 @@ class Order(Checked):
 
 @dataclass(frozen=True)
 class Extras(Checked):
-    """Trials before and between those that count, and breaks."""
+    """Practice trials, catch trials and breaks."""
 
-    practice: int = parameter(4, "practice trials, which do not count", "", 0, 200)
-    feedback: bool = parameter(True, "tell right or wrong after a practice trial")
+    practice: int = parameter(4, "number of practice trials, which are not analysed", "", 0, 200)
+    feedback: bool = parameter(True, "feedback on the answer after a practice trial")
     catch_every: int = parameter(
         0, "trials between two catch trials, whose answer is certain; 0 for none", "", 0, 1000
     )
     break_every: int = parameter(40, "trials between two breaks; 0 for none", "", 0, 1000)
-    break_seconds: float = parameter(60.0, "shortest break", "s", 0, 3600)
+    break_seconds: float = parameter(60.0, "minimum duration of a break", "s", 0, 3600)
 
 
 @dataclass(frozen=True)
@@ -178,9 +180,7 @@ class Bounds(Checked):
     clipped: float = parameter(5.0, "largest share of time at the limit of force", "%", 0, 100)
     late: float = parameter(2.0, "largest share of time with a late force", "%", 0, 100)
     lost: float = parameter(1.0, "largest share of missing samples", "%", 0, 100)
-    repeats: int = parameter(
-        2, "how often an undelivered trial is repeated before it is dropped", "", 0, 20
-    )
+    repeats: int = parameter(2, "maximum number of repeats of an undelivered trial", "", 0, 20)
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,7 @@ class Limits(Checked):
         0.01,
         5.0,
     )
-    minutes: float = parameter(60.0, "longest session, without breaks", "min", 1, 480)
+    minutes: float = parameter(60.0, "maximum session time without breaks", "min", 1, 480)
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ class Masking(Checked):
 class Rules(Checked):
     """Rules fixed before the first participant."""
 
-    participants: int = parameter(12, "participants after whom the study ends", "", 1, 10_000)
+    participants: int = parameter(12, "required number of complete participants", "", 1, 10_000)
     catch_correct: float = parameter(
         75.0, "least share of correct catch trials; below, a participant is excluded", "%", 0, 100
     )
@@ -234,11 +234,13 @@ class PlannedTest(Checked):
     )
     against: str = parameter("", "condition or number to compare with; empty for chance, or for 0")
     alternative: str = parameter(
-        "two-sided", "alternative", choices=("two-sided", "greater", "less", "equivalent")
+        "two-sided",
+        "alternative hypothesis",
+        choices=("two-sided", "greater", "less", "equivalent"),
     )
     margin: float = parameter(0.0, "largest difference that counts as equivalent", "", 0)
     alpha: float = parameter(
-        0.05, "probability of an error of the first kind", "", 0, 0.5, above=True
+        0.05, "significance level: probability of a type I error", "", 0, 0.5, above=True
     )
 
 
@@ -281,7 +283,7 @@ class Consent:
 
 @dataclass(frozen=True)
 class Protocol:
-    """A study.
+    """Protocol of a study.
 
     Attributes
     ----------

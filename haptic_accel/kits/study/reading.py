@@ -308,7 +308,7 @@ def _check_test(given: Document, test: PlannedTest, protocol: Protocol) -> None:
         if not (matching(known, text) or (key == "against" and _AGAINST.fullmatch(text))):
             given.get(key).wrong(f"must be words of {', '.join(map(str, known))}")
     if test.measure == "preferred" and not test.condition:
-        given.refuse("condition = nothing: must be there for preferred", "condition")
+        given.refuse("condition = nothing: must be given for preferred", "condition")
     if test.alternative == "equivalent" and not test.margin:
         given.refuse("margin = 0: must be above 0 for equivalent", "margin")
 

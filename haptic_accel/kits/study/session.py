@@ -227,7 +227,7 @@ class Session:
         self.plan.record(record)
 
     def _respond(self, record: TrialRecord) -> None:
-        """Show right or wrong in practice; go on after a trial that broke off when told to."""
+        """Show feedback in practice; after an interrupted trial, wait for the participant."""
         if record.answer is None:
             last = self.records[-MOST_BROKEN_OFF:]
             if len(last) == MOST_BROKEN_OFF and all(each.answer is None for each in last):

@@ -162,7 +162,7 @@ WEIGHTING = 0.064
 
 
 class SimulatedRig:
-    """Rig that delivers at once what is asked of it.
+    """Simulated rig that delivers each requested stimulus at once.
 
     Parameters
     ----------

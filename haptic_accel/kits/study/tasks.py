@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tasks: which stimuli a trial presents, which answers it admits, and which one is right.
+"""Tasks: stimuli of a trial, admitted answers, and the right answer.
 
 Macmillan, Creelman, "Detection theory: a user's guide", 2nd edition, 2005, chapters 5,
 7, 9 and 10.

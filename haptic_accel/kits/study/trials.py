@@ -245,7 +245,7 @@ class Screen:
 
 
 class Rig(Interface):
-    """Presents stimuli: the live graph, or none in a simulation."""
+    """Interface of the rig that presents stimuli: the live graph, or a simulation."""
 
     @property
     def exposure(self) -> float:
@@ -277,7 +277,7 @@ class Rig(Interface):
 
 
 class Participant(Interface):
-    """Sees screens and answers them: a page, or a simulated observer.
+    """Interface of the participant: a person at a page, or a simulated observer.
 
     Attributes
     ----------

@@ -63,7 +63,7 @@ _csv_rate = click.option(
     default=0.0,
     show_default=False,
     metavar="HZ",
-    help="Samples per second of CSV files without a column of times; others state their own.",
+    help="Sampling rate of CSV files without a column of times, Hz; other files state theirs.",
 )
 _new_file = click.option("--out", type=FILE, metavar="FILE", required=True, help="File to write.")
 
@@ -126,7 +126,7 @@ def build_texture(
     draw(built.model, built.held_out, built.segments).savefig(picture, dpi=150)
     print_table(held_out_table(built))
     print(*described(built), sep="\n")
-    print(f"model: {out}; it states no licence yet", f"plot: {picture}", sep="\n")
+    print(f"model: {out}, without a licence so far", f"plot: {picture}", sep="\n")
     metrics = {
         "order": built.order,
         "nodes": len(built.model.speeds),
@@ -161,7 +161,7 @@ def _rendering(model: TextureModel, file: Path) -> str:
     type=float,
     metavar="M/S^2",
     show_default=False,
-    help="Acceleration at full scale, where values are relative.",
+    help="Acceleration at full scale, m/s^2, for a file with relative values.",
 )
 @_new_file
 def import_file(file: Path, rate: float, calibration: float | None, out: Path) -> None:
@@ -175,7 +175,7 @@ def import_file(file: Path, rate: float, calibration: float | None, out: Path) -
     model = import_texture(file, rate, calibration)
     write_texture(out, model)
     loudest = model.rms.max()
-    print(f"{out}: order {model.lsf.shape[1]}, {model.rate:g} Hz, up to {loudest:.2f} m/s^2 RMS")
+    print(f"{out}: order {model.lsf.shape[1]}, {model.rate:g} Hz, at most {loudest:.2f} m/s^2 RMS")
     print(f"licence: {model.provenance.licence or 'none stated: that of the file'}")
     print(_rendering(model, out))
 
@@ -219,12 +219,12 @@ def show(model: str, out: Path | None, json_file: Path | None) -> None:
     type=click.FloatRange(0),
     required=True,
     metavar="MM/S",
-    help="Speed along the surface.",
+    help="Speed along the surface, mm/s.",
 )
 @click.option(
-    "--force", type=click.FloatRange(0), required=True, metavar="N", help="Normal force."
+    "--force", type=click.FloatRange(0), required=True, metavar="N", help="Normal force, N."
 )
-@click.option("--seconds", type=click.FloatRange(0.1, 600), default=5.0, help="Duration.")
+@click.option("--seconds", type=click.FloatRange(0.1, 600), default=5.0, help="Duration, s.")
 @_new_file
 def render(model: str, speed: float, force: float, seconds: float, out: Path) -> None:
     """Write the acceleration of a texture as a sound file.
@@ -250,9 +250,7 @@ def render(model: str, speed: float, force: float, seconds: float, out: Path) ->
     )
     top_speed, top_force = found.speeds.max(), found.forces.max()
     if speed * MILLI > top_speed or force > top_force:
-        print(
-            f"the model ends at {top_speed / MILLI:.0f} mm/s and {top_force:.2f} N: rendered there"
-        )
+        print(f"rendered at the model's limits: {top_speed / MILLI:.0f} mm/s, {top_force:.2f} N")
 
 
 # Recordings

@@ -152,7 +152,7 @@ def _from_npz(path: Path, rate: float, calibration: float | None) -> TextureMode
 
 
 def _only_channel(path: Path, left: list[str], names: list[str]) -> list[int]:
-    """Return the index of the one channel beside the times, where none is named acceleration."""
+    """Return the index of the only channel except times, if none is named acceleration."""
     if len(left) > 1:
         raise ParameterError(
             f"{path}: channel_names {shown(', '.join(left))}: must be one channel beside times, or"

@@ -51,7 +51,7 @@ NODES = (
 
 
 def held_out_table(built: Built) -> ResultTable:
-    """Return prediction errors for segments that a model excludes, the worst first."""
+    """Return prediction errors of segments held out of the model, the largest first."""
     low, high = BAND
     title = f"least well predicted by a model of the other half, {low:g} to {high:g} Hz"
     worst = sorted(built.held_out, key=lambda each: -each.distance)[:MOST_LISTED]

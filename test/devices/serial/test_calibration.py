@@ -70,10 +70,10 @@ def test_the_noise_is_that_of_a_sample() -> None:
 @pytest.mark.parametrize(
     ("counts", "named"),
     [
-        (1000 * np.sin(np.arange(1000.0)), "it moved"),
-        (np.linspace(0, 200, 1000), "it moved"),
-        (np.zeros(9), "9 samples"),
-        (np.zeros(0), "0 samples"),
+        (1000 * np.sin(np.arange(1000.0)), "the sensor moved"),
+        (np.linspace(0, 200, 1000), "the sensor moved"),
+        (np.zeros(9), "samples = 9"),
+        (np.zeros(0), "samples = 0"),
     ],
 )
 def test_what_does_not_rest_is_refused(counts: np.ndarray, named: str) -> None:
@@ -174,7 +174,7 @@ def changed(*names: str, **others: Sequence[Rest]) -> Mapping[str, Sequence[Rest
 @pytest.mark.parametrize(
     ("poses", "named"),
     [
-        (changed("x axis up", "y axis up"), "poses: 2, must be at least 3"),
+        (changed("x axis up", "y axis up"), "poses = 2: must be at least 3"),
         (changed("x axis up", "x axis down", "y axis up"), "too alike"),
         (
             changed("x axis up", "y axis up", "z axis up", z_axis_up=EXACT["x axis up"]),

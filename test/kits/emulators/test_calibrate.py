@@ -187,7 +187,7 @@ def test_a_pose_may_be_skipped_but_not_too_many(board: Turned, tmp_path: Path) -
     command = calibrate(tmp_path, "port:=port", "side:=slave", "axis:=xyz", *WORDS)
     text, _ = command.communicate("s\n" * 5 + "\n", timeout=60)
     assert command.returncode == 1
-    assert text.splitlines()[-1] == "haptic-accel: poses: 1, must be at least 3"
+    assert text.splitlines()[-1] == "haptic-accel: poses = 1: must be at least 3"
 
 
 def test_a_board_that_moves_is_refused(board: Turned, tmp_path: Path) -> None:
@@ -195,7 +195,7 @@ def test_a_board_that_moves_is_refused(board: Turned, tmp_path: Path) -> None:
     command = calibrate(tmp_path, "port:=port", "side:=slave", *WORDS)
     text, _ = command.communicate("\n\n", timeout=60)
     assert command.returncode == 1
-    assert text.splitlines()[-1].startswith("haptic-accel: it moved: standard deviation")
+    assert text.splitlines()[-1].startswith("haptic-accel: the sensor moved: standard deviation")
 
 
 @pytest.mark.parametrize(
@@ -203,7 +203,7 @@ def test_a_board_that_moves_is_refused(board: Turned, tmp_path: Path) -> None:
     [
         (["port:=none"], "none: there is no such port"),
         (["port:=port", "axis:=xyz"], "axis = xyz: the board drives coils along z, must be all"),
-        (["port:=port"], "the input ended before all positions"),
+        (["port:=port"], "the input ended before all positions were measured"),
     ],
 )
 def test_what_cannot_be_is_said_in_one_line(

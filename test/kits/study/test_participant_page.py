@@ -130,7 +130,7 @@ def test_a_language_of_the_package_has_all_words(language: str) -> None:
 
 def test_a_word_that_is_missing_or_unknown_is_named(tmp_path: Path) -> None:
     path = written(tmp_path, {word: word for word in ENGLISH if word != "begin"})
-    with pytest.raises(ParameterError, match="begin = nothing: must be there"):
+    with pytest.raises(ParameterError, match="begin = nothing: must be given"):
         read_texts("own.yaml", tmp_path)
     written(tmp_path, {**ENGLISH, "begun": "Begun"})
     with pytest.raises(ParameterError, match="begun: unknown") as told:

@@ -216,7 +216,7 @@ def test_no_breaks_are_made_if_none_are_wanted() -> None:
 def test_a_record_of_another_trial_is_refused() -> None:
     plan, other = (Plan(PROTOCOLS["2ifc"], seed, 0) for seed in (1, 2))
     records = list(run(other, always_right))
-    with pytest.raises(ValueError, match="^trial 1: is not the next one of this plan$"):
+    with pytest.raises(ValueError, match="^trial 1: must be the next trial of the plan$"):
         plan.record(records[1])
 
 

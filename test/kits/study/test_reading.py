@@ -132,7 +132,7 @@ def test_conditions_are_found_by_some_of_their_words() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"title": None}, "title = nothing: must be there"),
+        ({"title": None}, "title = nothing: must be given"),
         ({"title": " "}, "title = ' ': must be text"),
         ({"consent": {"version": 1, "text": "x"}}, "consent.version = 1: must be text"),
         ({"task": "afc"}, f"task = 'afc': must be one of {', '.join(MEASURES)}"),
@@ -255,7 +255,7 @@ def test_conditions_are_found_by_some_of_their_words() -> None:
             "scale = [0, 10, 0.001]: must be lowest rating, highest rating and step, which give",
         ),
         ({"strengths": {"gain=1": 0.0}}, "strengths.gain=1: unknown"),
-        ({"tests": [{}]}, "tests.0.name = nothing: must be there"),
+        ({"tests": [{}]}, "tests.0.name = nothing: must be given"),
         (
             {"tests": [TEST | {"measure": "rating"}]},
             "tests.0.measure = 'rating': must be one of correct, d_prime",
@@ -274,7 +274,7 @@ def test_conditions_are_found_by_some_of_their_words() -> None:
         ),
         (
             {"task": "preference", "tests": [{"name": "Test", "measure": "preferred"}]},
-            "tests.0.condition = nothing: must be there for preferred",
+            "tests.0.condition = nothing: must be given for preferred",
         ),
         (
             {"tests": [TEST | {"alternative": "equivalent"}]},

@@ -43,7 +43,7 @@ REFUSED = {
     "study analyze empty": "empty: must be a study's folder, ...",
     "study export empty": "empty: must be a study's folder, ...",
     "study check misspelt": "misspelt/study.yaml:6: factors.controller = 'adaptve': ...",
-    "study simulate untested": "untested/study.yaml: tests = nothing: must be there for a power",
+    "study simulate untested": "untested/study.yaml: tests = nothing: must be given ...",
     "study run blank --participant P07": (
         "blank/study.yaml:5: consent.text: must have its 1 blanks filled in: purpose"
     ),

@@ -250,7 +250,7 @@ def test_a_wrong_filter_is_refused(tmp_path: Path, changed: dict[str, Any], word
 @pytest.mark.parametrize(
     ("arrays", "words"),
     [
-        ({}, "data = nothing: must be there"),
+        ({}, "data = nothing: must be given"),
         (
             {"data": np.ones((3, 9)), "sample_rate": 1000, "channel_names": ["x"]},
             r"shape \(3, 9\)",

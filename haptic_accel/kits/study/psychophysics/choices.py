@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Preferences, confusions and similarities: what choices between conditions tell of them.
+"""Preferences, confusions and similarities of conditions, estimated from choices.
 
 Bradley, Terry, Biometrika 39, 1952; Miller, Nicely, J. Acoust. Soc. Am. 27, 1955; Torgerson,
 Psychometrika 17, 1952; de Leeuw, 1977 (SMACOF: scaling by majorizing a complicated function).

@@ -196,7 +196,7 @@ class _Data:
         return max(float(self.x[-1] - self.x[0]), LEAST_MARGIN)
 
     def ends(self) -> tuple[tuple[float, float], ...]:
-        """Return between which values log threshold, log slope and lapse are possible."""
+        """Return the possible ranges of log threshold, log slope and lapse."""
         return (
             (float(self.x[0]) - self.margin, float(self.x[-1]) + self.margin),
             (math.log(SLOPES[0]) - SLOPE_MARGIN, math.log(SLOPES[1]) + SLOPE_MARGIN),
@@ -204,7 +204,7 @@ class _Data:
         )
 
     def log_posterior(self, axes: _Axes, informed: bool = True) -> FloatArray:
-        """Return it on a grid, up to a constant; uninformed, without the threshold's prior."""
+        """Return the log posterior on a grid, up to a constant, with or without the prior."""
         threshold, slope, lapse = axes
         shape = SIGMOIDS[self.sigmoid](self.task)(
             np.exp(slope)[:, None, None] * (self.x - threshold[:, None, None, None])
