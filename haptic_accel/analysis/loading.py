@@ -26,8 +26,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from haptic_accel.analysis.description import ROBOT
 from haptic_accel.analysis.metrics import MILLI, AnalysedTrial, Shift, measure
-from haptic_accel.analysis.segments import ROBOT, VECTORS, Segment, cut, read_segment
+from haptic_accel.analysis.segments import VECTORS, Segment, cut, read_segment
 from haptic_accel.analysis.two_hosts import Across, Host, compare_across, host_of, pairs
 from haptic_accel.bags.folder import find_bags
 from haptic_accel.bags.reading import read_bag

@@ -22,7 +22,7 @@ import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from haptic_accel.analysis.segments import surface_of
+from haptic_accel.analysis.description import surface_of
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tables import Column, Row
 from haptic_accel.core.track import Track

@@ -19,40 +19,35 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from haptic_accel.analysis.description import (
+    Condition,
+    Description,
+    described,
+    run_of,
+    sections,
+)
 from haptic_accel.bags.delivery import Delivery, delivery
-from haptic_accel.bags.facts import LOCKSTEP, RUN
-from haptic_accel.bags.reading import Bag, Change, read_bag
+from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
 from haptic_accel.core.control.channel import FADING, LISTENING
-from haptic_accel.core.control.compensation import PLANT, matrix_plant
 from haptic_accel.core.control.controllers import granted_delay
-from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_passed
+from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.evaluation.metrics import by_component
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.model import ACTUATOR, POSTURES, FloatArray, held
+from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, grid_indices, sampling_rate
 from haptic_accel.core.simulated_rig import RigParameters
-from haptic_accel.materials.folders import is_recording
-from haptic_accel.setup.arguments import (
-    PLAYED_TOPICS,
-    POINTER,
-    REPLAY,
-    SCENE,
-    SIMULATED,
-    VIRTUAL,
-)
 from haptic_accel.setup.setup import Parameters, known_arguments
 
 RINGING = 0.2
@@ -65,15 +60,9 @@ SHORTEST = 0.9
 """Minimum duration of an analysed segment, s: a trial of 1 s minus the duration of a live
 start."""
 
-OPERATOR, ROBOT = "master", "slave"
-"""Values of the argument ``side`` for a bag of one of two hosts."""
-
 IMPLAUSIBLE = 1e9
 """Magnitude above which a value cannot come from a sensor or motor, m/s^2 or N. It indicates
 damage, and its square may overflow."""
-
-UNKNOWN = "unknown"
-"""Name of a controller, surface or grip that is missing in a bag."""
 
 _NAMES = [topic.name for topic in topics.ANALYSED]
 
@@ -85,23 +74,6 @@ _NEEDED_FOR = {
     topics.HANDLE_ACCELERATION.name: ": no error, regression, spectra, delay, travel",
     topics.ACTUATOR_FORCE.name: ": no force, travel",
 }
-_SURFACE = "simulated.surface."
-_CONDITIONS = {
-    ("compensator", "controller"): "controller",
-    ("master_device", "simulated.grip.posture"): "grip",
-    ("slave_device", f"{_SURFACE}name"): "surface",
-    ("slave_device", SCENE): "surface",
-}
-"""Fields of `Condition` by node and parameter."""
-
-
-@dataclass(frozen=True)
-class Condition:
-    """Controller, surface and grip: constant within a segment."""
-
-    controller: str = UNKNOWN
-    surface: str = UNKNOWN
-    grip: str = UNKNOWN
 
 
 @dataclass(frozen=True)
@@ -225,7 +197,7 @@ def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = N
 
     Returns
     -------
-    Cut
+    Division
         Its problems include missing signals and segments that are too short.
 
     Raises
@@ -233,39 +205,204 @@ def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = N
     ParameterError
         The bag already states the given rig or rate.
     """
-    problems = list(recorded.problems)
-    rate = _rate(recorded, asked, problems)
-    present = [recorded.signals[name] for name in _NAMES if name in recorded.signals]
-    if not present:
-        problems.append("none of the signals of this graph is in it: it is of another rig")
-    if not present or rate is None:
-        return Division([], problems)
-    missing = [name for name in _NAMES if name not in recorded.signals]
-    problems += [f"has no {name}{_consequence(name, missing)}" for name in missing]
-    described = _known(recorded, Parameters.from_metadata(recorded.facts), rate, rig, problems)
-    begin = max(int(signal.stamps.min()) for signal in present)
-    end = min(int(signal.stamps.max()) for signal in present)
-    if end <= begin:
-        return Division([], [*problems, "its signals do not overlap in time"])
-    segments: list[Segment] = []
-    for known, low, high in _parts(recorded, described, (begin, end), problems):
-        condition = known.condition
-        seconds = (high - low) / NANOSECONDS + 1 / rate
+    divider = _Divider(recorded)
+    segments = divider.segments(rig, asked)
+    return Division(segments, divider.problems)
+
+
+Period = tuple[int, int]
+"""Start and end, ns."""
+
+
+class _Divider:
+    """Divides a bag, and collects its problems.
+
+    Attributes
+    ----------
+    problems : list of str
+    """
+
+    def __init__(self, recorded: Bag) -> None:
+        self._bag = recorded
+        self._signals = {
+            name: recorded.signals[name] for name in _NAMES if name in recorded.signals
+        }
+        self.problems = list(recorded.problems)
+
+    def segments(self, rig: RigParameters | None, asked: float | None) -> list[Segment]:
+        """Return the segments; parameters as for `cut`."""
+        rate = self._rate(asked)
+        if not self._signals:
+            self.problems.append(
+                "none of the signals of this graph is in it: it is of another rig"
+            )
+        if not self._signals or rate is None:
+            return []
+        missing = [name for name in _NAMES if name not in self._signals]
+        self.problems += [f"has no {name}{_consequence(name, missing)}" for name in missing]
+        start = described(self._bag, Parameters.from_metadata(self._bag.facts), rate, rig)
+        self.problems += start.problems
+        begin = max(int(signal.stamps.min()) for signal in self._signals.values())
+        end = min(int(signal.stamps.max()) for signal in self._signals.values())
+        if end <= begin:
+            self.problems.append("its signals do not overlap in time")
+            return []
+        segments: list[Segment] = []
+        for known, period in self._parts(start, (begin, end)):
+            if self._is_long(known, period, begin):
+                segments.append(self._segment(known, len(segments) + 1, period))
+        if not segments:
+            self.problems.append(
+                f"has no trial: record at least {SHORTEST:g} s with the arms engaged, without a"
+                " change of controller, surface or grip"
+            )
+        return segments
+
+    def _rate(self, asked: float | None) -> float | None:
+        """Return the sampling rate of the stamps; the stated one if it agrees."""
+        order = (topic.name for topic in (*topics.ANALYSED, *topics.SIGNALS))
+        signals = (self._bag.signals[name] for name in order if name in self._bag.signals)
+        found = next((signal.stamps for signal in signals if len(signal.stamps) > 1), None)
+        if found is None:
+            return None
+        try:
+            stated = float(known_arguments(self._bag.facts).get("rate") or 0.0)
+        except (TypeError, ValueError):
+            stated = 0.0
+        stated = stated if math.isfinite(stated) else 0.0
+        if asked and stated and asked != stated:
+            own = f"must be {stated:g} Hz, as {self._bag.path} states"
+            raise ParameterError(f"rate = {asked:g}: {own}")
+        stated = stated or asked or 0.0
+        try:
+            rate = sampling_rate(found, stated or None)
+        except ParameterError as error:
+            self.problems.append(str(error))
+            return None
+        if stated and rate != stated:
+            self.problems.append(
+                f"has {rate:.5g} samples per second in place of the {stated:g} asked for"
+            )
+        return rate
+
+    def _is_long(self, known: Description, period: Period, begin: int) -> bool:
+        """Return whether a period is long enough for a trial."""
+        low, high = period
+        seconds = (high - low) / NANOSECONDS + 1 / known.rate
         if seconds < SHORTEST:
-            problems.append(
+            condition = known.condition
+            self.problems.append(
                 f"{condition.controller} on {condition.surface}, {seconds:.2f} s"
                 f" at {(low - begin) / NANOSECONDS:.1f} s: left out, as a trial needs at least"
                 f" {SHORTEST:g} s"
             )
-            continue
-        number = len(segments) + 1
-        segments.append(_segment(recorded, known, number, low, high, problems))
-    if not segments:
-        problems.append(
-            f"has no trial: record at least {SHORTEST:g} s with the arms engaged, without a change"
-            " of controller, surface or grip"
+        return seconds >= SHORTEST
+
+    def _parts(self, start: Description, span: Period) -> Iterator[tuple[Description, Period]]:
+        """Yield description and period of each section that can be analysed."""
+        coupled = self._without_gaps(self._coupled(span))
+        known = [*sections(self._bag, start), (span[1] + 1, start)]
+        for (moment, section), (following, _) in itertools.pairwise(known):
+            settled = span[0]
+            if moment > settled:
+                settled = moment + round(EXCLUDED_AFTER_CHANGE * NANOSECONDS)
+            for first, last in coupled:
+                low, high = max(first, settled), min(last, following)
+                if low < high:
+                    yield section, (low, high)
+
+    def _coupled(self, span: Period) -> list[Period]:
+        """Return each period with coupled arms."""
+        if topics.MASTER_ARM_FORCE.name not in self._bag.signals:
+            self.problems.append(
+                f"has no {topics.MASTER_ARM_FORCE.name}: whether the arms were coupled is not"
+                " known, and all of it is taken"
+            )
+            return [span]
+        found = self._bag.coupled(topics.MASTER)
+        if not found:
+            # Handle and tool without arms, whose forces are sent nevertheless once they engage.
+            sent = self._bag.signals[topics.MASTER_ARM_FORCE.name].stamps
+            found = [(int(sent.min()), int(sent.max()))] if len(sent) else [span]
+            self.problems.append(
+                "the arms' forces are zero: all of the time in which they came is taken"
+            )
+        return [(max(first, span[0]), min(last, span[1])) for first, last in found]
+
+    def _without_gaps(self, periods: Sequence[Period]) -> list[Period]:
+        """Divide periods at gaps: times longer than `RELEASED` without any signal.
+
+        A gap of the recorder and a clock set forward leave the same gap between stamps. In either
+        case no sample is in it.
+        """
+        every = np.unique(np.concatenate([signal.stamps for signal in self._signals.values()]))
+        found: list[Period] = []
+        for first, last in periods:
+            within = every[(every >= first) & (every <= last)]
+            gaps = np.flatnonzero(np.diff(within) > RELEASED * NANOSECONDS)
+            begins = [first, *within[gaps + 1].tolist()]
+            ends = [*within[gaps].tolist(), last]
+            found += zip(begins, ends, strict=True)
+            for end, begin in zip(ends[:-1], begins[1:], strict=True):
+                self.problems.append(
+                    f"no signal for {(begin - end) / NANOSECONDS:.3f} s at"
+                    f" {(end - int(every[0])) / NANOSECONDS:.1f} s: the recorder has a gap, or a"
+                    " clock was set forward; the parts before and after are trials of their own"
+                )
+        return found
+
+    def _segment(self, known: Description, number: int, period: Period) -> Segment:
+        """Return one segment on its grid."""
+        low, high = period
+        rate, axes = known.rate, self._bag.axes
+        anchor = next(iter(self._signals.values())).stamps
+        # The grid passes through a stamp, although the segment may start between two.
+        start = int(anchor[np.argmax(anchor >= low)])
+        length = self._length(start, high, rate)
+        signals: dict[str, FloatArray] = {}
+        for name, signal in self._signals.items():
+            values, seen = signal.on_grid(start, rate, length, axes)
+            if seen.any():
+                signals[name] = values
+        return Segment(
+            bag=self._bag.path,
+            number=number,
+            condition=known.condition,
+            rate=rate,
+            high_pass_frequency=known.high_pass_frequency,
+            seconds=length / rate,
+            begin=(start - int(anchor[0])) / NANOSECONDS,
+            signals=signals,
+            delivery=delivery(self._bag, start, length, rate),
+            actuator=known.actuator,
+            pair=known.pair,
+            notes=(*known.notes, *_complete(signals, known)),
+            latency=known.latency,
+            granted_delay=granted_delay(known.condition.controller, known.controllers),
+            plant=self._matrix_plant(known) if axes == ALL_AXES else known.plant(),
+            noise=known.rig.master.accelerometer.noise if known.rig else 0.0,
+            told=known.told,
+            start=start,
+            run=run_of(self._bag),
+            simulated=known.is_simulated,
+            axes=axes,
         )
-    return Division(segments, problems)
+
+    def _length(self, start: int, high: int, rate: float) -> int:
+        """Return the number of samples from a stamp to the last one before an end, ns."""
+        present = [signal.stamps for signal in self._signals.values()]
+        # A sample may be up to half a period from its grid point, but no later than the end.
+        ends = [int(np.searchsorted(stamps, high, side="right")) for stamps in present]
+        last = max(int(stamps[max(0, end - 1)]) for stamps, end in zip(present, ends, strict=True))
+        return int(grid_indices(np.array([last]), start, rate)[0]) + 1
+
+    def _matrix_plant(self, known: Description) -> MatrixPlant | None:
+        """Return the compensator's model of three axes; if it cannot be read, tell the reason."""
+        try:
+            return known.matrix_plant()
+        except ParameterError as error:
+            self.problems.append(f"no bound of the error: {error}")
+            return None
 
 
 def _consequence(name: str, missing: Sequence[str]) -> str:
@@ -275,343 +412,7 @@ def _consequence(name: str, missing: Sequence[str]) -> str:
     return _NEEDED_FOR.get(name, "")
 
 
-def _rate(recorded: Bag, asked: float | None, problems: list[str]) -> float | None:
-    """Return the sampling rate of the stamps; the stated one if it agrees."""
-    signals = [recorded.signals.get(topic.name) for topic in (*topics.ANALYSED, *topics.SIGNALS)]
-    found = next((signal.stamps for signal in signals if signal and len(signal.stamps) > 1), None)
-    if found is None:
-        return None
-    try:
-        stated = float(known_arguments(recorded.facts).get("rate") or 0.0)
-    except (TypeError, ValueError):
-        stated = 0.0
-    stated = stated if math.isfinite(stated) else 0.0
-    if asked and stated and asked != stated:
-        raise ParameterError(f"rate = {asked:g}: must be {stated:g} Hz, as {recorded.path} states")
-    stated = stated or asked or 0.0
-    try:
-        rate = sampling_rate(found, stated or None)
-    except ParameterError as error:
-        problems.append(str(error))
-        return None
-    if stated and rate != stated:
-        problems.append(f"has {rate:.5g} samples per second in place of the {stated:g} asked for")
-    return rate
-
-
-@dataclass(frozen=True)
-class _Description:
-    """Description of the graph of a bag, with defaults for missing items.
-
-    Attributes
-    ----------
-    condition : Condition
-        Condition at the start.
-    parameters : Parameters
-        Parameters of the nodes that the bag states.
-    controllers : dict
-        Parameters of the controllers by name.
-    rig : RigParameters or None
-        Virtual rig of the run, or the rig given for the handle.
-    seed : int
-        Seed of the user's grip.
-    rate, high_pass_frequency, actuator, pair, latency
-        See `Segment`.
-    notes : tuple of str
-        Parameters that have changed since the start.
-    """
-
-    condition: Condition
-    parameters: Parameters
-    controllers: dict[str, Any]
-    rig: RigParameters | None
-    seed: int
-    rate: float
-    high_pass_frequency: float
-    actuator: ActuatorParameters
-    pair: tuple[str, ...]
-    latency: int | None
-    notes: tuple[str, ...] = ()
-
-    @property
-    def told(self) -> Plant | None:
-        """Plant model of the compensator."""
-        found = self.controllers.get(PLANT)
-        return found.coupled() if found else None
-
-    def plant(self, condition: Condition) -> Plant | None:
-        """Return the plant of a condition: the simulated one, or the compensator's model."""
-        if self.rig is None:
-            return self.told
-        grip = self.rig.master.grip
-        if condition.grip in POSTURES:
-            grip = replace(grip, posture=condition.grip)
-        return self.rig.plant(held(self.rig.master.handle, grip, self.seed))
-
-    def matrix_plant(self, problems: list[str]) -> MatrixPlant | None:
-        """Return the compensator's model of three axes; if it cannot be read, add the reason."""
-        if not self.told or not self.told.model:
-            return None
-        try:
-            return matrix_plant(self.controllers, self.rate).coupled()
-        except ParameterError as error:
-            problems.append(f"no bound of the error: {error}")
-            return None
-
-
-def _known(
-    recorded: Bag,
-    parameters: Parameters,
-    rate: float,
-    rig: RigParameters | None,
-    problems: list[str],
-) -> _Description:
-    """Return a graph's description from its bag's metadata, and the parameters of its nodes."""
-    arguments, nodes = known_arguments(recorded.facts), parameters.values
-    if not nodes.get("compensator"):
-        problems.append(
-            "does not state how it was made: the latency is estimated where the signals show it,"
-            f" and defaults are used for the high-pass ({HIGH_PASS_FREQUENCY:g} Hz) and the"
-            f" actuator; record {topics.DESCRIPTION.name}, or analyse the original bag"
-        )
-    corner, actuator = HIGH_PASS_FREQUENCY, ActuatorParameters()
-    options: dict[str, Any] = {}
-    if rig and nodes:
-        raise ParameterError(f"rig: {recorded.path} describes its own handle")
-    try:
-        if nodes.get("compensator"):
-            around, options = parameters.node("compensator")
-            corner, actuator = around.high_pass_frequency, options[ACTUATOR]
-        if arguments.get("master") in (SIMULATED, POINTER):
-            rig = parameters.rig()
-    except ParameterError as error:
-        problems.append(f"its parameters are invalid ({error}): defaults are used")
-    stated = {
-        field: str(nodes.get(node, {}).get(name) or arguments.get(field, UNKNOWN))
-        for (node, name), field in _CONDITIONS.items()
-    }
-    condition = Condition(**stated | {"surface": surface_of(recorded)})
-    pair: tuple[str, ...] = (recorded.path.name,)
-    if arguments:
-        seed = arguments.get("seed", nodes.get("slave_device", {}).get("seed", ""))
-        surface = str(arguments.get("surface", ""))
-        source = str(arguments.get("replay") or (surface if is_recording(surface) else ""))
-        pair = (f"seed {seed}", *([Path(source).name] if source else []))
-    seed = arguments.get("seed")
-    user = seed if isinstance(seed, int) and seed >= 0 else 0
-    around_trial = rate, corner, actuator, pair, recorded.latency
-    return _Description(condition, parameters, options, rig, user, *around_trial)
-
-
-def surface_of(recorded: Bag) -> str:
-    """Return the name of the surface, or of the played recording, from a bag.
-
-    An operator's host does not know the surface at the robot.
-    """
-    arguments = known_arguments(recorded.facts)
-    slave = Parameters.from_metadata(recorded.facts).values.get("slave_device", {})
-    if arguments.get("side") == OPERATOR:
-        return UNKNOWN
-    asked = str(arguments.get("surface", ""))
-    if arguments.get("slave") == REPLAY:
-        return f"replay of {Path(str(arguments.get('replay', ''))).stem}"
-    if arguments.get("slave") == PLAYED_TOPICS:
-        return "played topics"
-    if arguments.get("slave") == VIRTUAL:
-        return Path(str(slave.get(SCENE, asked or UNKNOWN))).stem
-    if is_recording(asked):
-        return "recording"
-    return str(slave.get(f"{_SURFACE}name") or Path(asked).stem or UNKNOWN)
-
-
-def run_of(recorded: Bag) -> str:
-    """Return a description of the run of a bag's trials; empty if the bag does not state it.
-
-    Live nodes report diagnostics. A bag with arguments but without any report may be live or
-    lockstep.
-    """
-    if recorded.facts.get(RUN) == LOCKSTEP:
-        return "in lockstep, without ROS"
-    arguments = known_arguments(recorded.facts)
-    if not arguments or not recorded.diagnostics:
-        return ""
-    found = "live on ROS 2"
-    if recorded.facts.get("arguments"):
-        composed = "its nodes composed into one process"
-        apart = "each node in a process of its own"
-        found += f", {composed if arguments.get('composed') else apart}"
-    if arguments.get("side") in (OPERATOR, ROBOT):
-        found += ", the other arm on another host"
-    return found
-
-
-def _parts(
-    recorded: Bag, known: _Description, span: tuple[int, int], problems: list[str]
-) -> list[tuple[_Description, int, int]]:
-    """Return description, start and end of each section that can be analysed, ns."""
-    coupled = _recorded(recorded, _coupled(recorded, span, problems), problems)
-    conditions = [*_conditions(recorded, known), (span[1] + 1, known)]
-    parts = []
-    for (moment, condition), (following, _) in itertools.pairwise(conditions):
-        settled = (
-            moment + round(EXCLUDED_AFTER_CHANGE * NANOSECONDS) if moment > span[0] else span[0]
-        )
-        for first, last in coupled:
-            low, high = max(first, settled), min(last, following)
-            if low < high:
-                parts.append((condition, low, high))
-    return parts
-
-
-def _coupled(recorded: Bag, span: tuple[int, int], problems: list[str]) -> list[tuple[int, int]]:
-    """Return start and end of each period with coupled arms, ns."""
-    if topics.MASTER_ARM_FORCE.name not in recorded.signals:
-        problems.append(
-            f"has no {topics.MASTER_ARM_FORCE.name}: whether the arms were coupled is not known,"
-            " and all of it is taken"
-        )
-        return [span]
-    found = recorded.coupled(topics.MASTER)
-    if not found:
-        # Handle and tool without arms, whose forces are sent nevertheless once they engage.
-        sent = recorded.signals[topics.MASTER_ARM_FORCE.name].stamps
-        found = [(int(sent.min()), int(sent.max()))] if len(sent) else [span]
-        problems.append("the arms' forces are zero: all of the time in which they came is taken")
-    return [(max(first, span[0]), min(last, span[1])) for first, last in found]
-
-
-def _recorded(
-    recorded: Bag, coupled: Sequence[tuple[int, int]], problems: list[str]
-) -> list[tuple[int, int]]:
-    """Divide periods at gaps: times longer than `RELEASED` without any signal.
-
-    A gap of the recorder and a clock set forward leave the same gap between stamps. In either
-    case no sample is in it.
-    """
-    stamps = [recorded.signals[name].stamps for name in _NAMES if name in recorded.signals]
-    every = np.unique(np.concatenate(stamps))
-    found: list[tuple[int, int]] = []
-    for first, last in coupled:
-        within = every[(every >= first) & (every <= last)]
-        gaps = np.flatnonzero(np.diff(within) > RELEASED * NANOSECONDS)
-        begins = [first, *within[gaps + 1].tolist()]
-        ends = [*within[gaps].tolist(), last]
-        found += zip(begins, ends, strict=True)
-        for end, begin in zip(ends[:-1], begins[1:], strict=True):
-            problems.append(
-                f"no signal for {(begin - end) / NANOSECONDS:.3f} s at"
-                f" {(end - int(every[0])) / NANOSECONDS:.1f} s: the recorder has a gap, or a clock"
-                " was set forward; the parts before and after are trials of their own"
-            )
-    return found
-
-
-def _conditions(recorded: Bag, known: _Description) -> list[tuple[int, _Description]]:
-    """Return the descriptions of a bag's sections and the start of each, ns; the first is 0."""
-    conditions = [(0, known)]
-    # A node declares the parameters of all its devices, and the recorder may receive these.
-    unused = _SURFACE if known_arguments(recorded.facts).get("slave") == VIRTUAL else SCENE
-    changes = (each for each in recorded.changes if not each.parameter.startswith(unused))
-    parameters = known.parameters
-    for change in sorted(changes, key=lambda change: change.received):
-        before = conditions[-1][1]
-        after = replace(before, condition=_changed(before.condition, change, known))
-        own = parameters.values.get(change.node, {})
-        is_other = own.get(change.parameter, change.value) != change.value
-        parameters = parameters.changed({change.node: {change.parameter: change.value}})
-        if is_other and after.condition == before.condition and change.node in _FIGURES:
-            after = _set(recorded, parameters, after, change)
-        if after != before:
-            conditions.append((change.received, after))
-    return conditions
-
-
-_FIGURES = ("compensator", "coupler", "master_device", "slave_device")
-"""Nodes with parameters that a metric or a bound depends on."""
-
-
-def _set(
-    recorded: Bag, parameters: Parameters, before: _Description, change: Change
-) -> _Description:
-    """Return the description after a change of a parameter that belongs to no condition."""
-    after = _known(recorded, parameters, before.rate, None, [])
-    name = f"{change.node}: {change.parameter}"
-    others = (note for note in before.notes if not note.startswith(f"{name} = "))
-    notes = (*others, f"{name} = {change.value} since a change during the recording")
-    return replace(after, condition=before.condition, notes=notes)
-
-
-def _changed(before: Condition, change: Change, known: _Description) -> Condition:
-    """Return the condition after the change of a parameter."""
-    if field := _CONDITIONS.get((change.node, change.parameter)):
-        value = str(change.value)
-        return replace(before, **{field: Path(value).stem if change.parameter == SCENE else value})
-    slave = known.parameters.values.get("slave_device", {})
-    value = slave.get(change.parameter, change.value)
-    is_other = change.node == "slave_device" and change.parameter.startswith(_SURFACE)
-    # If a surface is replaced completely, its name is known and other fields are redundant.
-    if is_other and change.value != value and before.surface == known.condition.surface:
-        return replace(before, surface=before.surface + ALTERED)
-    return before
-
-
-ALTERED = " (altered)"
-"""Suffix of a surface with some parameters changed during contact."""
-
-
-def _segment(
-    recorded: Bag,
-    known: _Description,
-    number: int,
-    low: int,
-    high: int,
-    problems: list[str],
-) -> Segment:
-    """Arrange one segment on its grid."""
-    rate = known.rate
-    anchor = next(recorded.signals[name] for name in _NAMES if name in recorded.signals)
-    # The grid passes through a stamp, although the segment may start between two.
-    start = int(anchor.stamps[np.argmax(anchor.stamps >= low)])
-    present = [recorded.signals[name].stamps for name in _NAMES if name in recorded.signals]
-    # A sample may be up to half a period from its grid point, but no later than the end.
-    ends = [int(np.searchsorted(stamps, high, side="right")) for stamps in present]
-    last = max(int(stamps[max(0, end - 1)]) for stamps, end in zip(present, ends, strict=True))
-    length = int(grid_indices(np.array([last]), start, rate)[0]) + 1
-    signals: dict[str, FloatArray] = {}
-    axes = recorded.axes
-    for name in _NAMES:
-        if name in recorded.signals:
-            values, seen = recorded.signals[name].on_grid(start, rate, length, axes)
-            if seen.any():
-                signals[name] = values
-    notes = [*known.notes, *_complete(signals, known)]
-    condition = known.condition
-    return Segment(
-        recorded.path,
-        number,
-        condition,
-        rate,
-        known.high_pass_frequency,
-        length / rate,
-        (start - int(anchor.stamps[0])) / NANOSECONDS,
-        signals,
-        delivery(recorded, start, length, rate),
-        known.actuator,
-        known.pair,
-        tuple(notes),
-        known.latency,
-        granted_delay(condition.controller, known.controllers),
-        known.matrix_plant(problems) if axes == ALL_AXES else known.plant(condition),
-        known.rig.master.accelerometer.noise if known.rig else 0.0,
-        known.told,
-        start,
-        run_of(recorded),
-        known_arguments(recorded.facts).get("master") in (SIMULATED, POINTER),
-        axes,
-    )
-
-
-def _complete(signals: dict[str, FloatArray], known: _Description) -> list[str]:
+def _complete(signals: dict[str, FloatArray], known: Description) -> list[str]:
     """Compute a missing desired acceleration from the tool's; remove damaged signals."""
     notes = []
     for name, values in list(signals.items()):

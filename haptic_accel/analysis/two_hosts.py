@@ -29,14 +29,9 @@ from pathlib import Path
 
 import numpy as np
 
+from haptic_accel.analysis.description import OPERATOR, ROBOT, surface_of
 from haptic_accel.analysis.metrics import PERCENT, AnalysedTrial
-from haptic_accel.analysis.segments import (
-    OPERATOR,
-    ROBOT,
-    VECTORS,
-    read_segment,
-    surface_of,
-)
+from haptic_accel.analysis.segments import VECTORS, read_segment
 from haptic_accel.bags.reading import Bag, Signal, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.axes import Axes

@@ -29,7 +29,7 @@ from rcl_interfaces.srv import SetParameters
 
 from bag_maker import CHANGED, START, Message, change_bytes, write_messages
 from haptic_accel.analysis import load, trials
-from haptic_accel.analysis.segments import UNKNOWN
+from haptic_accel.analysis.description import UNKNOWN
 from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.core.topics import DESCRIPTION
 from haptic_accel.setup.arguments import GraphArguments

@@ -24,7 +24,8 @@ import numpy as np
 import pytest
 
 from bag_maker import BagContent, facts, write_bag
-from haptic_accel.analysis.segments import EXCLUDED_AFTER_CHANGE, UNKNOWN, Division, cut
+from haptic_accel.analysis.description import UNKNOWN
+from haptic_accel.analysis.segments import EXCLUDED_AFTER_CHANGE, Division, cut
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
 

@@ -1,0 +1,304 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Graph that recorded a bag: what its metadata and the changes of its parameters state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from haptic_accel.bags.facts import LOCKSTEP, RUN
+from haptic_accel.bags.reading import Bag, Change
+from haptic_accel.core import topics
+from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.control.compensation import PLANT, matrix_plant
+from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY
+from haptic_accel.core.handle.matrix_plant import MatrixPlant
+from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.model import ACTUATOR, POSTURES, held
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.materials.folders import is_recording
+from haptic_accel.setup.arguments import (
+    PLAYED_TOPICS,
+    POINTER,
+    REPLAY,
+    SCENE,
+    SIMULATED,
+    VIRTUAL,
+)
+from haptic_accel.setup.setup import Parameters, known_arguments
+
+OPERATOR, ROBOT = "master", "slave"
+"""Values of the argument ``side`` for a bag of one of two hosts."""
+
+UNKNOWN = "unknown"
+"""Name of a controller, surface or grip that is missing in a bag."""
+
+_SURFACE = "simulated.surface."
+_CONDITIONS = {
+    ("compensator", "controller"): "controller",
+    ("master_device", "simulated.grip.posture"): "grip",
+    ("slave_device", f"{_SURFACE}name"): "surface",
+    ("slave_device", SCENE): "surface",
+}
+"""Fields of `Condition` by node and parameter."""
+
+
+_FIGURES = ("compensator", "coupler", "master_device", "slave_device")
+"""Nodes with parameters that a metric or a bound depends on."""
+
+
+ALTERED = " (altered)"
+"""Suffix of a surface with some parameters changed during contact."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Controller, surface and grip: constant within a segment."""
+
+    controller: str = UNKNOWN
+    surface: str = UNKNOWN
+    grip: str = UNKNOWN
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a bag states of its graph in one section, with defaults for missing items.
+
+    Attributes
+    ----------
+    condition : Condition
+    arguments : mapping
+        Arguments of the graph.
+    parameters : Parameters
+        Parameters of the nodes that the bag states.
+    controllers : dict
+        Parameters of the controllers by name.
+    rig : RigParameters or None
+        Virtual rig of the run, or the rig given for the handle.
+    seed : int
+        Seed of the user's grip.
+    rate, high_pass_frequency, actuator, pair, latency
+        See `Segment`.
+    notes : tuple of str
+        Parameters that have changed since the start.
+    problems : tuple of str
+        Items that are missing or invalid, one line each.
+    """
+
+    condition: Condition
+    arguments: Mapping[str, Any]
+    parameters: Parameters
+    controllers: dict[str, Any]
+    rig: RigParameters | None
+    seed: int
+    rate: float
+    high_pass_frequency: float
+    actuator: ActuatorParameters
+    pair: tuple[str, ...]
+    latency: int | None
+    notes: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()
+
+    @property
+    def told(self) -> Plant | None:
+        """Plant model of the compensator."""
+        found = self.controllers.get(PLANT)
+        return found.coupled() if found else None
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the handle was a simulated one."""
+        return self.arguments.get("master") in (SIMULATED, POINTER)
+
+    def plant(self) -> Plant | None:
+        """Return the plant of the condition: the simulated one, or the compensator's model."""
+        if self.rig is None:
+            return self.told
+        grip = self.rig.master.grip
+        if self.condition.grip in POSTURES:
+            grip = replace(grip, posture=self.condition.grip)
+        return self.rig.plant(held(self.rig.master.handle, grip, self.seed))
+
+    def matrix_plant(self) -> MatrixPlant | None:
+        """Return the compensator's model of three axes.
+
+        Raises
+        ------
+        ParameterError
+            It cannot be read.
+        """
+        if not self.told or not self.told.model:
+            return None
+        return matrix_plant(self.controllers, self.rate).coupled()
+
+
+def described(
+    recorded: Bag, parameters: Parameters, rate: float, rig: RigParameters | None = None
+) -> Description:
+    """Return a graph's description from its bag's metadata, and the parameters of its nodes.
+
+    Parameters
+    ----------
+    recorded : Bag
+    parameters : Parameters
+    rate : float
+        Samples per second.
+    rig : RigParameters, optional
+        Rig with the handle, for a bag without its own description.
+
+    Raises
+    ------
+    ParameterError
+        The bag describes its own handle, and a rig is given.
+    """
+    problems: list[str] = []
+    arguments, nodes = known_arguments(recorded.facts), parameters.values
+    if not nodes.get("compensator"):
+        problems.append(
+            "does not state how it was made: the latency is estimated where the signals show it,"
+            f" and defaults are used for the high-pass ({HIGH_PASS_FREQUENCY:g} Hz) and the"
+            f" actuator; record {topics.DESCRIPTION.name}, or analyse the original bag"
+        )
+    corner, actuator = HIGH_PASS_FREQUENCY, ActuatorParameters()
+    options: dict[str, Any] = {}
+    if rig and nodes:
+        raise ParameterError(f"rig: {recorded.path} describes its own handle")
+    try:
+        if nodes.get("compensator"):
+            around, options = parameters.node("compensator")
+            corner, actuator = around.high_pass_frequency, options[ACTUATOR]
+        if arguments.get("master") in (SIMULATED, POINTER):
+            rig = parameters.rig()
+    except ParameterError as error:
+        problems.append(f"its parameters are invalid ({error}): defaults are used")
+    stated = {
+        field: str(nodes.get(node, {}).get(name) or arguments.get(field, UNKNOWN))
+        for (node, name), field in _CONDITIONS.items()
+    }
+    condition = Condition(**stated | {"surface": surface_of(recorded)})
+    pair: tuple[str, ...] = (recorded.path.name,)
+    if arguments:
+        seed = arguments.get("seed", nodes.get("slave_device", {}).get("seed", ""))
+        surface = str(arguments.get("surface", ""))
+        source = str(arguments.get("replay") or (surface if is_recording(surface) else ""))
+        pair = (f"seed {seed}", *([Path(source).name] if source else []))
+    seed = arguments.get("seed")
+    user = seed if isinstance(seed, int) and seed >= 0 else 0
+    return Description(
+        condition=condition,
+        arguments=arguments,
+        parameters=parameters,
+        controllers=options,
+        rig=rig,
+        seed=user,
+        rate=rate,
+        high_pass_frequency=corner,
+        actuator=actuator,
+        pair=pair,
+        latency=recorded.latency,
+        problems=tuple(problems),
+    )
+
+
+def surface_of(recorded: Bag) -> str:
+    """Return the name of the surface, or of the played recording, from a bag.
+
+    An operator's host does not know the surface at the robot.
+    """
+    arguments = known_arguments(recorded.facts)
+    slave = Parameters.from_metadata(recorded.facts).values.get("slave_device", {})
+    if arguments.get("side") == OPERATOR:
+        return UNKNOWN
+    asked = str(arguments.get("surface", ""))
+    if arguments.get("slave") == REPLAY:
+        return f"replay of {Path(str(arguments.get('replay', ''))).stem}"
+    if arguments.get("slave") == PLAYED_TOPICS:
+        return "played topics"
+    if arguments.get("slave") == VIRTUAL:
+        return Path(str(slave.get(SCENE, asked or UNKNOWN))).stem
+    if is_recording(asked):
+        return "recording"
+    return str(slave.get(f"{_SURFACE}name") or Path(asked).stem or UNKNOWN)
+
+
+def run_of(recorded: Bag) -> str:
+    """Return a description of the run of a bag's trials; empty if the bag does not state it.
+
+    Live nodes report diagnostics. A bag with arguments but without any report may be live or
+    lockstep.
+    """
+    if recorded.facts.get(RUN) == LOCKSTEP:
+        return "in lockstep, without ROS"
+    arguments = known_arguments(recorded.facts)
+    if not arguments or not recorded.diagnostics:
+        return ""
+    found = "live on ROS 2"
+    if recorded.facts.get("arguments"):
+        composed = "its nodes composed into one process"
+        apart = "each node in a process of its own"
+        found += f", {composed if arguments.get('composed') else apart}"
+    if arguments.get("side") in (OPERATOR, ROBOT):
+        found += ", the other arm on another host"
+    return found
+
+
+def sections(recorded: Bag, start: Description) -> list[tuple[int, Description]]:
+    """Return the descriptions of a bag's sections with the time of each, ns; the first is 0."""
+    found = [(0, start)]
+    # A node declares the parameters of all its devices, and the recorder may receive these.
+    unused = _SURFACE if start.arguments.get("slave") == VIRTUAL else SCENE
+    changes = (each for each in recorded.changes if not each.parameter.startswith(unused))
+    parameters = start.parameters
+    for change in sorted(changes, key=lambda change: change.received):
+        before = found[-1][1]
+        after = replace(before, condition=_changed(before.condition, change, start))
+        own = parameters.values.get(change.node, {})
+        is_other = own.get(change.parameter, change.value) != change.value
+        parameters = parameters.changed({change.node: {change.parameter: change.value}})
+        if is_other and after.condition == before.condition and change.node in _FIGURES:
+            after = _set(recorded, parameters, after, change)
+        if after != before:
+            found.append((change.received, after))
+    return found
+
+
+def _set(
+    recorded: Bag, parameters: Parameters, before: Description, change: Change
+) -> Description:
+    """Return the description after a change of a parameter that belongs to no condition."""
+    after = described(recorded, parameters, before.rate)
+    name = f"{change.node}: {change.parameter}"
+    others = (note for note in before.notes if not note.startswith(f"{name} = "))
+    notes = (*others, f"{name} = {change.value} since a change during the recording")
+    return replace(after, condition=before.condition, notes=notes, problems=before.problems)
+
+
+def _changed(before: Condition, change: Change, start: Description) -> Condition:
+    """Return the condition after the change of a parameter."""
+    if field := _CONDITIONS.get((change.node, change.parameter)):
+        value = str(change.value)
+        return replace(before, **{field: Path(value).stem if change.parameter == SCENE else value})
+    slave = start.parameters.values.get("slave_device", {})
+    value = slave.get(change.parameter, change.value)
+    is_other = change.node == "slave_device" and change.parameter.startswith(_SURFACE)
+    # If a surface is replaced completely, its name is known and other fields are redundant.
+    if is_other and change.value != value and before.surface == start.condition.surface:
+        return replace(before, surface=before.surface + ALTERED)
+    return before
