@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from haptic_accel.core.bounded_files import located, read_text
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.core.safe_writing import replace_file
 from haptic_accel.setup.files import (
     EVERY_NODE,
@@ -53,7 +53,7 @@ def update_parameter_file(path: Path, nodes: Mapping[str, Mapping[str, Any]]) ->
     ParameterError
         The file cannot be read or written.
     """
-    document, content = _document(path)
+    document, content, comments = _document(path)
     for node, values in nodes.items():
         section = content.setdefault(_key(content, node), {ROS_PARAMETERS: {}})[ROS_PARAMETERS]
         for name, value in _leaves(values):
@@ -61,7 +61,7 @@ def update_parameter_file(path: Path, nodes: Mapping[str, Mapping[str, Any]]) ->
     text = StringIO()
     document.dump(content, text)
     with located(path, unreadable=""):
-        replace_file(path, text.getvalue().encode())
+        replace_file(path, (comments + text.getvalue()).encode())
 
 
 def noted_steps(path: Path) -> dict[str, str]:
@@ -122,8 +122,11 @@ def check_updatable(path: Path) -> None:
     _document(path)
 
 
-def _document(path: Path) -> tuple[Any, Any]:
-    """Return a reader and writer of YAML, and the content of a file, empty for a new one."""
+def _document(path: Path) -> tuple[Any, Any, str]:
+    """Return a writer of YAML, and the content of a file, empty for a new one.
+
+    The comments of a file without content are returned apart.
+    """
     try:
         from ruamel.yaml import YAML
         from ruamel.yaml.error import YAMLError
@@ -132,15 +135,17 @@ def _document(path: Path) -> tuple[Any, Any]:
         raise ParameterError(f"{path}: {missing}") from None
     document = YAML()
     document.width, document.preserve_quotes = 2**31, True
-    content: Any = {}
-    if path.exists():
-        read_parameter_file(path)  # refuses another form
-        with located(path, "must be YAML"):
-            try:
-                content = document.load(read_text(path)) or {}
-            except YAMLError as error:
-                raise ValueError(str(error)) from None
-    return document, content
+    if not path.exists():
+        return document, {}, ""
+    with located(path, "must be YAML"):
+        text = read_text(path)
+    if all(line.lstrip()[:1] in ("", "#") for line in text.splitlines()):
+        return document, {}, "".join(f"{line}\n" for line in text.splitlines())
+    read_parameter_file(path)  # refuses another form
+    try:
+        return document, document.load(text) or {}, ""
+    except YAMLError as error:
+        raise ParameterError(f"{path}: must be YAML: {shown(str(error))}") from None
 
 
 def _key(content: Mapping[str, Any], node: str) -> str:

@@ -22,7 +22,11 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.setup.arguments import parse_arguments
 from haptic_accel.setup.files import parameter_text, read_parameter_file
-from haptic_accel.setup.rig_file import teleoperation_words, update_parameter_file
+from haptic_accel.setup.rig_file import (
+    check_updatable,
+    teleoperation_words,
+    update_parameter_file,
+)
 from haptic_accel.setup.setup import Setup
 
 RIG = """\
@@ -66,6 +70,21 @@ def test_a_new_file_runs_the_rig_alone(tmp_path: Path) -> None:
     arguments = parse_arguments([f"params_file:={rig}"])
     assert (arguments.master, arguments.rate) == ("serial", 500.0)
     assert Setup.of(arguments).values["master_device"]["serial.port"] == "/dev/ttyACM0"
+
+
+@pytest.mark.parametrize(
+    "text", ["", "\n", "# The bench by the window.", "\n  # left\n\n# right\n"]
+)
+def test_a_file_without_content_is_that_of_a_new_rig_and_keeps_its_comments(
+    text: str, tmp_path: Path
+) -> None:
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(text)
+    check_updatable(rig)
+    assert rig.read_text() == text
+    update_parameter_file(rig, {"master_device": {"device": "serial"}})
+    assert read_parameter_file(rig)["master_device"]["device"] == "serial"
+    assert rig.read_text().startswith(text)
 
 
 def test_a_file_of_another_form_is_left_as_it_is(tmp_path: Path) -> None:
