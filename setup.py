@@ -84,8 +84,17 @@ def long_description() -> str:
     return re.sub(r"\[([^\]]+)\]\((?!http)[^)]+\)", r"\1", without_figures)
 
 
-KITS = {"bringup": "bringup", "emulate": "emulators", "study": "study", "texture": "textures"}
+KITS = {
+    "bringup": "bringup",
+    "emulate": "emulators",
+    "keys": "link",
+    "study": "study",
+    "texture": "textures",
+}
 """Verbs of kits, and their folders below haptic_accel/kits."""
+
+LINK_NODES = ("half_coupler", "link", "composed_master", "composed_slave")
+"""Nodes of the kit of two hosts."""
 
 
 def node_scripts() -> list[str]:
@@ -216,6 +225,11 @@ setup(
             f"{verb} = {NAME}.kits.{kit}.commands:VERB"
             for verb, kit in KITS.items()
             if Path(NAME, "kits", kit).is_dir()
+        ],
+        f"{NAME}.nodes": [
+            f"{node} = {NAME}.kits.link.{node}"
+            for node in LINK_NODES
+            if Path(NAME, "kits", "link").is_dir()
         ],
     },
 )

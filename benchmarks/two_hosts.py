@@ -43,7 +43,6 @@ from rich.table import Table
 from haptic_accel.analysis.loading import analyse
 from haptic_accel.bags.delivery import count
 from haptic_accel.bags.reading import Bag, read_bag
-from haptic_accel.cli.keys import FOLDERS
 from haptic_accel.cli.main import run
 from haptic_accel.cli.options import Verb, json_option, words
 from haptic_accel.cli.output import save
@@ -52,6 +51,7 @@ from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.kits.link.keys import FOLDERS
 from haptic_accel.links.parameters import TRANSPORTS
 from haptic_accel.setup.arguments import GraphArguments, parse_arguments
 

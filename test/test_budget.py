@@ -28,21 +28,22 @@ PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
 
 BUDGETS = {
     "core": 14_200,
-    "analysis": 4_170,
-    "nodes": 4_300,
+    "analysis": 4_210,
+    "nodes": 4_020,
     "kits/study": 3_990,
     "devices": 3_390,
-    "cli": 2_830,
-    "bags": 2_640,
-    "scope": 1_420,
-    "setup": 1_460,
+    "cli": 2_790,
+    "bags": 2_630,
+    "scope": 1_410,
+    "setup": 1_480,
     "materials": 1_380,
     "kits/emulators": 1_180,
     "graph": 1_120,
+    "kits/link": 850,
     "kits/textures": 1_050,
-    "kits/bringup": 875,
-    "links": 700,
-    "pages": 50,
+    "kits/bringup": 880,
+    "links": 170,
+    "pages": 40,
 }
 """Most lines of code of each folder and kit. Lower a budget with its code; raise it only in a
 commit that says what need of a user it pays for."""

@@ -75,8 +75,7 @@ SECTIONS = {
     },
     "Surfaces": {},
     "Machine": {
-        "keys": "make keys for two hosts",
-        "bench": "measure latency, CPU and losses, and the coupling over networks",
+        "bench": "measure latency, CPU and losses of the graph",
         "doctor": "find causes of timing jitter on this machine and suggest fixes",
     },
 }

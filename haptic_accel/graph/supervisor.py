@@ -45,6 +45,7 @@ from haptic_accel.core.process import (
 )
 from haptic_accel.graph.ros_packages import check_ros
 from haptic_accel.graph.stop_signal import DOMAIN
+from haptic_accel.setup.executables import node_module
 from haptic_accel.setup.processes import RESPAWN_DELAY, Process
 
 LAST_LINES = 20
@@ -353,5 +354,5 @@ class Supervisor:
 
 def command(process: Process, folder: Path) -> list[str]:
     """Return the command line that runs a process of the graph; its parameters are in a folder."""
-    words = module_command(f"haptic_accel.nodes.{process.executable}")
+    words = module_command(node_module(process.executable))
     return [*words, *process.ros_arguments(folder), "-r", f"__ns:={process.namespace or '/'}"]

@@ -13,4 +13,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Transports of datagrams: between processes of one host, and between two hosts."""
+"""Addresses and parameters of two hosts, and a relay that stands for the network between them."""

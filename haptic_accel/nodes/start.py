@@ -26,6 +26,7 @@ from importlib import import_module
 
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.graph.ros_packages import NEEDS_ROS, has_ros
+from haptic_accel.setup.executables import node_module
 
 
 def __getattr__(node: str) -> Callable[[], None]:
@@ -42,4 +43,4 @@ def _start(node: str) -> None:
     signal.signal(signal.SIGINT, lambda *_: os._exit(DONE))
     # A launch blocks the signal, which thus cannot interrupt Python's start.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    import_module(f"{__package__}.{node}").main()
+    import_module(node_module(node)).main()

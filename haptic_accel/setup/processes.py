@@ -36,6 +36,7 @@ from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.simulated import played
 from haptic_accel.setup import arguments as names
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
+from haptic_accel.setup.executables import node_module
 from haptic_accel.setup.files import Values, parameter_text
 from haptic_accel.setup.node_parameters import NODES
 from haptic_accel.setup.setup import LINK, RECORDER, SCOPE, Arguments, Parameters, Setup
@@ -212,6 +213,8 @@ def _check_side(arguments: GraphArguments) -> None:
     if not arguments.side:
         return
     side = f"side:={arguments.side}"
+    if not node_module(HALF_COUPLER):
+        raise ParameterError(f"{side}: needs the kit link, which is not installed")
     for arm in ("master", "slave"):
         device = getattr(arguments, arm)
         if device in (names.REPLAY, names.PLAYED_TOPICS):

@@ -31,7 +31,13 @@ from running import Command
 
 SOURCE = Path(__file__).resolve().parents[2]
 KITS = sorted(path.parent.name for path in SOURCE.glob("haptic_accel/kits/*/__init__.py"))
-VERBS = {"bringup": "bringup", "emulators": "emulate", "study": "study", "textures": "texture"}
+VERBS = {
+    "bringup": "bringup",
+    "emulators": "emulate",
+    "link": "keys",
+    "study": "study",
+    "textures": "texture",
+}
 """Verb of each kit."""
 
 MAIN = "-c", "from haptic_accel.cli.start import main; main()"
@@ -74,9 +80,9 @@ def declare(folder: Path, package: str, verbs: dict[str, str]) -> None:
     (about / "entry_points.txt").write_text(f"[haptic_accel.commands]\n{lines}")
 
 
-def run(folder: Path, *words: str, beside: str = "") -> subprocess.CompletedProcess[str]:
+def ended(folder: Path, *words: str, beside: str = "") -> subprocess.CompletedProcess[str]:
     """Run Python with the package in a folder, and what is in another folder beside it."""
-    found = subprocess.run(
+    return subprocess.run(
         [sys.executable, *words],
         env=os.environ | {"PYTHONPATH": f"{folder}:{beside}"},
         cwd=folder,
@@ -84,6 +90,11 @@ def run(folder: Path, *words: str, beside: str = "") -> subprocess.CompletedProc
         text=True,
         check=False,
     )
+
+
+def run(folder: Path, *words: str, beside: str = "") -> subprocess.CompletedProcess[str]:
+    """Run Python as `ended`; it must succeed."""
+    found = ended(folder, *words, beside=beside)
     said = found.stdout + found.stderr
     assert (found.returncode, "Traceback" in found.stderr) == (0, False), said
     return found
@@ -126,6 +137,15 @@ def test_without_kits_the_experiment_runs_and_is_analysed(bare: Path) -> None:
     words = "duration:=1", "surface:=text", "controller:=dynamic"
     assert "dynamic" in command(bare, "experiment", "--lockstep", *words, "--out", "found").stdout
     assert "dynamic" in command(bare, "analyze", "found").stdout
+
+
+def test_without_its_kit_a_peer_is_refused_in_one_line(bare: Path) -> None:
+    words = "teleop", "side:=slave", "peer:=127.0.0.1"
+    found = ended(bare, *MAIN, *words)
+    assert (found.returncode, found.stdout) == (2, "")
+    assert (
+        found.stderr == "haptic-accel: side:=slave: needs the kit link, which is not installed\n"
+    )
 
 
 @pytest.mark.quiet

@@ -15,8 +15,8 @@
 
 from __future__ import annotations
 
+from haptic_accel.kits.link.peer_monitor import REPEAT, SILENCE, PeerMonitor, advice
 from haptic_accel.links.addresses import Route
-from haptic_accel.links.peer_monitor import REPEAT, SILENCE, PeerMonitor, advice
 
 
 def test_the_peer_is_reported_once_when_it_is_heard_and_once_when_it_is_not() -> None:

@@ -33,7 +33,7 @@ from haptic_accel.core.loop.wiring import ArmCommand, Tool
 from haptic_accel.core.network.playout import KINDS, WAITING
 from haptic_accel.core.network.session import random_session
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.links.local import COUPLER, LocalEnd
+from haptic_accel.kits.link.local import COUPLER, LocalEnd
 from haptic_accel.nodes.coupling_node import ARM_TOPICS, SLAVE, CouplingNode, MotionSynchronizer
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.signals import Samples

@@ -33,13 +33,13 @@ from typing import Any, Protocol
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.stop_signal import own_domain
+from haptic_accel.kits.link.authentication import Authenticator, read_key
+from haptic_accel.kits.link.local import LINK, LocalEnd
+from haptic_accel.kits.link.peer_monitor import PeerMonitor, advice, described
+from haptic_accel.kits.link.udp import UdpCarrier
+from haptic_accel.kits.link.zenoh import ZenohCarrier
 from haptic_accel.links.addresses import Route, bound, route
-from haptic_accel.links.authentication import Authenticator, read_key
-from haptic_accel.links.local import LINK, LocalEnd
 from haptic_accel.links.parameters import UDP, LinkNodeParameters, check_peer
-from haptic_accel.links.peer_monitor import PeerMonitor, advice, described
-from haptic_accel.links.udp import UdpCarrier
-from haptic_accel.links.zenoh import ZenohCarrier
 from haptic_accel.nodes.scheduling import (
     LOOK_ROUND,
     TEARDOWN,

@@ -22,14 +22,14 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.links.authentication import LINK_KEY, read_key
+from haptic_accel.kits.link.authentication import LINK_KEY, read_key
 from verbs import next_command, refusal, status_of
 
 
 def test_both_hosts_get_one_key_also_without_certificates(
     here: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, "haptic_accel.links.certificates", None)
+    monkeypatch.setitem(sys.modules, "haptic_accel.kits.link.certificates", None)
     for name in ("one", "other"):
         assert status_of("keys", "robot.lab", "desk.lab", "--out", name) == 0
     assert capsys.readouterr().out.startswith("without certificates for transport:=zenoh")

@@ -13,24 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Executable `composed_slave`: the slave host's nodes, as in `composed`, without the link.
+"""Link of two hosts: transports, keys, half couplers and the processes that carry datagrams."""
 
-The link is separate, as the only process that the network reaches.
-"""
-
-from __future__ import annotations
-
-from haptic_accel.nodes.half_coupler import HalfCoupler
-from haptic_accel.nodes.loop_runner import join
-from haptic_accel.nodes.scheduling import run
-from haptic_accel.nodes.slave_device import slave_device
-
-
-def main() -> None:
-    """Run the nodes."""
-    # The arm is sampled first; its forces are due at the next tick.
-    run("composed_slave", slave_device, HalfCoupler, join=join)
-
-
-if __name__ == "__main__":
-    main()
+# First of all, as it limits the threads of BLAS before NumPy is loaded.
+import haptic_accel.nodes  # noqa: F401

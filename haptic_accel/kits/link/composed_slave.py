@@ -13,24 +13,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Executable `composed_master`: the master host's nodes, as in `composed`, without the link.
+"""Executable `composed_slave`: the slave host's nodes, as in `composed`, without the link.
 
 The link is separate, as the only process that the network reaches.
 """
 
 from __future__ import annotations
 
-from haptic_accel.nodes.compensator import Compensator
-from haptic_accel.nodes.half_coupler import HalfCoupler
+from haptic_accel.kits.link.half_coupler import HalfCoupler
 from haptic_accel.nodes.loop_runner import join
-from haptic_accel.nodes.master_device import master_device
 from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.slave_device import slave_device
 
 
 def main() -> None:
     """Run the nodes."""
-    # The arm is sampled first; the resulting forces are due at the next tick.
-    run("composed_master", master_device, HalfCoupler, Compensator, join=join)
+    # The arm is sampled first; its forces are due at the next tick.
+    run("composed_slave", slave_device, HalfCoupler, join=join)
 
 
 if __name__ == "__main__":

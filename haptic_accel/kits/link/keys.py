@@ -23,7 +23,7 @@ import click
 
 from haptic_accel.cli.options import FILE, verb
 from haptic_accel.cli.output import make_folder, next_command
-from haptic_accel.links.authentication import write_new_key
+from haptic_accel.kits.link.authentication import write_new_key
 
 FOLDERS = {"robot": "slave", "operator": "master"}
 """Sides of the two hosts by folder."""
@@ -49,7 +49,7 @@ def keys(robot: str, operator: str, out: Path) -> None:
     """
     hosts = [robot.split(","), operator.split(",")]
     try:
-        from haptic_accel.links.certificates import certified_pair
+        from haptic_accel.kits.link.certificates import certified_pair
     except ImportError:
         print(WITHOUT_CERTIFICATES)
         pair = []

@@ -30,7 +30,7 @@ from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.network.endpoint import Endpoint, Motion, State
 from haptic_accel.core.network.packet import MOST_SAMPLES, unpack
 from haptic_accel.core.network.session import ANEW, LIFETIME
-from haptic_accel.links.authentication import KEY_LENGTH, Authenticator
+from haptic_accel.kits.link.authentication import KEY_LENGTH, Authenticator
 
 RATE = 1000.0
 TICK = 0.01

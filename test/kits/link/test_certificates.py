@@ -25,7 +25,7 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.links.parameters import AUTHORITY, CERTIFICATE, KEY
 
-certificates = pytest.importorskip("haptic_accel.links.certificates")
+certificates = pytest.importorskip("haptic_accel.kits.link.certificates")
 
 HOSTS = [["robot.lab", "10.8.0.2", "fd00::2"], ["127.0.0.1"]]
 

@@ -31,10 +31,10 @@ import psutil
 import pytest
 
 from haptic_accel.core.process import DONE, EMERGENCY, WRONG_ARGUMENTS
-from haptic_accel.links.authentication import Authenticator, read_key, write_new_key
-from haptic_accel.links.local import COUPLER, LONGEST_DATAGRAM, LocalEnd
+from haptic_accel.kits.link.authentication import Authenticator, read_key, write_new_key
+from haptic_accel.kits.link.link import SEARCH_PERIOD
+from haptic_accel.kits.link.local import COUPLER, LONGEST_DATAGRAM, LocalEnd
 from haptic_accel.links.parameters import AUTHORITY
-from haptic_accel.nodes.link import SEARCH_PERIOD
 from running import Command, free_ports, reserved_domain, wait_until
 
 SIDES = ("master", "slave")
@@ -60,7 +60,7 @@ class Pair:
         file.write_text(f"/**/link:\n  ros__parameters:\n{lines}")
         os.environ["ROS_DOMAIN_ID"] = str(self._domains[side])
         self.links[side] = self._start(
-            "-m", "haptic_accel.nodes.link", "--ros-args", "--params-file", str(file)
+            "-m", "haptic_accel.kits.link.link", "--ros-args", "--params-file", str(file)
         )
         return self.links[side]
 
@@ -205,7 +205,7 @@ def test_a_host_without_the_key_is_told_so_on_both_and_nothing_passes(
 def keys(tmp_path: Path) -> Callable[[str, str], dict[str, Path]]:
     """Make the folders of a pair by name: ``keys(NAME, HOST)``; skip without the libraries."""
     pytest.importorskip("zenoh")
-    certificates = pytest.importorskip("haptic_accel.links.certificates")
+    certificates = pytest.importorskip("haptic_accel.kits.link.certificates")
 
     def made(name: str, host: str = PEER) -> dict[str, Path]:
         (tmp_path / name).mkdir()

@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 
 from fuzzing import fuzz
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.links.authentication import (
+from haptic_accel.kits.link.authentication import (
     KEY_LENGTH,
     LINK_KEY,
     TITLE,
@@ -32,7 +32,7 @@ from haptic_accel.links.authentication import (
     read_key,
     write_new_key,
 )
-from haptic_accel.links.local import LONGEST_DATAGRAM
+from haptic_accel.kits.link.local import LONGEST_DATAGRAM
 
 KEY, OTHER = b"k" * KEY_LENGTH, b"o" * KEY_LENGTH
 

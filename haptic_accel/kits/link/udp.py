@@ -24,9 +24,9 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
+from haptic_accel.kits.link.authentication import TAG_LENGTH, Authenticator
+from haptic_accel.kits.link.local import LONGEST_DATAGRAM
 from haptic_accel.links.addresses import Route, bound
-from haptic_accel.links.authentication import TAG_LENGTH, Authenticator
-from haptic_accel.links.local import LONGEST_DATAGRAM
 
 END_CHECK_PERIOD = 0.25
 """Interval of checks for the end while nothing is received, s."""

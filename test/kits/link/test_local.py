@@ -25,7 +25,7 @@ from contextlib import closing
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.links.local import COUPLER, LINK, LONGEST_DATAGRAM, MOST_WAITING, LocalEnd
+from haptic_accel.kits.link.local import COUPLER, LINK, LONGEST_DATAGRAM, MOST_WAITING, LocalEnd
 
 DOMAIN = 250
 """No ROS domain, so that no graph of this machine is met."""

@@ -27,7 +27,7 @@ import pytest
 
 from haptic_accel.core.network.endpoint import Endpoint, Motion, State
 from haptic_accel.core.network.packet import VERSION
-from haptic_accel.links.local import LINK, LocalEnd
+from haptic_accel.kits.link.local import LINK, LocalEnd
 from observing import Observer
 from running import Command, nodes_of, reserved_domain, wait_until
 
@@ -151,7 +151,7 @@ def test_packets_that_cannot_be_used_are_refused_in_one_line_each(
     start: Start, observer: Observer, domain: int
 ) -> None:
     words = [word for each in ("side:=slave", "coupling:=passive") for word in ("-p", each)]
-    half = start("-m", "haptic_accel.nodes.half_coupler", "--ros-args", *words)
+    half = start("-m", "haptic_accel.kits.link.half_coupler", "--ros-args", *words)
     link = LocalEnd(LINK, domain, "")
     other_version = bytearray(packet("master"))
     other_version[4] = VERSION + 1

@@ -1,0 +1,37 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Executable `composed_master`: the master host's nodes, as in `composed`, without the link.
+
+The link is separate, as the only process that the network reaches.
+"""
+
+from __future__ import annotations
+
+from haptic_accel.kits.link.half_coupler import HalfCoupler
+from haptic_accel.nodes.compensator import Compensator
+from haptic_accel.nodes.loop_runner import join
+from haptic_accel.nodes.master_device import master_device
+from haptic_accel.nodes.scheduling import run
+
+
+def main() -> None:
+    """Run the nodes."""
+    # The arm is sampled first; the resulting forces are due at the next tick.
+    run("composed_master", master_device, HalfCoupler, Compensator, join=join)
+
+
+if __name__ == "__main__":
+    main()
