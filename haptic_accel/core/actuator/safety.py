@@ -36,7 +36,7 @@ from typing import Any, ClassVar
 from haptic_accel.core.actuator.guard import HARD, ActuatorGuard, scaled_within
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION
-from haptic_accel.core.axes import ACTUATOR_AXES, Axes
+from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, parameter
 
@@ -409,16 +409,20 @@ class _ActuatorChannel(_Channel):
         self, parameters: MasterSafetyParameters, rate: float, axes: Axes, *, manual: bool
     ) -> None:
         super().__init__(parameters.actuator, rate, manual=manual)
-        self._axes, self._indices = axes, axes.indices
-        self._coils = [_Coil(parameters, rate) for _ in axes.names]
+        self._axes = axes
+        self._has_coil = tuple(name in axes.names for name in NAMES)
+        self._coils = [(index, _Coil(parameters, rate)) for index in axes.indices]
 
     def command(self, now: float, age: float, force: Vector) -> Vector | None:
         """Return the force to write for a command; components without a coil are zero."""
-        return super().command(now, age, self._axes.vector(self._axes.components(force)))
+        has_x, has_y, has_z = self._has_coil
+        x, y, z = force
+        force = x if has_x else 0.0, y if has_y else 0.0, z if has_z else 0.0
+        return super().command(now, age, force)
 
     def tick(self, now: float, handle_acceleration: Vector | None) -> Vector | None:
         """Update the guards; return a new force if the present force must be reduced."""
-        for index, coil in zip(self._indices, self._coils, strict=True):
+        for index, coil in self._coils:
             coil.advance(now, handle_acceleration[index] if handle_acceleration else None)
         if self.contested:
             return self.contend(now)
@@ -432,7 +436,7 @@ class _ActuatorChannel(_Channel):
 
     def values(self) -> dict[str, str]:
         """Return counts of all coils, least remaining heat and largest travel for diagnostics."""
-        return super().values() | _limits_reached([coil.guard for coil in self._coils])
+        return super().values() | _limits_reached([coil.guard for _, coil in self._coils])
 
     def _magnitude(self, force: Vector) -> float:
         return math.hypot(*force)  # that of a single component exactly
@@ -447,16 +451,21 @@ class _ActuatorChannel(_Channel):
 
     def _within(self, force: Vector) -> Vector:
         """Return a force limited by all guards, without an increase or change of direction."""
-        forces = [force[index] for index in self._indices]
-        allowed = [coil.allowed(each) for coil, each in zip(self._coils, forces, strict=True)]
-        if allowed == forces:
+        allowed, is_less = [], False
+        for index, coil in self._coils:
+            most = coil.allowed(force[index])
+            allowed.append(most)
+            is_less |= most != force[index]
+        if not is_less:
             return force
+        forces = self._axes.components(force)
         return self._axes.vector(scaled_within(forces, allowed))
 
     def _hold(self, now: float, force: Vector) -> Vector:
-        for index, coil in zip(self._indices, self._coils, strict=True):
+        for index, coil in self._coils:
             coil.hold(now, force[index])
-        return super()._hold(now, force)
+        self._held = force
+        return force
 
 
 class SafetyLayer:
