@@ -43,7 +43,7 @@ def touch(surface: str, rig: str, port: int, opened: bool) -> None:
     """
     touched = PacedRig(surface, rig)
     server = ScopeServer(touched, Access(HOST, ""), HOST, port, touched.act)
-    show_page(server.start(), opened=opened)
     with stop_on_signal() as stop:
+        show_page(server.start(), opened=opened)
         touched.run(stop)
     server.stop()

@@ -514,10 +514,11 @@ def _ended(study: Study, log: Log, begun: SessionRecord, port: int, *, opened: b
         page = ParticipantPage(texts, rig, port, protocol.masking.level)
         watch = _watch(stack.enter_context(progress_bar()), begun.participant)
         session = Session(protocol, plan, log, rig, page, watch)
-        show_page(page.start(), opened=opened)
+        address = page.start()
         stack.callback(page.close)
         stack.enter_context(stop_on_signal(lambda: page.stop(OPERATOR)))
         stack.enter_context(on_keys({STOP_KEY: stop_at_once}))
+        show_page(address, opened=opened)
         ended = session.run().ended
         time.sleep(LAST_SCREEN)
         return ended
