@@ -125,8 +125,15 @@ class Person(Protocol):
     def show(self, watched: Watched | None) -> None:
         """Show a live signal from now on; None for none."""
 
-    def ask(self, request: str) -> str:
-        """Return the answer to a request, empty to go on; raise EOFError where there is none."""
+    def ask(self, request: str, skip: str = "") -> str:
+        """Return the answer to a request, empty to go on; raise EOFError where there is none.
+
+        Parameters
+        ----------
+        request : str
+        skip : str
+            Effect of the answer `SKIP`, for a button; empty if it is not offered.
+        """
 
     def request(self, line: str) -> None:
         """Ask for an action that is noticed by itself."""
@@ -184,8 +191,8 @@ class Bench:
             for check in found:
                 self._tell(check)
             passed = all(check.passed for check in found)
-            skip = f" or type {SKIP} to go on all the same" if can_skip else ""
-            if passed or not self.goes_on(f"press Enter to try again{skip}"):
+            skip = "go on all the same" if can_skip else ""
+            if passed or not self.goes_on("press Enter to try again", skip):
                 self.notes += [("" if each.passed else NOT_PASSED) + each.text for each in found]
                 return
 
@@ -196,12 +203,20 @@ class Bench:
             self.person.tell(NOT_PASSED + check.text)
             self.person.tell(f"  {check.advice}")
 
-    def goes_on(self, request: str) -> bool:
-        """Ask until the answer is empty, or `SKIP` where offered; return whether it is empty."""
-        allowed = {"": "Enter", SKIP: f"{SKIP} and Enter"}
-        if f"type {SKIP} " not in request:
-            del allowed[SKIP]
-        while (answer := self.person.ask(request).strip().lower()) not in allowed:
+    def goes_on(self, request: str, skip: str = "") -> bool:
+        """Ask until the answer is empty, or `SKIP` where offered; return whether it is empty.
+
+        Parameters
+        ----------
+        request : str
+        skip : str
+            Effect of the answer `SKIP`; empty if it is not offered.
+        """
+        allowed = {"": "Enter"}
+        if skip:
+            allowed[SKIP] = f"{SKIP} and Enter"
+            request = f"{request}, or type {SKIP} to {skip}"
+        while (answer := self.person.ask(request, skip).strip().lower()) not in allowed:
             self.person.tell(f"{shown(answer)}: must be {' or '.join(allowed.values())}")
         return not answer
 

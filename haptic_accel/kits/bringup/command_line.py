@@ -130,9 +130,9 @@ class _Both:
         self._terminal.show(watched)
         self._guide.show(watched)
 
-    def ask(self, request: str) -> str:
+    def ask(self, request: str, skip: str = "") -> str:
         self._terminal.request(request)
-        return self._guide.ask(request)
+        return self._guide.ask(request, skip)
 
     def request(self, line: str) -> None:
         self._terminal.request(line)
@@ -186,7 +186,7 @@ class _Terminal:
         with self._above():
             self._watched = watched
 
-    def ask(self, request: str) -> str:
+    def ask(self, request: str, skip: str = "") -> str:
         self.tell(f"> {request}")
         line = sys.stdin.readline()
         if not line:

@@ -74,7 +74,7 @@ def _identified(bench: Bench) -> Mapping[str, Mapping[str, Any]]:
         share /= 2
         if TOO_STRONG not in ran.events or share < SMALLEST_SHARE:
             reason = ran.events.get(UNUSABLE, {}).get("reason", ran.last)
-            if not bench.goes_on(f"{reason}; press Enter to try again, or type s to stop"):
+            if not bench.goes_on(f"{reason}; press Enter to try again", skip="stop"):
                 raise BringUpError(reason)
             share = 1.0
         else:

@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-import re
 import threading
 from collections import deque
 from collections.abc import Mapping
@@ -27,7 +26,7 @@ import numpy as np
 
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, shown
-from haptic_accel.kits.bringup.bench import NOT_PASSED, PASSED, SKIP, Watched
+from haptic_accel.kits.bringup.bench import NOT_PASSED, PASSED, Watched
 from haptic_accel.scope.server import CommandError, check_choice
 from haptic_accel.scope.windows import Windows
 
@@ -42,9 +41,6 @@ MOST_POINTS = 250
 
 ANSWER = "answer"
 """Action by which a page answers a request."""
-
-_OFFER = re.compile(rf"type {SKIP} to (.+)$")
-"""End of a request that offers to go on without it."""
 
 
 class Guide:
@@ -71,6 +67,7 @@ class Guide:
         self._now = 0
         self._lines: deque[str] = deque(maxlen=KEPT_LINES)
         self._request: str | None = None
+        self._skip = ""
         self._asks = False
         self._number = 0
         self._answer: str | None = None
@@ -97,10 +94,11 @@ class Guide:
         with self._changed:
             self._watched = watched
 
-    def ask(self, request: str) -> str:
+    def ask(self, request: str, skip: str = "") -> str:
         """Return the answer of a page, however long that takes."""
         with self._changed:
             self._number += 1
+            self._skip = skip
             self._request, self._asks, self._answer = request, True, None
             self._changed.wait_for(lambda: not self._asks)
             assert self._answer is not None
@@ -130,7 +128,6 @@ class Guide:
         """Return the state for a page; called on the server's thread."""
         with self._changed:
             watched = self._watched
-            offer = _OFFER.search(self._request or "") if self._asks else None
             state = {
                 "steps": [
                     {"name": name, "purpose": purpose, "state": self._state_of(number)}
@@ -140,7 +137,7 @@ class Guide:
                 "request": self._request,
                 "asks": self._asks,
                 "number": self._number,
-                "skip": offer[1] if offer else None,
+                "skip": self._skip if self._asks and self._skip else None,
                 "ended": self._ended,
             }
         return state | {"signal": _signal(watched) if watched else None}

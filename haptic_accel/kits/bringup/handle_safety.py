@@ -62,7 +62,8 @@ def _measure_current(bench: Bench) -> None:
     """Compare the amplifier's current through a resistor with the commanded current."""
     if not bench.goes_on(
         "disconnect the coil; put a resistor of 4 to 10 ohms and a meter for current in its"
-        " place, then press Enter; or type s to skip"
+        " place, then press Enter",
+        skip="skip",
     ):
         bench.notes.append(f"{SKIPPED}current not measured")
         bench.person.tell(bench.notes[-1])

@@ -75,7 +75,7 @@ class Hands:
             "type the current": self.meter,
             "pull the USB": lambda: self.press(b"x"),
             "plug it in": lambda: None,
-            "try again or type s": lambda: "s",
+            "try again, or type s": lambda: "s",
             "try again": lambda: "",
         }
         for words, act in acts.items():
