@@ -36,6 +36,7 @@ from packaging.specifiers import SpecifierSet
 
 from haptic_accel import __version__
 from haptic_accel.bags import NO_ROSBAGS, OF_ROSBAGS
+from haptic_accel.setup.executables import node_module
 
 SOURCE = Path(__file__).resolve().parents[1]
 NODES = (
@@ -278,7 +279,7 @@ def without_rosbags(code: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_graph_runs_without_rosbags() -> None:
-    nodes = ", ".join(f"haptic_accel.nodes.{node}" for node in NODES if node != "recorder")
+    nodes = ", ".join(node_module(node) for node in NODES if node != "recorder")
     done = without_rosbags(
         f"import {nodes}; from haptic_accel.setup.processes import graph;"
         "from haptic_accel.setup.arguments import GraphArguments;"

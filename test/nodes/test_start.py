@@ -22,21 +22,26 @@ import re
 import signal
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+
+from haptic_accel.setup.executables import node_module
 
 SETUP = Path(__file__).resolve().parents[2] / "setup.py"
 
 
 def test_every_executable_is_a_module_of_a_node() -> None:
-    folder = Path(sys.modules["haptic_accel"].__path__[0], "nodes")
     found = re.search(r"^NODES = \((.*?)\)", SETUP.read_text(), flags=re.M | re.S)
     assert found
     nodes = re.findall(r'"(\w+)"', found[1])
     assert len(nodes) >= 9
     for node in nodes:
-        assert "\ndef main() -> None:" in (folder / f"{node}.py").read_text()
+        spec = find_spec(node_module(node))
+        assert spec
+        assert spec.origin
+        assert "\ndef main() -> None:" in Path(spec.origin).read_text()
 
 
 @pytest.mark.parametrize("node", ["coupler", "recorder"])
