@@ -101,6 +101,7 @@ def test_the_table_is_printed_and_saved(begin: Begin, tmp_path: Path) -> None:
     assert "a hand could not tell" in " ".join(text.split())
 
 
+@pytest.mark.slow
 def test_chosen_conditions_give_the_same_with_any_number_of_jobs(
     begin: Begin, tmp_path: Path
 ) -> None:
@@ -131,6 +132,7 @@ def test_chosen_conditions_give_the_same_with_any_number_of_jobs(
     )
 
 
+@pytest.mark.slow
 def test_what_is_done_is_saved_at_ctrl_c_and_the_same_command_goes_on(
     begin: Begin, tmp_path: Path
 ) -> None:

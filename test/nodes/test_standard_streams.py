@@ -45,7 +45,7 @@ def log(word, lines):
         print(f"{word} {number} " + "y" * 80)
 
 def act(signals):
-    log("unread", 5000)
+    log("unread", 1500)
     told = int(sys.argv[1])
     import os
     os.write(told, b"goes on")
@@ -64,7 +64,7 @@ WHOLE = re.compile(
 
 
 class Node:
-    """A process that logs 1 MB and says so, then a little when it is asked to.
+    """A process that logs 0.3 MB and says so, then a little when it is asked to.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def test_a_process_whose_log_nobody_reads_goes_on(
     after = rest(reader)
     assert logging.end() == 0
     os.close(reader)
-    assert len(before) < 1_000_000
+    assert len(before) < 250_000
     lines = (before + after).splitlines()
     cut = [line for line in lines if not WHOLE.fullmatch(line)]
     if ends is os.pipe:
@@ -204,7 +204,7 @@ def test_a_file_has_every_line(node: Callable[..., Node], tmp_path: Path) -> Non
     assert logging.end() == 0
     lines = (tmp_path / "log").read_bytes().splitlines()
     assert lines[0] == b"before"
-    assert len(lines) == 1 + 2 * 5010
+    assert len(lines) == 1 + 2 * 1510
     assert all(map(WHOLE.fullmatch, lines[1:]))
 
 
