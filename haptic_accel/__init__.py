@@ -34,7 +34,7 @@ TYPE_CHECKING = False  # an emergency stop must not wait for typing
 if TYPE_CHECKING:
     from typing import Any
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 _MODULES = {
     "Bag": "haptic_accel.bags.reading",

@@ -97,8 +97,11 @@ def test_the_changes_of_a_version_are_read_in_two_minutes() -> None:
     fragments = (SOURCE / "changelog.d").glob("*.*.rst")
     texts = [path.read_text(encoding="utf-8").strip() for path in fragments]
     assert [text for text in texts if "\n" in text] == []
+    changelog = (SOURCE / "CHANGELOG.rst").read_text(encoding="utf-8")
+    _, newest, *_ = re.split(r"^[0-9.]+ \(.*\)\n-+$", changelog, flags=re.M)
     # 250 words a minute: Brysbaert 2019, silent reading of English.
     assert sum(len(text.split()) for text in texts) <= 2 * 250
+    assert 0 < len(re.sub(r"^\* ", "", newest, flags=re.M).split()) <= 2 * 250
 
 
 def test_pixi_has_the_ros_packages_of_the_manifest() -> None:
