@@ -34,16 +34,12 @@ NODES = (
     "master_device",
     "slave_device",
     "coupler",
-    "half_coupler",
-    "link",
     "compensator",
     "recorder",
     "identifier",
     "restamper",
     "scope",
     "composed",
-    "composed_master",
-    "composed_slave",
 )
 
 
@@ -104,7 +100,12 @@ def node_scripts() -> list[str]:
     """
     if any(word.endswith("wheel") for word in sys.argv):
         return []
-    return [f"{node} = {NAME}.nodes.start:{node}" for node in NODES]
+    return [f"{node} = {NAME}.nodes.start:{node}" for node in (*NODES, *link_nodes())]
+
+
+def link_nodes() -> tuple[str, ...]:
+    """Return the nodes of the kit of two hosts, unless it was taken away."""
+    return LINK_NODES if Path(NAME, "kits", "link").is_dir() else ()
 
 
 BENCH = ["psutil>=5.9.8"]
@@ -226,10 +227,6 @@ setup(
             for verb, kit in KITS.items()
             if Path(NAME, "kits", kit).is_dir()
         ],
-        f"{NAME}.nodes": [
-            f"{node} = {NAME}.kits.link.{node}"
-            for node in LINK_NODES
-            if Path(NAME, "kits", "link").is_dir()
-        ],
+        f"{NAME}.nodes": [f"{node} = {NAME}.kits.link.{node}" for node in link_nodes()],
     },
 )

@@ -27,6 +27,7 @@ from typing import Any
 
 import click
 
+from haptic_accel.cli.ending import StoppedError
 from haptic_accel.core.parameters import one_line, suggestion
 
 COMMANDS_GROUP = "haptic_accel.commands"
@@ -148,14 +149,20 @@ class LazyGroup(click.Group):
 
     def _imported(self, module: str, verb: str) -> click.Command:
         """Return the command of a verb from a module, or from a package of modules."""
-        modules = [import_module(module)]
+        try:
+            modules = [import_module(module)]
+        except ImportError as error:
+            if module.startswith("haptic_accel."):
+                raise
+            raise StoppedError(f"{verb}: {module}: {one_line(error)}") from None
         if hasattr(modules[0], "__path__"):
             within = (f"{module}.{name}" for name in (self.name, verb))
             modules = [import_module(each) for each in within if find_spec(each)]
-        found = (each for module in modules for each in vars(module).values())
-        return next(
-            each for each in found if isinstance(each, click.Command) and each.name == verb
-        )
+        commands = (each for here in modules for each in vars(here).values())
+        for each in commands:
+            if isinstance(each, click.Command) and each.name == verb:
+                return each
+        raise StoppedError(f"{verb}: {module} has no click command of this name")
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

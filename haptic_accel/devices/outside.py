@@ -80,6 +80,8 @@ def _problem(kind: Any, known: Mapping[str, type[Device]]) -> str:
     """Return the reason to refuse a loaded object as a driver; empty for a driver."""
     if not (isinstance(kind, type) and issubclass(kind, Device)):
         return "must be a subclass of Device"
+    if missing := sorted(kind.__abstractmethods__):
+        return f"must define {', '.join(missing)}"
     described, parameters = kind.description, kind.Parameters
     if not isinstance(described, DeviceDescription):
         return "description must be a DeviceDescription"

@@ -107,6 +107,7 @@ class DeviceNode(Managed, GraphNode):
         self._used = self._starting = self._warned = self._settled = False
         self._failure: Exception | None = None
         self._reported_unread = self._reported_contested = self._crossed = 0
+        self._reported_unlocated = 0
         self._reported_deadlines = 0, 0
         self._acceleration, self._position, self._velocity = (
             # The input of the felt force is first.
@@ -243,6 +244,7 @@ class DeviceNode(Managed, GraphNode):
             "late ticks": str(keeper.late),
             "missed ticks": str(keeper.missed),
             "ticks without a sample": str(self.side.unread),
+            "positions not finite": str(self.side.unlocated),
             "positions refused": str(self._motions.refused),
             "commands of several senders": str(self._contested),
             **keeper.lateness.diagnostics("tick lateness"),
@@ -262,11 +264,22 @@ class DeviceNode(Managed, GraphNode):
             *self.safety.warnings(),
             self.device.problem,
             "no sample" if new else "",
+            self._unlocated(),
             "commands of several senders" if crossed else "",
             self._missed_deadlines(),
             f"stalled for {stall * 1e3:.0f} ms" if stall >= STALL else "",
         ]
         return ", ".join(filter(None, warnings))
+
+    def _unlocated(self) -> str:
+        """Return a warning if the device has given positions that are no numbers."""
+        before, self._reported_unlocated = self._reported_unlocated, self.side.unlocated
+        if self.side.unlocated == before:
+            return ""
+        if not before:
+            driver = self.parameters.device
+            self.get_logger().error(f"{driver}: position is not finite: the arm gets no force")
+        return "position is not finite"
 
     def _missed_deadlines(self) -> str:
         """Return a warning if too many forces came late since the last report."""
@@ -319,7 +332,8 @@ class DeviceNode(Managed, GraphNode):
         """Close a device that failed: no force, no samples, until configured again."""
         name = self.get_fully_qualified_name()
         self.get_logger().error(
-            f"{error}: device closed, no force; ros2 lifecycle set {name} configure opens it again"
+            f"{self.parameters.device}: {error}: device closed, no force; to open it again:"
+            f" ros2 lifecycle set {name} configure, then activate"
         )
         self._failure = error
         if self.state == ACTIVE:

@@ -125,6 +125,12 @@ class WithoutParameters(LabMaster):
 class Undescribed(LabMaster):
     description = {"ahead": True}
 
+class Endless(Device):
+    __init__ = LabMaster.__init__
+    open = LabMaster.open
+    read = LabMaster.read
+    write = LabMaster.write
+
 class OfNobody(LabMaster):
     description = DeviceDescription(parameters_of=("can_serial",))
 
@@ -227,6 +233,7 @@ def test_a_handle_turned_like_the_tool_has_its_vibration_in_the_same_axes(
         ("lab_arm:Wrong", "lab_arm:Wrong: must be a subclass of Device"),
         ("lab_arm:WithoutParameters", "lab_arm:WithoutParameters: Parameters must be a Checked"),
         ("lab_arm:Undescribed", "lab_arm:Undescribed: description must be a DeviceDescription"),
+        ("lab_arm:Endless", "lab_arm:Endless: must define close"),
         (
             "lab_arm:OfNobody",
             "lab_arm:OfNobody: description.parameters_of: can_serial: must be one of simulated,",

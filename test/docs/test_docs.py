@@ -31,6 +31,7 @@ from matplotlib import pyplot
 from haptic_accel.cli.lazy import KitVerb
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.topics import ASKED, HAND_SET_POINT, JOINT_STATES, TOPICS
+from haptic_accel.devices.interface import Device
 from haptic_accel.setup.node_parameters import NODES, node_schema
 
 SOURCE = Path(__file__).resolve().parents[2]
@@ -139,24 +140,36 @@ def test_every_page_is_in_the_index() -> None:
     assert {page.name for page in DOCS} - {"README.md"} <= listed
 
 
-def test_the_controller_that_contributing_shows_is_one() -> None:
-    code, _ = PYTHON.findall((SOURCE / "CONTRIBUTING.md").read_text())
-    module = ModuleType("half")
-    sys.modules["half"] = module  # where dataclasses look for annotations
+def recipe(number: int, name: str) -> Any:
+    """Return a module with one of the blocks of Python in CONTRIBUTING.md."""
+    code = PYTHON.findall((SOURCE / "CONTRIBUTING.md").read_text())[number]
+    module = ModuleType(name)
+    sys.modules[name] = module  # where dataclasses look for annotations
     try:
         exec(code, module.__dict__)
     finally:
-        del sys.modules["half"]
+        del sys.modules[name]
+    return module
+
+
+def test_the_controller_that_contributing_shows_is_one() -> None:
+    module = recipe(0, "half")
     controller = module.HalfController(module.HalfParameters(), Loop(1000.0))
     assert controller.force(2.0, 0.0) == 0.128
     assert isinstance(controller, Controller)
 
 
 def test_the_verb_that_contributing_shows_is_one() -> None:
-    _, code = PYTHON.findall((SOURCE / "CONTRIBUTING.md").read_text())
-    module = ModuleType("weigh")
-    exec(code, module.__dict__)
-    assert isinstance(module.VERB, KitVerb)
+    assert isinstance(recipe(2, "weigh").VERB, KitVerb)
+
+
+def test_the_device_that_contributing_shows_is_one() -> None:
+    module = recipe(1, "lab_arm")
+    device = module.LabMaster(module.LabParameters(), 1000.0, 0)
+    assert isinstance(device, Device)
+    device.open()
+    assert device.read(0.0).position == (0.0, 0.0, 0.0)
+    device.close()
 
 
 def test_the_notebook_of_the_tutorial_runs() -> None:

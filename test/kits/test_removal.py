@@ -198,6 +198,27 @@ def test_another_package_adds_a_verb(bare: Path, tmp_path: Path) -> None:
     assert said.count("weigh a handle") == 1  # teleop keeps its meaning
 
 
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("import no_such_module", "weigh: lab_weighing: No module named 'no_such_module'"),
+        ("", "weigh: lab_weighing has no click command of this name"),
+    ],
+)
+def test_a_verb_without_its_command_is_told_in_one_line(
+    bare: Path, tmp_path: Path, text: str, line: str
+) -> None:
+    (tmp_path / "lab_kit.py").write_text(
+        "from haptic_accel.cli.lazy import KitVerb\n"
+        "VERB = KitVerb('Devices', 'weigh a handle', 'lab_weighing')\n"
+    )
+    (tmp_path / "lab_weighing.py").write_text(text)
+    declare(tmp_path, "lab_kit", {"weigh": "lab_kit:VERB"})
+    found = ended(bare, *MAIN, "weigh", beside=str(tmp_path))
+    assert (found.returncode, found.stdout) == (1, "")
+    assert found.stderr == f"haptic-accel: {line}\n"
+
+
 def test_a_verb_that_cannot_be_loaded_takes_no_other_away(bare: Path, tmp_path: Path) -> None:
     declare(tmp_path, "broken_kit", {"weigh": "no_such_module:VERB"})
     found = command(bare, "--help", beside=str(tmp_path))

@@ -70,6 +70,7 @@ class Witness(SimulatedMaster):
     times: list[float]
     broken = ""
     unplugged = False
+    lost = False
 
     def open(self) -> None:
         """Start with nothing written."""
@@ -80,7 +81,10 @@ class Witness(SimulatedMaster):
     def read(self, time: float) -> Sample | None:
         """Give a sample while there is one."""
         self._work()
-        return None if self.unplugged else super().read(time)
+        if self.unplugged:
+            return None
+        sample = super().read(time)
+        return sample._replace(position=(math.nan,) * 3) if self.lost and sample else sample
 
     def write(self, time: float, **forces: Any) -> None:
         """Keep the forces with their time, and apply them."""
@@ -572,6 +576,18 @@ def test_a_device_that_fails_is_left_without_force_until_configured_again(bench:
     assert bench.change_state("configure")
     assert bench.change_state("activate")
     bench.driven()
+
+
+def test_a_position_that_is_no_number_is_told(bench: Bench) -> None:
+    bench.driven()
+    device = bench.node.device
+    assert isinstance(device, Witness)
+    assert "position" not in bench.node.diagnostics()[0]
+    device.lost = True
+    bench.warned("position is not finite")
+    device.lost = False
+    bench.until(lambda: "position is not finite" not in bench.node.diagnostics()[0])
+    assert int(bench.node.diagnostics()[1]["positions not finite"]) > 0
 
 
 def test_a_stall_loses_no_sample_and_each_has_its_own_stamp(bench: Bench) -> None:

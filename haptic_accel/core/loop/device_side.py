@@ -180,7 +180,8 @@ class DeviceSide:
         """Restart with a device that has just been opened."""
         self.device, self.sampling = device, True
         self._waiting.clear()
-        self._work = ArmWork()
+        before, self._work = self._work, ArmWork()
+        self._work.unknown = before.unknown
 
     def begin(self, tick: int) -> None:
         """Begin a tick, whose sample is due."""
@@ -206,6 +207,11 @@ class DeviceSide:
             if self._servo and self._servo.set_point:
                 self._hold(tick, sample)
             yield TickSample(tick, sample, self._work.until(time, sample.position))
+
+    @property
+    def unlocated(self) -> int:
+        """Number of samples whose position is not finite: they cause no force of the arm."""
+        return self._work.unknown
 
     @property
     def complete(self) -> bool:
@@ -403,6 +409,7 @@ class ArmWork:
     """
 
     def __init__(self) -> None:
+        self.unknown = 0  # samples without a position
         self._sum = ZERO
         self._time = -math.inf
         self._position: Vector | None = None
@@ -426,6 +433,7 @@ class ArmWork:
         # One line per axis here and below, as a loop over them takes four times longer.
         x, y, z = position
         if not math.isfinite(x + y + z):
+            self.unknown += 1
             return self._sum
         before, since = self._position, self._time
         f_x, f_y, f_z = self._mean_force(since, time)
