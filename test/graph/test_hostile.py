@@ -41,6 +41,7 @@ from fuzzing import ODD_TEXTS, mutated
 from haptic_accel.core.topics import ACTUATOR_FORCE, MASTER_ARM_FORCE, SLAVE_ARM_FORCE
 from haptic_accel.nodes.scheduling import EventsExecutor
 from haptic_accel.nodes.topic_node import message_type, quality
+from haptic_accel.setup.executables import node_module
 from haptic_accel.setup.node_parameters import NODES, node_schema
 from observing import Observer
 from running import PATIENCE, Command
@@ -264,7 +265,7 @@ def hostile(
     graph = haptic_accel("teleop", *words)
     graph.wait_for("engaged")
     others = [
-        start("-m", f"haptic_accel.nodes.{name}", "--ros-args", "-r", f"__ns:=/{name}", *words)
+        start("-m", node_module(name), "--ros-args", "-r", f"__ns:=/{name}", *words)
         for name, words in {"half_coupler": ("-p", "side:=master"), "restamper": ()}.items()
     ]
     hostile = Hostile(observer, [graph, *others])
