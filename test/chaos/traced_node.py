@@ -35,6 +35,7 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.devices import MASTERS, SLAVES, Sample
 from haptic_accel.devices.simulated import SimulatedDevice
 from haptic_accel.graph import supervisor
+from haptic_accel.setup.executables import node_module
 
 OPENED, TICK, ARM, ACTUATOR = range(4)
 """Kinds of records: the device was opened or closed, was sampled, or was given a force."""
@@ -106,4 +107,4 @@ if __name__ == "__main__":
         main([TELEOP, *sys.argv[1:]])
     for device, devices in {"master_device": MASTERS, "slave_device": SLAVES}.items():
         trace_device(devices, Path(folder) / device)
-    importlib.import_module(f"haptic_accel.nodes.{executable}").main()
+    importlib.import_module(node_module(executable)).main()
