@@ -79,7 +79,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Description:
-    """What a bag states of its graph in one section, with defaults for missing items.
+    """Graph of a bag in one section, with defaults for items that the bag does not state.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class Description:
 
     @property
     def is_simulated(self) -> bool:
-        """Whether the handle was a simulated one."""
+        """True if the handle was a simulated one."""
         return self.arguments.get("master") in (SIMULATED, POINTER)
 
     def plant(self) -> Plant | None:
