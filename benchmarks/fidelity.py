@@ -101,7 +101,8 @@ def fidelity(
 ) -> None:
     """Measure the tracking error of all controllers in lockstep.
 
-    Conditions are surfaces (both rigs, also at 4 kHz), granted (more delay granted), hands, wide
+    Conditions are surfaces (both rigs, also at 4 kHz), rates (1 to 8 kHz, each
+    with more delay granted), hands, wide
     (unusual hands), grips (that change), textures, taps, modes (of a handle that the controllers
     do not know), handles (a family of 104 that differ from their description), inputs (a family of
     200) and recordings (scaled); surfaces, hands and grips by default. Prints errors beside the

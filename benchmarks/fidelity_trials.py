@@ -67,8 +67,11 @@ the time from one to the next, s."""
 ACCEPTED = 2.0
 """Increase of a section's error over that of no control that does not count, points."""
 
-GRANTED = (2, 3)
-"""Additional granted delays, samples."""
+FASTER = (1000.0, 2000.0, 4000.0, 8000.0)
+"""Rates, Hz."""
+
+GRANTED = (0.25e-3, 0.5e-3, 1e-3, 2e-3)
+"""Granted delays, s."""
 
 TEXTURE_LOWS = (8.0, 15.0, 30.0, 60.0)
 """Lower frequencies of textures, Hz."""
@@ -94,7 +97,7 @@ TOLD = 1.0
 NAMED_BY = 1.5
 """Time by which a difference is to be named, s: a second after the tool has touched."""
 
-GRANT = "granted_delay"
+GRANT = "granted_time"
 """Parameter of the controllers for the granted delay."""
 
 
@@ -217,12 +220,14 @@ def _surfaces(wanted: Wanted) -> Iterator[Case]:
             yield Case(_rig(around), _name(given), grip, _given(given, around, user))
 
 
-def _granted(wanted: Wanted) -> Iterator[Case]:
+def _rates(wanted: Wanted) -> Iterator[Case]:
     names = [name for name, kind in CONTROLLERS.items() if hasattr(kind.Parameters, GRANT)]
-    rigs = dict.fromkeys((wanted.on(), wanted.on("paper")))
-    for around, samples, given in product(rigs, GRANTED, wanted.inputs):
-        changes = {"compensator": {f"{name}.{GRANT}": samples for name in names}}
-        condition = f"{_rig(around)}, {samples} samples granted"
+    rigs = dict.fromkeys(wanted.on(rig, rate) for rig, rate in product(("ideal", "paper"), FASTER))
+    for around, seconds, given in product(rigs, GRANTED, wanted.inputs):
+        if seconds * around.rate < 1:
+            continue  # a sample at least
+        changes = {"compensator": {f"{name}.{GRANT}": seconds for name in names}}
+        condition = f"{_rig(around)}, {_name(given)}, {1e3 * seconds:g} ms granted"
         arguments = _given(given, around)
         yield Case(condition, _name(given), "user 0", arguments, changes=changes)
 
@@ -337,7 +342,7 @@ def _handles(wanted: Wanted) -> Iterator[Case]:
 
 CONDITIONS: dict[str, Callable[[Wanted], Iterator[Case]]] = {
     "surfaces": _surfaces,
-    "granted": _granted,
+    "rates": _rates,
     "hands": _hands,
     "wide": _wide,
     "grips": _grips,

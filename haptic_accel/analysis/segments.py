@@ -378,7 +378,7 @@ class _Divider:
             pair=known.pair,
             notes=(*known.notes, *_complete(signals, known)),
             latency=known.latency,
-            granted_delay=granted_delay(known.condition.controller, known.controllers),
+            granted_delay=granted_delay(known.condition.controller, known.controllers, rate),
             plant=self._matrix_plant(known) if axes == ALL_AXES else known.plant(),
             noise=known.rig.master.accelerometer.noise if known.rig else 0.0,
             told=known.told,

@@ -33,7 +33,6 @@ from haptic_accel.cli.output import check_writable
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.parameters import Checked, schema, suggestion
 from haptic_accel.graph.ros_packages import NEEDS_ROS, ROS_PACKAGES
-from haptic_accel.setup.former_names import current_words
 from haptic_accel.setup.words import described, group, parse_words
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -140,8 +139,7 @@ class Verb(click.Command):
         more = [f"{name}:={value}" for name, value in given.items() if value is not None]
         for each in self.params:
             if isinstance(each, Words):
-                known = [name for kind in each.kinds for name in schema(kind)]
-                words = current_words([*ctx.params[each.name], *more], known)
+                words = [*ctx.params[each.name], *more]
                 parsed = each.name == "arguments"
                 ctx.params[each.name] = parse_words(words, *each.kinds) if parsed else words
         try:

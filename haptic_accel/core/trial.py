@@ -349,7 +349,7 @@ def run_trial(
         desired = high_passed(tool, corner, rate)
     return Trial(
         *(surface, controller, rate, time, tool, desired, handle, force, corner, latency),
-        granted_delay(controller, controllers or {}),
+        granted_delay(controller, controllers or {}, rate),
         tuple(warnings),
         by_topic,
         crossing,

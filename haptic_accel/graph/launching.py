@@ -43,7 +43,6 @@ from haptic_accel.core.process import EMERGENCY
 from haptic_accel.core.topics import JOINT_STATE_RATE
 from haptic_accel.graph.frames import Frame, description, frames_at_rest
 from haptic_accel.graph.locks import sole_graph
-from haptic_accel.setup.former_names import FORMER_WORDS, current_words
 from haptic_accel.setup.namespaces import NamespaceArguments
 from haptic_accel.setup.processes import RESPAWN_DELAY, Process, arrangement
 from haptic_accel.setup.words import MOVED, given_keys, unknown_key
@@ -87,11 +86,7 @@ def launched(
             for name, value in given.items()
             if name in typed or value != defaults[name]
         }
-        if "surface" in defaults:
-            around = context.launch_configurations
-            given |= {name: around[name] for name in FORMER_WORDS if name in around}
-        words = [f"{name}:={value}" for name, value in given.items()]
-        found = processes(current_words(words, defaults))
+        found = processes([f"{name}:={value}" for name, value in given.items()])
         lock = ExitStack()
         lock.enter_context(sole_graph(found[0].namespace))
         if line := arrangement(found):
@@ -116,7 +111,7 @@ def _check_spelling(names: Sequence[str], context: LaunchContext) -> None:
     if not _is_started(context):
         return
     for key in given_keys(sys.argv):
-        if key not in (*names, *FORMER_WORDS) and (key in MOVED or suggestion(key, names)):
+        if key not in names and (key in MOVED or suggestion(key, names)):
             raise unknown_key(key, names)
 
 

@@ -31,6 +31,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
 from haptic_accel.core.cdr import unpack_stamped_vector
 from haptic_accel.core.control.compensation import PLANT
+from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import ParameterError
@@ -62,7 +63,8 @@ WANTED = {
     "compensator": tuple(
         name
         for name in node_schema("compensator")
-        if name in ("axes", "controller", "high_pass_frequency", "latency")
+        if name in ("axes", "controller", "high_pass_frequency", "latency", "rate")
+        or name.endswith(".granted_time")
         or name.startswith((f"{ACTUATOR}.", f"{PLANT}."))
     ),
     "slave_device": ("device", f"{SURFACE}name", SCENE_FILE),
@@ -236,6 +238,7 @@ class GraphView(GraphNode):
                 plant: Plant = options[PLANT]
                 settings = GraphSettings(
                     *(own.high_pass_frequency, options[ACTUATOR], own.latency),
+                    granted_delay(own.controller, options, own.rate),
                     plant=plant.coupled() if len(axes.names) == 1 else None,
                     assumed=False,
                 )

@@ -42,8 +42,9 @@ from haptic_accel.core.parameters import (
     checked,
     shown,
 )
+from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.setup.files import check_reached
-from haptic_accel.setup.former_names import current_names, warning_of
+from haptic_accel.setup.former_names import IN_SAMPLES, in_time
 from haptic_accel.setup.node_parameters import (
     NODES,
     USE_SIM_TIME,
@@ -190,15 +191,13 @@ class DeclaredParameters:
             for name, parameter in self._node.get_parameters_by_prefix("").items()
             if name not in _OF_EVERY_NODE
         }
-        names = current_names(given)
-        if warning := warning_of(given):
-            self._node.get_logger().warning(warning)
-        for name, now in names.items():
+        for name in given:
             self._node.undeclare_parameter(name)
             # A file may set in all nodes (/**) what only some have.
-            if not any(now in node_schema(executable) for executable in NODES):
+            if name not in IN_SAMPLES and not any(name in node_schema(each) for each in NODES):
                 raise ParameterError(f"{name}: no such parameter")
-        return {now: given[name] for name, now in names.items()}
+        rate = given.get("rate", DEFAULT_RATE)
+        return in_time(given, rate, self._node.get_logger().warning)
 
     def _declare(self, given: dict[str, Any]) -> None:
         """Declare all parameters with their descriptors and checked values.

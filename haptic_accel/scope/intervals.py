@@ -47,7 +47,7 @@ class IntervalMeasures:
     desired_rms : float
         RMS of the desired acceleration, m/s^2.
     error : float or None
-        NRMSE, with the handle later by the latency and one sample, %; None below `LEAST_DESIRED`.
+        NRMSE, with the handle later by latency and granted delay, %; None below `LEAST_DESIRED`.
     clipped, lost : float
         Shares of forces at the limit of a coil, and of missing samples, %.
     """
@@ -79,7 +79,7 @@ def measure(windows: Windows, begin: int, end: int, rate: float) -> IntervalMeas
     desired_stamps, desired_values = _signal(windows, "desired", begin - margin, end + margin)
     _, forces = _signal(windows, "force", begin, end)
     places_of_handle = np.arange(float(len(stamps)))
-    shift = settings.latency + 1
+    shift = settings.after
     desired, found = paired(desired_stamps, desired_values, stamps, places_of_handle, shift, rate)
     index = found.astype(int)
     moments = stamps[index]

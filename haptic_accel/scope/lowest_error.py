@@ -60,6 +60,7 @@ class LowestError:
         plant: Dynamics,
         actuator: ActuatorParameters,
         noise: float,
+        granted_delay: int,
     ) -> float | None:
         """Return the last result; if it is time, have that of the latest input computed.
 
@@ -67,7 +68,7 @@ class LowestError:
         ----------
         desired : ndarray, shape (n,)
             Desired acceleration, m/s^2.
-        rate, plant, actuator, noise
+        rate, plant, actuator, noise, granted_delay
             As for `limited_bound`.
 
         Returns
@@ -80,7 +81,9 @@ class LowestError:
             self._due = time.monotonic() + max(PERIOD, taken / SHARE)
             self._computed = None
         if self._computed is None and time.monotonic() >= self._due:
-            self._computed = _beside.submit(_lowest, desired, rate, plant, actuator, noise)
+            self._computed = _beside.submit(
+                _lowest, desired, rate, plant, actuator, noise, granted_delay
+            )
         return self._value
 
 
@@ -90,6 +93,7 @@ def _lowest(
     plant: Dynamics,
     actuator: ActuatorParameters,
     noise: float,
+    granted_delay: int,
 ) -> tuple[float | None, float]:
     """Return the bound, percent, and the CPU time that it took, s."""
     begun = time.thread_time()
@@ -97,6 +101,7 @@ def _lowest(
     with suppress(ParameterError, ValueError):  # an input that is not finite, or too short
         found = limited_bound(
             *(plant, rate, desired),
+            granted_delay=granted_delay,
             noise=noise,
             high_pass_frequency=LOWEST_CORNER,
             actuator=actuator,

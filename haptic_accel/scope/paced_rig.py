@@ -27,6 +27,7 @@ from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
 
 from haptic_accel.core.axes import ACTUATOR_AXIS, NAMES
+from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.loop.wiring import MASTER, SLAVE
 from haptic_accel.core.model import ACTUATOR, held
 from haptic_accel.core.parameters import ParameterError
@@ -110,7 +111,7 @@ class PacedRig:
         self._rate, latency = arguments.rate, arguments.latency
         setup = Setup.of(arguments)
         rig = setup.rig()
-        around, controllers = setup.node("compensator")
+        around, self._controllers = setup.node("compensator")
         self._master_parameters = rig.master
         self._values = {
             "compensator": dict(setup.values["compensator"]),
@@ -120,14 +121,15 @@ class PacedRig:
         self._master = PointerMaster(rig.master, self._rate, arguments.seed)
         self._slave = SimulatedSlave(_slave(setup), self._rate, arguments.seed)
         devices = {MASTER: self._master, SLAVE: self._slave}
-        sides, part = build_parts(rig, devices, around, controllers, self._rate, latency)
+        sides, part = build_parts(rig, devices, around, self._controllers, self._rate, latency)
         self._loop, self._compensation = build_loop(rig, sides, part), part.compensation
         self.windows.show_axes(self._master.axes)
         self._axes = [
             (NAMES.index(axis), windows) for axis, windows in self.windows.by_axis.items()
         ]
         settings = GraphSettings(
-            *(around.high_pass_frequency, controllers[ACTUATOR], latency),
+            *(around.high_pass_frequency, self._controllers[ACTUATOR], latency),
+            self._granted(around.controller),
             noise=rig.master.accelerometer.noise,
             assumed=False,
         )
@@ -257,8 +259,14 @@ class PacedRig:
     def _set_controller(self, name: str) -> None:
         self._compensation.select(name)
         self._values["compensator"]["controller"] = name
+        granted = self._granted(name)
         for _, windows in self._axes:
+            windows.settings = replace(windows.settings, granted_delay=granted)
             windows.compare_anew()
+
+    def _granted(self, controller: str) -> int:
+        """Return a controller's granted delay, in samples."""
+        return granted_delay(controller, self._controllers, self._rate)
 
     def _set_surface(self, name: str) -> None:
         self._slave.change(_slave(Setup.of(replace(self._arguments, surface=name))))

@@ -157,6 +157,8 @@ class GraphSettings:
         Limits of the actuator, and the suspension of its moving mass.
     latency : int
         Samples from the cause of a force to the tick at which the force takes effect.
+    granted_delay : int
+        Samples by which the handle may follow later than that, with the present controller.
     plant : Plant or None
         Plant along one axis, from which the lowest possible error follows; None if unknown.
     noise : float
@@ -168,9 +170,15 @@ class GraphSettings:
     high_pass_frequency: float = filters.HIGH_PASS_FREQUENCY
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
     latency: int = LATENCY
+    granted_delay: int = 1
     plant: Dynamics | None = None
     noise: float = 0.0
     assumed: bool = True
+
+    @property
+    def after(self) -> int:
+        """Samples from a desired acceleration to the compared response."""
+        return self.latency + self.granted_delay
 
 
 @dataclass(frozen=True)
@@ -182,7 +190,7 @@ class Metrics:
     values : dict
         Finite numbers by name, without metrics of too few samples. ``rate``: samples of the handle
         acceleration per second. ``nrmse_percent``, ``slope`` (desired on actual) and ``r2``:
-        comparison with the handle acceleration shifted back by the latency and one sample, missing
+        comparison with the handle acceleration shifted back by latency and granted delay, missing
         where the tool touches nothing. ``lowest_percent``: lowest ``nrmse_percent`` of any filter
         for such an input, where a plant is known. ``indistinguishable_percent``: share of their
         vibration whose strength a hand could not tell, missing where it would feel neither.
@@ -317,7 +325,8 @@ class Windows:
             settings = self.settings
             if settings.plant and (
                 lowest := self._lowest.follow(
-                    desired, rate, settings.plant, settings.actuator, settings.noise
+                    *(desired, rate, settings.plant, settings.actuator, settings.noise),
+                    settings.granted_delay,
                 )
             ):
                 values["lowest_percent"] = lowest
@@ -330,7 +339,7 @@ class Windows:
         """Return desired and actual acceleration, prepared as for the evaluation of a bag."""
         stamps, handle = self.handle.last(METRICS_WINDOW + 2 * EDGE)
         actual = filters.without_hand_motion(handle, self.settings.high_pass_frequency, rate)
-        edge, shift = int(EDGE * rate), self.settings.latency + 1
+        edge, shift = int(EDGE * rate), self.settings.after
         first = int(np.searchsorted(stamps, self._compared_from, "right"))
         inner = slice(max(edge, first), len(stamps) - edge)
         desired = self.desired.last(METRICS_WINDOW + 2 * EDGE)

@@ -17,11 +17,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from haptic_accel.core.axes import ALL_AXES, Axes
+from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.parameters import (
     Checked,
@@ -32,6 +34,7 @@ from haptic_accel.core.parameters import (
     schema,
     specified,
 )
+from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.devices import SLAVES
 from haptic_accel.links.parameters import LinkNodeParameters, check_peer
 from haptic_accel.materials.folders import is_recording, preset_file
@@ -93,6 +96,13 @@ THREE_AXIS_SWEEP = {
 }
 """Excitation of three coils, if not given: the band of the coupling, in the time that one coil
 takes (Hz, s)."""
+
+
+LATENCY_TEXT = (
+    "delay from a sample to the force that it causes, in samples, or in ms with the unit: 2ms; 0"
+    " applies forces on arrival"
+)
+"""Description of the argument, which is a whole number of samples in parameter files."""
 
 
 def sets(*targets: str, **changes: Any) -> Any:
@@ -258,7 +268,12 @@ class LaunchArguments(NamespaceArguments):
                 for node, key in found[:1]:
                     target = f"{path}: {key} of {node}"
                     decided[name] = checked(target, values[node][key], default, specification)
-        return decided | given
+        known = decided | given
+        if isinstance(latency := known.get("latency"), str):
+            rate = known.get("rate", DEFAULT_RATE)
+            if isinstance(rate, (int, float)) and rate > 0:  # others are refused later
+                known["latency"] = _samples(latency, rate)
+        return known
 
 
 @dataclass(frozen=True)
@@ -266,7 +281,7 @@ class RunArguments(LaunchArguments):
     """Graph: its rate, duration and processes."""
 
     rate: float = sets(*everywhere("rate"))
-    latency: int = sets(*everywhere("latency"))
+    latency: int = sets(*everywhere("latency"), text=LATENCY_TEXT)
     duration: float = sets("coupler.duration")
     composed: bool = parameter(
         True,
@@ -345,7 +360,7 @@ class IdentifyArguments(SweepParameters, LaunchArguments):
     master: str = like(GraphArguments, "master")
     actuator: str = like(GraphArguments, "actuator")
     rate: float = like(GraphArguments, "rate")
-    latency: int = sets("identifier.latency", *everywhere("latency"))
+    latency: int = sets("identifier.latency", *everywhere("latency"), text=LATENCY_TEXT)
     bag: str = like(GraphArguments, "bag")
     topics: str = like(GraphArguments, "topics")
     seed: int = like(GraphArguments, "seed")
@@ -365,6 +380,31 @@ class IdentifyArguments(SweepParameters, LaunchArguments):
     def sweep(self) -> SweepParameters:
         """The excitation alone."""
         return SweepParameters(**{name: getattr(self, name) for name in schema(SweepParameters)})
+
+
+def _samples(text: str, rate: float) -> int | str:
+    """Return a latency with the unit ms in samples; other text is unchanged and refused later.
+
+    Raises
+    ------
+    ParameterError
+        It is no whole number of samples.
+    """
+    number = text.removesuffix("ms")
+    if number == text:
+        return text
+    try:
+        samples = read_decimal(number) * 1e-3 * rate
+    except ValueError:
+        return text
+    if abs(samples - round(samples)) > 1e-6:
+        low = math.floor(samples)
+        allowed = " or ".join(f"{1e3 * each / rate:g}ms" for each in (low, low + 1))
+        raise ParameterError(
+            f"latency = {text}: {samples:g} samples at {rate:g} Hz, must be a whole number of"
+            f" samples, such as {allowed}"
+        )
+    return round(samples)
 
 
 def stated_words(arguments: LaunchArguments) -> list[str]:

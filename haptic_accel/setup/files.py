@@ -32,7 +32,7 @@ from haptic_accel.core.document import Document, read_yaml_document
 from haptic_accel.core.parameters import checked, printable, shown
 from haptic_accel.core.warning import warn_once
 from haptic_accel.materials.folders import config_folder, is_recording, preset_file
-from haptic_accel.setup.former_names import current_names, warning_of
+from haptic_accel.setup.former_names import IN_SAMPLES
 from haptic_accel.setup.node_parameters import NODES, USE_SIM_TIME, check_clock, node_schema
 
 SURFACE = "simulated.surface."
@@ -121,17 +121,12 @@ def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, d
     if not isinstance(content.value, dict):
         content.wrong(f"must map nodes to {ROS_PARAMETERS}")
     values: dict[str, dict[str, Any]] = {executable: {} for executable in NODES}
-    given: set[str] = set()
     for key, section in content.members():
         if not isinstance(section.value, dict) or set(section.value) != {ROS_PARAMETERS}:
             content.refuse(f"{shown(key)}: must hold {ROS_PARAMETERS}, nothing else", key)
         flat = dict(_flat(section.get(ROS_PARAMETERS, {})))
         if USE_SIM_TIME in flat:
             check_clock(flat.pop(USE_SIM_TIME).value)
-        with content.located(key):
-            current = current_names({each: value.value for each, value in flat.items()})
-        given.update(current)
-        flat = {now: flat[each] for each, now in current.items()}
         name = key.rpartition("/")[2]
         for executable in NODES if name in _WILDCARDS else [name]:
             if executable not in NODES:
@@ -141,8 +136,6 @@ def read_parameter_file(path: Path, namespace: str | None = None) -> dict[str, d
             if namespace is None or _holds(key, f"{namespace}/{executable}"):
                 values[executable] |= known
     _locate_model(path, values)
-    if warning := warning_of(given):
-        warn_once(f"{shown(str(path))}: {warning}")
     if namespace is not None:
         for executable in NODES:
             _check_reached(content, f"{namespace}/{executable}")
@@ -318,9 +311,14 @@ def _flat(section: Document, prefix: str = "") -> Iterator[tuple[str, Document]]
 
 def _known(flat: Mapping[str, Document], executable: str, name: str) -> dict[str, Any]:
     """Keep a node's parameters; refuse unknown ones and, for a named node, other nodes'."""
-    schema = node_schema(executable)
-    others = NODES if name in _WILDCARDS else ()
+    own = _names(executable)
+    known = own.union(*map(_names, NODES)) if name in _WILDCARDS else own
     for parameter, value in flat.items():
-        if not any(parameter in node_schema(other) for other in (executable, *others)):
+        if parameter not in known:
             value.wrong("no such parameter")
-    return {name: value.value for name, value in flat.items() if name in schema}
+    return {name: value.value for name, value in flat.items() if name in own}
+
+
+def _names(executable: str) -> set[str]:
+    """Return the names of a node's parameters in files, former ones included."""
+    return {*node_schema(executable), *(IN_SAMPLES if executable == "compensator" else ())}

@@ -13,81 +13,82 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Names of parameters and arguments before 0.2, which are read in 0.2 for the last time.
-
-Those in bags are always read.
-"""
+"""Former names of parameters and arguments, as in older bags; those of 0.3 in files, too."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
+from haptic_accel.core.control.inversion.design import LONGEST_GRANTED_TIME
 from haptic_accel.core.parameters import ParameterError, shown
-from haptic_accel.core.warning import warn_once
+from haptic_accel.core.sampling import DEFAULT_RATE
 
-FORMER = {
+BEGINNINGS = {
     **{"can_serial.arm.": "can.", "can_serial.handle.": "serial."},
     **{"crtk_serial.arm.": "crtk.", "crtk_serial.handle.": "serial."},
 }
-"""Beginnings of former names, and of those in their place."""
+"""Beginnings of names before 0.2, and of those in their place."""
 
-FORMER_WORDS = ("recording", "scene")
-"""Former arguments whose value is that of ``surface`` now."""
+IN_SAMPLES = {
+    f"{controller}.granted_delay": f"{controller}.granted_time"
+    for controller in ("adaptive", "feedback", "inverse")
+}
+"""Delays of the compensator that were numbers of samples before 0.4, and times in their place."""
 
-RECORDED = "surface:=recording"
-"""Word that came with a recording."""
 
-
-def current_names(values: Mapping[str, Any]) -> dict[str, str]:
-    """Return the present name of each given parameter, by the name under which it was given.
+def in_time(
+    values: Mapping[str, Any], rate: float, warn: Callable[[str], None] | None = None
+) -> dict[str, Any]:
+    """Return values in which every delay in samples is a time, in s.
 
     Parameters
     ----------
     values : mapping
-        Values by dotted name.
+        Values of the compensator by dotted name.
+    rate : float
+        Samples per second of the graph.
+    warn : callable, optional
+        Receives one line for each delay in samples.
 
     Raises
     ------
     ParameterError
-        A parameter has different values under two names.
+        A delay is no whole number of samples, or is given as a time, too.
+
+    Examples
+    --------
+    >>> in_time({"inverse.granted_delay": 4}, 4000.0)
+    {'inverse.granted_time': 0.001}
     """
-    names = {name: _current(name) for name in values}
-    given = {now: name for name, now in names.items()}
-    for name, now in names.items():
-        if name != given[now] and values[name] != values[given[now]]:
-            raise ParameterError(
-                f"{name} = {shown(str(values[name]))}: must be {shown(str(values[given[now]]))},"
-                f" as {given[now]} is: both are {now} now"
-            )
-    return names
+    found = dict(values)
+    for name in IN_SAMPLES.keys() & values:
+        now, value = IN_SAMPLES[name], found.pop(name)
+        most = int(LONGEST_GRANTED_TIME * rate)
+        if not (type(value) is int and 0 <= value <= most):
+            allowed = f"must be a whole number of samples, from 0 to {most}; or give {now} in s"
+            raise ParameterError(f"{name} = {shown(str(value))}: {allowed}")
+        if now in values:
+            raise ParameterError(f"{name} = {value}: must be left out, as {now} is given")
+        found[now] = value / rate
+        if warn:
+            means = f"{now} = {found[now]:g} s at {rate:g} Hz"
+            warn(f"{name} = {value} samples is {means}; it is read until the next release")
+    return found
 
 
-def warning_of(names: Iterable[str]) -> str:
-    """Return the warning about former names among some names; empty without any."""
-    begun = {old for name in names for old in FORMER if name.startswith(old)}
-    text = ", ".join(f"{old}* is {new}* now" for old, new in FORMER.items() if old in begun)
-    return text and f"{text}; the former names are read until the next release"
+def current_values(recorded: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a node's values in a bag, possibly an older one, by their present names.
 
-
-def current_words(words: Iterable[str], known: Iterable[str]) -> list[str]:
-    """Return ``key:=value`` words with present keys, after a warning about former keys.
-
-    Parameters
-    ----------
-    words : iterable of str
-    known : iterable of str
-        Present keys.
+    Raises
+    ------
+    ParameterError
+        As for `in_time`.
     """
-    words = list(words)
-    unknown = set(FORMER_WORDS).difference(known) if "surface" in known else ()
-    former = [word for word in words if word.partition(":=")[0] in unknown]
-    for word in former:
-        key = word.partition(":=")[0]
-        warn_once(f"{key}:= is surface:= now; the former word is read until the next release")
-    now = [f"surface:={value}" for word in former if (value := word.partition(":=")[2])]
-    dropped = [*former, *([RECORDED] if now else [])]
-    return [*(word for word in words if word not in dropped), *now]
+    rate = recorded.get("rate")
+    if not (isinstance(rate, (int, float)) and rate > 0):
+        rate = DEFAULT_RATE
+    return in_time({_current(name): value for name, value in recorded.items()}, rate)
 
 
 def current_arguments(recorded: Mapping[str, Any]) -> dict[str, Any]:
@@ -106,5 +107,5 @@ def current_arguments(recorded: Mapping[str, Any]) -> dict[str, Any]:
 
 def _current(name: str) -> str:
     """Return a parameter's present name."""
-    old = next(filter(name.startswith, FORMER), "")
-    return FORMER.get(old, "") + name.removeprefix(old)
+    old = next(filter(name.startswith, BEGINNINGS), "")
+    return BEGINNINGS.get(old, "") + name.removeprefix(old)

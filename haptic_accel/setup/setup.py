@@ -32,6 +32,7 @@ from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.topics import CONTACT_FORCE
+from haptic_accel.core.warning import warn_once
 from haptic_accel.materials.folders import config_folder, is_recording, preset_file
 from haptic_accel.setup import arguments as names
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
@@ -45,7 +46,7 @@ from haptic_accel.setup.files import (
     surface_file,
     warn_of,
 )
-from haptic_accel.setup.former_names import current_arguments, current_names
+from haptic_accel.setup.former_names import current_arguments, current_values, in_time
 from haptic_accel.setup.node_parameters import NODES, PASSIVE, SAFETY, node_parameters, node_schema
 
 RECORDER = "recorder"
@@ -79,7 +80,7 @@ class Parameters:
         stated = metadata.get(PARAMETERS)
         nodes = stated if isinstance(stated, Mapping) else {}
         known = {name: own for name, own in nodes.items() if isinstance(own, Mapping)}
-        return cls({name: _current(own) for name, own in known.items()})
+        return cls({name: current_values(own) for name, own in known.items()})
 
     def node(self, name: str) -> tuple[Any, dict[str, Any]]:
         """Return a node's own parameters, and those of its options by name.
@@ -115,11 +116,6 @@ class Parameters:
 
 
 P = TypeVar("P", bound=Parameters)
-
-
-def _current(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values by the present names of their parameters."""
-    return {now: values[name] for name, now in current_names(values).items()}
 
 
 @dataclass(frozen=True)
@@ -213,7 +209,7 @@ def _resolved(arguments: Arguments) -> Values:
     set_here = _set_by(arguments)
     own = [(path, read_parameter_file(path, arguments.namespace)) for path in _files(arguments)]
     given = read_parameter_files(arguments.params_file, arguments.namespace)
-    files = [*own, *given]
+    files = [(path, _in_time(path, content, arguments.rate)) for path, content in [*own, *given]]
     for index, (path, content) in enumerate(files, 1):
         if path != _defaults_file():
             _check_given(path, content, set_here, [later for _, later in files[index:]])
@@ -226,6 +222,15 @@ def _resolved(arguments: Arguments) -> Values:
         _, device = node_parameters(f"{side}_device", values[f"{side}_device"])
         values["coupler"]["recovery"] = device[SAFETY].recovery
     return values
+
+
+def _in_time(path: Path, content: Values, rate: float) -> Values:
+    """Return a file's content in which no delay is in samples, after a warning about those."""
+    try:
+        now = in_time(content["compensator"], rate, lambda line: warn_once(f"{path}: {line}"))
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error}") from None
+    return {**content, "compensator": now}
 
 
 def _known_handle(arguments: Arguments, values: Values) -> dict[str, Any]:

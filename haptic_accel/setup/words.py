@@ -26,7 +26,6 @@ from typing import Any, TypeVar
 
 from haptic_accel.core.decimals import read_decimal, read_whole
 from haptic_accel.core.parameters import Checked, ParameterError, schema, shown, suggestion
-from haptic_accel.setup.former_names import current_words
 
 A = TypeVar("A", bound=Checked)
 
@@ -54,7 +53,7 @@ def parse_words(words: Iterable[str], kind: type[A]) -> A:
     """
     known = schema(kind)
     values: dict[str, Any] = {}
-    for word in current_words(words, known):
+    for word in words:
         key, separator, text = word.partition(":=")
         if not separator:
             raise ParameterError(f"{word!r}: must have the form key:=value")

@@ -300,7 +300,7 @@ def options_of(rig: str) -> dict[str, Checked]:
 def test_a_trial_is_scored_after_the_delay_that_its_controller_is_granted(
     ideal_rig: RigParameters,
 ) -> None:
-    granted = {"inverse": InverseParameters(granted_delay=3)}
+    granted = {"inverse": InverseParameters(granted_time=3e-3)}
     trial = run_trial("inverse", ideal_rig, duration=2.0, controllers=granted)
     assert trial.after == trial.latency + 3
     early = replace(trial, granted_delay=2).evaluate().nrmse_percent

@@ -142,7 +142,7 @@ def test_a_replay_declares_its_own_arguments_and_those_of_the_graph() -> None:
         ),
         (
             "teleop",
-            {"slave": "virtual", "scene": "workshop"},  # a former word
+            {"slave": "virtual", "surface": "workshop"},
             lambda words: graph(parse_arguments(words)),
         ),
         (

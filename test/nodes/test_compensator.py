@@ -147,6 +147,20 @@ def bench(domain: int, request: pytest.FixtureRequest) -> Iterator[Bench]:
     rclpy.shutdown()
 
 
+def test_a_granted_delay_in_samples_is_a_time_at_the_rate(
+    domain: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    words = ("rate:=2000.0", "adaptive.granted_delay:=3")
+    rclpy.init(args=["--ros-args", *(part for word in words for part in ("-p", word))])
+    node = Compensator()
+    assert node.get_parameter("adaptive.granted_time").value == 0.0015
+    assert not node.has_parameter("adaptive.granted_delay")
+    node.destroy_node()
+    rclpy.shutdown()
+    line = "adaptive.granted_delay = 3 samples is adaptive.granted_time = 0.0015 s at 2000 Hz"
+    assert capfd.readouterr().err.count(line) == 1
+
+
 def test_samples_stamped_an_hour_off_are_refused_and_the_compensator_goes_on(
     bench: Bench,
 ) -> None:

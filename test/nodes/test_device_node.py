@@ -476,17 +476,6 @@ def test_a_report_has_the_counts_up_to_now(bench: Bench) -> None:
     assert float(counts[1]["actuator force late (s)"]) >= 0.0
 
 
-@pytest.mark.parametrize("bench", [("can_serial.handle.port:=/dev/board",)], indirect=True)
-def test_a_node_reads_the_former_name_of_a_parameter(
-    capfd: pytest.CaptureFixture[str], bench: Bench
-) -> None:
-    assert bench.node.get_parameter("serial.port").value == "/dev/board"
-    assert not bench.node.has_parameter("can_serial.handle.port")
-    assert (
-        capfd.readouterr().err.count("[master_device]: can_serial.handle.* is serial.* now") == 1
-    )
-
-
 @pytest.mark.parametrize(
     ("bench", "refusal"),
     [

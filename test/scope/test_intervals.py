@@ -33,7 +33,7 @@ PERIOD = 1_000_000
 
 START = 1_700_000_000_000_000_000
 BEGIN, END = START + 1000 * PERIOD, START + 2000 * PERIOD
-SHIFT = GraphSettings().latency + 1
+SHIFT = GraphSettings().after
 
 TIME = np.arange(3000) / RATE
 TEXTURE = 2.0 * np.sin(2 * np.pi * 100.0 * TIME)

@@ -22,16 +22,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.parameters import ParameterError, schema
-from haptic_accel.core.warning import warn_once
 from haptic_accel.setup.arguments import (
     GraphArguments,
-    IdentifyArguments,
     parse_arguments,
     stated_words,
 )
 from haptic_accel.setup.files import parameter_text
 from haptic_accel.setup.former_names import current_arguments
-from haptic_accel.setup.words import described, parse_words
+from haptic_accel.setup.words import described
 
 
 def test_no_words_are_the_defaults() -> None:
@@ -119,30 +117,37 @@ def test_a_recording_is_for_the_simulated_slave() -> None:
 
 
 @pytest.mark.parametrize(
-    ("former", "now", "key"),
+    ("words", "samples"),
     [
-        ("surface:=recording recording:=drag.csv", "surface:=drag.csv", "recording"),
-        ("recording:=drag.csv surface:=recording", "surface:=drag.csv", "recording"),
-        ("recording:= surface:=text", "surface:=text", "recording"),
-        ("slave:=virtual scene:=mine.yaml", "slave:=virtual surface:=mine.yaml", "scene"),
+        ("latency:=2ms", 2),
+        ("latency:=1.5ms rate:=4000", 6),
+        ("latency:=0ms", 0),
+        ("latency:=3", 3),
     ],
 )
-def test_former_words_are_read_with_one_warning(
-    former: str, now: str, key: str, caplog: pytest.LogCaptureFixture
-) -> None:
-    warn_once.cache_clear()
-    for _ in range(2):
-        assert parse_arguments(former.split()) == parse_arguments(now.split())
-    assert caplog.messages == [
-        f"{key}:= is surface:= now; the former word is read until the next release"
-    ]
+def test_a_latency_is_a_number_of_samples_or_a_time(words: str, samples: int) -> None:
+    assert parse_arguments(words.split()).latency == samples
 
 
-def test_a_former_word_beside_the_one_in_its_place_is_refused() -> None:
-    with pytest.raises(ParameterError, match="surface: given twice"):
-        parse_arguments(["surface:=text", "recording:=drag.csv"])
-    with pytest.raises(ParameterError, match="scene: no such argument"):
-        parse_words(["scene:=workshop"], IdentifyArguments)
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("1.5ms", "1.5 samples at 1000 Hz, must be a whole number of samples, such as 1ms or 2ms"),
+        ("soon", "must be a whole number"),
+        ("ms", "must be a whole number"),
+        ("-1ms", "must be a whole number, from 0 to 20"),
+    ],
+)
+def test_a_latency_between_samples_is_refused(text: str, reason: str) -> None:
+    with pytest.raises(ParameterError, match=f"latency = .*{text}.*: {reason}|= -1: {reason}"):
+        parse_arguments([f"latency:={text}"])
+
+
+def test_the_rate_of_a_file_decides_a_latency_in_time(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(parameter_text({"**": {"rate": 2000.0}} | {"coupler": {"rate": 2000.0}}))
+    found = parse_arguments([f"params_file:={mine}", "latency:=1.5ms"])
+    assert (found.rate, found.latency) == (2000.0, 3)
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -98,63 +99,50 @@ def test_a_file_may_give_every_node_the_clock_that_it_has(tmp_path: Path) -> Non
         read_parameter_file(file)
 
 
-FORMER_NAMES = """
-/**:
-  ros__parameters: {can_serial.arm.channel: can0}
-master_device:
-  ros__parameters:
-    can_serial: {handle: {port: /dev/board, rearm: auto}}
-    crtk_serial: {arm: {namespace: /MTML}}
-slave_device:
-  ros__parameters: {can_serial: {arm: {channel: can1}}}
-"""
-
-
-def test_former_names_are_read_with_one_warning(
+def test_a_delay_in_samples_is_read_as_a_time_with_one_warning(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     file = tmp_path / "mine.yaml"
-    file.write_text(FORMER_NAMES)
-    values = Setup.of(GraphArguments(params_file=str(file))).values
-    assert read_parameter_file(file)["master_device"] == {
-        "can.channel": "can0",
-        "serial.port": "/dev/board",
-        "serial.rearm": "auto",
-        "crtk.namespace": "/MTML",
-    }
-    assert values["slave_device"]["can.channel"] == "can1"
+    file.write_text("compensator: {ros__parameters: {adaptive: {granted_delay: 6}}}")
+    later = tmp_path / "later.yaml"
+    later.write_text("compensator: {ros__parameters: {adaptive.granted_time: 0.002}}")
+    around = GraphArguments(params_file=str(file), rate=4000.0)
+    values = Setup.of(around).values["compensator"]
+    assert values["adaptive.granted_time"] == 0.0015
+    assert "adaptive.granted_delay" not in values
     assert caplog.messages == [
-        f"{file}: can_serial.arm.* is can.* now, can_serial.handle.* is serial.* now,"
-        " crtk_serial.arm.* is crtk.* now; the former names are read until the next release"
+        f"{file}: adaptive.granted_delay = 6 samples is adaptive.granted_time = 0.0015 s at"
+        " 4000 Hz; it is read until the next release"
     ]
+    both = replace(around, params_file=f"{file},{later}")
+    assert Setup.of(both).values["compensator"]["adaptive.granted_time"] == 0.002
 
 
 @pytest.mark.parametrize(
     ("given", "reason"),
     [
+        ("{granted_delay: 2.5}", "granted_delay = 2.5: must be a whole number of samples, from 0"),
+        ("{granted_delay: -1}", "granted_delay = -1: must be a whole number of samples, from 0"),
         (
-            "can_serial.handle.port: /dev/a, serial.port: /dev/b",
-            "can_serial.handle.port = /dev/a: must be /dev/b, as serial.port is: both are"
-            " serial.port now",
+            "{granted_delay: 2, granted_time: 0.002}",
+            "granted_delay = 2: must be left out, as inverse.granted_time is given",
         ),
-        (
-            "can_serial.handle.port: /dev/a, crtk_serial.handle.port: /dev/b",
-            "must be /dev/b, as crtk_serial.handle.port is",
-        ),
-        ("can_serial.handle.prt: /dev/a", "can_serial.handle.prt = '/dev/a': no such parameter"),
     ],
 )
-def test_former_names_that_mean_nothing_or_two_things_are_refused(
+def test_a_delay_in_samples_that_means_nothing_or_two_things_is_refused(
     tmp_path: Path, given: str, reason: str
 ) -> None:
     file = tmp_path / "mine.yaml"
-    file.write_text(f"master_device: {{ros__parameters: {{{given}}}}}")
-    with pytest.raises(ParameterError, match=re.escape(reason)):
+    file.write_text(f"compensator: {{ros__parameters: {{inverse: {given}}}}}")
+    with pytest.raises(ParameterError, match=re.escape(f"{file}: inverse.{reason}")):
+        Setup.of(GraphArguments(params_file=str(file)))
+
+
+def test_a_delay_in_samples_is_of_the_compensator_only(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("coupler: {ros__parameters: {inverse.granted_delay: 2}}")
+    with pytest.raises(ParameterError, match=r"inverse\.granted_delay = 2: no such parameter"):
         read_parameter_file(file)
-    file.write_text(
-        "master_device: {ros__parameters: {can_serial.handle.port: /dev/a, serial.port: /dev/a}}"
-    )
-    assert read_parameter_file(file)["master_device"] == {"serial.port": "/dev/a"}
 
 
 def test_a_surface_of_ones_own_is_a_file(tmp_path: Path) -> None:

@@ -352,12 +352,12 @@ class Channel:
     def _start_judging(self) -> None:
         name = self._active.name
         self.is_reducible = CONTROLLERS[name].reducible
-        self._fallback.start(name, granted_delay(name, self._options))
+        self._fallback.start(name, granted_delay(name, self._options, self._loop.rate))
 
     def _judge_anew(self) -> None:
         name = self._active.name
         self.is_reducible = CONTROLLERS[name].reducible
-        self._fallback.follow(name, granted_delay(name, self._options))
+        self._fallback.follow(name, granted_delay(name, self._options, self._loop.rate))
 
 
 class _Stage:

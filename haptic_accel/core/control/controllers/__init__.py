@@ -24,7 +24,7 @@ from haptic_accel.core.control.controllers.constant import ConstantController
 from haptic_accel.core.control.controllers.dynamic import DynamicController
 from haptic_accel.core.control.controllers.feedback import FeedbackController
 from haptic_accel.core.control.controllers.interface import Controller, Loop
-from haptic_accel.core.control.controllers.inverse import InverseController
+from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.controllers.none import NoController
 from haptic_accel.core.parameters import Checked
 
@@ -38,15 +38,24 @@ CONTROLLERS: dict[str, type[Controller]] = {
 }
 
 
-def granted_delay(controller: str, parameters: Mapping[str, Checked]) -> int:
+def granted_delay(controller: str, parameters: Mapping[str, Checked], rate: float) -> int:
     """Return the delay, in addition to the latency, for evaluating a controller, in samples.
 
-    The value is the controller's parameter `granted_delay`, or else the paper's value.
+    The paper's controllers do not wait: they are granted the sample after which a force is first
+    visible. The others have the parameter `granted_time`.
+
+    Parameters
+    ----------
+    controller : str
+    parameters : mapping
+        Parameters of controllers by name; missing ones have their defaults.
+    rate : float
+        Samples per second.
     """
     own = parameters.get(controller)
     if own is None and controller in CONTROLLERS:
         own = CONTROLLERS[controller].Parameters()
-    return int(getattr(own, "granted_delay", 1))
+    return own.granted_delay(rate) if isinstance(own, InverseParameters) else 1
 
 
 __all__ = ["CONTROLLERS", "Controller", "Loop", "granted_delay"]

@@ -26,12 +26,14 @@ from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.control.filters import SampleFilter
 from haptic_accel.core.control.inversion.design import (
     CONVOLUTION_LENGTH,
-    LONGEST_GRANTED_DELAY,
+    GRANTED_TIME,
+    LONGEST_GRANTED_TIME,
     Goal,
     InverseBank,
     InverseFilter,
     design_bank,
     design_inverse,
+    granted_samples,
 )
 from haptic_accel.core.control.inversion.excursion import ExcursionControl
 from haptic_accel.core.control.inversion.spectrum import TexturePrior
@@ -43,12 +45,13 @@ from haptic_accel.core.parameters import Checked, parameter
 class InverseParameters(Checked):
     """Delay and texture for the design of the inverse."""
 
-    granted_delay: int = parameter(
-        1,
-        "allowed delay of the handle behind the tool in addition to the latency, in samples"
-        " (the paper's delay of 1 ms)",
-        low=0,
-        high=LONGEST_GRANTED_DELAY,
+    granted_time: float = parameter(
+        GRANTED_TIME,
+        "allowed delay of the handle behind the tool in addition to the latency, rounded to"
+        " samples, at least one (paper: one at 1 kHz)",
+        unit="s",
+        low=0.0,
+        high=LONGEST_GRANTED_TIME,
     )
     texture: TexturePrior = field(default_factory=TexturePrior)
     memory: float = parameter(
@@ -65,9 +68,13 @@ class InverseParameters(Checked):
         """
         return design_inverse(loop.plant, loop.rate, self.goal(loop))
 
+    def granted_delay(self, rate: float) -> int:
+        """Return the granted delay at a rate in Hz, in samples."""
+        return granted_samples(self.granted_time, rate)
+
     def goal(self, loop: Loop) -> Goal:
         """Return the design goal of the inverse, or of a family of inverses."""
-        granted = loop.latency + self.granted_delay
+        granted = loop.latency + self.granted_delay(loop.rate)
         corner = loop.high_pass_frequency
         return Goal(granted, self.memory, spectrum=self.texture, high_pass_frequency=corner)
 
@@ -98,7 +105,7 @@ class InverseController(Controller):
         self._extension = SampleFilter(bank.sections)
         self._excursion = ExcursionControl(bank, plant.handle, loop.travel_limit, loop.rate)
         # A force acts in the period before the sample that shows it.
-        lag = parameters.granted_delay - 0.5 - plant.delay * loop.rate
+        lag = parameters.granted_delay(loop.rate) - 0.5 - plant.delay * loop.rate
         self._friction = FrictionCompensation(plant.handle, plant.friction, loop.rate, lag)
         self.friction_force = 0.0
 

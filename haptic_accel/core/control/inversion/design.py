@@ -64,14 +64,35 @@ UNEXPECTED_DENSITY = 0.03
 """White tool acceleration in the cost of force only, m/s^2/sqrt(Hz). It keeps the gain of the
 inverse small at frequencies with a small plant response and little expected texture."""
 
-LONGEST_GRANTED_DELAY = 100
-"""Maximum granted delay in addition to the latency, in samples."""
+GRANTED_TIME = 1e-3
+"""Granted delay in addition to the latency, s: a sample of the paper's loop."""
+
+LONGEST_GRANTED_TIME = 0.1
+"""Maximum granted delay in addition to the latency, s."""
 
 MOST_TAPS = 8192
 """Maximum length of the convolution: 0.4 s at 20 kHz."""
 
 RIDGE = 1e-10
 """Relative increase of the normal equations' diagonal, against rounding."""
+
+
+def granted_samples(time: float, rate: float) -> int:
+    """Return a granted delay in samples: at least one, after which a force is first visible.
+
+    Parameters
+    ----------
+    time : float
+        Granted delay, s.
+    rate : float
+        Samples per second.
+
+    Examples
+    --------
+    >>> [granted_samples(1e-3, rate) for rate in (500.0, 1000.0, 4000.0)]
+    [1, 1, 4]
+    """
+    return max(1, round(time * rate))
 
 
 @dataclass(frozen=True)
@@ -109,7 +130,7 @@ class Goal:
             The message contains the parameter, its value and the allowed range.
         """
         check_corner(rate, self.high_pass_frequency)
-        longest = LONGEST_GRANTED_DELAY + HIGHEST_LATENCY
+        longest = granted_samples(LONGEST_GRANTED_TIME, rate) + HIGHEST_LATENCY
         if not 0 <= self.granted_delay <= longest:
             raise ParameterError(
                 f"granted_delay = {self.granted_delay}: must be from 0 to {longest}"

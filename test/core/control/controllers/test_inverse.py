@@ -205,21 +205,21 @@ CONTROLLED = {
 def test_its_parameters_have_dotted_names() -> None:
     names = set(schema(InverseParameters, "inverse."))
     assert names == {
-        "inverse.granted_delay",
+        "inverse.granted_time",
         "inverse.texture.rise",
         "inverse.memory",
         "inverse.texture.fall",
     }
-    given_values = {"inverse.texture.rise": 40.0, "inverse.granted_delay": 4}
+    given_values = {"inverse.texture.rise": 40.0, "inverse.granted_time": 0.004}
     built = from_flat(InverseParameters, given_values, "inverse.")
-    assert (built.texture.rise, built.granted_delay, built.memory) == (40.0, 4, 0.2)
+    assert (built.texture.rise, built.granted_time, built.memory) == (40.0, 0.004, 0.2)
 
 
 @pytest.mark.parametrize(
     ("name", "value", "allowed"),
     [
-        ("granted_delay", -1, "must be a whole number, from 0 to 100"),
-        ("granted_delay", 1.5, "must be a whole number, from 0 to 100"),
+        ("granted_time", -0.001, "must be from 0 to 0.1 s"),
+        ("granted_time", 1.5, "must be from 0 to 0.1 s"),
         ("memory", 3.0, "must be from 0.05 to 0.4 s"),
     ],
 )
