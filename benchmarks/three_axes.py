@@ -38,10 +38,11 @@ from matplotlib.figure import Figure
 
 from haptic_accel.analysis.plots import BLACK, BLUE, VERMILION
 from haptic_accel.core.control.compensation import matrix_plant
-from haptic_accel.core.control.filters import comparable, high_passed
+from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
+from haptic_accel.core.evaluation.delay import aligned
 from haptic_accel.core.evaluation.discrimination import indistinguishable
-from haptic_accel.core.evaluation.metrics import align, direction_error, evaluate
+from haptic_accel.core.evaluation.metrics import direction_error, evaluate
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import SURFACES, GraphArguments
@@ -90,9 +91,9 @@ def compared(trial: Trial) -> tuple[FloatArray, FloatArray]:
     """Return the tool's vibration in all axes and the handle's, aligned."""
     corner, rate = trial.high_pass_frequency, trial.rate
     desired = high_passed(trial.tool_acceleration, corner, rate)
-    desired, actual = comparable(desired, trial.handle_acceleration, corner, rate)
-    first = round(BEGIN * rate)
-    return align(desired[first:], actual[first:], trial.after)
+    delay, first = trial.after / rate, round(BEGIN * rate)
+    desired, actual = aligned(desired, trial.handle_acceleration, corner, rate, delay)
+    return desired[first:], actual[first:]
 
 
 def run(rig: str, surface: str, condition: str, least: float = math.nan) -> tuple[Trial, Row]:

@@ -21,7 +21,6 @@ import math
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -39,12 +38,11 @@ from haptic_accel.core.control.inversion.bound import bounds
 from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
 from haptic_accel.core.control.supervision import supervise
 from haptic_accel.core.decimals import read_decimal
-from haptic_accel.core.evaluation.delay import Delay, estimate_delay, shift_back
+from haptic_accel.core.evaluation.delay import Delay, aligned, estimate_delay
 from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import (
     band_nrmse,
     bands,
-    by_component,
     components,
     direction_error,
     evaluate,
@@ -292,12 +290,10 @@ def measure(
             f" contact is at least {CONTACT:.2g} m/s²"
         )
     elif desired is not None and actual is not None:
-        if desired.ndim > 1:
-            handle = segment.signals[topics.HANDLE_ACCELERATION.name]
-            desired, actual = comparable(desired, handle, corner, segment.rate)
+        handle = segment.signals[topics.HANDLE_ACCELERATION.name]
         if segment.latency is None:
             segment = _with_estimated_latency(segment, desired, actual, notes)
-        likeness = _compared(desired, actual, segment, shift, notes, begin)
+        likeness = _compared(desired, handle, segment, shift, notes, begin)
         likeness.metrics.update(_bounds(segment, likeness.shift, notes))
     notes += _deviation(segment)
     travel = _travel(segment)
@@ -388,10 +384,7 @@ def actual_acceleration(segment: Segment) -> FloatArray | None:
     handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
     if handle is None or segment.rate <= 2 * segment.high_pass_frequency:
         return None
-    without = partial(
-        without_hand_motion, high_pass_frequency=segment.high_pass_frequency, rate=segment.rate
-    )
-    return by_component(without, handle)
+    return without_hand_motion(handle, segment.high_pass_frequency, segment.rate)
 
 
 _NO_ERROR = Interval(math.nan, math.nan, math.nan, 0, "no value")
@@ -410,18 +403,18 @@ class _Comparison:
 
 def _compared(
     desired: FloatArray,
-    actual: FloatArray,
+    handle: FloatArray,
     segment: Segment,
     shift: Shift,
     notes: list[str],
     begin: float | None,
 ) -> _Comparison:
     """Compare two accelerations; add the reason to the notes if this is impossible."""
-    rate = segment.rate
+    rate, corner = segment.rate, segment.high_pass_frequency
     try:
-        delay = estimate_delay(desired, actual, rate)
+        delay = estimate_delay(*comparable(desired, handle, corner, rate), rate)
         seconds = shift.of(segment, delay)
-        desired, actual = shift_back(desired, actual, rate, seconds)
+        desired, actual = aligned(desired, handle, corner, rate, seconds)
         evaluation = evaluate(desired, actual, rate, 0.0)
         by_axis = {}
         if desired.ndim > 1:

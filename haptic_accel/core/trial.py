@@ -31,16 +31,14 @@ from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.filters import (
     HIGH_PASS_FREQUENCY,
-    comparable,
     high_passed,
     without_hand_motion,
 )
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
+from haptic_accel.core.evaluation.delay import aligned
 from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import (
     Evaluation,
-    align,
-    by_component,
     evaluate,
 )
 from haptic_accel.core.loop.compensation import Compensating
@@ -165,9 +163,7 @@ class Trial:
         desired has no error.
         """
         corner, rate = self.high_pass_frequency, self.rate
-        return by_component(
-            lambda handle: without_hand_motion(handle, corner, rate), self.handle_acceleration
-        )
+        return without_hand_motion(self.handle_acceleration, corner, rate)
 
     @property
     def after(self) -> int:
@@ -210,12 +206,12 @@ class Trial:
         ValueError
             There are too few samples.
         """
-        part = slice(first, end)
-        desired, actual = comparable(
+        desired, actual = aligned(
             *(self.desired_acceleration, self.handle_acceleration),
-            *(self.high_pass_frequency, self.rate),
+            *(self.high_pass_frequency, self.rate, self.after / self.rate),
         )
-        return align(desired[part], actual[part], self.after)
+        part = slice(first, None if end is None else end - self.after)
+        return desired[part], actual[part]
 
     def bounds(self, rig: RigParameters, handle: HandleParameters, first: int = 0) -> Bounds:
         """Return the error bounds from a sample on, for a handle on a rig."""
@@ -370,8 +366,8 @@ def _crossed(
         lambda component: np.interp(np.nan_to_num(ticks), count, component), 0, tool
     )
     # While waiting nothing is played, and nothing desired.
-    aligned = np.where(np.isnan(ticks), played.T, followed.T).T
-    return Crossing(played, (count - ticks) / rate, kinds, energy), aligned
+    desired = np.where(np.isnan(ticks), played.T, followed.T).T
+    return Crossing(played, (count - ticks) / rate, kinds, energy), desired
 
 
 class PlayedSample(NamedTuple):

@@ -28,7 +28,11 @@ from haptic_accel.core.due_forces import LATE_TIME
 from haptic_accel.core.evaluation.metrics import evaluate, lengths
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.sampling import NANOSECONDS, IntArray, grid_indices
-from haptic_accel.scope.windows import EDGE, Windows, paired
+from haptic_accel.scope.windows import Windows, paired
+
+MARGIN = 0.25
+"""Time before and behind an interval that is filtered with it, s: a period of the filter's corner
+frequency (5 Hz), so that a short interval holds no rest of the hand's motion."""
 
 AT_LIMIT = 0.999
 """Fraction of the peak force from which a force counts as limited."""
@@ -68,13 +72,13 @@ def measure(windows: Windows, begin: int, end: int, rate: float) -> IntervalMeas
     Parameters
     ----------
     windows : Windows
-        Signals that reach from `EDGE` before the interval to `EDGE` behind it.
+        Signals that reach from `MARGIN` before the interval to `MARGIN` behind it.
     begin, end : int
         System times, ns.
     rate : float
         Samples per second.
     """
-    settings, margin = windows.settings, round(EDGE * NANOSECONDS)
+    settings, margin = windows.settings, round(MARGIN * NANOSECONDS)
     stamps, handle = _signal(windows, "handle", begin - margin, end + margin)
     desired_stamps, desired_values = _signal(windows, "desired", begin - margin, end + margin)
     _, forces = _signal(windows, "force", begin, end)

@@ -56,10 +56,6 @@ CAPACITY = int(LONGEST_WINDOW * HIGHEST_RATE * SLACK)
 METRICS_WINDOW = 2.0
 """Length of signal that metrics are computed from, s: two to four strokes of the hand."""
 
-EDGE = 0.25
-"""Time at each end of that window where the zero-phase filter's output is not used, s: it rings
-for a period of its corner frequency (5 Hz)."""
-
 GAP = 0.5
 """Gap in the stamps after which derived signals start again, s: nodes were restarted."""
 
@@ -337,13 +333,13 @@ class Windows:
 
     def _compared(self, rate: float) -> tuple[FloatArray, FloatArray]:
         """Return desired and actual acceleration, prepared as for the evaluation of a bag."""
-        stamps, handle = self.handle.last(METRICS_WINDOW + 2 * EDGE)
-        actual = filters.without_hand_motion(handle, self.settings.high_pass_frequency, rate)
-        edge, shift = int(EDGE * rate), self.settings.after
+        stamps, handle = self.handle.last(METRICS_WINDOW)
         first = int(np.searchsorted(stamps, self._compared_from, "right"))
-        inner = slice(max(edge, first), len(stamps) - edge)
-        desired = self.desired.last(METRICS_WINDOW + 2 * EDGE)
-        return paired(*desired, stamps[inner], actual[inner], shift, rate)
+        desired = self.desired.last(METRICS_WINDOW)
+        pairs = paired(*desired, stamps[first:], handle[first:], self.settings.after, rate)
+        if not len(pairs[0]):
+            return pairs
+        return filters.comparable(*pairs, self.settings.high_pass_frequency, rate)
 
 
 class Derivation:

@@ -18,8 +18,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from haptic_accel.core.control.filters import comparable, high_passed
-from haptic_accel.core.evaluation.metrics import align, evaluate
+from haptic_accel.core.control.filters import high_passed
+from haptic_accel.core.evaluation.delay import aligned
+from haptic_accel.core.evaluation.metrics import evaluate
 from haptic_accel.core.topics import CONTACT_FORCE, MASTER_ARM_FORCE
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import GraphArguments
@@ -94,6 +95,6 @@ def vector_error(trial: Trial) -> float:
     """Return the error of the handle's vector to the tool's, %; one coil's trial desires one."""
     corner, rate = trial.high_pass_frequency, trial.rate
     desired = high_passed(trial.tool_acceleration, corner, rate)
-    desired, actual = comparable(desired, trial.handle_acceleration, corner, rate)
-    compared = align(desired[2000:], actual[2000:], trial.after)
-    return evaluate(*compared, rate, 0.0).nrmse_percent
+    delay = trial.after / rate
+    desired, actual = aligned(desired, trial.handle_acceleration, corner, rate, delay)
+    return evaluate(desired[2000:], actual[2000:], rate, 0.0).nrmse_percent

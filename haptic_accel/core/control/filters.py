@@ -154,7 +154,7 @@ def without_hand_motion(
 
     Parameters
     ----------
-    acceleration : ndarray, shape (n,)
+    acceleration : ndarray, shape (n,) or (n, k)
         Signal to be filtered, m/s^2.
     high_pass_frequency : float
         Corner of the compensator's high-pass, Hz.
@@ -163,43 +163,45 @@ def without_hand_motion(
 
     Returns
     -------
-    ndarray, shape (n,)
+    ndarray, of the same shape
         Filtered signal, m/s^2. The gain is 0.5 at a third of the corner and 0.9998 at the corner.
     """
     from scipy import signal
 
     sections = high_pass(high_pass_frequency * MOTION_SHARE, rate)
-    # sosfiltfilt is unsuitable: it extends the first and last sample, with texture, to infinity,
-    # and the filter's response to them disturbs a tenth of a second at both ends.
-    forth = signal.sosfilt(sections, acceleration - np.mean(acceleration))
-    return np.asarray(signal.sosfilt(sections, forth[::-1])[::-1])
+    offset = acceleration - acceleration[:1]  # exactly zero for a handle that stands still
+    level = offset - np.mean(offset, axis=0)
+
+    def twice(values: FloatArray) -> FloatArray:
+        once = signal.sosfilt(sections, values, axis=0)
+        return np.asarray(signal.sosfilt(sections, once[::-1], axis=0)[::-1])
+
+    # The first pass begins in the middle of the hand's motion, whose step disturbs 0.3 s; the
+    # second begins where the first has removed that motion. Each half is therefore of the order
+    # whose second pass begins in it. (scipy's sosfiltfilt extends the last sample, with texture.)
+    middle = len(level) // 2
+    return np.concatenate([twice(level[::-1])[::-1][:middle], twice(level)[middle:]])
 
 
 def comparable(
     desired: FloatArray, handle: FloatArray, high_pass_frequency: float, rate: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return desired and actual acceleration without the hand's own motion, from complete signals.
+    """Return desired and actual acceleration without the hand's own motion, from aligned signals.
 
-    Along one axis, only the handle's signal is filtered, by `without_hand_motion`. A hand that
-    strokes along an axis also has vibration of up to 20 Hz by its turns. In several axes, both
-    signals therefore pass the same zero-phase high-pass, with a gain of 0.5 at the corner: correct
-    motion causes no error, and slower motion does not count.
+    Both pass the filter of `without_hand_motion`: a handle that moves exactly as desired has no
+    error, not at the ends of a signal either.
 
     Parameters
     ----------
     desired, handle : ndarray, shape (n,) or (n, k)
-        Desired acceleration and the handle's, m/s^2.
+        Desired acceleration and the handle's, shifted back by its delay, m/s^2.
     high_pass_frequency, rate : float
         As for `without_hand_motion`.
     """
-    if handle.ndim == 1:
-        return desired, without_hand_motion(handle, high_pass_frequency, rate)
-    corner = high_pass_frequency / MOTION_SHARE
-    without = [
-        np.column_stack([without_hand_motion(each, corner, rate) for each in values.T])
-        for values in (desired, handle)
-    ]
-    return without[0], without[1]
+    first, second = (
+        without_hand_motion(each, high_pass_frequency, rate) for each in (desired, handle)
+    )
+    return first, second
 
 
 def inverse_of(model: ApproximateModel, rate: float) -> FloatArray:

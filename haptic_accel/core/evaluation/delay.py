@@ -25,6 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from haptic_accel.core.control.filters import comparable
 from haptic_accel.core.evaluation.metrics import align, components
 from haptic_accel.core.model import ComplexArray, FloatArray
 
@@ -168,6 +169,34 @@ def shift_back(
         raise ValueError(f"{len(actual)} samples: too few for a fractional shift")
     inner = slice(FRACTION_EDGE, -FRACTION_EDGE)
     return desired[inner], _advanced(actual, fraction)[inner]
+
+
+def aligned(
+    desired: FloatArray, handle: FloatArray, high_pass_frequency: float, rate: float, delay: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return desired and actual acceleration without the hand's own motion, aligned at a delay.
+
+    Parameters
+    ----------
+    desired, handle : ndarray, shape (n,) or (n, k)
+        Desired acceleration and the handle's, sampled at the same times, m/s^2.
+    high_pass_frequency : float
+        Corner of the compensator's high-pass, Hz.
+    rate : float
+        Samples per second.
+    delay : float
+        Lag of the handle, s.
+
+    Raises
+    ------
+    ValueError
+        As for `shift_back`.
+    """
+    # Whole samples first, so that the filter begins and ends at the same motion in both; the rest
+    # behind it, as gravity cannot be interpolated at the ends.
+    whole = round(delay * rate) / rate
+    pair = shift_back(desired, handle, rate, whole)
+    return shift_back(*comparable(*pair, high_pass_frequency, rate), rate, delay - whole)
 
 
 def _advanced(values: FloatArray, samples: float) -> FloatArray:

@@ -40,9 +40,9 @@ from haptic_accel.nodes.graph_view import GraphView
 from haptic_accel.nodes.joined_view import JoinedView, joined_view
 from haptic_accel.nodes.service_client import RequestError
 from haptic_accel.scope.frames import SCENE
-from haptic_accel.scope.intervals import late_percent, measure
+from haptic_accel.scope.intervals import MARGIN, late_percent, measure
 from haptic_accel.scope.node_reports import LEVELS
-from haptic_accel.scope.windows import CHANGING, EDGE, Windows
+from haptic_accel.scope.windows import CHANGING, Windows
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.processes import graph
 from haptic_accel.setup.setup import RECORDER
@@ -298,7 +298,7 @@ class LiveRig:
         finally:
             if self._graph and not self._graph.ended:
                 self._joined.change([set_gain(0.0)])
-        self._wait(RAMP + EDGE)  # the filter of the measures needs samples behind the end
+        self._wait(RAMP + MARGIN)
         after = self._joined.force_counts("master_device")
         self._joined.check(changes)
         self._check_recorder()

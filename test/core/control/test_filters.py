@@ -27,6 +27,7 @@ from scipy import signal
 from haptic_accel.core.control.filters import (
     HIGH_PASS_FREQUENCY,
     SampleFilter,
+    comparable,
     high_pass,
     inverse_of,
     without_hand_motion,
@@ -85,6 +86,22 @@ def test_hand_motion_goes_and_what_is_felt_stays_in_phase(
     middle = slice(round(rate), -round(rate))
     found = without_hand_motion(9.81 + wave, 15.0, rate)
     assert found[middle] == pytest.approx(gain * wave[middle], abs=2e-3)
+
+
+@pytest.mark.parametrize("rate", [1000.0, 4000.0])
+@pytest.mark.parametrize("frequency", [7.0, 22.0, 49.0, 180.0])
+@pytest.mark.parametrize("axes", [1, 3])
+def test_a_handle_that_moves_as_desired_has_no_error(
+    rate: float, frequency: float, axes: int
+) -> None:
+    time = np.arange(round(6 * rate)) / rate
+    sway = 9.81 + 0.5 * np.sin(2 * np.pi * 0.7 * time + 1.0)
+    desired = np.sin(2 * np.pi * frequency * time + 0.3)
+    if axes == 3:
+        desired, sway = np.outer(desired, (1.0, -0.5, 0.2)), np.outer(sway, (0.1, 0.2, 1.0))
+    expected, actual = comparable(desired, desired + sway, 15.0, rate)
+    assert np.linalg.norm(actual - expected) < 1e-3 * np.linalg.norm(expected)
+    assert np.linalg.norm(expected) > 0.9 * np.linalg.norm(desired)
 
 
 @untimed
