@@ -95,7 +95,7 @@ def measure(seconds: float, seed: int) -> dict[str, float]:
             last_distance = math.dist(at.master, at.slave)
             distance = max(distance, last_distance)
         for arm, half in hosts.halves.items():
-            commands = hosts.loops[arm].commands
+            commands = hosts.loops[arm].results.commands
             force, before = commands[-1].force if commands else ZERO, forces[arm]
             forces[arm] = force
             if half.engagement.count != counts[arm]:

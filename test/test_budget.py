@@ -27,15 +27,15 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
 
 BUDGETS = {
-    "core": 14_230,
+    "core": 14_250,
     "analysis": 4_210,
-    "nodes": 4_040,
+    "nodes": 4_050,
     "kits/study": 3_990,
-    "devices": 3_390,
+    "devices": 3_420,
     "cli": 2_800,
     "bags": 2_630,
-    "scope": 1_420,
-    "setup": 1_510,
+    "scope": 1_430,
+    "setup": 1_550,
     "materials": 1_380,
     "kits/emulators": 1_180,
     "graph": 1_120,

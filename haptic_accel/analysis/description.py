@@ -127,6 +127,14 @@ class Description:
         """True if the handle was a simulated one."""
         return self.arguments.get("master") in (SIMULATED, POINTER)
 
+    @property
+    def waits(self) -> bool:
+        """True if the handle's world stood still with its node's process.
+
+        In frames a simulated handle receives its forces ahead: one that is late acts late.
+        """
+        return self.is_simulated and self.arguments.get("frame", 1) == 1
+
     def plant(self) -> Plant | None:
         """Return the plant of the condition: the simulated one, or the compensator's model."""
         if self.rig is None:

@@ -118,8 +118,8 @@ class Segment:
         Stamp of the first sample, ns.
     run : str
         Description of the run; empty if the bag does not state it.
-    simulated : bool
-        True for a simulated handle, whose world stood still with its node's process.
+    waits : bool
+        True for a simulated handle whose world stood still with its node's process.
     axes : Axes
         Axes of the vibration.
     estimated : bool
@@ -145,7 +145,7 @@ class Segment:
     told: Plant | None = None
     start: int = 0
     run: str = ""
-    simulated: bool = False
+    waits: bool = False
     axes: Axes = ACTUATOR_AXES
     estimated: bool = False
 
@@ -384,7 +384,7 @@ class _Divider:
             told=known.told,
             start=start,
             run=run_of(self._bag),
-            simulated=known.is_simulated,
+            waits=known.waits,
             axes=axes,
         )
 

@@ -272,7 +272,7 @@ def _deadlines(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
             f"{missed} of {due} forces took effect more than {IN_TIME:g} periods after their due"
             f" time, the latest by {number(longest / MILLI, 1)} ms{felt}."
         )
-        still = [segment for segment in new if segment.simulated]
+        still = [segment for segment in new if segment.waits]
         hidden = _sum("missed", still) - _sum("past_tick", still)
         if hidden > 0:
             sentences.append(

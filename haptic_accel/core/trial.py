@@ -426,9 +426,10 @@ def _samples(
             else:
                 master.change_grip(changed)
         hosts.step(tick)
-        (_, (_, handle, _)), (_, (_, tool, _)) = (each for loop in loops for each in loop.samples)
-        forces = {command.arm: command.force for loop in loops for command in loop.commands}
-        felt = loops[0].compensated
+        results = [loop.results for loop in loops]
+        handle, tool = (taken.sample for each in results for _, taken in each.samples)
+        forces = {command.arm: command.force for each in results for command in each.commands}
+        felt = results[0].compensated
         _, desired, force = felt[-1] if felt else (0, ZERO, ZERO)
         if isinstance(hosts, TwoHosts):
             played = hosts.halves[MASTER].played

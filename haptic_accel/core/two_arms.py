@@ -208,7 +208,7 @@ class TwoArms:
         for tick in range(round(duration * RATE)):
             self.hosts.step(tick)
             (_, master), (_, slave) = (
-                sample for loop in self.hosts.loops.values() for sample in loop.samples
+                sample for loop in self.hosts.loops.values() for sample in loop.results.samples
             )
             yield Instant(
                 master.sample.position,

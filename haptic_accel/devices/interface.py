@@ -64,6 +64,10 @@ class DeviceDescription:
     ahead : bool
         `Device.write` accepts an actuator force ahead of its due time; the device applies the
         force on time by its clock.
+    framed : bool
+        `Device.write` accepts all forces ahead of their due time; the device applies them at that
+        time on the clock of `Device.read`. Samples of several ticks can therefore be read
+        together.
     pointed : bool
         `Device.point` leads a simulated hand.
     """
@@ -71,6 +75,7 @@ class DeviceDescription:
     parameters_of: tuple[str, ...] = ()
     changeable: tuple[str, ...] = ()
     ahead: bool = False
+    framed: bool = False
     pointed: bool = False
 
     def owners(self, name: str) -> tuple[str, ...]:

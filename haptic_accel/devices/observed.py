@@ -214,7 +214,7 @@ class ObservedDevice:
 
     def _take(self) -> None:
         """Store the samples that have come, and answer each with a force."""
-        for tick, sample, _ in self._side.read():
+        for tick, sample, _, _ in self._side.read():
             self._samples.append((tick, sample.acceleration[ACTUATOR_AXIS], sample.position))
             if self._force and not self._safety.refusal:
                 due = tick + self._latency

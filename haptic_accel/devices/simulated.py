@@ -17,10 +17,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from haptic_accel.core.axes import Axes
-from haptic_accel.core.model import FloatArray, GripParameters, Vector
+from haptic_accel.core.model import FloatArray, GripParameters, Sample, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
 from haptic_accel.core.resampling import crossfaded
 from haptic_accel.core.rig.guided_hand import WORKSPACE, GuidedHand
@@ -38,15 +40,53 @@ from haptic_accel.materials.recordings import read_recording
 from haptic_accel.materials.texture_files import read_texture
 
 
+class _Due(NamedTuple):
+    """Forces, N, from a time on, s; None for one that remains."""
+
+    time: float
+    arm_force: Vector | None
+    actuator_force: Vector | None
+
+
 class SimulatedDevice(SampledRig, Device):
-    """One side of the virtual rig, which is always there."""
+    """One side of the virtual rig, which is always there.
+
+    Forces may be written before the samples that precede them are read.
+    """
+
+    description = DeviceDescription(framed=True)
+
+    _read = math.inf  # until then, forces act at once
+    _due: tuple[_Due, ...] = ()
 
     def open(self) -> None:
         """Continue the rig's time with the first read or write."""
         self._origin = None
+        self._read, self._due = math.inf, ()
+
+    def read(self, time: float) -> Sample:
+        """Simulate until a time, s, with the forces due before, and return the sample then."""
+        while self._due and self._due[0].time < time:
+            due, *later = self._due
+            self._due = tuple(later)
+            super().write(due.time, arm_force=due.arm_force, actuator_force=due.actuator_force)
+        self._read = time
+        return super().read(time)
+
+    def write(
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
+    ) -> None:
+        """Change the forces, N, from a time on, s; later changes written before are discarded."""
+        kept = tuple([due for due in self._due if due.time <= time])
+        if kept or time > self._read:
+            self._due = *kept, _Due(time, arm_force, actuator_force)
+        else:
+            self._due = ()
+            super().write(time, arm_force=arm_force, actuator_force=actuator_force)
 
     def close(self) -> None:
         """Remove all forces."""
+        self._due = ()
         self._rig.release()
 
     def counters(self) -> dict[str, int]:
@@ -58,7 +98,7 @@ class SimulatedMaster(SimulatedDevice):
     """Hand, handle, voice coil and arm."""
 
     Parameters = SimulatedMasterParameters
-    description = DeviceDescription(changeable=tuple(schema(GripParameters, "grip.")))
+    description = DeviceDescription(changeable=tuple(schema(GripParameters, "grip.")), framed=True)
 
     _rig: MasterRig | ThreeAxisRig
 
@@ -121,7 +161,9 @@ class SimulatedSlave(SimulatedDevice):
     """Tool and arm on a surface."""
 
     Parameters = SimulatedSlaveParameters
-    description = DeviceDescription(changeable=tuple(schema(SurfaceParameters, "surface.")))
+    description = DeviceDescription(
+        changeable=tuple(schema(SurfaceParameters, "surface.")), framed=True
+    )
 
     _rig: SlaveRig
 

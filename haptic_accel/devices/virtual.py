@@ -44,7 +44,7 @@ class VirtualSlave(SimulatedDevice):
     """Tool and arm in a scene."""
 
     Parameters = VirtualSlaveParameters
-    description = DeviceDescription(changeable=("scene",))
+    description = DeviceDescription(changeable=("scene",), framed=True)
 
     _rig: VirtualRig
 

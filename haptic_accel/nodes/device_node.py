@@ -137,6 +137,7 @@ class DeviceNode(Managed, GraphNode):
             steady_now,
             kinds=tuple(self._inboxes),
             ahead=(ACTUATOR,) if self.device.description.ahead else (),
+            framed=p.frame > 1,
             servo=self._motions.servo,
             receive=self._receive,
         )
@@ -351,17 +352,15 @@ class DeviceNode(Managed, GraphNode):
 
     def publish(self, taken: TickSample) -> None:
         """Publish a sample."""
-        tick, sample, work = taken
+        tick, sample, work, contact = taken
         stamp = self.rate_keeper.time(tick) + self.offset
         self._acceleration.send(stamp, sample.acceleration)
         self._position.send(stamp, sample.position, sample.orientation)
         self._velocity.send(stamp, sample.velocity)
         if self._work_asked:
             self._work_sender.send(stamp, work)
-        if self._contact_sender and self._contact_asked:
-            contact = self.device.contact_force
-            if contact is not None:
-                self._contact_sender.send(stamp, contact)
+        if self._contact_sender and self._contact_asked and contact is not None:
+            self._contact_sender.send(stamp, contact)
         self._joint_states.add(stamp, sample.position)
         if self._queries.asked:
             self._queries.publish(

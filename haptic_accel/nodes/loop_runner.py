@@ -21,7 +21,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from haptic_accel.core.loop.wiring import HostLoop
+from haptic_accel.core.loop.wiring import HostLoop, Results
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.timing import (
     FORCES_TIME,
@@ -72,7 +72,7 @@ class LoopRunner:
     ) -> None:
         self._devices = {device.arm: device for device in devices}
         self._coupler, self._compensator = coupler, compensator
-        self._rate = devices[0].side.rate
+        self._rate, self._frame = devices[0].side.rate, devices[0].parameters.frame
         self._loop = HostLoop(
             {arm: device.side for arm, device in self._devices.items()},
             coupler.part if coupler else None,
@@ -88,7 +88,7 @@ class LoopRunner:
     def begin(self) -> None:
         """Start at the next tick; earlier ticks are not missed."""
         times = [FORCES_TIME + RECEIVING_TIME * each.received for each in self._devices.values()]
-        self._keeper = RateKeeper(self._rate, lead=wake_time() + sum(times))
+        self._keeper = RateKeeper(self._rate, lead=wake_time() + sum(times), frame=self._frame)
         self._arrivals = {arm: ArrivalKeeper(self._rate) for arm in self._devices}
         self._idle = False
         for device in self._devices.values():
@@ -116,7 +116,7 @@ class LoopRunner:
             self._serve(tick)
         elif not self._loop.complete or any([each.received for each in self._devices.values()]):
             self._loop.go_on()
-            self._finish()
+            self._finish([self._loop.results])
         wake = self._keeper.next
         for arm, arrivals in self._arrivals.items():
             side = self._loop.sides[arm]
@@ -134,26 +134,33 @@ class LoopRunner:
             device.offset = self._offset
         if self._coupler:
             self._coupler.receive(self._offset)
-        self._loop.step(tick)
-        self._finish()
+        self._finish([self._stepped(each) for each in range(tick - self._frame + 1, tick + 1)])
 
-    def _finish(self) -> None:
-        """Send and publish the results of the last step, after all due forces."""
-        loop, offset = self._loop, self._offset
+    def _stepped(self, tick: int) -> Results:
+        """Process a sample of a frame, and return its results."""
+        self._loop.step(tick)
+        return self._loop.results
+
+    def _finish(self, frame: Sequence[Results]) -> None:
+        """Send and publish the results of the last steps, after all due forces."""
         if self._coupler:
             self._coupler.reply()
+        for results in frame:
+            self._publish(results)
+        for device in self._devices.values():
+            device.end_with_device()
+
+    def _publish(self, results: Results) -> None:
         if self._compensator:
-            self._compensator.publish(loop.compensated, offset)
-        for arm, taken in loop.samples:
+            self._compensator.publish(results.compensated, self._offset)
+        for arm, taken in results.samples:
             device = self._devices[arm]
             try:
                 device.publish(taken)
             except FAILURES as error:  # the driver may fail to give further values
                 device.fail(error)
         if self._coupler:
-            self._coupler.publish(loop.tools, loop.commands, offset)
-        for device in self._devices.values():
-            device.end_with_device()
+            self._coupler.publish(results.tools, results.commands, self._offset)
 
     def follow_stop(self) -> None:
         """Follow the emergency stop; mute signals that other nodes publish as well."""
@@ -170,6 +177,6 @@ class LoopRunner:
 
     def _decide(self, now: float) -> None:
         assert self._coupler
-        if self._compensator and self._loop.compensated:
+        if self._compensator and self._loop.results.compensated:
             self._coupler.engagement.force_received()
         self._coupler.step()

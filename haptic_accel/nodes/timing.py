@@ -83,23 +83,37 @@ class RateKeeper:
         Steady time in ns.
     lead : float
         Time by which a tick may begin early, s: the time to wake a thread.
+    frame : int
+        Number of grid points that are served together, at the last of them: a whole multiple.
 
     Attributes
     ----------
     ticks, late, missed : int
-        Grid points served; those served later than half a period; those skipped.
+        Grid points served; those of frames served later than half a frame; those skipped.
     lateness : DurationHistogram
-        Lateness of the ticks.
+        Lateness of the frames.
+
+    Examples
+    --------
+    >>> keeper = RateKeeper(4000.0, lambda: 2_100_000, frame=4)
+    >>> keeper.due(), keeper.next
+    (None, 0.003)
     """
 
     def __init__(
-        self, rate: float, clock: Callable[[], int] = time.monotonic_ns, lead: float = 0.0
+        self,
+        rate: float,
+        clock: Callable[[], int] = time.monotonic_ns,
+        lead: float = 0.0,
+        frame: int = 1,
     ) -> None:
         self._period = NANOSECONDS / rate
-        self._clock = clock
+        self._clock, self._frame = clock, frame
         self._lead = min(lead * NANOSECONDS, LARGEST_LEAD * self._period)
-        self._most, self._longest = (max(1, round(span * rate)) for span in (CATCH_UP, BEHIND))
-        self._next = math.floor((clock() + self._lead) / self._period) + 1
+        self._most, self._longest = (
+            frame * max(1, round(span * rate / frame)) for span in (CATCH_UP, BEHIND)
+        )
+        self._next = self._newest(clock()) + frame
         self._in_time = self._next - 1
         self._gaps: defaultdict[str, float] = defaultdict(float)
         self.ticks = self.late = self.missed = 0
@@ -120,26 +134,31 @@ class RateKeeper:
         return round(tick * self._period)
 
     def due(self) -> int | None:
-        """Return the number of the next grid point once, if its time has come."""
+        """Return the last grid point of the next frame once, if its time has come."""
         now = self._clock()
-        newest = math.floor((now + self._lead) / self._period)
+        newest = self._newest(now)
         if newest < self._next:
             return None
         if newest == self._next:
             self._in_time = newest
         behind = newest - self._in_time > self._longest
-        tick = newest if behind else max(self._next, newest + 1 - self._most)
+        tick = newest if behind else max(self._next, newest + self._frame - self._most)
         self.missed += tick - self._next
         lateness = now - tick * self._period
         self.lateness.add(lateness / NANOSECONDS)
-        self.late += lateness > self._period / 2
+        if lateness > self._frame * self._period / 2:
+            self.late += self._frame
         gap = now - self._next * self._period
         for reader, longest in self._gaps.items():
             if gap > longest:
                 self._gaps[reader] = gap
-        self.ticks += 1
-        self._next = tick + 1
+        self.ticks += self._frame
+        self._next = tick + self._frame
         return tick
+
+    def _newest(self, now: int) -> int:
+        """Return the last grid point of the newest frame at a time in ns."""
+        return math.floor((now + self._lead) / self._period) // self._frame * self._frame
 
     def pop_longest_gap(self, reader: str) -> float:
         """Return the largest lateness of a tick since a reader's last call, s; 0 at the first."""

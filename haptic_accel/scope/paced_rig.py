@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 from haptic_accel.core.axes import ACTUATOR_AXIS, NAMES
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.loop.wiring import MASTER, SLAVE
-from haptic_accel.core.model import ACTUATOR, held
+from haptic_accel.core.model import ACTUATOR, ZERO, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.simulated_rig import build_loop, build_parts
@@ -121,6 +121,8 @@ class PacedRig:
         self._master = PointerMaster(rig.master, self._rate, arguments.seed)
         self._slave = SimulatedSlave(_slave(setup), self._rate, arguments.seed)
         devices = {MASTER: self._master, SLAVE: self._slave}
+        for device in devices.values():
+            device.open()
         sides, part = build_parts(rig, devices, around, self._controllers, self._rate, latency)
         self._loop, self._compensation = build_loop(rig, sides, part), part.compensation
         self.windows.show_axes(self._master.axes)
@@ -223,7 +225,8 @@ class PacedRig:
         loop, windows = self._loop, self.windows
         loop.step(self._tick)
         self._tick += 1
-        for arm, (tick, sample, _) in loop.samples:
+        results = loop.results
+        for arm, (tick, sample, _, contact) in results.samples:
             stamp = origin + loop.stamp(tick)
             if arm == MASTER:
                 for index, each in self._axes:
@@ -233,11 +236,11 @@ class PacedRig:
                 windows.position.put(stamp, sample.position[ACTUATOR_AXIS])
                 windows.places["tool"] = sample.position
                 windows.places["tool_velocity"] = sample.velocity
-                windows.places["contact_force"] = self._slave.contact_force
-        for command in loop.commands:
+                windows.places["contact_force"] = contact or ZERO
+        for command in results.commands:
             if command.arm == SLAVE:
                 windows.arm_force.put(origin + command.stamp, command.force[ACTUATOR_AXIS])
-        for stamp, desired, force in loop.compensated:
+        for stamp, desired, force in results.compensated:
             for index, each in self._axes:
                 each.desired.put(origin + stamp, desired[index])
                 each.force.put(origin + stamp, force[index])

@@ -282,6 +282,7 @@ class RunArguments(LaunchArguments):
 
     rate: float = sets(*everywhere("rate"))
     latency: int = sets(*everywhere("latency"), text=LATENCY_TEXT)
+    frame: int = sets(*everywhere("frame"))
     duration: float = sets("coupler.duration")
     composed: bool = parameter(
         True,
@@ -334,6 +335,9 @@ class GraphArguments(
         unwatched = self.master.startswith(CRTK) or self.slave.startswith(CRTK)
         if self.respawn or self.slave == PLAYED_TOPICS or unwatched:
             object.__setattr__(self, "composed", False)
+        if self.frame > 1 and (self.side or not self.composed):
+            alone = f"side:={self.side}" if self.side else "composed:=false"
+            raise ParameterError(f"frame = {self.frame}: must be 1 with {alone}")
         if self.slave == VIRTUAL and self.surface == SURFACES[0]:
             object.__setattr__(self, "surface", WORKSHOP)
         if is_recording(self.surface) and self.slave != SIMULATED:

@@ -96,6 +96,13 @@ class DeviceNodeParameters(SampledParameters):
         low=0,
         high=HIGHEST_LATENCY,
     )
+    frame: int = parameter(
+        1,
+        "number of samples that the loop processes together, at the time of the last one; their"
+        " forces are due in the next frame",
+        low=1,
+        high=64,
+    )
     seed: int = parameter(
         0, "seed of the simulated devices' texture and sensor noise", low=0, high=2**31 - 1
     )
@@ -292,6 +299,7 @@ def node_parameters(executable: str, values: Mapping[str, Any]) -> tuple[Any, di
     }
     if SAFETY in options:
         _check_age(own, options[SAFETY])
+        _check_frame(own, MASTERS if executable == "master_device" else SLAVES)
     return own, options
 
 
@@ -329,6 +337,32 @@ def check_clock(use_sim_time: object) -> None:
         raise ParameterError(
             f"{USE_SIM_TIME} = {shown(str(use_sim_time))}: must be false: simulated time is not"
             " supported; samples and forces use this machine's clock"
+        )
+
+
+def _check_frame(own: Any, kinds: Mapping[str, type[Device]]) -> None:
+    """Refuse a frame that the device, the rate or the latency does not allow."""
+    frame = own.frame
+    if frame == 1:
+        return
+    device, actuator = own.device, getattr(own, "actuator_device", "device")
+    if not kinds[device].description.framed or actuator == AUDIO:
+        able = ", ".join(name for name, kind in kinds.items() if kind.description.framed)
+        driver = AUDIO if actuator == AUDIO else device
+        raise ParameterError(
+            f"frame = {frame}: must be 1 with the device {driver}, which takes no forces ahead of"
+            f" time; {able} do"
+        )
+    if own.rate % frame:
+        raise ParameterError(
+            f"frame = {frame}: must divide rate = {own.rate:g} Hz into whole frames a second"
+        )
+    if own.latency <= frame:
+        least = frame + 1
+        raise ParameterError(
+            f"latency = {own.latency}: must be at least {least} samples,"
+            f" {1e3 * least / own.rate:g} ms, with frame = {frame}: the frame and a sample for the"
+            " computation"
         )
 
 

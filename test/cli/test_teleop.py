@@ -150,6 +150,19 @@ def test_duration_ends_the_graph_and_the_bag_holds_every_topic(
     assert nodes_of(domain) == {}
 
 
+def test_a_graph_in_frames_records_every_sample(
+    haptic_accel: Start, tmp_path: Path, domain: int
+) -> None:
+    words = (f"duration:={SECONDS:g}", "bag:=bag", "controller:=constant", "surface:=text")
+    command = haptic_accel("teleop", "frame:=5", "latency:=10ms", *words)
+    assert command.end() == 0, command.text
+    messages = deserialised(tmp_path / "bag")
+    check_complete(messages, SECONDS)
+    check_followed(messages)
+    (trial,) = load(tmp_path / "bag").trials
+    assert trial.segment.latency == 10
+
+
 def test_a_handle_with_three_coils_follows_the_tool_in_all_axes(
     haptic_accel: Start, tmp_path: Path
 ) -> None:

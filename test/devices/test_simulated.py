@@ -76,6 +76,40 @@ def answers(device: Device, waiting: int, origin: float, rate: float) -> list[Sa
     return samples
 
 
+@both
+@pytest.mark.parametrize("frame", [2, 4, 7])
+def test_forces_written_ahead_act_when_they_are_due(
+    device_class: type[Device], frame: int
+) -> None:
+    at_once, ahead = opened(device_class), opened(device_class)
+    generator = np.random.default_rng(3)
+    forces = generator.normal(0.0, 0.5, (120, 2)).tolist()
+    expected = []
+    for tick, (arm, actuator) in enumerate(forces):
+        expected.append(at_once.read(tick * PERIOD))
+        at_once.write(
+            tick * PERIOD, arm_force=(arm, 0.0, -1.0), actuator_force=along_actuator(actuator)
+        )
+    found = [ahead.read(0.0)]
+    for tick, (arm, actuator) in enumerate(forces):
+        due = tick * PERIOD
+        ahead.write(due, arm_force=(arm, 0.0, -1.0))
+        ahead.write(due, actuator_force=along_actuator(actuator))
+        if tick >= frame:
+            found.append(ahead.read((tick - frame + 1) * PERIOD))
+    found += read(ahead, len(found), len(forces))
+    assert found == expected
+
+
+def test_an_overdue_force_discards_those_not_due_yet() -> None:
+    device = opened(SimulatedMaster)
+    device.read(0.0)
+    device.write(0.005, actuator_force=along_actuator(1.0))
+    device.write(0.002, actuator_force=along_actuator(0.0))
+    moved = [device.read(index * PERIOD) for index in range(1, 20)]
+    assert {sample.acceleration for sample in moved} == {moved[0].acceleration}
+
+
 def test_both_sides_have_a_simulated_device() -> None:
     assert MASTERS["simulated"] is SimulatedMaster
     assert SLAVES["simulated"] is SimulatedSlave
@@ -407,6 +441,7 @@ def test_a_pointer_leads_the_hand_of_the_simulated_master() -> None:
     resting = read(device, 1, 200)[-1].position
     assert resting == pytest.approx((0.0, 0.0, 0.01), abs=1e-4)
     for index in range(200, 800):
+        device.read(index * PERIOD)
         device.point((0.03, 0.0, -0.005))
         device.write(index * PERIOD, arm_force=(0.0, 0.0, 0.0))
     assert device.read(800 * PERIOD).position == pytest.approx((0.03, 0.0, -0.005), abs=1e-4)

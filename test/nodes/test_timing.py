@@ -144,6 +144,27 @@ def test_a_process_that_stays_behind_leaves_out_what_waits(
     assert keeper.missed == pytest.approx(100, abs=30)
 
 
+def test_a_frame_is_served_at_its_last_grid_point(clock: FakeClock) -> None:
+    keeper = RateKeeper(1000, clock, frame=4)
+    assert (keeper.due(), keeper.next) == (None, 0.020)
+    clock.now = 20 * PERIOD + 1
+    assert due(keeper) == [20]
+    clock.now = 24 * PERIOD + 2 * PERIOD + 1  # half a frame and more
+    assert due(keeper) == [24]
+    assert (keeper.ticks, keeper.late, keeper.missed) == (8, 4, 0)
+    clock.now = 36 * PERIOD
+    assert due(keeper) == [28, 32, 36]
+
+
+def test_a_long_stall_leaves_out_whole_frames(clock: FakeClock) -> None:
+    keeper = RateKeeper(1000, clock, frame=4)
+    clock.now = 240 * PERIOD
+    served = due(keeper)
+    assert served == list(range(served[0], 241, 4))
+    assert len(served) == round(CATCH_UP * 1000 / 4)
+    assert keeper.missed == served[0] - 20
+
+
 @given(
     rate=st.floats(50, 20e3),
     delays=st.lists(st.floats(0, 3), min_size=2, max_size=200),

@@ -29,6 +29,7 @@ from haptic_accel.setup.arguments import (
 )
 from haptic_accel.setup.files import parameter_text
 from haptic_accel.setup.former_names import current_arguments
+from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import described
 
 
@@ -141,6 +142,34 @@ def test_a_latency_is_a_number_of_samples_or_a_time(words: str, samples: int) ->
 def test_a_latency_between_samples_is_refused(text: str, reason: str) -> None:
     with pytest.raises(ParameterError, match=f"latency = .*{text}.*: {reason}|= -1: {reason}"):
         parse_arguments([f"latency:={text}"])
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        ("latency:=4", r"latency = 4: must be at least 5 samples, 1\.25 ms, with frame = 4"),
+        ("latency:=6 rate:=4002", r"frame = 4: must divide rate = 4002 Hz into whole frames"),
+        ("latency:=6 composed:=false", r"frame = 4: must be 1 with composed:=false"),
+        (
+            "latency:=6 side:=slave peer:=b insecure:=true",
+            r"frame = 4: must be 1 with side:=slave",
+        ),
+        ("latency:=6 slave:=serial", r"must be 1 with the device serial, .*; simulated, virtual"),
+        ("latency:=6 actuator:=audio", r"frame = 4: must be 1 with the device audio"),
+    ],
+)
+def test_a_frame_that_cannot_be_held_is_refused(words: str, reason: str) -> None:
+    given = ["rate:=4000", "frame:=4", *words.split()]
+    unique = {word.partition(":=")[0]: word for word in given}
+    with pytest.raises(ParameterError, match=reason):
+        resolve(list(unique.values()))
+
+
+def resolve(words: list[str]) -> None:
+    """Resolve the parameters of both device nodes."""
+    setup = Setup.of(parse_arguments(words))
+    for node in ("master_device", "slave_device"):
+        setup.node(node)
 
 
 def test_the_rate_of_a_file_decides_a_latency_in_time(tmp_path: Path) -> None:

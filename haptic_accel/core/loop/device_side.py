@@ -48,6 +48,10 @@ class DrivenDevice(Protocol):
     def late(self) -> int:
         """Number of forces received in advance but applied by the device after their due time."""
 
+    @property
+    def contact_force(self) -> Vector | None:
+        """Force of the surface on the tool at the last sample, N; None if unknown."""
+
     def read(self, time: float) -> Reading:
         """Return the sample at a time, s."""
 
@@ -58,11 +62,15 @@ class DrivenDevice(Protocol):
 
 
 class TickSample(NamedTuple):
-    """Sample of a tick, and the arm motors' work until then, J, per axis."""
+    """Sample of a tick, the arm motors' work until then, J, per axis, and the surface's force, N.
+
+    The force is None if it is unknown.
+    """
 
     tick: int
     sample: Sample
     work: Vector
+    contact: Vector | None
 
 
 class Commands:
@@ -120,6 +128,9 @@ class DeviceSide:
         Kinds of commands: `ARM`, `ACTUATOR`.
     ahead : collection of str
         Kinds that the device accepts before they are due.
+    framed : bool
+        The device accepts all forces before they are due, and has no clock: a force that is
+        overdue takes effect when it is given.
     servo : PositionServo, optional
         Position control of the arm; replaces commands while it has a set-point.
     receive : callable
@@ -155,6 +166,7 @@ class DeviceSide:
         *,
         kinds: Collection[str] = (ARM, ACTUATOR),
         ahead: Collection[str] = (),
+        framed: bool = False,
         servo: PositionServo | None = None,
         receive: Callable[[], None] = lambda: None,
     ) -> None:
@@ -166,7 +178,10 @@ class DeviceSide:
         self._watched = -1
         self._now = self.clock()
         self._allowed = {ARM: safety.arm_force, ACTUATOR: self._allowed_actuator_force}
-        self.commands = {kind: Commands(latency, 1 / rate, ahead=kind in ahead) for kind in kinds}
+        self._framed = framed
+        self.commands = {
+            kind: Commands(latency, 1 / rate, ahead=framed or kind in ahead) for kind in kinds
+        }
         self._at_tick = [kind for kind, each in self.commands.items() if not each.ahead]
         self._timeout = max(1, round(SAMPLE_TIMEOUT * rate))
         self._waiting: deque[int] = deque()
@@ -206,7 +221,8 @@ class DeviceSide:
             self._acceleration = sample.acceleration
             if self._servo and self._servo.set_point:
                 self._hold(tick, sample)
-            yield TickSample(tick, sample, self._work.until(time, sample.position))
+            work = self._work.until(time, sample.position)
+            yield TickSample(tick, sample, work, self.device.contact_force)
 
     @property
     def unlocated(self) -> int:
@@ -241,7 +257,8 @@ class DeviceSide:
             due = sample + self.latency
             # A force that is already late acts at once, and the device does not count it.
             commands.forces.past_tick += due <= self.tick
-            self._write_due(due / self.rate, due, [kind])
+            time = due / self.rate
+            self._write_due(max(time, self.clock()) if self._framed else time, due, [kind])
 
     def free(self) -> None:
         """Apply a zero force of the arm, as if computed from the last sample."""

@@ -79,6 +79,27 @@ class Coupling(Protocol):
         """Return the forces caused by the samples."""
 
 
+class Results(NamedTuple):
+    """Results of a step of the loop.
+
+    Attributes
+    ----------
+    samples : list of (str, TickSample)
+        Samples read in the step, by arm.
+    tools : list of Tool
+        Samples of the tool passed to the compensation.
+    commands : list of ArmCommand
+        Forces on arms caused by these samples.
+    compensated : list of CompensatedSample
+        Actuator forces caused by these samples.
+    """
+
+    samples: list[tuple[str, TickSample]]
+    tools: list[Tool]
+    commands: list[ArmCommand]
+    compensated: list[CompensatedSample]
+
+
 class HostLoop:
     """Parts of one host, and their order in a tick.
 
@@ -104,14 +125,8 @@ class HostLoop:
 
     Attributes
     ----------
-    samples : list of (str, TickSample)
-        Samples read in the last step, by arm.
-    tools : list of Tool
-        Samples of the tool passed to the compensation.
-    commands : list of ArmCommand
-        Forces on arms caused by these samples.
-    compensated : list of CompensatedSample
-        Actuator forces caused by these samples.
+    results : Results
+        Results of the last step.
     muted : set of str
         Topics of signals that are not passed on, as they have other publishers too.
     contested : int
@@ -184,23 +199,20 @@ class HostLoop:
         side.watch()
 
     def _forget(self) -> None:
-        self.samples: list[tuple[str, TickSample]] = []
-        self.tools: list[Tool] = []
-        self.commands: list[ArmCommand] = []
-        self.compensated: list[CompensatedSample] = []
+        self.results = Results([], [], [], [])
 
     def _read(self, arm: str, side: DeviceSide) -> None:
         for taken in side.read():
-            self.samples.append((arm, taken))
+            self.results.samples.append((arm, taken))
         side.receive()
 
     def _cause(self) -> None:
         """Pass the samples to coupling and compensation, and the forces to the devices."""
-        coupling, compensation = self.coupling, self.compensation
+        coupling, compensation, results = self.coupling, self.compensation, self.results
         if coupling is None:
             return
         now = self._clock()
-        for arm, (tick, sample, work) in self.samples:
+        for arm, (tick, sample, work, _) in results.samples:
             stamp = self.stamp(tick)
             motion = Motion(stamp, sample.position, sample.velocity, sum(work))
             if self._passes(*_MOTIONS[arm]):
@@ -214,16 +226,16 @@ class HostLoop:
                 compensation.put_handle(stamp, handle)
         if compensation:
             for tool in coupling.tools():
-                self.tools.append(tool)
+                results.tools.append(tool)
                 if self._passes(_TOOL):
                     compensation.put_tool(*tool)
             for caused in compensation.forces(round(now * NANOSECONDS)):
-                self.compensated.append(caused)
+                results.compensated.append(caused)
                 self._command(MASTER, ACTUATOR, caused.stamp, caused.actuator_force)
         if coupling.engagement.due(now):
             self._decide(now)
         for command in coupling.commands():
-            self.commands.append(command)
+            results.commands.append(command)
             self._command(command.arm, ARM, command.stamp, command.force)
 
     def _passes(self, *names: str) -> bool:
@@ -244,7 +256,7 @@ class HostLoop:
     def _look(self, now: float) -> None:
         assert self.coupling
         if self.coupling.poll(now, listeners=1).release:
-            self.commands += release(self.sides, now)
+            self.results.commands.extend(release(self.sides, now))
 
 
 def release(sides: Mapping[str, DeviceSide], now: float) -> list[ArmCommand]:

@@ -91,6 +91,11 @@ class SampledRig:
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
 
+    @property
+    def contact_force(self) -> Vector | None:
+        """Force of the surface on the tool at the last sample, N; None if unknown."""
+        return None
+
     def read(self, time: float) -> Sample:
         """Simulate until a time, s, and return the sample then."""
         self._advance(time)

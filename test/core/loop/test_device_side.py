@@ -135,7 +135,7 @@ def test_work_is_force_times_displacement(rig: Rig) -> None:
     master = side(rig, 1)
     ticks = 100
     for tick in range(ticks + 1):
-        ((_, _, work),) = serve(master, tick, (0.0, 0.0, -2.0))
+        ((_, _, work, _),) = serve(master, tick, (0.0, 0.0, -2.0))
     # From the first tick with force to the last sample.
     assert work == pytest.approx((0.0, 0.0, -2.0 * SPEED * (ticks - 1) / RATE))
 
@@ -148,6 +148,8 @@ class Slow:
         self.asked: list[float] = []
         self.written: list[tuple[float, dict[str, Any]]] = []
         self.late = 0
+
+    contact_force = None
 
     def read(self, time: float) -> Reading:
         self.asked.append(time)

@@ -101,7 +101,7 @@ class Run:
             forces = {
                 command.arm: command.force
                 for loop in self.hosts.loops.values()
-                for command in loop.commands
+                for command in loop.results.commands
             }
             played = self.hosts.halves[MASTER].played
             found.append(PlayedSample(forces.get(MASTER), forces.get(SLAVE), played.kind))

@@ -57,6 +57,8 @@ class Device:
         self.there = True
         self.broken = False
 
+    contact_force = None
+
     def read(self, time: float) -> Reading:
         if self.broken:
             raise BrokenError
@@ -139,13 +141,23 @@ def test_a_force_takes_effect_so_many_ticks_after_its_sample(latency: int) -> No
 def test_what_a_tick_did_can_be_seen_until_the_next() -> None:
     rig = Rig()
     rig.steps(range(3))
-    assert [(arm, taken.tick) for arm, taken in rig.loop.samples] == [(MASTER, 2), (SLAVE, 2)]
-    assert [command.arm for command in rig.loop.commands] == [MASTER, SLAVE]
-    assert {command.stamp for command in rig.loop.commands} == {2_000_000}
-    assert [tool.acceleration for tool in rig.loop.tools] == [along_actuator(2.0)]
-    assert [sample.stamp for sample in rig.loop.compensated] == [2_000_000]
+    assert [(arm, taken.tick) for arm, taken in rig.loop.results.samples] == [
+        (MASTER, 2),
+        (SLAVE, 2),
+    ]
+    assert [command.arm for command in rig.loop.results.commands] == [MASTER, SLAVE]
+    assert {command.stamp for command in rig.loop.results.commands} == {2_000_000}
+    assert [tool.acceleration for tool in rig.loop.results.tools] == [along_actuator(2.0)]
+    assert [sample.stamp for sample in rig.loop.results.compensated] == [2_000_000]
     rig.loop.go_on()
-    assert not any((rig.loop.samples, rig.loop.commands, rig.loop.tools, rig.loop.compensated))
+    assert not any(
+        (
+            rig.loop.results.samples,
+            rig.loop.results.commands,
+            rig.loop.results.tools,
+            rig.loop.results.compensated,
+        )
+    )
 
 
 def test_a_sample_that_comes_later_causes_its_forces_then() -> None:
@@ -154,12 +166,12 @@ def test_a_sample_that_comes_later_causes_its_forces_then() -> None:
     rig.slave.there = False
     rig.loop.step(5)
     assert not rig.loop.complete
-    assert [arm for arm, _ in rig.loop.samples] == [MASTER]
-    assert not any((rig.loop.commands, rig.loop.compensated))
+    assert [arm for arm, _ in rig.loop.results.samples] == [MASTER]
+    assert not any((rig.loop.results.commands, rig.loop.results.compensated))
     rig.slave.there = True
     rig.loop.go_on()
     assert rig.loop.complete
-    assert {command.stamp for command in rig.loop.commands} == {5_000_000}
+    assert {command.stamp for command in rig.loop.results.commands} == {5_000_000}
     rig.loop.step(6)
     assert rig.master.arm[-1] == (6, pytest.approx((0.0, 0.0, K_M * TRAVEL * 5)))
     assert rig.compensation.without == 0
@@ -171,7 +183,7 @@ def test_a_device_that_fails_ends_nothing_but_its_own_forces() -> None:
     rig.slave.broken = True
     rig.steps(range(5, 10))
     assert rig.failed == [SLAVE]
-    assert [(arm, taken.tick) for arm, taken in rig.loop.samples] == [(MASTER, 9)]
+    assert [(arm, taken.tick) for arm, taken in rig.loop.results.samples] == [(MASTER, 9)]
     assert rig.slave.arm[-1][0] == 4
     # The master is held by nobody, and let go.
     rig.steps(range(10, 10 + round((RELEASED + STEP_PERIOD) * RATE) + 2))
@@ -188,7 +200,7 @@ def test_without_an_arms_motion_both_are_let_go(name: str) -> None:
     assert not rig.part.engaged
     assert rig.master.arm[-1][1] == ZERO
     assert rig.loop.contested > 0
-    assert rig.loop.compensated, "the vibration does not depend on it"
+    assert rig.loop.results.compensated, "the vibration does not depend on it"
 
 
 def test_without_the_tools_acceleration_no_force_is_felt() -> None:
@@ -196,8 +208,8 @@ def test_without_the_tools_acceleration_no_force_is_felt() -> None:
     rig.steps(range(5))
     rig.loop.muted = {"slave/tool/acceleration"}
     rig.steps(range(5, 20))
-    assert not rig.loop.compensated
-    assert len(rig.loop.commands) == 2
+    assert not rig.loop.results.compensated
+    assert len(rig.loop.results.commands) == 2
     assert rig.master.actuator[-1][1] == 0.0
 
 

@@ -1,0 +1,116 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The loop in frames, whose forces are given ahead, against the loop sample by sample."""
+
+from __future__ import annotations
+
+import pytest
+
+from haptic_accel.core.actuator.safety import SafetyLayer
+from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide
+from haptic_accel.core.loop.wiring import HostLoop
+from haptic_accel.core.model import Vector
+from haptic_accel.core.rig.masters import axes_of
+from haptic_accel.core.simulated_rig import build_loop, build_parts
+from haptic_accel.core.topics import ARMS
+from haptic_accel.devices import Device
+from haptic_accel.devices.simulated import SimulatedMaster, SimulatedSlave
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.setup import Setup
+
+RATE, LATENCY, SECONDS = 2000.0, 6, 1.0
+
+Signals = list[tuple[Vector, ...]]
+
+
+class FrameClock:
+    """Time at which the samples of a frame are processed, s."""
+
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def loop_with(clock: FrameClock, frame: int) -> HostLoop:
+    """Return the loop of both simulated arms by a clock, in frames or sample by sample."""
+    setup = Setup.of(GraphArguments(rig="paper", controller="adaptive", rate=RATE))
+    rig = setup.rig()
+    around, controllers = setup.node("compensator")
+    slave_parameters = setup.node("slave_device")[1]["simulated"]
+    devices: dict[str, Device] = {
+        ARMS[0]: SimulatedMaster(rig.master, RATE, 0),
+        ARMS[1]: SimulatedSlave(slave_parameters, RATE, 0),
+    }
+    sides = {}
+    axes = axes_of(rig.master)
+    for (arm, device), limits in zip(devices.items(), rig.safety, strict=True):
+        device.open()
+        safety = SafetyLayer(limits, RATE, axes)
+        safety.enable(0.0, True)
+        kinds = (ARM, ACTUATOR) if arm == ARMS[0] else (ARM,)
+        sides[arm] = DeviceSide(
+            device, safety, RATE, LATENCY, clock, kinds=kinds, framed=frame > 1
+        )
+    parts = build_parts(rig, devices, around, controllers, RATE, LATENCY)  # type: ignore[arg-type]
+    return build_loop(rig, sides, parts[1])
+
+
+def signals(frame: int, late: float = 0.0) -> tuple[Signals, dict[str, tuple[int, int]]]:
+    """Return all samples and forces of a trial, and the deadlines of each side.
+
+    Frames are processed `late` after their last sample, s.
+    """
+    clock = FrameClock()
+    loop = loop_with(clock, frame)
+    found: Signals = []
+    for last in range(frame - 1, round(SECONDS * RATE), frame):
+        clock.now = last / RATE + late
+        for tick in range(last - frame + 1, last + 1):
+            loop.step(tick)
+            samples, _, commands, compensated = loop.results
+            found.append(
+                (
+                    *(each.sample.acceleration for _, each in samples),
+                    *(each.sample.position for _, each in samples),
+                    *(each.work for _, each in samples),
+                    *(each.force for each in commands),
+                    *(each.actuator_force for each in compensated),
+                )
+            )
+    return found, {arm: side.deadlines for arm, side in loop.sides.items()}
+
+
+@pytest.mark.parametrize("frame", [2, 4, 5])
+def test_frames_give_the_signals_of_single_samples_bit_for_bit(frame: int) -> None:
+    expected, _ = signals(1)
+    found, deadlines = signals(frame)
+    assert len(found) == len(expected)
+    assert found == expected
+    assert any(any(force) for row in found for force in row[6:])
+    for due, missed in deadlines.values():
+        assert due > 0.9 * SECONDS * RATE
+        assert missed == 0
+
+
+@pytest.mark.parametrize(("late", "in_time"), [(1.4e-3, True), (1.8e-3, False)])
+def test_an_overdue_force_acts_when_it_is_given(late: float, in_time: bool) -> None:
+    # The first force of four is due three samples, 1.5 ms, after the last of its frame.
+    expected, _ = signals(1)
+    found, deadlines = signals(4, late)
+    assert (found == expected) == in_time
+    for due, missed in deadlines.values():
+        assert missed == (0 if in_time else pytest.approx(due / 4, rel=0.02))
