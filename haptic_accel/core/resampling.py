@@ -52,15 +52,15 @@ def resampled(samples: FloatArray, recording_rate: float, rate: float) -> FloatA
 
     Parameters
     ----------
-    samples : ndarray, shape (n,)
-        Signal to resample.
+    samples : ndarray, shape (n, ...)
+        Signals to resample, by time.
     recording_rate, rate : float
         Samples per second before and after. Their ratio is met within 1e-4, and exactly for a
         ratio of whole numbers up to ten thousand, such as 44100 to 1000.
 
     Returns
     -------
-    ndarray, shape (ceil(n * rate / recording_rate),)
+    ndarray, shape (ceil(n * rate / recording_rate), ...)
         Resampled signal; its first sample has the same time as before.
 
     Raises
@@ -91,8 +91,8 @@ def crossfaded(samples: FloatArray, rate: float, seconds: float = 0.05) -> Float
 
     Parameters
     ----------
-    samples : ndarray, shape (n,)
-        Signal to loop.
+    samples : ndarray, shape (n, ...)
+        Signals to loop, by time.
     rate : float
         Samples per second.
     seconds : float
@@ -100,7 +100,7 @@ def crossfaded(samples: FloatArray, rate: float, seconds: float = 0.05) -> Float
 
     Returns
     -------
-    ndarray, shape (n - fade,)
+    ndarray, shape (n - fade, ...)
         One period of the loop; the fade is `seconds`, rounded to whole samples.
 
     Raises
@@ -115,8 +115,9 @@ def crossfaded(samples: FloatArray, rate: float, seconds: float = 0.05) -> Float
     fade = min(math.floor(seconds * rate + 0.5), most)
     if fade == 0:
         return samples.copy()
-    mean = np.mean(samples)
+    mean = np.mean(samples, axis=0)
     angle = np.arange(1, fade + 1) / fade * (np.pi / 2)
+    angle = angle.reshape(fade, *[1] * (samples.ndim - 1))
     blend = np.cos(angle) * (samples[-fade:] - mean) + np.sin(angle) * (samples[:fade] - mean)
     loop = samples[fade:].copy()
     loop[-fade:] = mean + blend

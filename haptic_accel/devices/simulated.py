@@ -21,9 +21,9 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from haptic_accel.core.axes import Axes
+from haptic_accel.core.axes import ALL_AXES, Axes
 from haptic_accel.core.model import FloatArray, GripParameters, Sample, Vector
-from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema
+from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema, shown
 from haptic_accel.core.resampling import crossfaded
 from haptic_accel.core.rig.guided_hand import WORKSPACE, GuidedHand
 from haptic_accel.core.rig.held_rig import Hand
@@ -36,7 +36,7 @@ from haptic_accel.core.rig.three_axis_rig import ThreeAxisRig
 from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.devices.interface import Device, DeviceDescription
 from haptic_accel.materials.folders import preset_file
-from haptic_accel.materials.recordings import read_recording
+from haptic_accel.materials.recordings import read_vibration
 from haptic_accel.materials.texture_files import read_texture
 
 
@@ -171,7 +171,7 @@ class SimulatedSlave(SimulatedDevice):
         self._grain = rate, seed
         self.axes = Axes.parsed(parameters.tool.axes)
         texture = textured(parameters.surface, rate, seed)
-        recording = played(parameters.recording, rate)
+        recording = played(parameters.recording, rate, self.axes)
         self._rig = SlaveRig(parameters, rate, seed, recording, texture=texture)
 
     @property
@@ -205,15 +205,23 @@ def textured(surface: SurfaceParameters, rate: float, seed: int) -> Vibrating | 
     return Texture(read_texture(preset_file("texture", surface.texture)), rate, seed).synthesize
 
 
-def played(recording: RecordingParameters, rate: float) -> FloatArray | None:
+def played(
+    recording: RecordingParameters, rate: float, axes: Axes = ALL_AXES
+) -> FloatArray | None:
     """Return one pass of a recording at a rate in Hz, m/s^2; None without a file.
 
     Raises
     ------
     ParameterError
-        The file or a parameter is not usable.
+        The file or a parameter is not usable, or the file has three axes for a tool with one.
     """
     if not recording.file:
         return None
-    samples = read_recording(recording.file, recording.rate, rate, recording.column)
+    samples = read_vibration(recording.file, recording.rate, rate, recording.column)
+    if samples.ndim > 1 and len(axes.names) == 1:
+        raise ParameterError(
+            f"{shown(recording.file)}: column = {shown(recording.column)}: must be one column,"
+            f" as the tool measures along {axes.names[0]} only; with a rig of three axes or a"
+            " reduction it measures three"
+        )
     return crossfaded(samples, rate)

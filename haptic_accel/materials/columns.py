@@ -162,6 +162,9 @@ class Wording:
     column: str = "recording_column:=NAME"
 
 
+THREE_NAMES = "NAME,NAME,NAME"
+"""Form, in messages, of a choice of three columns."""
+
 FIXED = Wording(column="")
 """Wording for columns whose names no argument changes."""
 

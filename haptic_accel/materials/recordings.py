@@ -23,6 +23,7 @@ import math
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,7 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.outliers import without_outliers
 from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.core.warning import warn_once
-from haptic_accel.materials.columns import STANDARD_GRAVITY, Column, Wording
+from haptic_accel.materials.columns import STANDARD_GRAVITY, THREE_NAMES, Column, Wording
 from haptic_accel.materials.csv_files import LARGEST_VALUE, read_csv
 from haptic_accel.materials.wav_files import read_wav
 
@@ -48,6 +49,9 @@ UNCALIBRATED = "calibration = nothing: must be the acceleration at full scale, m
 
 SHORTEST = 1.0
 """Minimum duration of a recording, s."""
+
+AXES = 3
+"""Number of columns of a recording in x, y and z."""
 
 MOST_BYTES = 300_000_000
 """Maximum size of a file: half an hour at 10 kHz."""
@@ -95,6 +99,36 @@ def read_recording(
         The message is one line with the file, line, column or parameter, its value, and the
         allowed values. A recording shorter than `SHORTEST` is rejected, as are NaN and infinity,
         more than 1 % of outliers, and a file that contradicts itself or `recording_rate`.
+    """
+    samples = read_vibration(path, recording_rate, rate, column, full_scale)
+    if samples.ndim > 1:
+        raise ParameterError(
+            f"{shown(os.fspath(path))}: column = {shown(column or '')}: must be one column here"
+        )
+    return samples
+
+
+def read_vibration(
+    path: str | os.PathLike[str],
+    recording_rate: float,
+    rate: float,
+    column: str | None = None,
+    full_scale: float | None = None,
+) -> FloatArray:
+    """Read a recorded acceleration along one axis or three, and resample it.
+
+    Parameters as for `read_recording`, but `column` may be three names or numbers, for x, y and z,
+    with commas between.
+
+    Returns
+    -------
+    ndarray, shape (n,) or (n, 3)
+        Acceleration, m/s^2.
+
+    Raises
+    ------
+    ParameterError
+        As for `read_recording`.
     """
     rate = resampling.checked_rate("rate", rate)
     name = shown(os.fspath(path))
@@ -193,6 +227,9 @@ def _read(
 ) -> tuple[FloatArray, float]:
     """Return acceleration and rate of a file, with a full scale to assume if none is stated."""
     recording_rate = _checked(recording_rate, wording)
+    names = _listed(column or "")
+    if wording.column and "," in names[0]:
+        wording = replace(wording, column=f"{wording.column}, or x, y and z with {THREE_NAMES}")
     if full_scale is not None and not 0.0 < full_scale <= LARGEST_VALUE:
         raise ParameterError(
             f"full_scale = {full_scale}: must be above 0 to {LARGEST_VALUE:g} m/s^2"
@@ -202,14 +239,22 @@ def _read(
         if file.peek(4)[:4] == b"RIFF" or Path(path).suffix.lower() == ".wav":
             if full_scale is None and assumed is None:
                 raise ParameterError(f"{name}: {UNCALIBRATED}")
-            own_rate, relative = read_wav(name, file, column or "1", wording)
+            own_rate, channels = read_wav(name, file, [each or "1" for each in names], wording)
             check_rate(name, own_rate, recording_rate, wording)
-            samples = _scaled(name, relative, full_scale, assumed)
+            found = [_scaled(name, each, full_scale, assumed) for each in channels]
         else:
-            names = (column,) if column else COLUMNS
-            (samples,), own_rate = read_csv(name, file, [Column(names)], recording_rate, wording)
-    _check_length(name, len(samples), own_rate, wording)
-    return cleaned(f"{name}: {column}" if column else name, samples), own_rate
+            columns = [Column((each,) if each else COLUMNS) for each in names]
+            found, own_rate = read_csv(name, file, columns, recording_rate, wording)
+    _check_length(name, len(found[0]), own_rate, wording)
+    labels = [f"{name}: {each}" if each else name for each in names]
+    samples = list(map(cleaned, labels, found))
+    return np.column_stack(samples) if len(names) > 1 else samples[0], own_rate
+
+
+def _listed(column: str) -> list[str]:
+    """Return the three names in a text, or the text as the one name: a title may have commas."""
+    names = [each.strip() for each in column.split(",")]
+    return names if len(names) == AXES and all(names) else [column]
 
 
 def check_rate(name: str, own: float, stated: float, wording: Wording) -> None:

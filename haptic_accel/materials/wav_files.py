@@ -20,6 +20,7 @@ from __future__ import annotations
 import io
 import os
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -42,9 +43,9 @@ FORMAT, DATA = b"fmt ", b"data"
 
 
 def read_wav(
-    name: str, file: io.BufferedReader, channel: str, wording: Wording
-) -> tuple[float, FloatArray]:
-    """Return sampling rate and one channel of a WAV file, relative to full scale.
+    name: str, file: io.BufferedReader, requested: Sequence[str], wording: Wording
+) -> tuple[float, list[FloatArray]]:
+    """Return sampling rate and channels of a WAV file, relative to full scale.
 
     All encodings have one scale, from -1 to 1. Floating-point samples may exceed it.
 
@@ -54,20 +55,20 @@ def read_wav(
         Name of the file in messages.
     file : BufferedReader
         The open file, at its start.
-    channel : str
-        Number of the channel, from 1.
+    requested : sequence of str
+        Numbers of the channels, from 1.
     wording : Wording
 
     Returns
     -------
     rate : float
         Samples per second.
-    samples : ndarray, shape (n,)
+    channels : list of ndarray, shape (n,)
 
     Raises
     ------
     ParameterError
-        The file is cut off, has too many chunks or samples, lacks the channel, or is no WAV file
+        The file is cut off, has too many chunks or samples, lacks a channel, or is no WAV file
         of integer or floating-point samples.
     """
     from scipy.io import wavfile
@@ -90,9 +91,10 @@ def read_wav(
         raise too_long(name, len(samples))
     channels = samples if samples.ndim == 2 else samples[:, np.newaxis]
     numbers = [str(number + 1) for number in range(channels.shape[1])]
-    if channel not in numbers:
-        raise missing(name, "channel", (channel,), numbers, wording)
-    return own_rate, _relative(channels[:, numbers.index(channel)])
+    for channel in requested:
+        if channel not in numbers:
+            raise missing(name, "channel", (channel,), numbers, wording)
+    return own_rate, [_relative(channels[:, numbers.index(each)]) for each in requested]
 
 
 def _check_chunks(name: str, file: io.BufferedReader) -> None:

@@ -170,7 +170,8 @@ class ConditionArguments(Checked):
     recording_column: str = sets(
         "slave_device.simulated.recording.column",
         *in_devices("replay.column"),
-        text="column of a CSV recording; empty for acceleration, accel, acc or a",
+        text="column of a CSV recording; empty for acceleration, accel, acc or a; with"
+        " surface:=FILE also three for x, y and z, as ax,ay,az",
         yields=True,
     )
     seed: int = sets(*in_devices("seed"))

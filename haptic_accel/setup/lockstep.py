@@ -23,6 +23,7 @@ from pathlib import Path
 
 from haptic_accel.bags.facts import LOCKSTEP, PREFIX, RUN, custom_data
 from haptic_accel.bags.trial_bag import write_trial
+from haptic_accel.core.axes import Axes
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
@@ -71,7 +72,8 @@ def lockstep_trial(
     if track is None:
         duration = arguments.duration
         if recording is None:
-            recording = played(rig.slave.recording, arguments.rate)  # type: ignore[attr-defined]
+            axes = Axes.parsed(rig.slave.tool.axes)
+            recording = played(rig.slave.recording, arguments.rate, axes)  # type: ignore[attr-defined]
     else:
         duration = track.seconds + (arguments.latency + 1) / arguments.rate
     return run_trial(

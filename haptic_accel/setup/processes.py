@@ -27,6 +27,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
 
 from haptic_accel.bags import NO_ROSBAGS
+from haptic_accel.core.axes import Axes
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.control.compensation import check_axes
 from haptic_accel.core.identification.sweep import repeat_samples
@@ -120,7 +121,8 @@ def graph(arguments: GraphArguments) -> list[Process]:
     options = _checked_options(setup)
     _check_side(arguments)
     if arguments.slave == names.SIMULATED:  # refuses a recording that cannot be played
-        played(options["slave_device"][names.SIMULATED].recording, arguments.rate)
+        slave = options["slave_device"][names.SIMULATED]
+        played(slave.recording, arguments.rate, Axes.parsed(slave.tool.axes))
     _check_replay(arguments)
     _check_devices(arguments, options)
     around, plant = setup.node("compensator")

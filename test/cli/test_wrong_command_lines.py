@@ -32,6 +32,7 @@ SAMPLES = "".join(f"{index},60,1,{index % 7}\n" for index in range(2000))
 
 FILES = {
     "drag.csv": f"index,speed,force,accel\n{SAMPLES}",
+    "xyz.csv": f"ax,ay,az,t_ms\n{''.join(f'1,2,{i % 7},{i}' + chr(10) for i in range(2000))}",
     "junk.mcap": "\0\1\2" * 1000,
     "mass.yaml": "compensator: {ros__parameters: {constant: {mass: .nan}}}",
     "peak.yaml": "compensator: {ros__parameters: {actuator: {peak_force: -6.6}}}",
@@ -173,6 +174,13 @@ REFUSED = {
     "teleop master:=omni": "master = 'omni': must be one of simulated, ...",
     "teleop rig:=LONG.yaml": "rig = 'LONG.yaml': must be one of ideal, ..., or a .yaml file",
     "teleop surface:=jelly": "surface = 'jelly': must be one of plywood, ...",
+    "teleop surface:=xyz.csv recording_column:=ax,ay": "...xyz.csv: column = ax,ay: no such"
+    " column; there are ax, ay, az, t_ms; choose one with recording_column:=NAME, or x, y and z"
+    " with NAME,NAME,NAME",
+    "teleop surface:=xyz.csv recording_column:=ax,ay,az": "...xyz.csv: column = ax,ay,az: must be"
+    " one column, as the tool measures along z only; ...",
+    "design surface:=xyz.csv recording_column:=ax,ay,az": "xyz.csv: column = ax,ay,az: must be one"
+    " column here",
     "teleop surface:=no.csv recording_rate:=1000": "surface = 'no.csv': ... .csv or .wav file",
     "teleop surface:=no.csv slave:=virtual": "surface = 'no.csv': ... come with slave:=simulated",
     "teleop params_file:=LONG": "params_file: ...: must be a readable file: File name too long",

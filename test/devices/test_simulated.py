@@ -33,6 +33,7 @@ from haptic_accel.core.model import FloatArray, GripParameters
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.rig.instruments import ArmParameters
 from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.core.surfaces.texture import TextureModel
 from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
@@ -402,6 +403,25 @@ def test_a_slave_plays_a_recording_resampled(recording: Path) -> None:
     spectrum = np.abs(np.fft.rfft(acceleration))
     assert spectrum.argmax() == pytest.approx(20 * 8, abs=8)
     assert np.abs(np.diff(acceleration)).max() < 1.5 * 3.0 * 2 * math.pi * 20.0 * PERIOD
+
+
+def test_a_slave_plays_a_recording_of_three_axes(tmp_path: Path) -> None:
+    sines = np.sin(2 * np.pi * np.outer(np.arange(1000), (20.0, 30.0, 50.0)) / 500.0)
+    path = tmp_path / "three.csv"
+    np.savetxt(path, sines, delimiter=",", header="ay,ax,az", comments="")
+    found = played(RecordingParameters(str(path), 500.0, "ax, ay,az"), 1000.0)
+    assert found is not None
+    assert found.shape == (1950, 3)
+    expected = np.sin(2 * np.pi * np.outer(np.arange(2000), (30.0, 20.0, 50.0)) / 1000.0)
+    # The begin is faded over the end, and the edges of the resampling ring.
+    assert found[100:-150] == pytest.approx(expected[150:-150], abs=1e-2)
+    recording = RecordingParameters(str(path), 1000.0, "ax,ay,az")
+    slave = opened(SimulatedSlave, recording=recording, tool=ToolParameters(axes="x, y, z"))
+    slave.write(0.0, arm_force=(0.0, 0.0, 0.0))
+    moved = [sample.acceleration for sample in read(slave, 1, 900)]
+    assert np.array_equal(moved, played(recording, 1000.0)[:899])
+    with pytest.raises(ParameterError, match=r"three\.csv: column = .*: must be one column, as"):
+        opened(SimulatedSlave, recording=recording)
 
 
 def test_without_a_file_nothing_is_played() -> None:

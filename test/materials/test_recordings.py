@@ -36,7 +36,12 @@ from fuzzing import ODD_TEXTS, fuzz, mutated
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import crossfaded, resampled
 from haptic_accel.materials import recordings as recording
-from haptic_accel.materials.recordings import FULL_SCALE, FloatArray, read_recording
+from haptic_accel.materials.recordings import (
+    FULL_SCALE,
+    FloatArray,
+    read_recording,
+    read_vibration,
+)
 from recordings import write_recording, write_wav
 
 # One folder serves all examples of a test: each writes its files again.
@@ -180,6 +185,29 @@ def test_missing_column_lists_those_there_are(tmp_path: Path) -> None:
     assert "acceleration or accel or acc or a: no such column" in message
     assert message.endswith("there are speed, force; choose one with recording_column:=NAME")
     assert "column = z: no such column" in refusal(path, 100.0, 100.0, "z")
+
+
+def test_three_columns_are_x_y_and_z(tmp_path: Path) -> None:
+    columns = {"t": np.arange(100) / 100.0, "ax [g]": np.ones(100)}
+    columns |= {"ay": np.full(100, 2.0), "az": np.full(100, 3.0)}
+    path = write_csv(tmp_path / "a.csv", columns)
+    found = read_vibration(path, 0.0, 100.0, "az,ax, ay")
+    assert found == pytest.approx(np.tile((3.0, 9.80665, 2.0), (100, 1)))
+    assert "column = az,ax,ay: must be one column here" in refusal(path, 0.0, 100.0, "az,ax,ay")
+    samples = np.array([[2**14, 0, -(2**14)]] * 100, dtype=np.int16)
+    wavfile.write(tmp_path / "a.wav", 100, samples)
+    found = read_vibration(tmp_path / "a.wav", 0.0, 100.0, "3,2,1", full_scale=2.0)
+    assert found == pytest.approx(np.tile((-1.0, 0.0, 1.0), (100, 1)))
+
+
+@pytest.mark.parametrize("column", ["ax,ay", "ax,,az", "ax,ay,az,ax", "ax,ay,aw", ","])
+def test_another_number_of_columns_is_refused(tmp_path: Path, column: str) -> None:
+    path = write_csv(tmp_path / "a.csv", {name: np.zeros(100) for name in ("ax", "ay", "az")})
+    message = refusal(path, 100.0, 100.0, column)
+    assert (
+        "no such column; there are ax, ay, az; choose one with recording_column:=NAME" in message
+    )
+    assert message.endswith(", or x, y and z with NAME,NAME,NAME") == (column != "ax,ay,aw")
 
 
 def test_column_that_is_there_twice_is_refused(tmp_path: Path) -> None:
