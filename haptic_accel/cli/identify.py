@@ -17,13 +17,14 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias, TypeVar
 
 import click
 
@@ -39,7 +40,7 @@ from haptic_accel.analysis.identification import (
     rig_as_held,
     run_lockstep,
 )
-from haptic_accel.analysis.identification_result import PARAMETER_FILE, parameter_table
+from haptic_accel.analysis.identification_result import PARAMETER_FILE, Result, parameter_table
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import (
@@ -75,6 +76,16 @@ from haptic_accel.setup.files import EVERY_NODE, parameter_text
 from haptic_accel.setup.processes import identification_graph
 from haptic_accel.setup.rig_file import teleoperation_words, update_parameter_file
 from haptic_accel.setup.setup import Setup
+
+LESS = math.sqrt(0.5)
+"""Ratio of the amplitudes of two runs, the first of which was too strong: half the power."""
+
+SMALLEST_SHARE = 0.05
+"""Share of the default amplitudes below which no run is tried."""
+
+_ByGrip: TypeAlias = Mapping[str, IdentifyArguments]
+_Advise: TypeAlias = Callable[[RecordingError], str]
+Measured = TypeVar("Measured")
 
 
 @options.verb(
@@ -133,11 +144,11 @@ def identify(
 ) -> None:
     """Excite the handle with the paper's sweep and fit its model.
 
-    Writes a parameter file for params_file:=FILE, and the paper's figures 4 and 5.
+    Writes a parameter file for params_file:=FILE, and the paper's figures 4 and 5. Where the
+    default amplitudes are too strong for the handle, the run is repeated with smaller ones.
     """
-    by_grip = _by_grip(arguments, grips)
-    setups = {grip: Setup.of(each) for grip, each in by_grip.items()}
-    setup = setups[next(iter(by_grip))]
+    by_grip: _ByGrip = _by_grip(arguments, grips)
+    setup = Setup.of(next(iter(by_grip.values())))
     if identified_axes(setup) == ALL_AXES:
         check_one_grip(by_grip)
     if lockstep and arguments.master != SIMULATED:
@@ -153,20 +164,26 @@ def identify(
         *(["--free", ",".join(free)] if tuple(free) != DEFAULT_FREE else []),
         *(["--update", str(update)] if update else []),
     ]
-    advise = partial(_advised, arguments, kept)
+
+    def measure(by_grip: _ByGrip, run: int, advise: _Advise) -> tuple[Recordings, Result[Any]]:
+        setups = {grip: Setup.of(each) for grip, each in by_grip.items()}
+        if lockstep:
+            recorded = Recordings(_run_lockstep(setups, workers))
+        else:
+            shown = _shown(named(sources, arguments.grip))
+            recordings = shown if sources else _run_live(setups, folder, run)
+            recorded = read_recordings(recordings, arguments, recording_rate)
+        for error in recorded.left_out:
+            print(advise(error), file=sys.stderr)
+        with shown_stages(evaluation_stages(recorded.trials)) as tell:
+            return recorded, evaluate(recorded.trials, next(iter(setups.values())), free, tell)
+
     with nullcontext() if lockstep or sources else sole_graph(arguments.namespace):
         folder = results_folder(out, "identify_")
-        with removed_if_empty(folder), _advising(advise):
-            if lockstep:
-                recorded = Recordings(_run_lockstep(setups, workers))
-            else:
-                shown = _shown(named(sources, arguments.grip))
-                recordings = shown if sources else _run_live(setups, folder)
-                recorded = read_recordings(recordings, arguments, recording_rate)
-            for error in recorded.left_out:
-                print(advise(error), file=sys.stderr)
-            with shown_stages(evaluation_stages(recorded.trials)) as tell:
-                result = evaluate(recorded.trials, setup, free, tell)
+        with removed_if_empty(folder):
+            by_grip, (recorded, result) = _weak_enough(by_grip, measure, kept, fixed=bool(sources))
+    setup = Setup.of(next(iter(by_grip.values())))
+    arguments = replace(arguments, **_amplitudes(setup.arguments))
     if arguments.master == SIMULATED and not sources and len(by_grip) == 1:
         on_arrival = not (lockstep or arguments.latency)
         result = result.beside_truth(rig_as_held(setup), arguments.sweep, on_arrival)
@@ -201,16 +218,58 @@ def identify(
     print(next_command(*_next(arguments, update, parameters)))
 
 
-@contextmanager
-def _advising(advise: Callable[[RecordingError], str]) -> Iterator[None]:
-    """End with the advice of an error of a recording."""
-    try:
-        yield
-    except RecordingError as error:
-        tell_supervisor(UNUSABLE, reason=str(error))
-        if error.factors == SMALLER:
-            tell_supervisor(TOO_STRONG)
-        raise StoppedError(advise(error)) from None
+def _weak_enough(
+    by_grip: _ByGrip,
+    measure: Callable[[_ByGrip, int, _Advise], Measured],
+    kept: Sequence[str],
+    *,
+    fixed: bool,
+) -> tuple[_ByGrip, Measured]:
+    """Measure, with less force as long as the default amplitudes are too strong.
+
+    Parameters
+    ----------
+    by_grip : dict
+        Arguments by grip. Amplitudes other than the default ones are not changed.
+    measure : callable
+        Return a result for arguments by grip, the number of the run and the advice on an error.
+    kept : sequence of str
+        Options of the command that an advice repeats.
+    fixed : bool
+        Whether recordings exist already.
+
+    Returns
+    -------
+    by_grip : dict
+        Arguments of the last run.
+    measured
+        Its result.
+
+    Raises
+    ------
+    StoppedError
+        A recording cannot be used; the message gives the reason and the advice.
+    """
+    first = _amplitudes(next(iter(by_grip.values())))
+    fixed = fixed or first != _amplitudes(IdentifyArguments)
+    run, share = 1, 1.0
+    while True:
+        advise = partial(_advised, next(iter(by_grip.values())), kept)
+        try:
+            return by_grip, measure(by_grip, run, advise)
+        except RecordingError as error:
+            run, share = run + 1, LESS * share
+            if fixed or error.factors != SMALLER or share < SMALLEST_SHARE:
+                tell_supervisor(UNUSABLE, reason=str(error))
+                raise StoppedError(advise(error)) from None
+            print(f"{error}; repeated with {100 * share:.0f} % of the amplitudes")
+        less = {name: share * value for name, value in first.items()}
+        by_grip = {grip: replace(each, **less) for grip, each in by_grip.items()}
+
+
+def _amplitudes(arguments: IdentifyArguments | type[IdentifyArguments]) -> dict[str, Any]:
+    """Return the amplitudes of arguments, or the default ones, N."""
+    return {name: getattr(arguments, name) for name in SMALLER}
 
 
 def _advised(arguments: IdentifyArguments, kept: Sequence[str], error: RecordingError) -> str:
@@ -272,12 +331,13 @@ def _run_lockstep(
 
 
 def _run_live(
-    setups: Mapping[str, Setup[IdentifyArguments]], folder: Path
+    setups: Mapping[str, Setup[IdentifyArguments]], folder: Path, run: int
 ) -> Iterator[tuple[str, Path]]:
-    """Run the graph once for each grip; yield each grip and its bag."""
+    """Run the graph once for each grip; yield each grip and its bag, numbered from run 2 on."""
     for grip, setup in setups.items():
         arguments = setup.arguments
         bag = Path(arguments.bag or folder / "bags" / grip)
+        bag = bag.with_name(f"{bag.name}_{run}") if run > 1 else bag
         if arguments.master != SIMULATED and len(setups) > 1 and sys.stdin.isatty():
             input(f"hold the handle with the {grip} grip, then press Enter")
         _run_graph(replace(arguments, bag=str(bag)), identified_axes(setup))
@@ -293,13 +353,19 @@ def _run_graph(arguments: IdentifyArguments, axes: Axes) -> None:
         for trial in range(1, trials + 1)
         for repeat in range(1, repeats + 1)
     ]
+    too_strong: list[str] = []
     with stop_on_signal() as stop, shown_stages(progress) as begin:
 
         def follow(_: str, event: Mapping[str, Any]) -> None:
             if event["event"] == REPEAT and event["done"] < len(progress):
                 begin(progress[event["done"]])
             elif event["event"] == TOO_STRONG:
-                tell_supervisor(TOO_STRONG)
+                too_strong.append(event["reason"])
 
         supervisor = Supervisor(identification_graph(arguments), on_event=follow)
-        run_to_end(supervisor, stop, f"interrupted; recorded so far: {arguments.bag}")
+        try:
+            run_to_end(supervisor, stop, f"interrupted; recorded so far: {arguments.bag}")
+        except StoppedError:
+            if too_strong:
+                raise RecordingError(too_strong[0], SMALLER) from None
+            raise

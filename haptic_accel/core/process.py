@@ -58,8 +58,8 @@ PROGRESS, FULL_SCALE = "progress", "full_scale"
 N per kg of the handle's mass."""
 
 UNUSABLE, TOO_STRONG = "unusable", "too_strong"
-"""Events of an identification: a recording that cannot be evaluated, with its `reason`; an
-excitation that needs a smaller amplitude."""
+"""Events of an identification: a recording that cannot be evaluated, and an excitation that is too
+strong, each with its `reason`."""
 
 _RECORD = "\x1e"
 """First character of a line with an event: a record of a JSON text sequence (RFC 7464)."""

@@ -128,11 +128,12 @@ class Identifier(GraphNode):
         travel = max([abs(each.observe(*pair)) for each, *pair in parts])
         self._widest = max(self._widest, travel)
         if travel > self._most_travel:
-            tell_supervisor(TOO_STRONG)
-            self._fail(
+            reason = (
                 f"travel: {1e3 * travel:.2f} mm, must be at most"
                 f" {1e3 * self._most_travel:.2f} mm; use a smaller amplitude"
             )
+            tell_supervisor(TOO_STRONG, reason=reason)
+            self._fail(reason)
             return
         force = self._next_force(moment)
         self._pending.append(force)

@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import json
+import math
 import signal
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -34,7 +35,9 @@ from haptic_accel.core.model import POSTURES
 from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.core.topics import ACTUATOR_FORCE, HANDLE_ACCELERATION
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
+from haptic_accel.setup.files import EVERY_NODE
 from haptic_accel.setup.processes import graph
+from haptic_accel.setup.rig_file import update_parameter_file
 from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import parse_words
 from observing import Observer
@@ -194,6 +197,41 @@ def test_an_actuator_near_its_stops_is_left_without_force(
     sent = forces(tmp_path / "found" / "bags" / "average")
     assert sent[-1] == 0.0
     assert not (tmp_path / "found" / "handle.yaml").exists()
+
+
+SHORT_TRAVEL = {EVERY_NODE: {"actuator": {"travel": 0.0012}}}
+
+
+def test_default_amplitudes_that_are_too_strong_are_lowered(here: Path) -> None:
+    update_parameter_file(here / "short.yaml", SHORT_TRAVEL)
+    words = ("--lockstep", "rig:=ideal", "params_file:=short.yaml", *SHORT, *WITHOUT_FRICTION)
+    said = output_of("identify", *words, "--json", "metrics.json", "--out", "found")
+    told = [line for line in said.splitlines() if "repeated with" in line]
+    shares = [int(line.partition("repeated with ")[2].split()[0]) for line in told]
+    assert shares[:3] == [71, 50, 35][: len(shares)]
+    assert all("use a smaller amplitude" in line for line in told)
+    metrics = json.loads((here / "metrics.json").read_text())
+    assert metrics["parameters"]["m_h"]["value"] == pytest.approx(TABLE_I["m_h"], rel=0.02)
+    # Amplitudes that were given are kept.
+    assert status_of("identify", *words, "start_amplitude:=0.25", "--out", "again") == 1
+
+
+@pytest.mark.slow
+def test_live_amplitudes_that_are_too_strong_are_lowered(
+    haptic_accel: Start, tmp_path: Path
+) -> None:
+    update_parameter_file(tmp_path / "short.yaml", SHORT_TRAVEL)
+    command = haptic_accel(
+        *("identify", "rig:=ideal", "params_file:=short.yaml", *SHORT, *WITHOUT_FRICTION),
+        *("--out", "found"),
+    )
+    assert command.end() == 0, command.text
+    assert "use a smaller amplitude; repeated with 71 % of the amplitudes" in command.text
+    bags = sorted(bag.name for bag in tmp_path.glob("found/bags/*"))
+    assert bags == ["average", *(f"average_{run}" for run in range(2, len(bags) + 1))]
+    share = math.sqrt(0.5) ** (len(bags) - 1)
+    assert np.abs(forces(tmp_path / "found" / "bags" / bags[-1])).max() <= 1.68 * share + 1e-9
+    assert (tmp_path / "found" / "handle.yaml").exists()
 
 
 def test_a_stop_takes_the_force_off_and_keeps_the_recording(

@@ -23,15 +23,11 @@ from typing import Any
 
 from haptic_accel.analysis.experiment import LOST_SHARE
 from haptic_accel.core import signal_checks as checks
-from haptic_accel.core.identification.sweep import SweepParameters
-from haptic_accel.core.process import FULL_SCALE, TOO_STRONG, UNUSABLE
+from haptic_accel.core.process import FULL_SCALE, UNUSABLE
 from haptic_accel.core.signal_checks import Check
 from haptic_accel.core.topics import ARMS
 from haptic_accel.kits.bringup.bench import ARMS_ALONE, MASTER, Bench, BringUpError
 from haptic_accel.setup.rig_file import update_parameter_file
-
-SMALLEST_SHARE = 0.05
-"""Share of the sweep's amplitudes below which identification is not tried again."""
 
 TRIAL = 10
 """Duration of a trial with a controller, s, as the paper's."""
@@ -61,24 +57,18 @@ def identify(bench: Bench) -> None:
 
 
 def _identified(bench: Bench) -> Mapping[str, Mapping[str, Any]]:
-    """Identify the handle, with less force where the travel is short; return the events."""
+    """Identify the handle; return the events."""
     bench.goes_on("hold the handle as in use, without moving it, then press Enter")
-    share = 1.0
     words = ["params_file:=" + str(bench.path), "--update", str(bench.path)]
     while True:
         out = bench.report_folder("identify")
-        ran = bench.command("identify", *words, *_amplitudes(share), "--out", str(out))
+        ran = bench.command("identify", *words, "--out", str(out))
         if ran.status == 0:
             bench.keep(out)
             return ran.events
-        share /= 2
-        if TOO_STRONG not in ran.events or share < SMALLEST_SHARE:
-            reason = ran.events.get(UNUSABLE, {}).get("reason", ran.last)
-            if not bench.goes_on(f"{reason}; press Enter to try again", skip="stop"):
-                raise BringUpError(reason)
-            share = 1.0
-        else:
-            bench.person.tell("the actuator came near its stops: repeat with half the force")
+        reason = ran.events.get(UNUSABLE, {}).get("reason", ran.last)
+        if not bench.goes_on(f"{reason}; press Enter to try again", skip="stop"):
+            raise BringUpError(reason)
 
 
 def prove(bench: Bench) -> None:
@@ -129,10 +119,3 @@ def _more_time(bench: Bench) -> str:
         return "close other programs, and run haptic-accel doctor"
     update_parameter_file(bench.path, {node: {"latency": latency} for node in TIMED})
     return f"forces have {latency} samples of time from now on; measure again"
-
-
-def _amplitudes(share: float) -> list[str]:
-    """Return the arguments for a fraction of the sweep's default amplitudes; none for 1."""
-    sweep = SweepParameters()
-    names = ("start_amplitude", "end_amplitude") if share < 1 else ()
-    return [f"{name}:={share * getattr(sweep, name):.3g}" for name in names]

@@ -84,7 +84,7 @@ def test_only_s_skips_the_measurement_of_the_current_and_the_file_says_so(rig: P
 VERB = """
 import json, sys
 from pathlib import Path
-from haptic_accel.core.process import FULL_SCALE, PROGRESS, TOO_STRONG, UNUSABLE, tell_supervisor
+from haptic_accel.core.process import FULL_SCALE, PROGRESS, UNUSABLE, tell_supervisor
 
 verb, *words = sys.argv[1:]
 calls = Path("calls.json")
@@ -98,9 +98,6 @@ if verb == "identify":
         tell_supervisor(UNUSABLE, reason="no coherence")
         sys.exit("no coherence; next: a command")
     if number == 1:
-        tell_supervisor(TOO_STRONG)
-        sys.exit("much too far")
-    if number == 2:
         tell_supervisor(FULL_SCALE, value=2.0)
 else:
     late = 5.0 if number == 0 else 0.0
@@ -111,8 +108,7 @@ else:
     ]
     Path(words[words.index("--json") + 1]).write_text(json.dumps({"conditions": conditions}))
 """
-"""Stand-in for the program: the first recording is unusable, the second excitation too strong, the
-first comparison late."""
+"""Stand-in for the program: the first recording is unusable, the first comparison late."""
 
 
 class Willing(Typist):
@@ -135,12 +131,10 @@ def test_verbs_tell_by_events_what_is_next(
     person = Willing([])
     BringUp(from_flat(BringUpArguments, {"file": str(rig)}), person).run()
     calls = json.loads((tmp_path / "calls.json").read_text())
-    assert [each[0] for each in calls] == ["identify"] * 4 + ["experiment"] * 2
-    weaker = [any(word.startswith("start_amplitude:=") for word in each) for each in calls]
-    assert weaker == [False, False, True, False, False, False]
+    assert [each[0] for each in calls] == ["identify"] * 3 + ["experiment"] * 2
     values = read_parameter_file(rig)
     assert values["master_device"]["audio.full_scale"] == 2.0 * 0.2
     assert values["coupler"]["latency"] == 2  # one sample more than by default
     assert "no coherence; press Enter to try again, or type s to stop" in person.requests
-    assert person.lines.count("trial 1") == 4
+    assert person.lines.count("trial 1") == 3
     assert any("5.0 % of the actuator forces took effect late" in line for line in person.lines)
