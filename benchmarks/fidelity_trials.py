@@ -32,6 +32,7 @@ from input_family import MEMBERS, band_noise, member, ringing
 
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.evaluation.metrics import Band, band_nrmse
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
@@ -66,6 +67,10 @@ the time from one to the next, s."""
 
 ACCEPTED = 2.0
 """Increase of a section's error over that of no control that does not count, points."""
+
+COMPARABLE = Band(0.0, 500.0)
+"""Frequencies whose error compares rates, Hz: half the lowest one. Above, the desired acceleration
+is the noise of the tool's sensor."""
 
 FASTER = (1000.0, 2000.0, 4000.0, 8000.0)
 """Rates, Hz."""
@@ -385,6 +390,7 @@ def run_case(case: Case) -> Row:
         "grip": case.grip,
         "controller": arguments.controller,
         "nrmse_percent": evaluation.nrmse_percent,
+        "nrmse_within_percent": 100.0 * _within(trial, first),
         "slope_desired_on_actual": evaluation.slope_desired_on_actual,
         "r2": evaluation.r2,
         "indistinguishable_percent": 100.0 * trial.indistinguishable(first),
@@ -396,6 +402,12 @@ def run_case(case: Case) -> Row:
         "force_rms_n": float(np.sqrt(np.mean(trial.actuator_force[first:] ** 2))),
         "travel_peak_mm": 1e3 * max([abs(travel.observe(*pair)) for pair in pairs][first:]),
     }
+
+
+def _within(trial: Trial, first: int) -> float:
+    """Return the error within `COMPARABLE`, which does not grow with the rate's noise."""
+    (error,) = band_nrmse(*trial.compared(first), trial.rate, [COMPARABLE]).values()
+    return error
 
 
 def _named(name: str, trial: Trial) -> bool | None:

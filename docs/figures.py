@@ -18,13 +18,15 @@
 ``python docs/figures.py bounds FILE`` draws the trials of a file of ``benchmarks/fidelity.py``
 against their bounds, and ``python docs/figures.py excursion`` one landing and one texture of low
 frequency with and without excursion control. ``python docs/figures.py blackout`` draws two hosts
-while the network between them is gone. All write to docs/figures.
+while the network between them is gone. ``python docs/figures.py rates FILE`` draws the error over
+rate and granted delay, from ``benchmarks/fidelity.py rates``. All write to docs/figures.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -57,6 +59,9 @@ DRAWN = {
     "adaptive": (GREEN, "o"),
 }
 """Controllers of the figure of bounds, as far as they were measured, with colour and marker."""
+
+GRANTED_LOOKS = {0.25: (BLACK, "s"), 0.5: (VERMILION, "^"), 1.0: (GREEN, "o"), 2.0: (BLUE, "x")}
+"""Granted delays of the figure of rates, ms, with colour and marker."""
 
 FIRST: dict[str, Any] = {"color": BLUE, "ls": "-"}
 SECOND: dict[str, Any] = {"color": VERMILION, "ls": "--"}
@@ -113,6 +118,35 @@ def bounds(rows: Sequence[dict[str, Any]]) -> Figure:
     panels[0].set(ylabel="error of the handle (%)")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=6, frameon=False)
+    return figure
+
+
+def rates(rows: Sequence[dict[str, Any]]) -> Figure:
+    """Draw errors of `adaptive` on the rig `paper` over the rate, for each granted delay."""
+    rows = [row for row in rows if row["rig"] == "paper" and row["controller"] == "adaptive"]
+    surfaces = list(dict.fromkeys(row["input"] for row in rows))
+    figure = Figure(figsize=(9, 3.6), layout="constrained")
+    panels = figure.subplots(1, len(surfaces), sharex=True, sharey=True)
+    for axes, surface in zip(panels, surfaces, strict=True):
+        for granted, (color, marker) in GRANTED_LOOKS.items():
+            # Forces are due one sample after their sample.
+            found = sorted(
+                (row["rate_hz"] / 1e3, row["nrmse_within_percent"])
+                for row in rows
+                if row["input"] == surface
+                and math.isclose(row["delay_ms"] - 1e3 / row["rate_hz"], granted)
+            )
+            speed, error = zip(*found, strict=True)
+            look: dict[str, Any] = {"color": color, "marker": marker, "ms": 5}
+            axes.plot(speed, error, **look, label=f"{granted:g} ms granted")
+        axes.set(xscale="log", xlabel="rate of the loop (kHz)", title=surface)
+        axes.set_xticks([1, 2, 4, 8], ["1", "2", "4", "8"])
+        axes.minorticks_off()
+        axes.grid(alpha=0.3)
+    panels[0].set(ylabel="error below 500 Hz (%)")
+    panels[0].set_ylim(bottom=0)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=5, frameon=False)
     return figure
 
 
@@ -241,11 +275,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     figures = parser.add_subparsers(dest="name", required=True)
     figures.add_parser("bounds").add_argument("file", type=Path)
+    figures.add_parser("rates").add_argument("file", type=Path)
     figures.add_parser("excursion")
     figures.add_parser("blackout")
     given = parser.parse_args()
-    if given.name == "bounds":
-        drawn = bounds(json.loads(given.file.read_text(encoding="utf-8"))["rows"])
+    if "file" in given:
+        draw = {"bounds": bounds, "rates": rates}[given.name]
+        drawn = draw(json.loads(given.file.read_text(encoding="utf-8"))["rows"])
     else:
         drawn = {"excursion": excursion, "blackout": blackout}[given.name]()
     drawn.savefig(FOLDER / f"{given.name}.png", dpi=120)

@@ -89,7 +89,7 @@ class LoopRunner:
         """Start at the next tick; earlier ticks are not missed."""
         times = [FORCES_TIME + RECEIVING_TIME * each.received for each in self._devices.values()]
         self._keeper = RateKeeper(self._rate, lead=wake_time() + sum(times), frame=self._frame)
-        self._arrivals = {arm: ArrivalKeeper(self._rate) for arm in self._devices}
+        self._arrivals = {arm: ArrivalKeeper(self._rate / self._frame) for arm in self._devices}
         self._idle = False
         for device in self._devices.values():
             device.rate_keeper = self._keeper

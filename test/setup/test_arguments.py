@@ -154,7 +154,7 @@ def test_a_latency_between_samples_is_refused(text: str, reason: str) -> None:
             "latency:=6 side:=slave peer:=b insecure:=true",
             r"frame = 4: must be 1 with side:=slave",
         ),
-        ("latency:=6 slave:=serial", r"must be 1 with the device serial, .*; simulated, virtual"),
+        ("latency:=6 slave:=can", r"must be 1 with the device can, .*; simulated, virtual"),
         ("latency:=6 actuator:=audio", r"frame = 4: must be 1 with the device audio"),
     ],
 )

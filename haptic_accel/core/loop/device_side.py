@@ -129,8 +129,8 @@ class DeviceSide:
     ahead : collection of str
         Kinds that the device accepts before they are due.
     framed : bool
-        The device accepts all forces before they are due, and has no clock: a force that is
-        overdue takes effect when it is given.
+        The device accepts all forces before they are due. A kind that is not in `ahead` has no
+        clock of the device: a force that is overdue takes effect when it is given.
     servo : PositionServo, optional
         Position control of the arm; replaces commands while it has a set-point.
     receive : callable
@@ -178,7 +178,7 @@ class DeviceSide:
         self._watched = -1
         self._now = self.clock()
         self._allowed = {ARM: safety.arm_force, ACTUATOR: self._allowed_actuator_force}
-        self._framed = framed
+        self._clocked = ahead
         self.commands = {
             kind: Commands(latency, 1 / rate, ahead=framed or kind in ahead) for kind in kinds
         }
@@ -258,7 +258,8 @@ class DeviceSide:
             # A force that is already late acts at once, and the device does not count it.
             commands.forces.past_tick += due <= self.tick
             time = due / self.rate
-            self._write_due(max(time, self.clock()) if self._framed else time, due, [kind])
+            given = time if kind in self._clocked else max(time, self.clock())
+            self._write_due(given, due, [kind])
 
     def free(self) -> None:
         """Apply a zero force of the arm, as if computed from the last sample."""

@@ -162,6 +162,8 @@ class SerialDevice(Device):
     thread reads.
     """
 
+    description = DeviceDescription(framed=True)  # without an arm, there is no other force
+
     def __init__(self, parameters: SerialSlaveParameters, rate: float, seed: int) -> None:
         p = self._parameters = parameters
         if not (p.port or p.usb_serial):
@@ -366,7 +368,7 @@ class SerialMaster(SerialDevice):
     """Handle with an accelerometer and a voice coil, or three."""
 
     Parameters = SerialMasterParameters
-    description = DeviceDescription(ahead=True)
+    description = DeviceDescription(ahead=True, framed=True)
 
     def arm(self) -> bool | None:
         """Request that the board allow forces again; return False without a board."""
