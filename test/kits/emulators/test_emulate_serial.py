@@ -52,8 +52,9 @@ FREQUENCY = 100.0
 """Frequency of a force, Hz."""
 
 
+@pytest.mark.parametrize("frame", [(), ("frame:=2", "latency:=5ms")], ids=["samples", "frames"])
 def test_the_graph_runs_through_serial_ports(
-    haptic_accel: Start, observer: Observer, tmp_path: Path
+    haptic_accel: Start, observer: Observer, tmp_path: Path, frame: tuple[str, ...]
 ) -> None:
     faults = ("faults:=garbage,drop,stall@1", "fault_seconds:=0.05")
     boards = haptic_accel("emulate", "serial", "folder:=my boards", "surface:=text", *faults)
@@ -65,7 +66,7 @@ def test_the_graph_runs_through_serial_ports(
     config.write_text(yaml.safe_dump(values))
     # What a user is told to type, and a little more.
     words = [word for word in shlex.split(line) if ":=" in word]
-    graph = haptic_accel("teleop", *words, "bag:=bag", "controller:=constant")
+    graph = haptic_accel("teleop", *words, *frame, "bag:=bag", "controller:=constant")
     graph.wait_for("board emulated-master")
     boards.wait_for("the hand begins")
     # One frame in ten is damaged in both directions of the first line, and of no other: these
