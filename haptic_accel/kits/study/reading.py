@@ -69,7 +69,7 @@ MEASURES: Mapping[str, tuple[str, ...]] = {
 
 ARGUMENTS = (
     *(*schema(ConditionArguments), *schema(DeviceArguments)),
-    *("coupling", "rate", "latency", "params_file"),
+    *("coupling", "rate", "latency", "frame", "params_file"),
 )
 """Arguments of the graph that a protocol may set; a session sets the others itself."""
 
@@ -79,7 +79,7 @@ GAIN, NETWORK = "gain", "network"
 FACTORS = (*ARGUMENTS, GAIN, NETWORK)
 """Factors that a protocol may vary."""
 
-WHOLE = ("latency", "seed")
+WHOLE = ("latency", "frame", "seed")
 """Factors that are whole numbers."""
 
 MOST_CONDITIONS = 100
