@@ -17,7 +17,7 @@
 
 from __future__ import annotations
 
-import math
+from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -56,19 +56,20 @@ class SimulatedDevice(SampledRig, Device):
 
     description = DeviceDescription(framed=True)
 
-    _read = math.inf  # until then, forces act at once
-    _due: tuple[_Due, ...] = ()
+    _due: deque[_Due] | None = None  # without a sample read, forces act at once
+    _read = 0.0
 
     def open(self) -> None:
         """Continue the rig's time with the first read or write."""
-        self._origin = None
-        self._read, self._due = math.inf, ()
+        self._origin = self._due = None
 
     def read(self, time: float) -> Sample:
         """Simulate until a time, s, with the forces due before, and return the sample then."""
-        while self._due and self._due[0].time < time:
-            due, *later = self._due
-            self._due = tuple(later)
+        waiting = self._due
+        if waiting is None:
+            waiting = self._due = deque()
+        while waiting and waiting[0].time < time:
+            due = waiting.popleft()
             super().write(due.time, arm_force=due.arm_force, actuator_force=due.actuator_force)
         self._read = time
         return super().read(time)
@@ -77,16 +78,17 @@ class SimulatedDevice(SampledRig, Device):
         self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
         """Change the forces, N, from a time on, s; later changes written before are discarded."""
-        kept = tuple([due for due in self._due if due.time <= time])
-        if kept or time > self._read:
-            self._due = *kept, _Due(time, arm_force, actuator_force)
+        waiting = self._due
+        while waiting and waiting[-1].time > time:
+            waiting.pop()
+        if waiting is not None and (waiting or time > self._read):
+            waiting.append(_Due(time, arm_force, actuator_force))
         else:
-            self._due = ()
             super().write(time, arm_force=arm_force, actuator_force=actuator_force)
 
     def close(self) -> None:
         """Remove all forces."""
-        self._due = ()
+        self._due = None
         self._rig.release()
 
     def counters(self) -> dict[str, int]:
