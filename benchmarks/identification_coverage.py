@@ -18,6 +18,10 @@
 Run as ``python benchmarks/identification_coverage.py``. Each rig is identified with the paper's
 sweep in lockstep. A table gives, for each kind of rig and each parameter, how often the 95 %
 interval contains the true value.
+
+``--three-axes`` identifies random handles with three coils instead, around ``three_axis``, as
+``identify rig:=three_axis`` does: with smaller amplitudes where the default ones are too strong. A
+table gives the largest error of the response, and what is doubted.
 """
 
 from __future__ import annotations
@@ -31,17 +35,23 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from input_family import log_uniform
 
+from haptic_accel.analysis.identification_three_axes import plant_error
+from haptic_accel.cli.identify import LESS, SMALLEST_SHARE
 from haptic_accel.cli.tables import print_table
-from haptic_accel.core.identification.estimate import RecordingError
+from haptic_accel.core.axes import NAMES
+from haptic_accel.core.handle.three_axis import CoilMounting, SensorMounts
+from haptic_accel.core.identification.estimate import SMALLER, RecordingError
 from haptic_accel.core.identification.evaluation import identify_handle
 from haptic_accel.core.identification.fit import INTERVAL, HandleFit
 from haptic_accel.core.identification.stops import check_stops
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
-from haptic_accel.core.model import HandleParameters
+from haptic_accel.core.identification.three_axes import COMPARED, identify_three_axes
+from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.simulated_identification import run_identification
+from haptic_accel.core.rig.masters import SimulatedMasterParameters
+from haptic_accel.core.simulated_identification import master_response, run_identification
 from haptic_accel.core.tables import ResultTable
-from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.setup.setup import Setup
 
 KINDS = ("ideal", "paper")
@@ -76,7 +86,12 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="first index of a rig (default: 0)")
     parser.add_argument("--trials", type=int, default=4, help="trials of each rig (default: 4)")
     parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
+    parser.add_argument("--three-axes", action="store_true", help="handles with three coils")
     given = parser.parse_args()
+    if given.three_axes:
+        for index in range(given.first, given.first + given.rigs):
+            print(f"rig {index}: {three_axes_outcome(index)}", flush=True)
+        return
     conditions = [
         (kind, index, given.trials)
         for index in range(given.first, given.first + given.rigs)
@@ -157,6 +172,77 @@ def random_rig(kind: str, index: int) -> MasterRigParameters:
         mount=replace(master.mount, **mount) if master.mount.frequency else master.mount,
         drive=replace(master.drive, delay=round(delay / CLOCK) * CLOCK, coulomb_friction=friction),
         accelerometer=replace(master.accelerometer, noise_density=density),
+    )
+
+
+TILT, OFFSET = math.radians(20.0), 7e-3
+"""Largest tilt of a coil, rad, and largest offset of a coil or of the sensor from its place, m."""
+
+
+def random_three_axis_rig(index: int) -> SimulatedMasterParameters:
+    """Return the master of a random rig with three coils; the same for the same index."""
+    random = np.random.default_rng((78, index))
+    master = Setup.of(GraphArguments(rig="three_axis")).rig().master
+    assert isinstance(master, SimulatedMasterParameters)
+
+    def drawn(most: float) -> float:
+        return float(most * random.uniform(-1.0, 1.0))
+
+    def varied(value: float, factor: float) -> float:
+        return value * math.exp(drawn(math.log(factor)))
+
+    tilts = {f"tilt_{axis}": drawn(TILT) for axis in NAMES}
+    offsets = {f"offset_{axis}": drawn(OFFSET) for axis in NAMES}
+    x, y, z = (drawn(OFFSET) for _ in NAMES)
+    mounts = {
+        axis: MountParameters(varied(each.frequency, 1.4), varied(each.damping, 2.0))
+        for axis, each in vars(master.mounts).items()
+    }
+    handle = replace(
+        master.handle,
+        m_h=master.handle.m_h * random.uniform(0.7, 1.3),
+        k_u=varied(master.handle.k_u, 2.0),
+        b_u=varied(master.handle.b_u, 2.0),
+    )
+    return replace(
+        master,
+        handle=handle,
+        grip=replace(master.grip, variation=0.0),
+        coils=CoilMounting(**tilts, **offsets),
+        body=replace(master.body, sensor_x=x, sensor_y=y, sensor_z=master.body.sensor_z + z),
+        mounts=SensorMounts(**mounts),
+    )
+
+
+def three_axes_outcome(index: int) -> str:
+    """Identify a random rig with three coils; return its error and doubts, or the refusal."""
+    rig, share = random_three_axis_rig(index), 1.0
+    given = IdentifyArguments.from_given(rig="three_axis")
+    known = HandleParameters(m_a=rig.handle.m_a, k_s=rig.handle.k_s, b_s=rig.handle.b_s)
+    sensed = rig.accelerometer.range, rig.accelerometer.bandwidth
+    while True:
+        sweep = replace(
+            given.sweep,
+            start_amplitude=share * given.start_amplitude,
+            end_amplitude=share * given.end_amplitude,
+        )
+        trials = run_identification(rig, sweep, RATE, index, given.trials)
+        try:
+            check_stops({"average": trials})
+            found = identify_three_axes(trials, sweep, *sensed, known=known)
+        except RecordingError as reason:
+            share *= LESS
+            if reason.factors != SMALLER or share < SMALLEST_SHARE:
+                return f"refused: {reason}"
+        else:
+            break
+    low, high = COMPARED
+    lines = found.response.frequency
+    lines = lines[(lines >= low) & (lines <= high)]
+    error = plant_error(found.plant.response(lines, RATE), master_response(rig, lines, RATE))
+    return (
+        f"{100 * share:.0f} % of the amplitudes, {error.magnitude_db:.2f} dB,"
+        f" {error.phase_deg:.1f} degrees; {'; '.join(found.doubts) or 'no doubt'}"
     )
 
 

@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -38,17 +39,11 @@ from haptic_accel.core.axes import ALL_AXES, NAMES
 from haptic_accel.core.handle.matrix_plant import THREE_AXES
 from haptic_accel.core.identification.fit import INTERVAL, HandleFit
 from haptic_accel.core.identification.sweep import OUTLIERS, SweepParameters
-from haptic_accel.core.identification.three_axes import ThreeAxisIdentification
+from haptic_accel.core.identification.three_axes import COMPARED, WEAKEST, ThreeAxisIdentification
 from haptic_accel.core.model import ACTUATOR, ComplexArray, FloatArray
 from haptic_accel.core.simulated_identification import master_response
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.setup.files import EVERY_NODE
-
-COMPARED = (20.0, 400.0)
-"""Band of a comparison with the true response, Hz."""
-
-WEAKEST = 20.0
-"""Level below the coil's own response at which an element is no longer compared, dB."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +91,8 @@ class ThreeAxisResult(Result[ThreeAxisIdentification]):
         for error in self.errors.values():
             yield (
                 f"plant against the true response, {COMPARED[0]:g} to {COMPARED[1]:g} Hz, elements"
-                f" within {WEAKEST:g} dB of the coil's own: at most {error.magnitude_db:.2f}"
-                f" dB and {error.phase_deg:.1f} degrees"
+                f" within {-20 * math.log10(WEAKEST):g} dB of the coil's own: at most"
+                f" {error.magnitude_db:.2f} dB and {error.phase_deg:.1f} degrees"
             )
         means = response.coherence.mean(axis=0)
         yield "multiple coherence: " + ", ".join(
@@ -189,7 +184,7 @@ def plant_error(modelled: ComplexArray, true: ComplexArray) -> ModelError:
         Responses at frequencies of `COMPARED`, m/s^2 per N.
     """
     own = np.abs(np.diagonal(true, axis1=1, axis2=2))[:, np.newaxis, :]
-    ratio = (modelled / true)[np.abs(true) > 10.0 ** (-WEAKEST / 20.0) * own]
+    ratio = (modelled / true)[np.abs(true) > WEAKEST * own]
     return ModelError(
         float(np.max(np.abs(20 * np.log10(np.abs(ratio))))),
         float(np.max(np.abs(np.angle(ratio, deg=True)))),

@@ -48,7 +48,7 @@ the paper's sweep and accelerometer has 0.99)."""
 
 _FEWEST_SEGMENTS = 4  # without overlap; the coherence of a single segment is always 1
 
-_NOISE_LINES = 25
+NOISE_LINES = 25
 """Lines over which the noise is averaged. Two repeats give each line's noise with an uncertainty
 of 100 %; for 25 lines it is 20 %. Noise is smooth in frequency."""
 
@@ -328,11 +328,11 @@ def _ratio(numerator: Values, denominator: FloatArray) -> Values:
     return np.divide(numerator, denominator, out=zeros, where=denominator > 0)
 
 
-def smoothed(values: FloatArray) -> FloatArray:
-    """Return the moving average over `_NOISE_LINES`, or fewer at the ends."""
-    window = np.ones(min(_NOISE_LINES, len(values)))
-    counts = np.convolve(np.ones_like(values), window, "same")
-    return np.asarray(np.convolve(values, window, "same") / counts)
+def smoothed(values: Values) -> Values:
+    """Return the moving average over `NOISE_LINES`, or fewer at the ends."""
+    window = np.ones(min(NOISE_LINES, len(values)))
+    counts = np.convolve(np.ones(len(values)), window, "same")
+    return np.convolve(values, window, "same") / counts
 
 
 def _check_band(rate: float, band: Band) -> None:

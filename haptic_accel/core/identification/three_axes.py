@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -25,11 +25,12 @@ import numpy as np
 from haptic_accel.core.axes import HIGHEST_CONDITION, NAMES
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.identification.coupling import fit_coupling
-from haptic_accel.core.identification.estimate import RecordingError
+from haptic_accel.core.identification.coupling import Coupling, above, fit_coupling
+from haptic_accel.core.identification.estimate import NOISE_LINES, RecordingError, smoothed
 from haptic_accel.core.identification.evaluation import (
     DEFAULT_FREE,
     GRIP_STAGES,
+    LARGEST_MISFIT,
     Tell,
     check_determined,
     choose_fit,
@@ -37,6 +38,7 @@ from haptic_accel.core.identification.evaluation import (
 )
 from haptic_accel.core.identification.fit import HandleFit, fit_handle
 from haptic_accel.core.identification.matrix_response import (
+    COILS,
     MatrixResponse,
     check_matrix_response,
     matrix_response,
@@ -147,12 +149,27 @@ def identify_three_axes(
         _as_recorded(found, force, sweep, response)
         for found, force in zip(fits.values(), multisine(sweep, response.rate).T, strict=True)
     ]
-    coupling = fit_coupling(response, np.stack(own, axis=1))
+    recorded_own = np.stack(own, axis=1)
+    coupling = fit_coupling(response, recorded_own, _passed(fits, response))
     x, y, z = map(_plant, fits.values())
-    plant = MatrixPlant((x, y, z), coupling, response.rate)
+    plant = MatrixPlant((x, y, z), coupling.taps, response.rate)
     _check_condition(plant)
+    undecided += coupling_doubts(response, coupling, recorded_own)
     return ThreeAxisIdentification(trials, response, fits, plant, tuple(undecided))
 
+
+COMPARED = (20.0, 400.0)
+"""Band in which a plant is judged, Hz: that of textures."""
+
+WEAKEST = 0.1
+"""Size relative to the coil's own response below which an element is not judged: -20 dB."""
+
+CERTAIN = 4.0
+"""Standard deviations of the noise beyond which a misfit is no chance."""
+
+LARGEST_UNCERTAINTY = 0.087
+"""Twice the standard deviation of an element, relative to its size, above which it is doubtful:
+5 degrees, or 0.8 dB."""
 
 LAST_STAGE = "coupling of the axes"
 """Stage after the fits of the axes."""
@@ -214,6 +231,63 @@ def _as_recorded(
     (moved,) = simulated([_causal(fit)], np.tile(force, repeats), found.rate)
     settled = moved[DROPPED_REPEATS * len(force) :]
     return np.asarray(np.fft.rfft(settled)[found.lines] / np.fft.rfft(force)[found.lines])
+
+
+def _passed(fits: Mapping[str, HandleFit], found: MatrixResponse) -> ComplexArray:
+    """Return the ratios of each coil's response with the mount of each axis for `fit_coupling`."""
+    frequency = np.append(found.frequency, above(found))
+    ratios = np.zeros((len(frequency), COILS, COILS), dtype=np.complex128)
+    for coil, fit in enumerate(map(_causal, fits.values())):
+        own = fit.response(frequency, found.rate)
+        for axis, other in enumerate(fits.values()):
+            mounted = replace(fit, mount=other.mount)
+            ratios[:, axis, coil] = mounted.response(frequency, found.rate) / own
+    return ratios
+
+
+def coupling_doubts(found: MatrixResponse, coupling: Coupling, own: ComplexArray) -> list[str]:
+    """Return a line for each element that its model does not explain, or that is too uncertain.
+
+    Parameters
+    ----------
+    found : MatrixResponse
+    coupling : Coupling
+        Coupling fitted to it.
+    own : ndarray, shape (n, 3)
+        Response of each coil along its own axis that the coupling is relative to.
+    """
+    low, high = COMPARED
+    inside = (found.frequency >= low) & (found.frequency <= high)
+    turns = np.outer(found.frequency, np.arange(coupling.taps.shape[2])) / found.rate
+    modelled = np.moveaxis(coupling.taps @ np.exp(-2j * np.pi * turns).T, 2, 0)
+    size = np.abs(modelled)
+    unknown = 2.0 * coupling.deviation + np.abs(modelled - coupling.response)
+    counts = inside[:, np.newaxis, np.newaxis] & (size >= WEAKEST)
+    relative = found.response / own[:, np.newaxis, :] / modelled - 1.0
+    scatter = found.deviation / np.abs(own)[:, np.newaxis, :] / size
+    lines = []
+    for axis, coil in np.ndindex(COILS, COILS):
+        used = counts[:, axis, coil]
+        if not used.any():
+            continue
+        name = f"axis {NAMES[axis]}, coil {NAMES[coil]}"
+        frequency = found.frequency[used]
+        unsure = (unknown / size)[used, axis, coil]
+        mean = np.abs(smoothed(relative[used, axis, coil]))
+        surely = mean - CERTAIN * np.sqrt(smoothed(scatter[used, axis, coil] ** 2) / NOISE_LINES)
+        worst, vaguest = int(np.argmax(surely)), int(np.argmax(unsure))
+        if surely[worst] > LARGEST_MISFIT:
+            lines.append(
+                f"{name}: the model differs from the measured response by"
+                f" {100 * mean[worst]:.0f} % near {frequency[worst]:.0f} Hz: must be at most"
+                f" {100 * LARGEST_MISFIT:g} %"
+            )
+        elif unsure[vaguest] > LARGEST_UNCERTAINTY:
+            lines.append(
+                f"{name}: the response is known within {100 * unsure[vaguest]:.0f} % only near"
+                f" {frequency[vaguest]:.0f} Hz: use more trials"
+            )
+    return lines
 
 
 def _causal(fit: HandleFit) -> HandleFit:
