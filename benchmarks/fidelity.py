@@ -104,8 +104,9 @@ def fidelity(
     Conditions are surfaces (both rigs, also at 4 kHz), rates (1 to 8 kHz, each
     with more delay granted), hands, wide
     (unusual hands), grips (that change), textures, taps, modes (of a handle that the controllers
-    do not know), handles (a family of 104 that differ from their description), inputs (a family of
-    200) and recordings (scaled); surfaces, hands and grips by default. Prints errors beside the
+    do not know), handles (a family of 104 that differ from their description), strange (80 handles
+    with several differences at once), inputs (a family of 200), sudden (80 inputs with steps or
+    slams) and recordings (scaled); surfaces, hands and grips by default. Prints errors beside the
     lowest that a causal linear filter could reach, without limits and within them, the share of
     the vibration whose strength a hand could not tell from the desired one, and how much worse
     than without controller any two seconds are.

@@ -28,7 +28,7 @@ from typing import Any
 import handle_family
 import numpy as np
 from handle_family import SPREAD, WIDE, hand
-from input_family import MEMBERS, band_noise, member, ringing
+from input_family import MEMBERS, SUDDEN_MEMBERS, band_noise, member, ringing, sudden
 
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
@@ -287,6 +287,16 @@ def _inputs(wanted: Wanted) -> Iterator[Case]:
         yield Case(condition, made.name, "Table I", around, recording=made.acceleration)
 
 
+def _sudden(wanted: Wanted) -> Iterator[Case]:
+    for around, number in product(
+        dict.fromkeys((wanted.on(), wanted.on("paper"))), range(SUDDEN_MEMBERS)
+    ):
+        made = sudden(number, DURATION, around.rate, wanted.seed)
+        half = "reported" if made.reported else "developed with"
+        condition = f"sudden inputs, {half}, {_rig(around)}"
+        yield Case(condition, made.name, "user 0", around, recording=made.acceleration)
+
+
 def _recordings(wanted: Wanted) -> Iterator[Case]:
     for around in dict.fromkeys((wanted.on(), wanted.on("paper"))):
         for given, rms in product(wanted.inputs, RECORDING_RMS):
@@ -330,10 +340,9 @@ def _handles(wanted: Wanted) -> Iterator[Case]:
         around = wanted.on(handle_family.rig_of(number))
         given = wanted.inputs[number % len(wanted.inputs)]
         arguments = _given(given, around, number)
-        master = Setup.of(arguments).rig().master
-        sensor, delay = master.accelerometer.bandwidth, master.drive.delay
-        described = Plant(master.handle, delay=delay, bandwidth=sensor)
-        kind, played, reported = handle_family.member(number, described, DURATION, wanted.seed)
+        kind, played, reported = handle_family.member(
+            number, _described(arguments), DURATION, wanted.seed
+        )
         half = "reported" if reported else "developed with"
         name = f"{number}: {played.name}, {_rig(around)}"
         condition = f"handles, {half}, {kind}"
@@ -343,6 +352,44 @@ def _handles(wanted: Wanted) -> Iterator[Case]:
             changes=played.changes,
             name=handle_family.NAMES.get(kind, ""),
         )
+
+
+def _strange(wanted: Wanted) -> Iterator[Case]:
+    """Yield the handles with several differences, each fourth one under steady noise."""
+    for number in range(handle_family.STRANGE):
+        around = wanted.on(handle_family.RIGS[number // 2 % 2])
+        given = wanted.inputs[number % len(wanted.inputs)]
+        steady = number // 4 % 4 == 0
+        arguments = _given(GraphArguments() if steady else given, around, number)
+        _, played, reported = handle_family.strange(
+            number, _described(arguments), DURATION, wanted.seed
+        )
+        half = "reported" if reported else "developed with"
+        yield Case(
+            f"strange handles, {half}",
+            "steady noise" if steady else _name(given),
+            f"{number}: {played.name}, {_rig(around)}",
+            arguments,
+            played.grips,
+            start=TOLD,
+            changes=played.changes,
+            recording=_steady_noise(number, around.rate) if steady else None,
+        )
+
+
+def _steady_noise(number: int, rate: float) -> FloatArray:
+    """Return noise from 15 to 400 Hz with 2 m/s^2 RMS."""
+    random = np.random.default_rng(number)
+    found = band_noise(random, round(DURATION * rate), 15.0, 400.0, rate)
+    fading_in = np.minimum(np.arange(len(found)) / (0.2 * rate), 1.0)
+    return np.asarray(fading_in * found * (2.0 / np.std(found)))
+
+
+def _described(arguments: GraphArguments) -> Plant:
+    """Return handle, delay and bandwidth of a rig."""
+    master = Setup.of(arguments).rig().master
+    sensor, delay = master.accelerometer.bandwidth, master.drive.delay
+    return Plant(master.handle, delay=delay, bandwidth=sensor)
 
 
 CONDITIONS: dict[str, Callable[[Wanted], Iterator[Case]]] = {
@@ -355,7 +402,9 @@ CONDITIONS: dict[str, Callable[[Wanted], Iterator[Case]]] = {
     "taps": _taps,
     "modes": _modes,
     "handles": _handles,
+    "strange": _strange,
     "inputs": _inputs,
+    "sudden": _sudden,
     "recordings": _recordings,
 }
 """Trials of each condition, without controllers, by name."""
@@ -396,7 +445,7 @@ def run_case(case: Case) -> Row:
         "indistinguishable_percent": 100.0 * trial.indistinguishable(first),
         "bound_percent": bound.causal,
         "limited_bound_percent": bound.limited,
-        "nrmse_by_2_s_percent": list(_by_window(trial, first)),
+        "nrmse_by_2_s_percent": list(_by_window(trial)),
         "warnings": [list(warned) for warned in trial.warnings],
         "named": _named(case.name, trial),
         "force_rms_n": float(np.sqrt(np.mean(trial.actuator_force[first:] ** 2))),
@@ -417,11 +466,14 @@ def _named(name: str, trial: Trial) -> bool | None:
     return any(name in words for time, words in trial.warnings if time <= NAMED_BY)
 
 
-def _by_window(trial: Trial, first: int) -> Iterator[float | None]:
-    """Yield the error of each `WINDOW` of a trial, %; None for a desired acceleration of zero."""
+def _by_window(trial: Trial) -> Iterator[float | None]:
+    """Yield the error of each `WINDOW` of a trial, %; None for a desired acceleration of zero.
+
+    From the first sample on, whatever part is evaluated: a landing is felt, too.
+    """
     length = round(WINDOW * trial.rate)
     hop = round(WINDOW_HOP * trial.rate)
-    for begin in range(first, len(trial.time) - length + 1, hop):
+    for begin in range(0, len(trial.time) - length + 1, hop):
         try:
             yield trial.evaluate(begin, begin + length).nrmse_percent
         except ValueError:

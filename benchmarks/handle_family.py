@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Family of handles that differ from their description, and random hands.
+"""Families of handles that differ from their description, and random hands.
 
 A member is a rig that plays one kind of difference, while the controllers have the description of
 a shipped rig. The ranges, where no source is given, are assumed:
@@ -32,6 +32,8 @@ a shipped rig. The ranges, where no source is given, are assumed:
   3.8 mm;
 - grips: another hand twice a second;
 - polarity: swapped wires of the coil.
+
+A member of the second family, `strange`, has two to five of these differences at once.
 """
 
 from __future__ import annotations
@@ -51,6 +53,9 @@ from haptic_accel.core.trial import GripChange
 
 PER_KIND = 8
 """Number of members of each kind."""
+
+STRANGE = 80
+"""Number of handles with several differences."""
 
 RIGS = "ideal", "paper"
 """Described rigs from which members differ."""
@@ -160,6 +165,33 @@ def member(number: int, described: Plant, seconds: float, seed: int = 0) -> Hand
     return HandleMember(kind, KINDS[kind](random, described, seconds), bool(number % 2))
 
 
+def strange(number: int, described: Plant, seconds: float, seed: int = 0) -> HandleMember:
+    """Return a handle with several differences at once; parameters as for `member`.
+
+    Four of five have a difference of modes; the others are drawn from `AT_ONCE`.
+
+    Parameters
+    ----------
+    number : int
+        From 0 to `STRANGE` - 1; the described rig is `RIGS[number // 2 % 2]`.
+    """
+    random = np.random.default_rng((seed, number, STRANGE))
+    kinds = [str(random.choice(MODES))] if random.uniform() < 0.8 else []
+    more = random.permutation(list(AT_ONCE))[: int(random.integers(2 - len(kinds), 5))]
+    kinds += [str(kind) for kind in more]
+    names: list[str] = []
+    changes: Values = {}
+    grips: list[GripChange] = []
+    for kind in kinds:
+        played = {**KINDS, **AT_ONCE}[kind](random, described, seconds)
+        names.append(f"{kind} {played.name}")
+        for node, values in played.changes.items():
+            changes.setdefault(node, {}).update(values)
+        grips += played.grips
+    played = Played("; ".join(names), changes, tuple(grips))
+    return HandleMember("several", played, bool(number % 2))
+
+
 def hand(
     seed: int, number: int, spread: Mapping[str, tuple[float, float]] = SPREAD
 ) -> HandleParameters:
@@ -266,6 +298,13 @@ def _noise(random: Random, described: Plant, seconds: float) -> Played:
     return Played(f"{factor:.1f}", _with("accelerometer", noise_density=density))
 
 
+def _another_hand(random: Random, described: Plant, seconds: float) -> Played:
+    grip = _hand(random, described.handle, SPREAD)
+    values = {name: getattr(grip, name) for name in SPREAD}
+    name = ", ".join(f"{name} {value:.3g}" for name, value in values.items())
+    return Played(name, _with("handle", **values))
+
+
 def _travel(random: Random, described: Plant, seconds: float) -> Played:
     travel = log_uniform(random, *TRAVEL)
     told = {node: {"actuator.travel": travel} for node in ("master_device", "compensator")}
@@ -316,3 +355,12 @@ KINDS: dict[str, Callable[[Random, Plant, float], Played]] = {
     "polarity": _polarity,
 }
 """Functions from a described rig and a duration, s, to what is played, by kind of difference."""
+
+MODES = list(KINDS)[:5]
+"""Kinds of which a strange handle has at most one."""
+
+AT_ONCE = {
+    **{kind: KINDS[kind] for kind in ("force constant", "more delay", "friction", "noise")},
+    "another hand": _another_hand,
+}
+"""Differences that occur together, and with modes, by kind."""

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Family of tool accelerations that span the recordings of tools on surfaces.
+"""Families of tool accelerations that span the recordings of tools on surfaces.
 
 A member is a spectrum in an envelope: each of `SPECTRA` occurs with each of `ENVELOPES`. The
 ranges are from published recordings and from machines:
@@ -27,6 +27,10 @@ ranges are from published recordings and from machines:
   Mechatronics 6(3), 2001); isolated ones have crest factors of 16;
 - strokes of the hand last 0.3 to 1.2 s, and pressing four times as hard with twice the speed
   changes the level by about 20 dB.
+
+A second family, `sudden`, begins within a vibration, or has steps or slams: a recording that is
+cut from a longer one, a tool that is turned in gravity, and hard tools that hit hard surfaces with
+up to the 60 m/s^2 of common accelerometers (assumed).
 """
 
 from __future__ import annotations
@@ -45,6 +49,18 @@ MEMBERS = 200
 
 RMS = 0.3, 6.0
 """Range of the root mean square of a member, m/s^2; log-uniform."""
+
+SUDDEN_MEMBERS = 80
+"""Number of sudden members."""
+
+SUDDEN_RMS = 0.3, 4.0
+"""Range of the root mean square below steps and slams, m/s^2; log-uniform."""
+
+STEP = 0.5, 10.0
+"""Range of steps, m/s^2, up to gravity; log-uniform."""
+
+SLAM = 15.0, 60.0
+"""Range of the peaks of slams, m/s^2; log-uniform."""
 
 CREST = 16.0
 """Maximum ratio of peak to root mean square."""
@@ -110,6 +126,24 @@ def member(number: int, seconds: float, rate: float, seed: int = 0) -> Member:
     found *= rms / np.sqrt(np.mean(found**2))
     found = np.clip(found, -CREST * rms, CREST * rms)
     return Member(f"{spectrum}, {envelope}, {number}: {rms:.2g} m/s^2", found, bool(number % 2))
+
+
+def sudden(number: int, seconds: float, rate: float, seed: int = 0) -> Member:
+    """Return a sudden tool acceleration; parameters as for `member`.
+
+    Parameters
+    ----------
+    number : int
+        From 0 to `SUDDEN_MEMBERS` - 1; each of `SUDDEN` in turn.
+    """
+    random = np.random.default_rng((seed, number, SUDDEN_MEMBERS))
+    kind = list(SUDDEN)[number // 2 % len(SUDDEN)]
+    time = np.arange(round(seconds * rate)) / rate
+    spectra = list(SPECTRA.values())
+    found = spectra[int(random.integers(len(spectra)))](random, time, rate)
+    rms = log_uniform(random, *SUDDEN_RMS)
+    found = SUDDEN[kind](random, time, found * (rms / np.std(found)))
+    return Member(f"{kind}, {number}: {rms:.2g} m/s^2", found, bool(number % 2))
 
 
 def log_uniform(random: Random, low: float, high: float) -> float:
@@ -254,3 +288,60 @@ ENVELOPES: dict[str, Callable[[Random, FloatArray, FloatArray], FloatArray]] = {
     "drift": _drift,
 }
 """Functions from time, s, and a signal of unit level to one with an envelope, by name."""
+
+
+def _cut(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
+    """Return a signal that begins within its vibration, at its largest deviation of 0.2 s."""
+    begin = int(np.argmax(np.abs(found[: int(0.2 / (time[1] - time[0]))])))
+    return np.roll(found, -begin)
+
+
+def _begun_by_step(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
+    """Return a signal whose first sample differs from the mean of the others."""
+    found = found + _signed_step(random)
+    found[0] = 0.0
+    return found
+
+
+def _turned(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
+    """Return a signal with steps that take 1 to 50 ms, every half to two seconds."""
+    begin, fading_in = random.uniform(0.1, 1.0), np.minimum(time / FADING_IN, 1.0)
+    found = fading_in * found
+    while begin < time[-1]:
+        rise = log_uniform(random, 1e-3, 50e-3)
+        found = found + _signed_step(random) * np.clip((time - begin) / rise, 0.0, 1.0)
+        begin += random.uniform(0.5, 2.0)
+    return found
+
+
+def _slams(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
+    """Return a signal with hits: half a sine of 2 to 15 ms, and what rings after it."""
+    found = np.minimum(time / FADING_IN, 1.0) * found
+    begin = random.uniform(0.1, 1.0)
+    while begin < time[-1]:
+        peak, width = _sign(random) * log_uniform(random, *SLAM), log_uniform(random, 2e-3, 15e-3)
+        phase = np.clip((time - begin) / width, 0.0, 1.0)
+        ring = ringing(
+            *(time, begin + width, log_uniform(random, 40.0, 400.0)),
+            *(-0.5 * peak, log_uniform(random, 3e-3, 30e-3)),
+        )
+        found = found + peak * np.sin(np.pi * phase) + ring
+        begin += random.uniform(0.3, 1.5)
+    return np.clip(found, -SLAM[1], SLAM[1])
+
+
+def _signed_step(random: Random) -> float:
+    return _sign(random) * log_uniform(random, *STEP)
+
+
+def _sign(random: Random) -> float:
+    return float(random.choice([-1.0, 1.0]))
+
+
+SUDDEN: dict[str, Callable[[Random, FloatArray, FloatArray], FloatArray]] = {
+    "cut": _cut,
+    "begun by a step": _begun_by_step,
+    "turned": _turned,
+    "slams": _slams,
+}
+"""Functions from time, s, and a stationary signal, m/s^2, to a sudden one, by name."""

@@ -62,6 +62,28 @@ a tool that lands excites the handle more, and otherwise, than what the fraction
 LISTENED = 0.2
 """Time of silence after which the noise is known, s: two time constants."""
 
+HUSHED, HUSHED_FOR = 0.1, 0.3
+"""Factor of a reduced force while the handle is listened to, and for how long, s. Of what the
+force causes, 1 % remains by power; a mode at 60 Hz with a damping ratio of 0.02 rings 0.1 s."""
+
+FALLEN = 0.8
+"""Factor of the fraction from one update to the next below which it falls; what the force has
+excited may still ring."""
+
+HEARING = 0.15
+"""Part of that time, its end, in which the noise is measured, s."""
+
+HUSHED_EVERY, HUSHED_RARELY, SETTLED_FOR = 1.5, 12.0, 0.3
+"""Shortest and longest time from one listening to the next, and from a fall of the fraction to the
+first, s of excitation. The time doubles where the noise is `MINOR`."""
+
+MINOR = 0.25
+"""Noise that hardly hides a force, relative to the accepted increase of the error's power."""
+
+IDLE_CORRELATION = 0.1
+"""Square of the correlation of desired and measured acceleration below which a reduced force is of
+no use, so that nobody misses it for a while."""
+
 LOWEST = 1e-3
 """Minimum fraction; even a resonance with a damping ratio of 0.01 is below the noise then."""
 
@@ -87,6 +109,11 @@ class Authority:
     Where y fits d, s is near one or above, and the full force is used, exactly. Where it does not,
     the fraction falls until the error's power is at most `SLIGHT` above that without force. It
     rises again as soon as the response fits, for example because it has been learnt.
+
+    Noise of the sensor, and what else moves the handle, is no harm of the force. It is measured in
+    silence, and while a reduced force is of no use: it is hushed for a moment now and then, and
+    what the handle moves by all the same is the noise. The force that remains is thus as large as
+    is seen above the noise.
 
     `observe` only stores values; `update` does all computations.
 
@@ -136,14 +163,18 @@ class Authority:
         past: Sequence[float] = (0.0,) * self._axes
         self._due = deque([past] * (self._delay + 1), maxlen=self._delay + 1)
         self.fraction = self._caution = 1.0
-        self.reduced = False
+        self.reduced = self._rising = False
         self._rests: FloatArray | None = None
         self._latest = past
         self._desired.clear()
         self._measured.clear()
         self._state = np.zeros_like(self._state)
         # Running means of <d^2>, <d y>, <y^2>, and of the noise in the last one, (m/s^2)^2.
-        self._desired_power = self._common = self._moved = self._noise = 0.0
+        self._desired_power = self._common = self._moved = 0.0
+        self._still = self._heard = 0.0  # noise in silence, and while the force was hushed
+        # Time since the last listening began, and from then to the next, s.
+        self._since = self._next = HUSHED_EVERY
+        self._hearing = 0.0  # energy heard in this one, (m/s^2)^2 s
         self._level = 0.0  # highest <d^2> of late, (m/s^2)^2
         self._silent = 0.0  # time of silence so far, s
         self.noise = math.inf
@@ -199,27 +230,53 @@ class Authority:
         pace = length / self._rate / POWER_MEMORY
         share = -math.expm1(-pace)
         self._desired_power += share * (desired_power - self._desired_power)
-        self._common += share * (common - self._common)
-        self._moved += share * (moved - self._moved)
         self._level = max(
             self._level * math.exp(-length / self._rate / LOUDEST), self._desired_power
         )
         loud = desired_power >= max(SILENT**2, QUIET * self._level)
+        if loud and self._is_hushed(moved, length / self._rate):
+            return
+        self._common += share * (common - self._common)
+        self._moved += share * (moved - self._moved)
         moving = moved >= max(LARGEST_NOISE**2, RINGING * self._level) and not described
         if loud or moving:
             rising = RECOVERING if described else RISING
             # `_change` is relative to what is used.
             change = min(max(self._caution * self._change(), FALLING), rising)
+            self._rising = change > 1.0
             self._scale(change**pace, RISING**pace)
         elif self._desired_power < SILENT**2:
             if self.fraction < RESTORED and not described:
                 self._scale(1.0, math.exp(-length / self._rate / CAUTIOUS))
-            self._noise += share * (moved - self._noise)
+            self._still += share * (moved - self._still)
             self._silent += length / self._rate
             if self._silent >= LISTENED:
-                self.noise = min(self.noise, math.sqrt(self._noise))
+                self.noise = min(self.noise, math.sqrt(self._still))
         limit = RESTORED if self.reduced else REDUCED
         self.reduced = self.fraction < limit
+
+    @property
+    def _noise(self) -> float:
+        """Power of what the force does not cause, (m/s^2)^2; 0 while unknown."""
+        return max(self._still, self._heard)
+
+    def _is_hushed(self, moved: float, time: float) -> bool:
+        """Listen to the handle, if it is due; return whether the force is hushed."""
+        before, self._since = self._since, self._since + time
+        if before >= HUSHED_FOR:
+            idle = self._common**2 < IDLE_CORRELATION * self._moved * self._desired_power
+            if self.fraction > REDUCED or self._since < self._next or not idle or self._rising:
+                return False
+            before = self._since = self._hearing = 0.0
+            self._scale(1.0, HUSHED / self._caution)
+        if before >= HUSHED_FOR - HEARING:
+            self._hearing += moved * time
+        if self._since >= HUSHED_FOR:
+            self._heard = self._hearing / HEARING
+            minor = self._heard < MINOR * SLIGHT * self._desired_power
+            self._next = min(2.0 * self._next, HUSHED_RARELY) if minor else HUSHED_EVERY
+            self._scale(1.0, 1.0 / self._caution)
+        return True
 
     def _change(self) -> float:
         """Return the factor to the best fraction, or to the one that is accepted."""
@@ -233,9 +290,12 @@ class Authority:
 
     def _scale(self, change: float, caution: float) -> None:
         """Multiply fraction and caution, and adapt the means to the new force."""
-        before = self.used
+        before, full = self.used, self.fraction
         self.fraction = min(max(LOWEST, self.fraction * change), 1.0)
-        self._caution = min(max(WARIEST, self._caution * caution), 1.0)
+        if self.fraction < FALLEN * full:
+            self._since = min(self._since, self._next - SETTLED_FOR)
+        lowest = HUSHED if self._since < HUSHED_FOR else WARIEST
+        self._caution = min(max(lowest, self._caution * caution), 1.0)
         change = self.used / before
         self._common *= change
         self._moved += (change**2 - 1.0) * max(0.0, self._moved - self._noise)

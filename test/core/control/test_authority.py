@@ -201,3 +201,15 @@ def test_any_rate_will_do(rate: float) -> None:
     assert authority.fraction == 1.0
     fractions, _ = run(authority, noise, noise)
     assert np.array_equal(fractions, np.ones_like(fractions))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3, 0.5])
+def test_a_useless_force_remains_as_large_as_can_be_told_from_noise(noise: float) -> None:
+    # From the first sample on there is a texture, so the noise was never heard in silence.
+    desired, unrelated = texture(12.0), texture(12.0, seed=1)
+    disturbed = texture(12.0, noise, seed=2) if noise else 0.0
+    authority = Authority(RATE)
+    run(authority, desired, 4.0 * unrelated, disturbed)
+    fractions, _ = run(authority, desired, 4.0 * unrelated, disturbed)
+    # (4 f)^2 = SLIGHT with the fraction f: what it causes is a small part of the noise.
+    assert np.median(fractions) * 4.0 == pytest.approx(math.sqrt(SLIGHT), rel=0.6)

@@ -18,11 +18,13 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from haptic_accel.core.control.authority import REDUCED
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.grip_estimation import (
@@ -46,8 +48,11 @@ from haptic_accel.core.control.inversion.design import (
 )
 from haptic_accel.core.control.inversion.toeplitz import improved
 from haptic_accel.core.control.response_estimation import (
+    FEW,
+    INDEPENDENCE,
     AutocorrelationEstimator,
     ResponseEstimator,
+    fitted,
 )
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
@@ -124,7 +129,12 @@ class AdaptiveController(InverseController):
 
     @property
     def warning(self) -> str:
-        """Grip parameters at a bound of their range; empty if there are none."""
+        """Response that is not learnt, or grip parameters at a bound; empty if there are none."""
+        if self._learner.is_hidden:
+            return (
+                f"the handle's response is not learnt in {NOT_LEARNT:g} s of contact, as the force"
+                f" explains {100 * self._learner.explained:.0f} % of its motion"
+            )
         ends = self._estimator.at_end
         # Report no grip if none fits.
         if not ends or self._learner.deviation >= UNDESCRIBED:
@@ -166,9 +176,21 @@ LEAST_ACCELERATION = 0.05
 """Minimum root mean square of the desired acceleration for learning, m/s^2: twice the arm's own
 motion in the handle's acceleration."""
 
-LEAST_FORCE = 1e-3
-"""Minimum root mean square of the actuator's force for learning, N: a force that is reduced as the
-handle resonates is this small."""
+LEAST_FORCE = 1e-6
+"""Root mean square of the actuator's force that counts as none, N. The coherence shows whether a
+force is seen above the noise."""
+
+EXPECTED_SURPRISE = 1.1
+"""Surprise up to which the handle counts as unchanged; its memory falls with the third power of
+what exceeds it."""
+
+NEIGHBOURS = 17
+"""Number of lines whose median of incoherent power is the least noise of a line: few evaluations
+explain some lines by chance."""
+
+NOT_LEARNT = 4.0
+"""Time for which a force is reduced after which the handle counts as not learnt, s of
+excitation."""
 
 LEARNT = 6.0, 12.0
 """Frequencies below which the plant is not learnt, and above which it is learnt fully, Hz: the
@@ -197,9 +219,6 @@ UNRESOLVED = 0.1
 
 NEGLIGIBLE = 1e-2
 """Relative deviation of the plant that is half accepted even if it is certain."""
-
-INDEPENDENCE = 0.5
-"""Independent evaluations per evaluation: windows overlap by three quarters (Welch 1967)."""
 
 STEPS = 6
 """Improvement steps per design; the next design continues from the result."""
@@ -310,12 +329,35 @@ class Learner:
         return False
 
     def hasten(self, fraction: float) -> None:
-        """Shorten the memory of the plant, down to `HASTY`, for the used fraction of the force."""
-        self._ratio.memory = FORGETTING_TIME * (HASTY + (1.0 - HASTY) * fraction)
+        """Shorten the memory of the plant, down to `HASTY`, for the used fraction of the force.
+
+        Not while the handle moves as learnt: a small force takes long to be seen above the noise.
+        """
+        ratio = self._ratio
+        unchanged = 0.0
+        if ratio.weight > FEW:
+            unchanged = min(1.0, (EXPECTED_SURPRISE / ratio.surprise) ** 3)
+        ratio.memory = FORGETTING_TIME * max(HASTY + (1.0 - HASTY) * fraction, unchanged)
+        if fraction >= REDUCED:
+            self._used_at = ratio.estimates
+
+    @property
+    def is_hidden(self) -> bool:
+        """True if the force has been reduced for long, as the plant is not learnt."""
+        return (self._ratio.estimates - self._used_at) * self._ratio.interval > NOT_LEARNT
+
+    @property
+    def explained(self) -> float:
+        """Fraction of the handle's power that the force explains."""
+        ratio = self._ratio
+        return float(
+            ratio.coherence @ ratio.output / max(float(ratio.output.sum()), sys.float_info.min)
+        )
 
     def reset(self) -> None:
         """Discard everything learnt."""
         self._ratio.memory = FORGETTING_TIME
+        self._used_at = 0  # number of the ratio's estimates
         self._tool.reset()
         self._ratio.reset()
         handle = self._handle
@@ -333,10 +375,18 @@ class Learner:
         self._ratio.model[1:] = model[self._every]
         yield False
         if self._ratio.weight:
-            ratio = self._certain_ratio()
+            ratio = self._certain_ratio(self._variance())
             excitation = self._ratio.excitation[1:]
             deviation = excitation @ np.abs(ratio - 1.0) ** 2 / excitation.sum()
             self.deviation = math.sqrt(deviation)
+            if self.deviation >= UNDESCRIBED:
+                variance = self._noisy_variance()
+                lines, response = self._ratio.frequency[1:], self._ratio.response[1:]
+                for fit in fitted(lines, response.copy(), variance):
+                    yield False
+                    if fit is not None:
+                        expected = 1.0 + self._above[self._every] * (fit - 1.0)
+                        ratio = self._certain_ratio(variance, expected)
             model = model * np.interp(self._lines, self._ratio.frequency[1:], ratio)
         yield False
         spectra = self._equations.spectra(self._driven(), self._unexpected, model)
@@ -375,18 +425,39 @@ class Learner:
         # The rest of a pause leaves small negative densities.
         return np.maximum(driven, EVER_EXPECTED * self._expected)
 
-    def _certain_ratio(self) -> ComplexArray:
-        """Return the ratio of plant to model on the lines, weighted by its certainty."""
+    def _variance(self) -> FloatArray:
+        """Return the variance of the ratio on the lines, from its coherence."""
         response, coherence = self._ratio.response[1:], self._ratio.coherence[1:]
-        independent = max(1.0, INDEPENDENCE * self._ratio.weight)
+        independent = self._independent
         unexplained = (1.0 - coherence + UNRESOLVED / independent) / independent
-        variance = np.abs(response) ** 2 * unexplained / np.maximum(coherence, 1e-6)
-        squared = np.abs(response - 1.0) ** 2
+        return np.asarray(np.abs(response) ** 2 * unexplained / np.maximum(coherence, 1e-6))
+
+    def _noisy_variance(self) -> FloatArray:
+        """Return the variance with at least the noise of the neighbouring lines."""
+        from scipy.ndimage import median_filter
+
+        per_line = np.maximum(self._ratio.excitation[1:], np.finfo(float).tiny) * self._independent
+        noise = self._variance() * per_line
+        noise = np.maximum(noise, median_filter(noise, NEIGHBOURS, mode="nearest"))
+        return np.asarray((noise + MOTION) / per_line)
+
+    def _certain_ratio(
+        self, variance: FloatArray, expected: ComplexArray | float = 1.0
+    ) -> ComplexArray:
+        """Return the ratio of plant to model, line by line; the expected one if uncertain."""
+        response = self._ratio.response[1:]
+        squared = np.abs(response - expected) ** 2
         doubt = CAUTION * variance + NEGLIGIBLE**2
-        moved = MOTION / np.maximum(self._ratio.excitation[1:], np.finfo(float).tiny) / independent
+        excitation = np.maximum(self._ratio.excitation[1:], np.finfo(float).tiny)
+        moved = MOTION / excitation / self._independent
         shown = np.maximum(0.0, 1.0 - CAUTION * moved / np.maximum(squared, NEGLIGIBLE**2))
         accepted = self._above[self._every] * shown * squared / (squared + doubt)
-        return np.asarray(1.0 + accepted * (response - 1.0))
+        return np.asarray(expected + accepted * (response - expected))
+
+    @property
+    def _independent(self) -> float:
+        """Number of independent evaluations of the ratio."""
+        return max(1.0, INDEPENDENCE * self._ratio.weight)
 
 
 def _spectrum(sequence: FloatArray) -> FloatArray:

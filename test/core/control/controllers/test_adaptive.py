@@ -20,6 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control.controllers.adaptive import (
@@ -34,12 +35,15 @@ from haptic_accel.core.control.grip_estimation import LARGEST_FACTORS
 from haptic_accel.core.control.inversion.design import Goal, design_bank, design_inverse
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.model import FloatArray, HandleParameters
+from haptic_accel.core.model import AccelerometerParameters, FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.trial import Trial, run_trial
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial
+from haptic_accel.setup.setup import Setup
 
 RATE = 1000.0
 LOOP = Loop(RATE)
@@ -228,3 +232,37 @@ def test_without_a_trusted_handle_grip_and_plant_stay_as_assumed(measured: float
     # Only the surface is learnt.
     own, given = np.array(forces).T
     assert 0.5 * np.std(given) < np.std(own) < 1.1 * np.std(given)
+
+
+def test_a_resonance_is_learnt_from_a_force_that_hardly_shows_in_the_noise() -> None:
+    # The accelerometer has ten times the described noise, and there is no silence to hear it.
+    master = {
+        "simulated.mount.frequency": 133.0,
+        "simulated.mount.damping": 0.02,
+        "simulated.accelerometer.noise_density": 10.0 * AccelerometerParameters().noise_density,
+    }
+    given = GraphArguments(rig="paper", controller="adaptive", duration=9.0)
+    band = signal.butter(2, [15.0, 400.0], "band", fs=RATE, output="sos")
+    tool = signal.sosfilt(band, np.random.default_rng(5).standard_normal(9000))
+    tool *= np.minimum(np.arange(9000) / 200.0, 1.0) * 2.0 / np.std(tool)
+    trial = lockstep_trial(Setup.of(given).changed({"master_device": master}), recording=tool)
+    errors = [trial.evaluate(1000 * second, 1000 * second + 1000) for second in range(9)]
+    # A reduced force that is seen, but not above what is accepted, comes first.
+    assert max(each.nrmse_percent for each in errors[:6]) < 112.0
+    assert errors[8].nrmse_percent < 75.0
+
+
+def test_a_handle_that_is_not_learnt_is_named() -> None:
+    controller = AdaptiveController(AdaptiveParameters(), LOOP)
+    random = np.random.default_rng(3)
+    for number in range(10_000):
+        # A handle that does not move by the force.
+        controller.force(float(random.standard_normal()), float(random.standard_normal()))
+        controller.applied(1e-4 * float(random.standard_normal()))
+        controller.adapt()
+        controller.judged(0.0, 1.0 if number < 1000 else 1e-3)
+        if number == 4000:
+            assert "not learnt" not in controller.warning
+    assert controller.warning.startswith("the handle's response is not learnt in 4 s of contact")
+    controller.judged(0.0, 1.0)
+    assert "not learnt" not in controller.warning
