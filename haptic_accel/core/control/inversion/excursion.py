@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 
@@ -34,6 +35,11 @@ REVERSION = 0.03
 surface, for example, bounces and is held by the coupling. (Without this, the predicted travel at
 contact in the virtual rig is twice the real one.)
 """
+
+PERSISTING, LASTING = 8e-3, 16e-3
+"""Time for which an input must have had one sign to be expected to last, and for how long it then
+is, s. A tool that is turned in gravity, or is hit by something soft, needs more travel than its
+past shows, and letting go late does harm; a tool that lands bounces within 8 ms."""
 
 TRAVEL_SETTLING = 0.1
 """Time for which travel persists after its force, s: five times 2 m_a / b_s (Table I)."""
@@ -61,7 +67,8 @@ class TravelPredictor:
     """Maximum travel of each member of a bank in the next `HORIZON`.
 
     The prediction assumes that each member has always been in use, and that the input is zero from
-    now on. Later travel has a smaller weight (`REVERSION`).
+    now on, unless it has had one sign for `PERSISTING`: then the least of that time lasts for
+    `LASTING`. Later travel has a smaller weight (`REVERSION`).
 
     Parameters
     ----------
@@ -78,6 +85,8 @@ class TravelPredictor:
         pulse = [1.0] + [0.0] * (max(2, round(TRAVEL_SETTLING / step)) - 1)
         self._per_force = np.array([estimator.observe(force, 0.0) for force in pulse])
         self._horizon = max(1, round(HORIZON / step))
+        self._lasting = max(1, round(LASTING / step))
+        self._latest: deque[float] = deque(maxlen=max(1, round(PERSISTING / step)))
         self._kept = 1.0 / (1.0 + np.arange(self._horizon) * (step / REVERSION))
         self._start = self._count = 0
         self._sum = 0.0
@@ -102,6 +111,10 @@ class TravelPredictor:
         # Time first, then member: data that move together in time are contiguous.
         self._travels = np.ascontiguousarray(np.fft.irfft(spectrum, size)[:, :total].T)
         self._caused = np.empty_like(self._travels)
+        held = np.cumsum(self._travels[: self._horizon - 1], axis=0)
+        held[self._lasting :] -= held[: -self._lasting].copy()
+        self._held = np.zeros((self._horizon, count))
+        self._held[1 : 1 + len(held)] = held
 
     def observe(self, value: float) -> bool:
         """Add a sample of the members' input; return whether the prediction has advanced."""
@@ -115,11 +128,17 @@ class TravelPredictor:
 
     def peaks(self) -> FloatArray:
         """Return the maximum travel of each member, m, shape (k,)."""
-        return np.asarray(np.abs(self._ahead[self._seen] * self._kept[:, None]).max(axis=0))
+        ahead = self._ahead[self._seen]
+        if self._persisting:
+            ahead = ahead + self._persisting * self._held
+        return np.asarray(np.abs(ahead * self._kept[:, None]).max(axis=0))
 
     def exceeds(self, limit: float) -> bool:
         """Return whether the first member would exceed a travel limit in m."""
-        ahead = self._ahead[self._seen, 0] * self._kept
+        ahead = self._ahead[self._seen, 0]
+        if self._persisting:
+            ahead = ahead + self._persisting * self._held[:, 0]
+        ahead = ahead * self._kept
         # Mostly all travels together are below the limit, which takes a third of the time to see.
         if ahead.dot(ahead) <= _SURELY * limit * limit:
             return False
@@ -130,7 +149,9 @@ class TravelPredictor:
         length, count = self._travels.shape
         self._ahead = np.zeros((_BLOCKS * length + self._horizon, count))
         self._start = self._count = 0
-        self._sum = 0.0
+        self._sum = self._persisting = 0.0
+        self._latest.clear()
+        self._latest.extend([0.0] * (self._latest.maxlen or 0))
 
     @property
     def _seen(self) -> slice:
@@ -146,6 +167,9 @@ class TravelPredictor:
             self._start = 0
         np.multiply(self._travels, value, out=self._caused)
         self._ahead[self._start : self._start + length] += self._caused
+        self._latest.append(value)
+        least, most = min(self._latest), max(self._latest)
+        self._persisting = least if least > 0.0 else min(0.0, most)
 
 
 class ExcursionControl:

@@ -38,7 +38,10 @@ from haptic_accel.core.control.inversion.design import TRAVEL_CORNERS, InverseBa
 from haptic_accel.core.control.inversion.excursion import (
     FADING,
     HORIZON,
+    LASTING,
+    PERSISTING,
     PREDICTION_RATE,
+    REVERSION,
     ExcursionControl,
     TravelPredictor,
 )
@@ -145,6 +148,25 @@ def test_a_pulse_of_force_is_predicted_to_swing_as_eq_1_says(rate: float) -> Non
     assert 0.7 * peak < found < peak
     assert predictor.exceeds(0.99 * found)
     assert not predictor.exceeds(1.01 * found)
+
+
+def test_an_input_that_persists_is_expected_to_last() -> None:
+    rate, step = PREDICTION_RATE, 1.0 / PREDICTION_RATE
+    predictor, estimator = TravelPredictor(SUSPENSION, rate), TravelEstimator(SUSPENSION, rate)
+    predictor.expect(np.eye(1, 20))
+    predictor.reset()
+    for _ in range(round(PERSISTING / step)):
+        predictor.observe(1.0)
+        now = estimator.observe(1.0, 0.0)
+    lead = np.arange(round(HORIZON / step))
+    forces = np.where(lead < round(LASTING / step), 1.0, 0.0)
+    ahead = [now, *(estimator.observe(force, 0.0) for force in forces[:-1].tolist())]
+    believed = np.abs(ahead) / (1.0 + lead * step / REVERSION)
+    assert float(predictor.peaks()[0]) == pytest.approx(believed.max(), rel=1e-6)
+    # One sample of the other sign, and nothing is expected but the past.
+    before = float(predictor.peaks()[0])
+    predictor.observe(-1e-9)
+    assert float(predictor.peaks()[0]) < 0.7 * before
 
 
 inputs = st.lists(st.floats(-100.0, 100.0), min_size=1, max_size=200)
