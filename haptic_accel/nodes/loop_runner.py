@@ -177,6 +177,6 @@ class LoopRunner:
 
     def _decide(self, now: float) -> None:
         assert self._coupler
-        if self._compensator and self._loop.results.compensated:
+        if self._compensator and self._compensator.part.samples:
             self._coupler.engagement.force_received()
         self._coupler.step()

@@ -22,10 +22,11 @@ from collections.abc import Mapping, Sequence
 
 from haptic_accel.core.actuator.guard import ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.control.arm_cancellation import ArmCancellation
 from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop, granted_delay
 from haptic_accel.core.control.fallback import DYNAMIC, Fallback
-from haptic_accel.core.control.filters import SampleFilter, high_pass
+from haptic_accel.core.control.filters import MOTION_SHARE, SampleFilter, high_pass
 from haptic_accel.core.control.gain import Gain
 from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.model import ACTUATOR, ApproximateModel
@@ -194,7 +195,7 @@ class Channel:
         self._rest = tool_acceleration
         self._active.begin(tool_acceleration)
 
-    def requested(self, tool: float, measured: float) -> tuple[float, float]:
+    def requested(self, tool: float, measured: float, pushed: float) -> tuple[float, float]:
         """Return desired acceleration and force before the actuator's limits; then `settle`.
 
         Parameters
@@ -204,8 +205,10 @@ class Channel:
         measured : float
             Handle acceleration of the previous sample, m/s^2; NaN if missing, infinite if
             saturated.
+        pushed : float
+            Part of the arm's force on the handle that is to be cancelled, N.
         """
-        desired, force = self._mixed(tool, measured)
+        desired, force = self._mixed(tool, measured, pushed)
         if not (math.isfinite(desired) and math.isfinite(force)):
             # An unstable controller: filters with an infinite state never recover.
             self.reset()
@@ -222,6 +225,8 @@ class Channel:
         force : float
             Force within the actuator's limits, N.
         """
+        # The handle answers neither to that part of the arm's force nor to what cancels it.
+        force -= self._share * self._fallback.used * self._active.cancelling
         self._active.applied(force, self._gain.value)
         if self._follower:
             self._follower.applied(force, self._gain.value)
@@ -283,24 +288,31 @@ class Channel:
 
     def _build(self, name: str) -> None:
         if name not in self._built:
-            controller = build_controller(name, self._loop, self._options.get(name))
-            self._built[name] = _Stage(name, SampleFilter(self._sections), controller)
+            loop = self._loop
+            controller = build_controller(name, loop, self._options.get(name))
+            cancellation = None
+            if controller.reducible:
+                corner = MOTION_SHARE * loop.high_pass_frequency
+                cancellation = ArmCancellation(loop.plant.handle, corner, loop.rate)
+            self._built[name] = _Stage(
+                name, SampleFilter(self._sections), controller, cancellation
+            )
 
     def _fall_asleep(self) -> None:
         self.asleep = True
         self._upright = math.nan  # mean handle acceleration, mostly gravity, m/s^2
 
-    def _mixed(self, tool: float, measured: float) -> tuple[float, float]:
+    def _mixed(self, tool: float, measured: float, pushed: float) -> tuple[float, float]:
         """Return desired acceleration and force, crossfaded during a change of controller."""
         gain = self._gain.advance()
         measured = self._unscaled(measured)
-        desired, force = self._active.process(tool, measured, gain)
+        desired, force = self._active.process(tool, measured, gain, pushed)
         self._rest += self._resting * (tool - self._rest)
         if self._follower is None:
             return desired, force
         if not self._listened:
             self._follower.begin(self._rest)
-        following = self._follower.process(tool, measured, gain)
+        following = self._follower.process(tool, measured, gain, pushed)
         self._listened += 1
         share = (self._listened - self._listening) / self._fading
         if share >= 1.0:
@@ -365,22 +377,36 @@ class _Stage:
 
     To a filter with zero state, an earlier constant acceleration is a step. An inverse, which
     extends the high-pass to far lower frequencies, responds to a step with newtons for seconds.
+
+    Attributes
+    ----------
+    cancelling : float
+        Part of the last force that cancels a part of the arm's, N.
     """
 
-    def __init__(self, name: str, high_pass: SampleFilter, controller: Controller) -> None:
+    def __init__(
+        self,
+        name: str,
+        high_pass: SampleFilter,
+        controller: Controller,
+        cancellation: ArmCancellation | None,
+    ) -> None:
         self.name = name
         self.controller = controller
-        self._high_pass = high_pass
-        self._rest = self._force = 0.0
+        self._high_pass, self._cancellation = high_pass, cancellation
+        self._rest = self._force = self.cancelling = 0.0
 
     def begin(self, tool_acceleration: float) -> None:
         """Initialize with the tool's acceleration at rest, mostly gravity."""
         self._rest = tool_acceleration
 
     def process(
-        self, tool_acceleration: float, measured: float, gain: float
+        self, tool_acceleration: float, measured: float, gain: float, pushed: float
     ) -> tuple[float, float]:
         """Return the desired acceleration and the controller's force, times the gain.
+
+        The force that cancels a part of the arm's belongs to no desired acceleration: a gain above
+        1 does not increase it. A smaller one reduces it, so that a gain of 0 leaves no force.
 
         Parameters
         ----------
@@ -389,17 +415,25 @@ class _Stage:
         measured : float
             Handle acceleration as it would be at a gain of 1, m/s^2.
         gain : float
+        pushed : float
+            Part of the arm's force on the handle that is to be cancelled, N.
         """
         desired = self._high_pass.process(tool_acceleration - self._rest)
         self._force = self.controller.force(desired, measured)
-        return gain * desired, gain * self._force
+        force = gain * self._force
+        if self._cancellation:
+            self.cancelling = min(1.0, gain) * self._cancellation.process(pushed)
+            force += self.cancelling
+        return gain * desired, force
 
     def applied(self, force: float, gain: float) -> None:
-        """Pass the force that was sent to the controller, as it would be at a gain of 1."""
+        """Pass the force that drives the handle to the controller, as for a gain of 1."""
         self.controller.applied(force / gain if gain else self._force)
 
     def reset(self) -> None:
         """Return to the state for zero past input."""
-        self._rest = 0.0
+        self._rest = self.cancelling = 0.0
         self._high_pass.reset()
         self.controller.reset()
+        if self._cancellation:
+            self._cancellation.reset()

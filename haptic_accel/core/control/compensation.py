@@ -192,6 +192,9 @@ class Compensation:
         samples become zero, handle samples count as missing.
     untrusted : int
         Number of handle samples that were missing, or saturated in any component.
+    count_force : tuple of float
+        Part of the arm's force on the handle that its encoders' rounding causes, N; due with the
+        coils' forces of the next sample.
 
     Raises
     ------
@@ -257,7 +260,7 @@ class Compensation:
         self._switch = ReductionSwitch(parameters.reduction, rate, shaping)
         self._per_axis = parameters.saturation == PER_AXIS
         self._handle_range = AT_RANGE * parameters.handle_range
-        self._handle = ZERO
+        self._handle = self.count_force = ZERO
         self.rejected = self.untrusted = 0
         self._begin_again()
 
@@ -329,7 +332,9 @@ class Compensation:
         shaped = self._switch.process(tool)
         own, forces = [], []  # desired acceleration and force of each coil
         for coil, index, channel in self._coils:
-            acceleration, force = channel.requested(shaped[index], measured[coil])
+            acceleration, force = channel.requested(
+                shaped[index], measured[coil], self.count_force[index]
+            )
             if channel.asleep:  # its controller was unstable
                 self.reset()
                 return ZERO, ZERO

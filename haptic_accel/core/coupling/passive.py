@@ -470,6 +470,11 @@ class PassivePair:
         """True while the arms are coupled."""
         return self._origins is not None
 
+    @property
+    def felt(self) -> tuple[float, float]:
+        """Stiffness at the master, N/m, and slave motion per master motion."""
+        return self.halves[0].stiffness, self._scale
+
     def engage(self, master: Vector, slave: Vector) -> None:
         """Couple the arms at their positions, m."""
         self._origins, self._slave = (master, slave), slave

@@ -84,6 +84,11 @@ class PositionPositionCoupling:
         """True while the arms are coupled."""
         return self._origins is not None
 
+    @property
+    def felt(self) -> tuple[float, float]:
+        """Stiffness at the master, N/m, and slave motion per master motion."""
+        return self._gains.k_m, self._gains.scale
+
     def engage(self, master: Vector, slave: Vector) -> None:
         """Couple the arms at their positions, m."""
         self._origins = (master, slave)

@@ -56,6 +56,9 @@ class Compensating(Protocol):
     def axes(self) -> Axes:
         """Axes of the tool that are used."""
 
+    count_force: Vector
+    """Arm's force on the handle due to its encoders' rounding, N; due with the next forces."""
+
     def process(self, tool: Vector, handle: Vector | None) -> tuple[Vector, Vector]:
         """Return desired acceleration, m/s^2, and coils' forces, N, for a sample."""
 
@@ -119,6 +122,11 @@ class CompensationPart:
         if is_turned(self.orientation, acceleration):
             acceleration = from_base(self.orientation, acceleration)
         self._tool.append((stamp, acceleration))
+
+    def put_count_force(self, force: Vector) -> None:
+        """Set the arm's force due to rounding, N, in the base frame, due with the next forces."""
+        turned = self.orientation != IDENTITY
+        self.compensation.count_force = from_base(self.orientation, force) if turned else force
 
     def put_handle(self, stamp: int, acceleration: Vector | None) -> None:
         """Add a sample of the handle; None for a lost one."""

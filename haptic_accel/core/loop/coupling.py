@@ -20,11 +20,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 
+from haptic_accel.core.coupling.count_observer import CountObserver
 from haptic_accel.core.coupling.engagement import Decision, Engagement
 from haptic_accel.core.coupling.pairing import Motion, Pairing
 from haptic_accel.core.coupling.passive import PassivePair
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.loop.wiring import ArmCommand, Tool
+from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.topics import ARMS
 
 
@@ -44,6 +46,8 @@ class CouplingPart:
     Attributes
     ----------
     engagement : Engagement
+    count_force : tuple of float
+        Part of the newest force on the master that the encoders' rounding causes, N.
     """
 
     def __init__(
@@ -55,6 +59,8 @@ class CouplingPart:
     ) -> None:
         self._coupling, self.engagement = coupling, engagement
         self._pairing = Pairing(rate, longest)
+        self._observers = CountObserver(rate), CountObserver(rate)
+        self.count_force = ZERO
         self._engaging = False
         self._tools: deque[Tool] = deque(maxlen=longest)
 
@@ -99,6 +105,7 @@ class CouplingPart:
         if decision.release:
             self._engaging = False
             self._coupling.disengage()
+            self.count_force = ZERO
         if decision.engage:
             self._engaging = True
         return decision
@@ -113,6 +120,8 @@ class CouplingPart:
             if self._engaging:
                 self._engaging = False
                 self._coupling.engage(master.position, slave.position)
+                for observer in self._observers:
+                    observer.restart()
             if not self._coupling.engaged or self.engagement.interrupted:
                 continue
             motions = master.position, slave.position, master.velocity, slave.velocity
@@ -120,6 +129,20 @@ class CouplingPart:
                 forces = self._coupling.forces(*motions, (master.work, slave.work))
             else:
                 forces = self._coupling.forces(*motions)
+            self.count_force = self._rounded(master, slave)
             # The sample of one arm causes the force on the other.
             for arm, motion, force in zip(ARMS, (slave, master), forces, strict=True):
                 yield ArmCommand(arm, motion.stamp, force)
+
+    def _rounded(self, master: Motion, slave: Motion) -> Vector:
+        """Return the force on the master that the rounding of both positions causes, N."""
+        (x, y, z), (s_x, s_y, s_z) = (
+            observer.rounding(motion.position, motion.velocity)
+            for observer, motion in zip(self._observers, (master, slave), strict=True)
+        )
+        stiffness, scale = self._coupling.felt
+        return (
+            stiffness * (s_x / scale - x),
+            stiffness * (s_y / scale - y),
+            stiffness * (s_z / scale - z),
+        )

@@ -63,6 +63,7 @@ class HalfCouplingPart:
         self.end, self.engagement = end, engagement
         self.offset = 0
         self.played = Played(ZERO, WAITING)
+        self.count_force = ZERO
         self._timeout = timeout
         self._motion: Motion | None = None
         self._commands: deque[ArmCommand] = deque()

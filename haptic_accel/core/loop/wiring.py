@@ -56,6 +56,9 @@ class Tool(NamedTuple):
 class Coupling(Protocol):
     """Interface of `CouplingPart` and `HalfCouplingPart`, which couple the arms of one host."""
 
+    count_force: Vector
+    """Part of the newest force on the master that the encoders' rounding causes, N."""
+
     @property
     def engagement(self) -> Engagement:
         """Engagement of this host's arms."""
@@ -224,7 +227,13 @@ class HostLoop:
                 compensation.orientation = sample.orientation
                 handle = sample.acceleration if self._passes(_HANDLE) else None
                 compensation.put_handle(stamp, handle)
+        if coupling.engagement.due(now):
+            self._decide(now)
+        for command in coupling.commands():
+            results.commands.append(command)
+            self._command(command.arm, ARM, command.stamp, command.force)
         if compensation:
+            compensation.put_count_force(coupling.count_force)
             for tool in coupling.tools():
                 results.tools.append(tool)
                 if self._passes(_TOOL):
@@ -232,11 +241,6 @@ class HostLoop:
             for caused in compensation.forces(round(now * NANOSECONDS)):
                 results.compensated.append(caused)
                 self._command(MASTER, ACTUATOR, caused.stamp, caused.actuator_force)
-        if coupling.engagement.due(now):
-            self._decide(now)
-        for command in coupling.commands():
-            results.commands.append(command)
-            self._command(command.arm, ARM, command.stamp, command.force)
 
     def _passes(self, *names: str) -> bool:
         """Return whether to pass on a sample of signals; count rejected samples."""

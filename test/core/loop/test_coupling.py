@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import pytest
 
@@ -112,3 +113,35 @@ def test_the_tools_samples_are_passed_on_once(part: CouplingPart) -> None:
     part.put_tool(Tool(1_000_000, 0.5))
     assert list(part.tools()) == [Tool(1_000_000, 0.5)]
     assert list(part.tools()) == []
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_the_force_due_to_rounding_is_that_of_counts_less_that_of_the_motion(scale: float) -> None:
+    engagement = Engagement(EngagementParameters(), now=0.0)
+    for arm in (MASTER, SLAVE):
+        engagement.arm_stopped(arm, False)
+    parameters = CouplingParameters(k_m=100.0, k_sl=50.0, scale=scale, damping=0.0)
+    part = CouplingPart(PositionPositionCoupling(parameters), engagement, RATE, longest=10)
+    count, differing, rounding = 55e-6, [], []
+    for tick in range(3000):
+        now = tick / RATE
+        # Both arms vibrate, at frequencies of their own, while they creep.
+        places = []
+        for arm, hertz in ((MASTER, 40.0), (SLAVE, 55.0)):
+            turn = 2 * math.pi * hertz
+            height = 1e-3 * now + 40e-6 * math.sin(turn * now)
+            speed = 1e-3 + 40e-6 * turn * math.cos(turn * now)
+            counted = round(height / count) * count
+            part.put(arm, Motion(tick * 1_000_000, (0.0, 0.0, counted), (0.0, 0.0, speed)), now)
+            places.append(counted - height)
+        part.poll(now, listeners=1)
+        list(part.commands())
+        if tick > 1000:
+            wanted = 100.0 * (places[1] / scale - places[0])
+            rounding.append(wanted)
+            differing.append(part.count_force[2] - wanted)
+    assert part.count_force[:2] == (0.0, 0.0)
+    assert math.hypot(*differing) < 0.4 * math.hypot(*rounding)
+    # As it is let go, nothing is left.
+    part.poll(3.0 + RELEASED + STEP_PERIOD, listeners=1)
+    assert part.count_force == ZERO

@@ -52,6 +52,7 @@ class Device:
 
     def __init__(self, travel: float = 0.0) -> None:
         self._travel = travel
+        self.speed = 0.0
         self.arm: list[tuple[int, Vector]] = []
         self.actuator: list[tuple[int, float]] = []
         self.there = True
@@ -64,8 +65,11 @@ class Device:
             raise BrokenError
         tick = round(time * RATE)
         height = self._travel * tick
+        moving = 0.0, 0.0, self.speed
         return (
-            Sample((0.0, 0.0, height), ZERO, along_actuator(float(tick))) if self.there else LATER
+            Sample((0.0, 0.0, height), moving, along_actuator(float(tick)))
+            if self.there
+            else LATER
         )
 
     def write(
@@ -136,6 +140,18 @@ def test_a_force_takes_effect_so_many_ticks_after_its_sample(latency: int) -> No
     assert last_tick == 9
     assert last_pull == pytest.approx((0.0, 0.0, -K_SL * TRAVEL * (9 - latency)))
     assert [tick for tick, _ in rig.master.actuator] == list(range(latency, 10))
+
+
+def test_the_compensation_knows_the_rounding_of_the_ticks_own_force() -> None:
+    rig = Rig()
+    rig.slave.speed = 0.9 * TRAVEL * RATE  # the velocity explains most of the way of a tick
+    known = []
+    for tick in range(5):
+        rig.loop.step(tick)
+        known.append(rig.compensation.compensation.count_force)
+        assert known[-1] == rig.part.count_force
+    # The slave is ahead by a tenth of its travel at the first tick with a motion before it.
+    assert known[1] == pytest.approx((0.0, 0.0, K_M * 0.1 * TRAVEL), rel=0.06)
 
 
 def test_what_a_tick_did_can_be_seen_until_the_next() -> None:

@@ -81,8 +81,8 @@ class Controller(ABC):
     Parameters: ClassVar[type[Checked]] = NoParameters
 
     reducible: ClassVar[bool] = False
-    """True if the force is reduced while it is worse than no force; the paper's controllers are
-    replaced."""
+    """True if the force is reduced while it is worse than no force, and if it cancels the steps of
+    the arm's encoders; the paper's controllers are replaced, and used as they are."""
 
     @abstractmethod
     def __init__(self, parameters: Any, loop: Loop) -> None: ...
