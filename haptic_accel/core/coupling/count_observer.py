@@ -28,6 +28,8 @@ STEP_MEMORY = 1.0
 COARSEST = 1e-3
 """Step beyond which a position is no count, but has jumped, m: as for the simulated encoders."""
 
+_AXES = 0, 1, 2
+
 
 class CountObserver:
     """Estimate an arm's position between the counts of its encoders, from its velocity.
@@ -53,7 +55,7 @@ class CountObserver:
 
     def __init__(self, rate: float) -> None:
         self._half = 0.5 / rate
-        self._share = 1.0 / (1.0 + CORRECTION_TIME * rate)
+        self._left = 1.0 - 1.0 / (1.0 + CORRECTION_TIME * rate)
         self._kept = 1.0 - 1.0 / (1.0 + STEP_MEMORY * rate)
         self.restart()
 
@@ -67,15 +69,19 @@ class CountObserver:
         before, self._before = self._before, (position, velocity)
         if before is None:
             return ZERO
-        for axis, (now, was, speed, speed_was) in enumerate(
-            zip(position, before[0], velocity, before[1], strict=True)
-        ):
-            step = now - was - (speed + speed_was) * self._half
-            if not abs(step) < COARSEST:  # or no number
+        (was, speed_was), rounding, steps = before, self._rounding, self._steps
+        # Comparisons, as calls of min, max and abs would take most of the time.
+        for axis in _AXES:
+            speed = velocity[axis]
+            step = position[axis] - was[axis] - (speed + speed_was[axis]) * self._half
+            if not -COARSEST < step < COARSEST:  # or no number
                 self.restart()
                 return ZERO
-            largest = self._steps[axis] = max(abs(step), self._kept * self._steps[axis])
-            left = (self._rounding[axis] + step) * (1.0 - self._share) if speed else 0.0
-            self._rounding[axis] = max(-largest, min(largest, left))
-        x, y, z = self._rounding
+            size = step if step > 0.0 else -step
+            largest = self._kept * steps[axis]
+            steps[axis] = largest = largest if largest > size else size
+            left = (rounding[axis] + step) * self._left if speed else 0.0
+            left = left if left < largest else largest
+            rounding[axis] = left if left > -largest else -largest
+        x, y, z = rounding
         return x, y, z

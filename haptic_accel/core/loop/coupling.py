@@ -136,10 +136,9 @@ class CouplingPart:
 
     def _rounded(self, master: Motion, slave: Motion) -> Vector:
         """Return the force on the master that the rounding of both positions causes, N."""
-        (x, y, z), (s_x, s_y, s_z) = (
-            observer.rounding(motion.position, motion.velocity)
-            for observer, motion in zip(self._observers, (master, slave), strict=True)
-        )
+        on_master, on_slave = self._observers
+        x, y, z = on_master.rounding(master.position, master.velocity)
+        s_x, s_y, s_z = on_slave.rounding(slave.position, slave.velocity)
         stiffness, scale = self._coupling.felt
         return (
             stiffness * (s_x / scale - x),
