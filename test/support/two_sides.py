@@ -130,7 +130,7 @@ class Side:
     def read(self, tick: int) -> None:
         """Read the arm's sample of a tick, and its motors' work so far, J."""
         self.device.begin(tick)
-        ((_, self.arm, work),) = self.device.read()
+        ((_, self.arm, work, _),) = self.device.read()
         self.work = sum(work)
 
     def push(self, tick: int, force: Vector) -> None:
