@@ -59,7 +59,8 @@ def test_a_virtual_surface_is_displayed_as_well_as_a_real_one(rig: str, most: fl
 
 
 def test_a_tap_is_felt_one_sample_after_the_latency_and_as_strong() -> None:
-    without, trial = (virtual(each, "ideal") for each in ("none", "adaptive"))
+    # With smooth arms, as the coil cancels the steps of encoders also before the tap.
+    without, trial = (virtual(each, "ideal", smooth=True) for each in ("none", "adaptive"))
     onset = int(np.argmax(trial.arms[CONTACT_FORCE.name][:, 2] > 0))
     assert trial.desired_acceleration[onset] != 0.0
     assert not np.any(trial.desired_acceleration[:onset])
@@ -70,9 +71,12 @@ def test_a_tap_is_felt_one_sample_after_the_latency_and_as_strong() -> None:
     assert np.abs(actual).max() == pytest.approx(np.abs(desired).max(), rel=0.1)
 
 
-def virtual(controller: str, rig: str, duration: float = 2.0) -> Trial:
+def virtual(controller: str, rig: str, duration: float = 2.0, *, smooth: bool = False) -> Trial:
     given = GraphArguments(slave="virtual", controller=controller, rig=rig, duration=duration)
-    return lockstep_trial(Setup.of(given))
+    setup = Setup.of(given)
+    if smooth:
+        setup = setup.changed({"slave_device": {"virtual.arm.position_resolution": 0.0}})
+    return lockstep_trial(setup)
 
 
 @pytest.mark.parametrize("reduction", ["axis", "sum", "principal"])

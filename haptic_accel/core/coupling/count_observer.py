@@ -28,6 +28,9 @@ STEP_MEMORY = 1.0
 COARSEST = 1e-3
 """Step beyond which a position is no count, but has jumped, m: as for the simulated encoders."""
 
+FINEST = 1e-6
+"""Step below which a position counts as smooth, m: 0.3 mN through the paper's spring."""
+
 _AXES = 0, 1, 2
 
 
@@ -80,7 +83,7 @@ class CountObserver:
             size = step if step > 0.0 else -step
             largest = self._kept * steps[axis]
             steps[axis] = largest = largest if largest > size else size
-            left = (rounding[axis] + step) * self._left if speed else 0.0
+            left = (rounding[axis] + step) * self._left if speed and largest > FINEST else 0.0
             left = left if left < largest else largest
             rounding[axis] = left if left > -largest else -largest
         x, y, z = rounding
