@@ -65,6 +65,13 @@ OUTSIDE = 0.3
 is less than 1, and relative to it otherwise: the band says nothing about it, but a controller
 drives the coils there too."""
 
+BELOW, FIRST = 0.03, 3
+"""Standard deviation of the coupling below the band, from its mean over the first lines (assumed),
+and their number."""
+
+STEP_BELOW = 1.0
+"""Distance of the frequencies below the band, Hz."""
+
 STEP_OUTSIDE = 5.0
 """Distance of the frequencies above the band, Hz."""
 
@@ -100,7 +107,8 @@ def fit_coupling(found: MatrixResponse, own: ComplexArray, passed: ComplexArray)
     likelihood, as has the variance of the data, if it is above that of the noise. A coupling that
     noise cannot tell from a static one is static. The impulse responses have the shortest of
     `LENGTHS` that follows the smoothed coupling within its own deviation. Above the band, the
-    coupling is that at its end, times the ratio of the modes there, with a deviation of `OUTSIDE`.
+    coupling is that at its end, times the ratio of the modes there, with a deviation of `OUTSIDE`;
+    far below it, that at its begin, with a deviation of `BELOW`.
 
     Parameters
     ----------
@@ -134,6 +142,11 @@ def fit_coupling(found: MatrixResponse, own: ComplexArray, passed: ComplexArray)
     return Coupling(taps, response[:count], deviation)
 
 
+def below(found: MatrixResponse) -> FloatArray:
+    """Return the frequencies far below the band at which the coupling is assumed, Hz."""
+    return np.arange(0.0, found.frequency[0] / 2, STEP_BELOW)
+
+
 def above(found: MatrixResponse) -> FloatArray:
     """Return the frequencies above the band at which the coupling is assumed, Hz."""
     return np.arange(found.frequency[-1] + STEP_OUTSIDE, found.rate / 2, STEP_OUTSIDE)
@@ -153,8 +166,15 @@ def _smoothed(found: MatrixResponse, axis: int, coil: int, own: ComplexArray) ->
     least = LEAST_DEVIATION * np.abs(own)
     weights = np.abs(own) / np.maximum(found.deviation[:, axis, coil], least)
     measured = found.response[:, axis, coil] / own
-    lines = np.outer(found.frequency, np.arange(LENGTHS[-1])) / found.rate
-    basis = np.exp(-2j * np.pi * lines)
+    # Nothing is measured below the band, where a free fit would have a resonance.
+    start = below(found)
+    # All are one value, which is as uncertain as the first lines.
+    unsure = math.sqrt(len(start) / float(np.sum(weights[:FIRST] ** 2)))
+    weights = np.append(weights, np.full(len(start), 1.0 / math.hypot(BELOW, unsure)))
+    first = np.full(len(start), measured[:FIRST].real.mean(), dtype=np.complex128)
+    measured = np.append(measured, first)
+    lines = np.append(found.frequency, start)
+    basis = np.exp(-2j * np.pi * np.outer(lines, np.arange(LENGTHS[-1])) / found.rate)
     rows, data = _stacked(basis * weights[:, np.newaxis]), _stacked(measured * weights)
     normal, vector = rows.T @ rows, rows.T @ data
     free, static = normal[0, 0], vector[0] / normal[0, 0]
@@ -185,6 +205,7 @@ def _smoothed(found: MatrixResponse, axis: int, coil: int, own: ComplexArray) ->
             if found_here > max(best, threshold):
                 best, noise = found_here, at
                 chosen = root @ vectors, shrunk, turned
+    basis = basis[: len(own)]
     constant = basis[:, 0]
     if chosen is None:
         scatter = np.full(len(own), math.sqrt(noise / free / 2))
@@ -215,14 +236,18 @@ def _taps(
     found: MatrixResponse, response: ComplexArray, deviation: FloatArray, length: int
 ) -> FloatArray:
     """Return impulse responses of a length that follow a coupling at the lines, (3, 3, length)."""
-    frequency = np.append(found.frequency, above(found))
-    basis = np.exp(-2j * np.pi * np.outer(frequency, np.arange(length)) / found.rate)
+    start = below(found)
+    frequency = np.concatenate([found.frequency, above(found), start])
+    basis: ComplexArray = np.exp(-2j * np.pi * np.outer(frequency, np.arange(length)) / found.rate)
     prior = _prior(length)
     taps = np.zeros((COILS, COILS, length))
     for axis, coil in np.ndindex(COILS, COILS):
         target = response[:, axis, coil]
         outside = OUTSIDE * np.maximum(1.0, np.abs(target[len(deviation) :]))
-        weights = 1.0 / np.append(deviation[:, axis, coil], outside)
+        unknown = np.append(outside, np.full(len(start), BELOW))
+        first = np.full(len(start), target[:FIRST].real.mean(), dtype=np.complex128)
+        target = np.append(target, first)
+        weights = 1.0 / np.append(deviation[:, axis, coil], unknown)
         rows = _stacked(basis * weights[:, np.newaxis])
         largest = max(1.0, float(np.abs(target).max()))
         taps[axis, coil] = np.linalg.solve(
