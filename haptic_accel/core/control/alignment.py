@@ -50,6 +50,14 @@ RESOLVED = 1e-3
 """Least power of an expected direction relative to all three. A texture that moves along one
 direction shows no cross response: equal axes could have caused the same."""
 
+SETTLING = 0.1
+"""Time after a limit of the coils acted or the sensor was saturated whose motion is not judged, s:
+the handle comes to rest from a stop within it."""
+
+FEWEST_BLOCKS = 8.0
+"""Effective number of blocks in the running powers from which on they are judged: a texture has up
+to 37, a single tap one or two, whose directions are equal by chance."""
+
 RAISING = 0.25
 """Time for which a cross response must be found before it is named, s."""
 
@@ -89,6 +97,7 @@ class Alignment:
 
         self._period = 1.0 / rate
         self._length = max(1, round(BLOCK * rate))
+        self._settling = round(SETTLING * rate)
         corner = min(CORNER, 0.4 * rate)
         self._sections = np.asarray(signal.butter(2, corner, "high", fs=rate, output="sos"))
         self._filtered = signal.sosfilt
@@ -101,6 +110,9 @@ class Alignment:
         self._rest: FloatArray | None = None
         self._state = np.zeros((len(self._sections), 6, 2))
         self._powers = np.zeros((6, 6))
+        self._squares = 0.0  # running sum of the blocks' squared shares in the power
+        self._held = 0  # samples to come that are not judged
+        self._is_clean = True
         self._latest: Sequence[float] = (0.0, 0.0, 0.0)
         self._over = self._under = 0.0
         self._angle = math.nan
@@ -114,12 +126,21 @@ class Alignment:
         expected : sequence of float
             Acceleration of each axis by its model, for its own force, m/s^2.
         measured : sequence of float
-            Decoupled acceleration of the same tick, m/s^2; not finite if unknown.
+            Decoupled acceleration of the same tick, m/s^2; NaN if missing, infinite if saturated.
         """
         if math.isfinite(measured[0]):
             self._latest = measured
+        elif math.isinf(measured[0]):
+            self.hold()
+        if self._held:
+            self._held -= 1
+            self._is_clean = False
         self._samples += expected
         self._samples += self._latest
+
+    def hold(self) -> None:
+        """Judge no motion for a while, as a limit of the coils acts."""
+        self._held = self._settling
 
     def update(self) -> None:
         """Judge the axes if enough samples are stored."""
@@ -130,11 +151,20 @@ class Alignment:
         if self._rest is None:
             self._rest = block[:, :1]
         block, self._state = self._filtered(self._sections, block - self._rest, zi=self._state)
+        is_clean, self._is_clean = self._is_clean, True
+        if not is_clean:
+            return
         time = block.shape[1] * self._period
         share = -math.expm1(-time / POWER_MEMORY)
-        self._powers += share * (block @ block.T / block.shape[1] - self._powers)
+        own = share * (block @ block.T / block.shape[1])
+        self._powers = (1.0 - share) * self._powers + own
+        self._squares = (1.0 - share) ** 2 * self._squares + np.trace(
+            own[_EXPECTED, _EXPECTED]
+        ) ** 2
         expected, moved = (np.trace(self._powers[part, part]) for part in (_EXPECTED, _MOVED))
-        if expected >= LEAST_EXPECTED**2 and moved >= LEAST_EXPECTED**2:
+        if expected**2 < FEWEST_BLOCKS * self._squares:
+            self._over = 0.0
+        elif expected >= LEAST_EXPECTED**2 and moved >= LEAST_EXPECTED**2:
             self._judge(time)
 
     def _judge(self, time: float) -> None:

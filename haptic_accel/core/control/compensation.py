@@ -534,12 +534,21 @@ class Compensation:
         """Return the forces within the limits of all coils, in the direction of those asked."""
         handle = self._handle
         force = self._each_within(asked)
-        if force != asked and self._seen and not self._per_axis:
-            # Again, for a coil that must be braked.
-            force = self._each_within(scaled_within(asked, force))
+        if force != asked:
+            self._hold()
+            if self._seen and not self._per_axis:
+                # Again, for a coil that must be braked.
+                force = self._each_within(scaled_within(asked, force))
         for coil, index, guard in self._guards:
             guard.advance(force[coil], handle[index])
         return force
+
+    def _hold(self) -> None:
+        """Name no difference of the handle while a limit acts."""
+        for channel in self.channels:
+            channel.supervisor.hold()
+        if self._alignment:
+            self._alignment.hold()
 
     def _each_within(self, force: Sequence[float]) -> list[float]:
         """Return the forces with each coil limited on its own."""

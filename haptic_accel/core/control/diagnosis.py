@@ -74,6 +74,13 @@ LOWEST_MODE = 50.0
 CAUTION = 2.0
 """Weight of the variance of the estimated response in the limit of the deviation."""
 
+FEWEST_EVALUATIONS = 6.0
+"""Minimum number of evaluations for a name other than that of a mode: more than those that share
+one or two taps, whose ratio differs as a whole by chance; a texture has as many after 0.6 s."""
+
+MODE = "mode"
+"""Kind of a difference that stands out from all hands and delays, however few the evaluations."""
+
 INDEPENDENCE = 0.5
 """Independent evaluations per evaluation (Welch 1967)."""
 
@@ -165,7 +172,8 @@ class Diagnosis:
         interval : float
             Time since the last estimate, s.
         evaluations : float
-            Number of windows in the estimate, which overlap by three quarters.
+            Number of windows that share the power of the estimate, which overlap by three
+            quarters: a single tap is in four.
         """
         response = response[self._inside]
         coherence, density = coherence[self._inside], density[self._inside]
@@ -182,6 +190,8 @@ class Diagnosis:
         scatter = 1.0 / np.maximum(coherence, LEAST_COHERENCE) - 1.0
         independent = max(1.0, INDEPENDENCE * evaluations)
         found = self._explanation(response, weights, float(scatter @ weights) / independent)
+        if found.kind not in ("", MODE) and evaluations < FEWEST_EVALUATIONS:
+            return
         self._since = self._since + interval if found.kind == self._kind else 0.0
         self._kind = found.kind
         if self._since >= (RAISING if found.kind else FITTING):
@@ -232,7 +242,7 @@ class Diagnosis:
         if frequency < LOWEST_MODE:
             return NOTHING
         text = f"a mode near {frequency:.0f} Hz is not described"
-        return Difference("mode", frequency, text)
+        return Difference(MODE, frequency, text)
 
     def _scaled(self, response: ComplexArray, weights: FloatArray) -> tuple[float, float]:
         """Return the factor that makes a response 1, and the relative deviation left."""

@@ -24,7 +24,7 @@ import numpy as np
 from haptic_accel.core.control.diagnosis import Diagnosis
 from haptic_accel.core.control.feedback_design import MODEL_MEMORY, GripRange
 from haptic_accel.core.control.inversion.convolution import SampleConvolution
-from haptic_accel.core.control.response_estimation import ResponseEstimator
+from haptic_accel.core.control.response_estimation import EVALUATION_WINDOW, ResponseEstimator
 from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
@@ -107,6 +107,7 @@ class ResponseSupervisor:
         self.taps = grid.sequence(plant.response(grid.frequency, rate))[:length]
         self._model = SampleConvolution(self.taps)
         self._estimator = ResponseEstimator(rate, COMPARISON_MEMORY)
+        self._holding = round(EVALUATION_WINDOW * rate)
         self._edges = _edges(rate)
         lines = self._estimator.frequency
         inside = [(lines >= low) & (lines < high) for low, high in self._edges]
@@ -114,6 +115,8 @@ class ResponseSupervisor:
         self._tolerated = TOLERANCE + _ordinary_deviation(plant, lines, self._bands)
         self._friction = plant.friction
         self._diagnosis = Diagnosis(plant, rate, lines)
+        self._power: float
+        self._squares: float
         self._per_force = np.zeros(len(lines))
         self.expected = 0.0
         counted = lines >= CONTINUOUS
@@ -164,6 +167,8 @@ class ResponseSupervisor:
         """
         if math.isinf(measured_acceleration):
             self.fitting = 0.0
+        if self._held:
+            self._held -= 1
         self._estimator.observe(self.expected, measured_acceleration)
         self.expected = self._model.process(actuator_force)
 
@@ -173,11 +178,27 @@ class ResponseSupervisor:
         done = estimator.update()
         if done:
             self._judge()
-            response, coherence = estimator.response, estimator.coherence
-            self._diagnosis.judge(
-                *(response, coherence, estimator.excitation, estimator.interval, estimator.weight)
-            )
+            evaluations = self._evaluations()
+            if not self._held:
+                response, coherence = estimator.response, estimator.coherence
+                density = estimator.excitation
+                self._diagnosis.judge(
+                    response, coherence, density, estimator.interval, evaluations
+                )
         return done
+
+    def hold(self) -> None:
+        """Name no difference as long as a window holds this sample, in which a limit acts."""
+        self._held = self._holding
+
+    def _evaluations(self) -> float:
+        """Return the number of evaluations that share the expected power of the estimate."""
+        estimator = self._estimator
+        power = estimator.weight * float(estimator.excitation.sum())
+        left = math.exp(-estimator.interval / COMPARISON_MEMORY)
+        latest = max(0.0, power - left * self._power)
+        self._power, self._squares = power, left**2 * self._squares + latest**2
+        return power**2 / self._squares if self._squares else 0.0
 
     def reset(self) -> None:
         """Discard all samples and results."""
@@ -185,6 +206,9 @@ class ResponseSupervisor:
         self._estimator.reset()
         self._diagnosis.reset()
         self.expected = 0.0
+        self._held = 0  # samples to come without names
+        # Power of all windows, and sum of the squared powers of each.
+        self._power, self._squares = 0.0, 0.0
         bands = len(self._edges)
         self._over, self._under = np.zeros(bands), np.zeros(bands)
         self._bad, self._judged_once = np.zeros(bands, dtype=bool), np.zeros(bands, dtype=bool)

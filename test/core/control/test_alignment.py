@@ -110,3 +110,23 @@ def test_missing_samples_count_as_none() -> None:
     measured = expected.copy()
     measured[::50] = np.nan
     assert set(judged(expected, measured)) == {""}
+
+
+def test_a_single_tap_tells_nothing() -> None:
+    # Its directions are equal by chance, as of a friction that it overcomes.
+    expected = textures()
+    expected[60:] *= 1e-3
+    assert set(judged(expected, expected @ turned(45.0, (1, 0, 0)).T)) == {""}
+
+
+def test_motion_while_a_limit_acts_is_not_judged() -> None:
+    expected = textures()
+    measured = expected @ turned(45.0, (1, 0, 0)).T
+    alignment = Alignment(RATE)
+    for index, sample in enumerate(zip(expected.tolist(), measured.tolist(), strict=True)):
+        if index % 50 == 0 and index < 1000:
+            alignment.hold()
+        alignment.observe(*sample)
+        alignment.update()
+        assert not alignment.warning or index > 1100
+    assert alignment.warning

@@ -40,7 +40,11 @@ few = settings(deadline=None, max_examples=25)
 
 
 def named(
-    described: Plant, response: ComplexArray, coherence: float = 0.99, seconds: float = 0.5
+    described: Plant,
+    response: ComplexArray,
+    coherence: float = 0.99,
+    seconds: float = 0.5,
+    evaluations: float = 8.0,
 ) -> str:
     """Return the name for a response of the real plant over the described one."""
     ratio = np.ones(len(LINES), dtype=np.complex128)
@@ -48,7 +52,7 @@ def named(
     density = np.where((LINES > 20.0) & (LINES < 400.0), 1e-2, 0.0)
     diagnosis = Diagnosis(described, RATE, LINES)
     for _ in range(round(seconds / INTERVAL)):
-        diagnosis.judge(ratio, np.full(len(LINES), coherence), density, INTERVAL, 8.0)
+        diagnosis.judge(ratio, np.full(len(LINES), coherence), density, INTERVAL, evaluations)
     return diagnosis.difference
 
 
@@ -138,3 +142,10 @@ def test_a_weak_force_shows_nothing() -> None:
 def test_a_grip_without_a_spring_can_be_judged() -> None:
     free = Plant(HandleParameters(k_u=0.0, b_u=0.0), coupling=0.0)
     assert named(free, response(free)) == ""
+
+
+def test_a_tap_alone_shows_a_mode_but_no_scale() -> None:
+    mode = replace(PAPER, mount=MountParameters(150.0, 0.05))
+    assert named(PAPER, response(mode), evaluations=3.0).startswith("a mode near")
+    assert named(PAPER, 0.7 * response(PAPER), evaluations=3.0) == ""
+    assert named(PAPER, 0.7 * response(PAPER)).startswith("the force per mass")
