@@ -32,7 +32,7 @@ from fidelity_trials import (
     tables,
 )
 from handle_family import KINDS, SPREAD, hand
-from input_family import member, sudden
+from input_family import member
 
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.setup.arguments import GraphArguments
@@ -107,24 +107,6 @@ def test_a_better_controller_leaves_less_that_a_hand_could_tell(rig: str, gain: 
     assert constant < dynamic - 0.05
     assert dynamic <= adaptive - gain
     assert adaptive > 0.95
-
-
-def test_a_controller_that_runs_out_of_travel_does_harm_only_once() -> None:
-    # The tool is turned in gravity at 0.6, 2.3 and 5.5 s, on a weak texture.
-    made = sudden(36, 8.0, 1000.0)
-    none, inverse = (
-        run_case(
-            Case(
-                *("sudden", made.name, "Table I"),
-                GraphArguments(rig="ideal", controller=name),
-                recording=made.acceleration,
-            )
-        )["nrmse_by_2_s_percent"]
-        for name in ("none", "inverse")
-    )
-    above = [own - without for own, without in zip(inverse, none, strict=True)]
-    assert max(above[:2]) < 30.0  # the first turn
-    assert max(above[2:]) < 0.0
 
 
 def test_trials_without_anything_to_feel_enter_no_mean_share() -> None:

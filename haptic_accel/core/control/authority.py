@@ -91,10 +91,6 @@ FALLING, RISING = 0.1, 2.0
 """Bounds of the factor by which the fraction changes within `POWER_MEMORY`: a resonance takes some
 periods to show."""
 
-JUDGED, HARMFUL = 0.5, 0.2
-"""Time constant with which the error's power is compared with that without force, s, and the
-increase, relative to it, that is harm."""
-
 RECOVERING = 10.0
 """Upper bound on a handle as described: what has moved it was another cause, as a new grip."""
 
@@ -175,8 +171,6 @@ class Authority:
         self._state = np.zeros_like(self._state)
         # Running means of <d^2>, <d y>, <y^2>, and of the noise in the last one, (m/s^2)^2.
         self._desired_power = self._common = self._moved = 0.0
-        # Slow means of <d^2>, and of the increase of the error's power by the force.
-        self._asked = self._worse = 0.0
         self._still = self._heard = 0.0  # noise in silence, and while the force was hushed
         # Time since the last listening began, and from then to the next, s.
         self._since = self._next = HUSHED_EVERY
@@ -244,9 +238,6 @@ class Authority:
             return
         self._common += share * (common - self._common)
         self._moved += share * (moved - self._moved)
-        slowly = -math.expm1(-length / self._rate / JUDGED)
-        self._asked += slowly * (desired_power - self._asked)
-        self._worse += slowly * (moved - 2.0 * common - self._worse)
         moving = moved >= max(LARGEST_NOISE**2, RINGING * self._level) and not described
         if loud or moving:
             rising = RECOVERING if described else RISING
@@ -263,11 +254,6 @@ class Authority:
                 self.noise = min(self.noise, math.sqrt(self._still))
         limit = RESTORED if self.reduced else REDUCED
         self.reduced = self.fraction < limit
-
-    @property
-    def is_harmful(self) -> bool:
-        """True if the error of late is above that without force."""
-        return self._worse - self._noise > HARMFUL * max(self._asked, SILENT**2)
 
     @property
     def _noise(self) -> float:

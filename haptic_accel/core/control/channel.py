@@ -38,9 +38,6 @@ LISTENING = 0.5
 FADING = 5e-3
 """Duration of the crossfade from one controller to the next, s."""
 
-SPENT_FOR = 0.5
-"""Time after the actuator's limits acted in which harm of the force is ascribed to them, s."""
-
 RESTING = 0.05
 """Time constant of the mean tool acceleration with which a new controller starts, s."""
 
@@ -129,8 +126,6 @@ class Channel:
         self._resting = -math.expm1(-1.0 / (RESTING * rate))
         self._rest = 0.0
         self._listening, self._fading = round(LISTENING * rate), max(1, round(FADING * rate))
-        self._authority, self._spending = authority, round(SPENT_FOR * rate)
-        self._limited = self._spent = 0
         self.withheld = 0
         self._muted, self._share = False, 1.0
         self._fall_asleep()
@@ -239,7 +234,6 @@ class Channel:
 
     def adapt(self) -> bool:
         """Execute a part of the slow computations; return whether it was of the supervision."""
-        self._relent()
         stages = [self._active, self._follower] if self._follower else [self._active]
         fallback = self._fallback
         judged = fallback.update()
@@ -248,16 +242,6 @@ class Channel:
             if judged:
                 stage.controller.judged(fallback.supervisor.fitting, fallback.fraction)
         return fallback.is_supervising
-
-    def _relent(self) -> None:
-        """Give up low frequencies if the force does harm after travel or force ran out."""
-        limited = self.guard.cushioned + self.guard.saturated
-        if limited != self._limited:
-            self._limited, self._spent = limited, self._spending
-        if self._spent:
-            self._spent -= 1
-            if self._authority.is_harmful:
-                self._active.controller.relent()
 
     def mute(self, muted: bool) -> None:
         """Compute no force while the device applies none, for example during an emergency stop.

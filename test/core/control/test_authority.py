@@ -213,13 +213,3 @@ def test_a_useless_force_remains_as_large_as_can_be_told_from_noise(noise: float
     fractions, _ = run(authority, desired, 4.0 * unrelated, disturbed)
     # (4 f)^2 = SLIGHT with the fraction f: what it causes is a small part of the noise.
     assert np.median(fractions) * 4.0 == pytest.approx(math.sqrt(SLIGHT), rel=0.6)
-
-
-@pytest.mark.parametrize(("gain", "harmful"), [(1.0, False), (1.9, False), (-0.5, True)])
-def test_an_error_above_that_without_force_is_harm(gain: float, harmful: bool) -> None:
-    # |d - g d|^2 is above |d|^2 below 0 and above 2.
-    desired, authority = texture(0.4), Authority(RATE)
-    for wanted in desired.tolist():
-        authority.observe([wanted], [gain * wanted])
-        authority.update(described=True)
-    assert authority.is_harmful == harmful

@@ -179,10 +179,6 @@ class FeedbackController(Controller):
             taken = self._feedforward.friction_force
         self._surplus = actuator_force - taken - self._known
 
-    def relent(self) -> None:
-        """Give up low frequencies of the feedforward."""
-        self._feedforward.relent()
-
     def judged(self, fitting: float, fraction: float) -> None:
         """Accept the measurement again after the response has fitted the plant for long enough."""
         if fitting >= FITTING:

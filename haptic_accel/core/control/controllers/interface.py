@@ -122,9 +122,6 @@ class Controller(ABC):
             Fraction of the controller's force that does no harm, from 0 to 1.
         """
 
-    def relent(self) -> None:  # noqa: B027 - most have no low frequencies to give up
-        """Give up low frequencies for some seconds: their travel or force did harm."""
-
     def freeze(self, frozen: bool) -> None:  # noqa: B027 - most have nothing to
         """Stop or resume adaptation."""
 

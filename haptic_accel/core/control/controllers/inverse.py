@@ -119,10 +119,6 @@ class InverseController(Controller):
         self.friction_force = self._friction.force(force, desired_acceleration)
         return force + self.friction_force
 
-    def relent(self) -> None:
-        """Give up low frequencies for some seconds: their travel or force did harm."""
-        self._excursion.relent()
-
     def reset(self) -> None:
         """Clear the filters."""
         self._extension.reset()

@@ -54,10 +54,6 @@ useless."""
 RELEASE = 0.5
 """Time constant of the return of low frequencies, s: a few periods."""
 
-RELENTED, RELENTING = 0.9, 15.0
-"""Member, relative to the last one, that is used after an excursion that did harm, and the time
-constant of the return, s: what has happened may happen again."""
-
 FADING = 0.06
 """Duration of the crossfade to other taps, s. Two filters differ most in the force for the slow
 motion of the hand, up to some 3 Hz; a faster change of that force would be felt."""
@@ -212,7 +208,6 @@ class ExcursionControl:
         self._window = SampleWindow(bank.taps.shape[1])
         self._attack = -math.expm1(-1.0 / (ATTACK * rate))
         self._release = -math.expm1(-1.0 / (RELEASE * min(rate, PREDICTION_RATE)))
-        self._staying = math.exp(-1.0 / (RELENTING * min(rate, PREDICTION_RATE)))
         self._fading = max(1, round(FADING * rate))
         self._predictor = TravelPredictor(suspension, rate)
         self.restart(bank.taps)
@@ -242,11 +237,7 @@ class ExcursionControl:
         self._predictor.expect(self.taps + self._following)
         self._predictor.reset()
         self._window.reset()
-        self.position = self._target = self._least = 0.0
-
-    def relent(self) -> None:
-        """Give up low frequencies for some seconds, whatever is predicted."""
-        self._least = RELENTED * (len(self.taps) - 1)
+        self.position = self._target = 0.0
 
     def process(self, value: float) -> float:
         """Process one sample of the members' input; return the force, N."""
@@ -273,11 +264,6 @@ class ExcursionControl:
 
     def _choose(self) -> None:
         needed = self._needed() if self._predictor.exceeds(self._limit) else 0.0
-        if self._least:
-            needed = max(needed, self._least)
-            self._least *= self._staying
-            if self._least < _SETTLED:
-                self._least = 0.0
         if needed > self._target:
             self._target = needed
         elif self._target:

@@ -41,8 +41,6 @@ from haptic_accel.core.control.inversion.excursion import (
     LASTING,
     PERSISTING,
     PREDICTION_RATE,
-    RELENTED,
-    RELENTING,
     REVERSION,
     ExcursionControl,
     TravelPredictor,
@@ -234,18 +232,6 @@ def test_what_no_member_keeps_gets_the_last_one() -> None:
         force = found.process(1e3)
     assert found.position == 2.0
     assert force == pytest.approx(100.0)
-
-
-def test_after_harm_low_frequencies_are_given_up_for_some_seconds() -> None:
-    found = control([1.0, 0.5, 0.1])
-    found.relent()
-    for _ in range(100):
-        found.process(1e-6)
-    assert found.position == pytest.approx(RELENTED * 2, rel=0.02)
-    for _ in range(round(RELENTING * RATE)):
-        found.process(1e-6)
-    # The member falls with its time constant, and a little later by its own release.
-    assert found.position == pytest.approx(RELENTED * 2 / math.e, rel=0.1)
 
 
 # Other taps
