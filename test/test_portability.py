@@ -78,6 +78,6 @@ def test_a_surface_is_touched_until_ctrl_c(tmp_path: Path) -> None:
     run(
         tmp_path,
         "socket.AF_UNIX = 1  # asyncio of this system uses it\n"
-        "import threading; threading.Timer(5.0, signal.raise_signal, [signal.SIGINT]).start()\n"
+        "import threading; threading.Timer(15.0, signal.raise_signal, [signal.SIGINT]).start()\n"
         "from haptic_accel.cli.main import main; main(['touch', '--no-open'])",
     )

@@ -40,18 +40,11 @@ from haptic_accel.setup.node_parameters import node_parameters
 from running import wait_until
 
 RATE = 100.0  # Hz
-NEW = """
+GIVEN = """
 slave_device:
   ros__parameters:
     can: {{channel: {arm}, {can}}}
     serial: {{port: {board}}}
-"""
-FORMER = """
-slave_device:
-  ros__parameters:
-    can_serial:
-      arm: {{channel: {arm}, {can}}}
-      handle: {{port: {board}}}
 """
 CAN = (
     "interface: slcan, options: '{\"sleep_after_open\": 0}', heartbeat_timeout: 2.0,"
@@ -82,10 +75,9 @@ def plugged(options: dict[str, Any], board: Path) -> Iterator[None]:
         emulated.close()
 
 
-@pytest.mark.parametrize("text", [NEW, FORMER], ids=["new", "former"])
-def test_arm_and_board_are_given_as_when_either_is_alone(tmp_path: Path, text: str) -> None:
+def test_arm_and_board_are_given_as_when_either_is_alone(tmp_path: Path) -> None:
     file, arm, board = (tmp_path / name for name in ("mine.yaml", "arm", "board"))
-    file.write_text(text.format(arm=arm, board=board, can=CAN))
+    file.write_text(GIVEN.format(arm=arm, board=board, can=CAN))
     given = read_parameter_file(file)["slave_device"]
     _, options = node_parameters("slave_device", given)
     with plugged(options, board):
