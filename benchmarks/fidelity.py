@@ -101,10 +101,10 @@ def fidelity(
 ) -> None:
     """Measure the tracking error of all controllers in lockstep.
 
-    Conditions are surfaces (both rigs, also at 4 kHz), rates (1 to 8 kHz, each
-    with more delay granted), hands, wide
-    (unusual hands), grips (that change), textures, taps, modes (of a handle that the controllers
-    do not know), handles (a family of 104 that differ from their description), strange (80 handles
+    Conditions are surfaces (both rigs, also at 4 kHz), rates (1 to 8 kHz, each with more
+    delay granted), hands, wide (unusual hands), grips (that change), textures, taps,
+    modes (of a handle that the controllers do not know), handles (a family of 104 that differ
+    from their description), strange (80 handles
     with several differences at once), inputs (a family of 200), sudden (80 inputs with steps or
     slams) and recordings (scaled); surfaces, hands and grips by default. Prints errors beside the
     lowest that a causal linear filter could reach, without limits and within them, the share of

@@ -257,7 +257,7 @@ def _arguments(words: Sequence[str], rate: float, seconds: float) -> GraphArgume
             raise ParameterError(f"{key}: set by the benchmark")
     if not seconds >= 1:
         raise ParameterError(f"seconds = {seconds:g}: must leave at least 1 s for each run")
-    arguments = parse_arguments([*words, f"rate:={rate:g}", f"duration:={seconds:g}"])
+    arguments = parse_arguments([*words, f"rate:={rate}", f"duration:={seconds}"])
     check_both_arms(arguments)
     # Refuses wrong values before the first run.
     graph(arguments)

@@ -24,7 +24,7 @@ from contextlib import nullcontext
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
 import click
 
@@ -85,7 +85,7 @@ SMALLEST_SHARE = 0.05
 
 _ByGrip: TypeAlias = Mapping[str, IdentifyArguments]
 _Advise: TypeAlias = Callable[[RecordingError], str]
-Measured = TypeVar("Measured")
+_Measured: TypeAlias = tuple[Setup[IdentifyArguments], Recordings, Result[Any]]
 
 
 @options.verb(
@@ -165,24 +165,24 @@ def identify(
         *(["--update", str(update)] if update else []),
     ]
 
-    def measure(by_grip: _ByGrip, run: int, advise: _Advise) -> tuple[Recordings, Result[Any]]:
+    def measure(by_grip: _ByGrip, run: int, advise: _Advise) -> _Measured:
         setups = {grip: Setup.of(each) for grip, each in by_grip.items()}
+        first = next(iter(setups.values()))
         if lockstep:
             recorded = Recordings(_run_lockstep(setups, workers))
         else:
             shown = _shown(named(sources, arguments.grip))
             recordings = shown if sources else _run_live(setups, folder, run)
-            recorded = read_recordings(recordings, arguments, recording_rate)
+            recorded = read_recordings(recordings, first.arguments, recording_rate)
         for error in recorded.left_out:
             print(advise(error), file=sys.stderr)
         with shown_stages(evaluation_stages(recorded.trials)) as tell:
-            return recorded, evaluate(recorded.trials, next(iter(setups.values())), free, tell)
+            return first, recorded, evaluate(recorded.trials, first, free, tell)
 
     with nullcontext() if lockstep or sources else sole_graph(arguments.namespace):
         folder = results_folder(out, "identify_")
         with removed_if_empty(folder):
-            by_grip, (recorded, result) = _weak_enough(by_grip, measure, kept, fixed=bool(sources))
-    setup = Setup.of(next(iter(by_grip.values())))
+            setup, recorded, result = _weak_enough(by_grip, measure, kept, fixed=bool(sources))
     arguments = replace(arguments, **_amplitudes(setup.arguments))
     if arguments.master == SIMULATED and not sources and len(by_grip) == 1:
         on_arrival = not (lockstep or arguments.latency)
@@ -220,11 +220,11 @@ def identify(
 
 def _weak_enough(
     by_grip: _ByGrip,
-    measure: Callable[[_ByGrip, int, _Advise], Measured],
+    measure: Callable[[_ByGrip, int, _Advise], _Measured],
     kept: Sequence[str],
     *,
     fixed: bool,
-) -> tuple[_ByGrip, Measured]:
+) -> _Measured:
     """Measure, with less force as long as the default amplitudes are too strong.
 
     Parameters
@@ -240,10 +240,8 @@ def _weak_enough(
 
     Returns
     -------
-    by_grip : dict
-        Arguments of the last run.
-    measured
-        Its result.
+    tuple
+        Setup, recordings and result of the last run.
 
     Raises
     ------
@@ -256,7 +254,7 @@ def _weak_enough(
     while True:
         advise = partial(_advised, next(iter(by_grip.values())), kept)
         try:
-            return by_grip, measure(by_grip, run, advise)
+            return measure(by_grip, run, advise)
         except RecordingError as error:
             run, share = run + 1, LESS * share
             if fixed or error.factors != SMALLER or share < SMALLEST_SHARE:

@@ -42,7 +42,6 @@ from haptic_accel.core.parameters import (
     checked,
     shown,
 )
-from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.setup.files import check_reached
 from haptic_accel.setup.former_names import IN_SAMPLES, in_time
 from haptic_accel.setup.node_parameters import (
@@ -196,8 +195,7 @@ class DeclaredParameters:
             # A file may set in all nodes (/**) what only some have.
             if name not in IN_SAMPLES and not any(name in node_schema(each) for each in NODES):
                 raise ParameterError(f"{name}: no such parameter")
-        rate = given.get("rate", DEFAULT_RATE)
-        return in_time(given, rate, self._node.get_logger().warning)
+        return in_time(given, given.get("rate"), self._node.get_logger().warning)
 
     def _declare(self, given: dict[str, Any]) -> None:
         """Declare all parameters with their descriptors and checked values.

@@ -38,7 +38,7 @@ IN_SAMPLES = {
 
 
 def in_time(
-    values: Mapping[str, Any], rate: float, warn: Callable[[str], None] | None = None
+    values: Mapping[str, Any], rate: object, warn: Callable[[str], None] | None = None
 ) -> dict[str, Any]:
     """Return values in which every delay in samples is a time, in s.
 
@@ -46,8 +46,8 @@ def in_time(
     ----------
     values : mapping
         Values of the compensator by dotted name.
-    rate : float
-        Samples per second of the graph.
+    rate
+        Samples per second of the graph; the default rate in place of what is no rate.
     warn : callable, optional
         Receives one line for each delay in samples.
 
@@ -62,6 +62,8 @@ def in_time(
     {'inverse.granted_time': 0.001}
     """
     found = dict(values)
+    if not (isinstance(rate, (int, float)) and rate > 0):
+        rate = DEFAULT_RATE
     for name in IN_SAMPLES.keys() & values:
         now, value = IN_SAMPLES[name], found.pop(name)
         most = int(LONGEST_GRANTED_TIME * rate)
@@ -85,10 +87,9 @@ def current_values(recorded: Mapping[str, Any]) -> dict[str, Any]:
     ParameterError
         As for `in_time`.
     """
-    rate = recorded.get("rate")
-    if not (isinstance(rate, (int, float)) and rate > 0):
-        rate = DEFAULT_RATE
-    return in_time({_current(name): value for name, value in recorded.items()}, rate)
+    return in_time(
+        {_current(name): value for name, value in recorded.items()}, recorded.get("rate")
+    )
 
 
 def current_arguments(recorded: Mapping[str, Any]) -> dict[str, Any]:
