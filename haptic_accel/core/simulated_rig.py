@@ -149,7 +149,11 @@ def build_parts(
 
 
 def build_loop(
-    rig: RigParameters, sides: Mapping[str, DeviceSide], compensation: CompensationPart
+    rig: RigParameters,
+    sides: Mapping[str, DeviceSide],
+    compensation: CompensationPart,
+    *,
+    composed: bool = True,
 ) -> HostLoop:
     """Return the loop of both arms on one host, whose devices are not stopped.
 
@@ -159,10 +163,13 @@ def build_loop(
         Parameters of the coupling.
     sides, compensation
         Result of `build_parts`.
+    composed : bool
+        False for the signals of a graph with a process for each node, whose compensation does not
+        know the forces of the arms.
     """
     engagement = Engagement(EngagementParameters(), now=0.0)
     for arm in topics.ARMS:
         engagement.arm_stopped(arm, False)
     rate, latency = sides[MASTER].rate, sides[MASTER].latency
-    coupling = CouplingPart(rig.coupled(rate, latency), engagement, rate)
+    coupling = CouplingPart(rig.coupled(rate, latency), engagement, rate, counted=composed)
     return HostLoop(sides, coupling, compensation)

@@ -246,6 +246,7 @@ def run_trial(
     channel: ChannelParameters | None = None,
     law: str = "passive",
     blackouts: Sequence[tuple[float, float]] = (),
+    composed: bool = True,
 ) -> Trial:
     """Run one condition in lockstep, without clock or thread, with reproducible results.
 
@@ -291,6 +292,8 @@ def run_trial(
         Law of the passive coupling, as in `PassiveParameters`.
     blackouts : sequence of (float, float)
         Start and end of each blackout, s, in which the network loses all packets.
+    composed : bool
+        As for `build_loop`.
 
     Returns
     -------
@@ -325,7 +328,7 @@ def run_trial(
     devices = dict(zip(topics.ARMS, rigs, strict=True))
     sides, part = build_parts(rig, devices, around, controllers or {}, rate, latency)
     hosts = (
-        build_loop(rig, sides, part)
+        build_loop(rig, sides, part, composed=composed)
         if channel is None
         else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts, tool_axes)
     )

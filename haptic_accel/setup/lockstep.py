@@ -93,6 +93,7 @@ def lockstep_trial(
         channel=channel,
         law=law,
         blackouts=blackouts,
+        composed=arguments.composed,
     )
 
 

@@ -42,6 +42,8 @@ class CouplingPart:
         Samples per second of both arms.
     longest : int
         Maximum number of waiting samples of an arm, and of the tool.
+    counted : bool
+        True if the compensation in this process uses `count_force`, which is zero otherwise.
 
     Attributes
     ----------
@@ -56,8 +58,11 @@ class CouplingPart:
         engagement: Engagement,
         rate: float,
         longest: int = 1,
+        *,
+        counted: bool = True,
     ) -> None:
         self._coupling, self.engagement = coupling, engagement
+        self._counted = counted
         self._pairing = Pairing(rate, longest)
         self._observers = CountObserver(rate), CountObserver(rate)
         self.count_force = ZERO
@@ -129,7 +134,8 @@ class CouplingPart:
                 forces = self._coupling.forces(*motions, (master.work, slave.work))
             else:
                 forces = self._coupling.forces(*motions)
-            self.count_force = self._rounded(master, slave)
+            if self._counted:
+                self.count_force = self._rounded(master, slave)
             # The sample of one arm causes the force on the other.
             for arm, motion, force in zip(ARMS, (slave, master), forces, strict=True):
                 yield ArmCommand(arm, motion.stamp, force)
