@@ -13,12 +13,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The firmware's protocol, compiled on the host, beside the Python side: byte for byte."""
+"""The firmware's protocol, compiled for host and board, beside the Python side: byte for byte."""
 
 from __future__ import annotations
 
 import random
-import shutil
 import struct
 import subprocess
 from pathlib import Path
@@ -33,21 +32,25 @@ from haptic_accel.devices.serial.protocol import (
     Identity,
     encode,
 )
-from host_firmware import SKETCH, STRICT, compiled, garbled, random_frames, record, run
+from host_firmware import (
+    HERE,
+    PROCESSORS,
+    SKETCH,
+    STRICT,
+    Processor,
+    compiled,
+    garbled,
+    random_frames,
+    record,
+    run,
+)
 
-pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="no g++ on this machine")
-
-HERE = Path(__file__).parent
 HANDLE = Identity((1, 2, 3), 0b101, 10_000, 84.6, (0.0, 0.0, 2.75), "7654321")
 FRAMES = 3_000
 
 
-@pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return compiled(tmp_path_factory.mktemp("firmware"))
-
-
-def test_both_sides_read_and_write_the_same_bytes(program: Path) -> None:
+@pytest.mark.parametrize("processor", PROCESSORS)
+def test_both_sides_read_and_write_the_same_bytes(tmp_path: Path, processor: Processor) -> None:
     rng = random.Random(1)
     decoder = Decoder()
     script, expected = [], []
@@ -59,14 +62,17 @@ def test_both_sides_read_and_write_the_same_bytes(program: Path) -> None:
         expected.append(record(b"C", counts))
     assert decoder.received > FRAMES / 3
     assert decoder.damaged > FRAMES / 20
+    program = compiled(tmp_path, processor)
     assert run(program, HANDLE, b"".join(script)) == b"".join(expected)
 
 
+@pytest.mark.parametrize("processor", PROCESSORS)
 @pytest.mark.parametrize("coils", [0, 1, 3])
-def test_the_sketch_compiles(coils: int) -> None:
+def test_the_sketch_compiles(coils: int, processor: Processor) -> None:
     sketch = SKETCH / "haptic_handle.ino"
-    words = ["g++", "-fsyntax-only", *STRICT, f"-I{HERE / 'arduino'}", "-include", "Arduino.h"]
-    subprocess.run([*words, f"-DCOILS={coils}", "-x", "c++", sketch], check=True)
+    words = [*processor.compiler, "-fsyntax-only", *STRICT, f"-I{HERE / 'arduino'}"]
+    words += ["-include", "Arduino.h", f"-DCOILS={coils}", "-x", "c++", str(sketch)]
+    subprocess.run(words, check=True)
 
 
 def test_the_sketch_states_the_version_that_the_driver_asks_for() -> None:

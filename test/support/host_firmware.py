@@ -13,38 +13,89 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The firmware's core, compiled for this machine, and what it is given."""
+"""The firmware's core, compiled for this machine and for the board's, and what it is given."""
 
 from __future__ import annotations
 
 import random
+import shutil
 import struct
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
+
+import pytest
 
 from haptic_accel.devices.serial.protocol import Frame, Identity
 
 SOURCE = Path(__file__).resolve().parents[2]
 SKETCH = SOURCE / "firmware" / "haptic_handle"
 STRICT = ["-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
-CHECKED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+HERE = SOURCE / "test" / "firmware"
 
 
-def compiled(folder: Path) -> Path:
-    """Compile the core as the board does, but for the host, and with its errors looked for."""
-    path = folder / "host_board"
-    host = SOURCE / "test" / "firmware" / "host_board.cpp"
-    sources = [host, SKETCH / "board.cpp", SKETCH / "protocol.cpp"]
-    subprocess.run(["g++", *STRICT, *CHECKED, f"-I{SKETCH}", *sources, "-o", path], check=True)
-    return path
+class Processor(NamedTuple):
+    """A processor that the firmware's core is compiled for, and what runs the program.
+
+    Attributes
+    ----------
+    compiler : list of str
+        The compiler and its options.
+    emulator : list of str
+        Words before the program; empty on this machine.
+    sources : list of Path
+        Sources that only this processor needs.
+    packages : str
+        Packages of Debian with compiler and emulator.
+    """
+
+    compiler: list[str]
+    emulator: list[str]
+    sources: list[Path]
+    packages: str
+
+    def if_installed(self, name: str) -> object:
+        """Return a value for pytest's parameters, skipped where a program is missing."""
+        programs = [words[0] for words in (self.compiler, self.emulator) if words]
+        missing = [program for program in programs if shutil.which(program) is None]
+        reason = f"no {', '.join(missing)} on this machine: apt install {self.packages}"
+        return pytest.param(self, id=name, marks=pytest.mark.skipif(bool(missing), reason=reason))
 
 
-def run(program: Path, identity: Identity, script: bytes) -> bytes:
+HOST = Processor(
+    ["g++", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"], [], [], "g++"
+)
+# Processor, optimization and language as for a Teensy 4.0: teensy4/Makefile of its Arduino core,
+# https://github.com/PaulStoffregen/cores. The program's files are those of this machine.
+CORTEX_M7 = Processor(
+    [
+        *("arm-none-eabi-gcc", "-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard"),
+        *("-mfpu=fpv5-d16", "-O2", "-fno-exceptions", "-fno-rtti"),
+        *("--specs=rdimon.specs", "-Wl,--section-start=.vectors=0"),
+    ],
+    [
+        *("qemu-system-arm", "-machine", "mps2-an500", "-display", "none", "-monitor", "none"),
+        *("-serial", "none", "-semihosting-config", "enable=on,target=native", "-kernel"),
+    ],
+    [HERE / "cortex_m7.cpp"],
+    "gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm",
+)
+PROCESSORS = [HOST.if_installed("host"), CORTEX_M7.if_installed("cortex_m7")]
+
+
+def compiled(folder: Path, processor: Processor) -> list[str]:
+    """Compile the core for a processor, and return the command that runs it."""
+    path = folder / "board"
+    sources = [HERE / "host_board.cpp", SKETCH / "board.cpp", SKETCH / "protocol.cpp"]
+    words = [*processor.compiler, *STRICT, f"-I{SKETCH}", *sources, *processor.sources]
+    subprocess.run([*words, "-o", path], check=True)
+    return [*processor.emulator, str(path)]
+
+
+def run(program: list[str], identity: Identity, script: bytes) -> bytes:
     """Return what the program says to a script."""
-    done = subprocess.run(
-        [program], input=identity.pack() + script, capture_output=True, timeout=60
-    )
+    done = subprocess.run(program, input=identity.pack() + script, capture_output=True, timeout=60)
     assert done.returncode == 0, done.stderr.decode()
     return done.stdout
 

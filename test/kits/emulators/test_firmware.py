@@ -13,12 +13,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The emulated board beside the firmware, compiled on the host: the same states and bytes."""
+"""The emulated board beside the firmware, for host and board: the same states and bytes."""
 
 from __future__ import annotations
 
 import random
-import shutil
 import struct
 from pathlib import Path
 
@@ -43,9 +42,7 @@ from haptic_accel.devices.serial.protocol import (
     encode,
 )
 from haptic_accel.kits.emulators.serial_board import Board
-from host_firmware import compiled, garbled, random_frames, record, run
-
-pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="no g++ on this machine")
+from host_firmware import PROCESSORS, Processor, compiled, garbled, random_frames, record, run
 
 HANDLE = Identity((1, 2, 3), 0b101, 10_000, 84.6, (0.0, 0.0, 2.75), "7654321")
 THREE = Identity((1, 2, 3), 0b111, 10_000, 84.6, (2.75, 1.0, 0.5), "three coils")
@@ -128,8 +125,11 @@ def random_message(random: random.Random, now: int, coils: int) -> Message:
     )
 
 
+@pytest.mark.parametrize("processor", PROCESSORS)
 @pytest.mark.parametrize("identity", [HANDLE, THREE, TOOL], ids=["handle", "three", "tool"])
-def test_both_boards_do_the_same_whatever_comes(tmp_path: Path, identity: Identity) -> None:
+def test_both_boards_do_the_same_whatever_comes(
+    tmp_path: Path, identity: Identity, processor: Processor
+) -> None:
     rng = random.Random(2)
     encoder = Encoder()
     pair = Pair(identity)
@@ -169,4 +169,5 @@ def test_both_boards_do_the_same_whatever_comes(tmp_path: Path, identity: Identi
     assert pair.status
     counted = min(pair.status.late, pair.status.overflowed, pair.status.refused)
     assert counted > 0 or not coils
-    assert run(compiled(tmp_path), identity, b"".join(pair.script)) == b"".join(pair.expected)
+    program = compiled(tmp_path, processor)
+    assert run(program, identity, b"".join(pair.script)) == b"".join(pair.expected)
