@@ -59,8 +59,8 @@ CAUTIOUS, WARIEST = 0.3, 0.25
 """Time constant with which the use of a reduced fraction falls in silence, s, and its lower bound:
 a tool that lands excites the handle more, and otherwise, than what the fraction was found for."""
 
-LISTENED = 0.2
-"""Time of silence after which the noise is known, s: two time constants."""
+LISTENED = 1.0
+"""Time of silence after which the noise is known, s: in less, a hand may not have been at rest."""
 
 HUSHED, HUSHED_FOR = 0.1, 0.3
 """Factor of a reduced force while the handle is listened to, and for how long, s. Of what the
