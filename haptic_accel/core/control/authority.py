@@ -59,6 +59,15 @@ CAUTIOUS, WARIEST = 0.3, 0.25
 """Time constant with which the use of a reduced fraction falls in silence, s, and its lower bound:
 a tool that lands excites the handle more, and otherwise, than what the fraction was found for."""
 
+STIRRED = 0.2
+"""Motion of an axis in silence above which the first contact is begun with caution, m/s^2 RMS:
+three times the noise of the paper's accelerometer. A resonance amplifies the force for the tool's
+noise, and a landing excites it within milliseconds, before anything is seen of it."""
+
+TIMID, FAINTEST = 0.1, 0.06
+"""Time constant with which the use of the force falls then, s, and its lower bound: a resonance
+with a damping ratio of 0.02 amplifies 25 times."""
+
 LISTENED = 1.0
 """Time of silence after which the noise is known, s: in less, a hand may not have been at rest."""
 
@@ -83,6 +92,11 @@ MINOR = 0.25
 IDLE_CORRELATION = 0.1
 """Square of the correlation of desired and measured acceleration below which a reduced force is of
 no use, so that nobody misses it for a while."""
+
+LEAST_LEFT, RELIEF = 0.7, 2.0
+"""Least factor by which limits of the actuator reduce the fraction in an update, and the time
+constant with which its bound rises again, s. What is cut off a force that balances a resonance
+excites it."""
 
 LOWEST = 1e-3
 """Minimum fraction; even a resonance with a damping ratio of 0.01 is below the noise then."""
@@ -114,6 +128,9 @@ class Authority:
     silence, and while a reduced force is of no use: it is hushed for a moment now and then, and
     what the handle moves by all the same is the noise. The force that remains is thus as large as
     is seen above the noise.
+
+    What cannot be seen in time is met with caution: the first contact of a handle that moves in
+    silence, and a force that the actuator's limits cut on a handle that is not as described.
 
     `observe` only stores values; `update` does all computations.
 
@@ -162,8 +179,8 @@ class Authority:
         # The first one is due at once.
         past: Sequence[float] = (0.0,) * self._axes
         self._due = deque([past] * (self._delay + 1), maxlen=self._delay + 1)
-        self.fraction = self._caution = 1.0
-        self.reduced = self._rising = False
+        self.fraction = self._caution = self._ceiling = self._left = 1.0
+        self.reduced = self._rising = self._touched = False
         self._rests: FloatArray | None = None
         self._latest = past
         self._desired.clear()
@@ -204,6 +221,10 @@ class Authority:
         self._desired += self._due[0]
         self._measured += self._latest
 
+    def limit(self, share: float) -> None:
+        """Take note that the limits of the actuator left only a share of a force."""
+        self._left = min(self._left, share)
+
     def update(self, described: bool) -> None:
         """Update the fraction if enough samples are stored.
 
@@ -233,7 +254,12 @@ class Authority:
         self._level = max(
             self._level * math.exp(-length / self._rate / LOUDEST), self._desired_power
         )
+        self._ceiling = min(1.0, self._ceiling * math.exp(length / self._rate / RELIEF))
+        if self._left < 1.0 and not described:
+            self._ceiling = min(self._ceiling, max(LEAST_LEFT, self._left) * self.fraction)
+        self._left = 1.0
         loud = desired_power >= max(SILENT**2, QUIET * self._level)
+        self._touched |= loud
         if loud and self._is_hushed(moved, length / self._rate):
             return
         self._common += share * (common - self._common)
@@ -248,6 +274,8 @@ class Authority:
         elif self._desired_power < SILENT**2:
             if self.fraction < RESTORED and not described:
                 self._scale(1.0, math.exp(-length / self._rate / CAUTIOUS))
+            elif self._still > self._axes * STIRRED**2 and not self._touched:
+                self._scale(1.0, math.exp(-length / self._rate / TIMID), FAINTEST)
             self._still += share * (moved - self._still)
             self._silent += length / self._rate
             if self._silent >= LISTENED:
@@ -288,13 +316,13 @@ class Authority:
         # Where change^2 <y^2> - 2 change <d y> = SLIGHT <d^2>.
         return best + math.hypot(best, accepted)
 
-    def _scale(self, change: float, caution: float) -> None:
+    def _scale(self, change: float, caution: float, wariest: float = WARIEST) -> None:
         """Multiply fraction and caution, and adapt the means to the new force."""
         before, full = self.used, self.fraction
-        self.fraction = min(max(LOWEST, self.fraction * change), 1.0)
+        self.fraction = max(LOWEST, min(self.fraction * change, self._ceiling))
         if self.fraction < FALLEN * full:
             self._since = min(self._since, self._next - SETTLED_FOR)
-        lowest = HUSHED if self._since < HUSHED_FOR else WARIEST
+        lowest = min(self._caution, HUSHED if self._since < HUSHED_FOR else wariest)
         self._caution = min(max(lowest, self._caution * caution), 1.0)
         change = self.used / before
         self._common *= change

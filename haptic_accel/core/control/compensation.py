@@ -536,6 +536,7 @@ class Compensation:
         force = self._each_within(asked)
         if force != asked:
             self._hold()
+            self._authority.limit(max(map(abs, force)) / max(map(abs, asked)))
             if self._seen and not self._per_axis:
                 # Again, for a coil that must be braked.
                 force = self._each_within(scaled_within(asked, force))

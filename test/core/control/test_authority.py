@@ -26,10 +26,13 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from haptic_accel.core.control.authority import (
+    FAINTEST,
+    LEAST_LEFT,
     LOWEST,
     POWER_MEMORY,
     SILENT,
     SLIGHT,
+    STIRRED,
     WARIEST,
     Authority,
 )
@@ -213,3 +216,33 @@ def test_a_useless_force_remains_as_large_as_can_be_told_from_noise(noise: float
     fractions, _ = run(authority, desired, 4.0 * unrelated, disturbed)
     # (4 f)^2 = SLIGHT with the fraction f: what it causes is a small part of the noise.
     assert np.median(fractions) * 4.0 == pytest.approx(math.sqrt(SLIGHT), rel=0.6)
+
+
+@pytest.mark.parametrize(("stirred", "first"), [(0.5 * STIRRED, 1.0), (3.0 * STIRRED, FAINTEST)])
+def test_the_first_contact_of_a_handle_that_moves_in_silence_begins_with_caution(
+    stirred: float, first: float
+) -> None:
+    authority = Authority(RATE)
+    desired = texture(5.0)
+    desired[:1000] = desired[3000:4000] = 0.0
+    noise = np.random.default_rng(3).normal(0.0, stirred, len(desired))
+    used, _ = run(authority, desired, desired, noise, described=True)
+    assert used[999] == pytest.approx(first, rel=0.01)
+    # What follows is known after that, also in later contacts.
+    assert np.array_equal(used[1600:], np.ones_like(used[1600:]))
+
+
+@pytest.mark.parametrize("described", [True, False])
+def test_a_force_that_the_limits_cut_is_reduced_for_a_while_unless_the_handle_is_known(
+    described: bool,
+) -> None:
+    authority = Authority(RATE)
+    desired = texture(6.0)
+    run(authority, desired[:1000], desired[:1000], described=described)
+    authority.limit(0.9)
+    used, _ = run(authority, desired[1000:], desired[1000:], described=described)
+    assert used[15] == pytest.approx(1.0 if described else 0.9, rel=0.02)
+    authority.limit(0.1)
+    used, _ = run(authority, desired[1000:], desired[1000:], described=described)
+    assert used.min() == pytest.approx(1.0 if described else LEAST_LEFT, rel=0.05)
+    assert used[-1] == 1.0
