@@ -34,38 +34,11 @@ LOOKS = 4
 """Number of evaluations per window; with this overlap of Hann windows all samples have equal
 weight."""
 
-
 INDEPENDENCE = 0.5
 """Independent evaluations per evaluation: windows overlap by three quarters (Welch 1967)."""
 
 FEW = 1.5
 """Number of evaluations up to which nothing is a surprise."""
-
-SLOWEST, FASTEST = 12.0, 450.0
-"""Range of the lines to which modes are fitted, Hz: above the hand's motion, to the highest
-frequency of textures."""
-
-RIGID, RIGIDITY = 30.0, 0.3
-"""Frequency below which the handle is assumed to be as described, Hz, and the standard deviation
-from that."""
-
-ORDERS = (2, 2), (2, 4), (4, 4)
-"""Orders of numerator and denominator: one mode in series or parallel, two in series, two in
-parallel."""
-
-FIT_STEPS = 5
-"""Steps of the fit for each of the orders."""
-
-UNMODELLED = 0.05
-"""Relative deviation of a handle from a response of a few modes."""
-
-PENALTY = 2.0
-"""Decrease of the deviation that each coefficient must cause (Akaike 1974)."""
-
-LARGEST_DEVIATION = 100.0
-"""Largest squared deviation of a line, in variances."""
-
-TINY = 1e-9  # relative increase of the diagonal, against rounding
 
 
 class ResponseEstimator:
@@ -202,65 +175,6 @@ class ResponseEstimator:
         predicted = float(np.sum(self.output * (1.0 - self.coherence)))
         predicted *= (independent + 1.0) / (independent - 1.0)
         return float(left.sum()) / max(predicted, np.finfo(float).tiny)
-
-
-def fitted(
-    frequency: FloatArray, response: ComplexArray, variance: FloatArray
-) -> Iterator[ComplexArray | None]:
-    """Fit a response of a few modes to an uncertain one; yield None after parts, then the fit.
-
-    The ratio of two polynomials of low order shows the skirts of a mode from its peak, which is
-    seen first. Their coefficients come from least squares with the denominator of the step before
-    as weight (Sanathanan and Koerner, IEEE Trans. Automatic Control 8, 1963). The orders with the
-    least deviation are used, with a penalty for each coefficient (Akaike); 1 has none. Lines below
-    `RIGID` are drawn to 1, as modes are above.
-
-    Parameters
-    ----------
-    frequency : ndarray, shape (n,)
-        Lines, Hz.
-    response : ndarray, shape (n,)
-        Response on these lines, near 1 where nothing differs.
-    variance : ndarray, shape (n,)
-        Variance of the response.
-    """
-    inside = (frequency > SLOWEST) & (frequency < FASTEST)
-    powers = (1j * frequency[inside, np.newaxis] / FASTEST) ** np.arange(max(ORDERS)[1] + 1)
-    weight = 1.0 / variance[inside]
-    drawn = (frequency[inside] < RIGID) / RIGIDITY**2
-    aim = (weight * response[inside] + drawn) / (weight + drawn)
-    weight = 1.0 / (1.0 / (weight + drawn) + (UNMODELLED * np.abs(aim)) ** 2)
-    best = np.ones(len(aim), dtype=np.complex128)
-    least = _deviation(aim - best, weight)
-    yield None
-    for above, below in ORDERS:
-        terms = np.concatenate(
-            [powers[:, : above + 1], -aim[:, np.newaxis] * powers[:, 1 : below + 1]], axis=1
-        )
-        denominator = np.ones(len(aim), dtype=np.complex128)
-        for _ in range(FIT_STEPS):
-            weighted = terms * (weight / np.abs(denominator) ** 2)[:, np.newaxis]
-            matrix = (weighted.conj().T @ terms).real
-            scale = 1.0 / np.sqrt(np.diag(matrix))
-            matrix *= scale[:, np.newaxis] * scale
-            matrix[np.diag_indices_from(matrix)] += TINY
-            found = scale * np.linalg.solve(matrix, scale * (weighted.conj().T @ aim).real)
-            denominator = 1.0 + powers[:, 1 : below + 1] @ found[above + 1 :]
-            yield None
-        fit = powers[:, : above + 1] @ found[: above + 1] / denominator
-        deviation = _deviation(aim - fit, weight) + PENALTY * len(found)
-        if deviation < least:
-            best, least = fit, deviation
-        yield None
-    every = np.ones(len(frequency), dtype=np.complex128)
-    every[inside] = best
-    every[frequency >= FASTEST] = best[-1]
-    yield every
-
-
-def _deviation(difference: ComplexArray, weight: FloatArray) -> float:
-    """Return the weighted sum of squares, in which no line counts too much."""
-    return float(np.minimum(np.abs(difference) ** 2 * weight, LARGEST_DEVIATION).sum())
 
 
 class AutocorrelationEstimator:

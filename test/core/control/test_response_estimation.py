@@ -27,9 +27,8 @@ from haptic_accel.core.control.response_estimation import (
     AutocorrelationEstimator,
     PairedWindow,
     ResponseEstimator,
-    fitted,
 )
-from haptic_accel.core.model import ComplexArray, FloatArray
+from haptic_accel.core.model import FloatArray
 
 RATE = 1000.0
 
@@ -215,38 +214,6 @@ def test_a_window_with_a_saturated_sample_is_not_used() -> None:
     due = [window.push(1.0, math.inf if number == 70 else 1.0) for number in range(256)]
     used = np.flatnonzero(due)
     assert set(used) == {63, *range(143, 256, 16)}
-
-
-def mode(frequency: FloatArray, peak: float, damping: float) -> ComplexArray:
-    """Return the response through a mode in series: of an oscillator's base to its mass."""
-    turned = 1j * frequency / peak
-    return np.asarray((1.0 + 2 * damping * turned) / (1.0 + 2 * damping * turned + turned**2))
-
-
-def fit(frequency: FloatArray, response: ComplexArray, variance: FloatArray) -> ComplexArray:
-    (found,) = [each for each in fitted(frequency, response, variance) if each is not None]
-    return found
-
-
-@pytest.mark.parametrize(("peak", "damping"), [(70.0, 0.05), (133.0, 0.02), (320.0, 0.1)])
-def test_the_skirts_of_a_mode_are_known_from_its_peak(peak: float, damping: float) -> None:
-    lines = np.arange(1.0, 251.0) * 2.0
-    truth = mode(lines, peak, damping)
-    # The noise hides all but the lines around the peak.
-    noise = np.where(np.abs(lines / peak - 1.0) < 0.15, 1e-2, 3.0)
-    random = np.random.default_rng(0)
-    seen = truth + noise * (random.standard_normal(250) + 1j * random.standard_normal(250))
-    found = fit(lines, seen, 2.0 * noise**2)
-    skirts = (lines > peak / 2.0) & (lines < min(1.6 * peak, 440.0))
-    assert np.abs(found - truth)[skirts] == pytest.approx(0.0, abs=0.3)
-    assert np.abs(seen - truth)[skirts].max() > 2.0
-
-
-def test_no_mode_is_fitted_to_noise() -> None:
-    lines = np.arange(1.0, 251.0) * 2.0
-    random = np.random.default_rng(1)
-    seen = 1.0 + random.standard_normal(250) + 1j * random.standard_normal(250)
-    assert np.abs(fit(lines, seen, np.full(250, 2.0)) - 1.0).max() < 0.5
 
 
 def test_a_change_of_the_response_is_a_surprise_and_a_smaller_force_is_none() -> None:

@@ -52,7 +52,6 @@ from haptic_accel.core.control.response_estimation import (
     INDEPENDENCE,
     AutocorrelationEstimator,
     ResponseEstimator,
-    fitted,
 )
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
@@ -183,10 +182,6 @@ force is seen above the noise."""
 EXPECTED_SURPRISE = 1.1
 """Surprise up to which the handle counts as unchanged; its memory falls with the third power of
 what exceeds it."""
-
-NEIGHBOURS = 17
-"""Number of lines whose median of incoherent power is the least noise of a line: few evaluations
-explain some lines by chance."""
 
 NOT_LEARNT = 4.0
 """Time for which a force is reduced after which the handle counts as not learnt, s of
@@ -375,18 +370,10 @@ class Learner:
         self._ratio.model[1:] = model[self._every]
         yield False
         if self._ratio.weight:
-            ratio = self._certain_ratio(self._variance())
+            ratio = self._certain_ratio()
             excitation = self._ratio.excitation[1:]
             deviation = excitation @ np.abs(ratio - 1.0) ** 2 / excitation.sum()
             self.deviation = math.sqrt(deviation)
-            if self.deviation >= UNDESCRIBED:
-                variance = self._noisy_variance()
-                lines, response = self._ratio.frequency[1:], self._ratio.response[1:]
-                for fit in fitted(lines, response.copy(), variance):
-                    yield False
-                    if fit is not None:
-                        expected = 1.0 + self._above[self._every] * (fit - 1.0)
-                        ratio = self._certain_ratio(variance, expected)
             model = model * np.interp(self._lines, self._ratio.frequency[1:], ratio)
         yield False
         spectra = self._equations.spectra(self._driven(), self._unexpected, model)
@@ -425,39 +412,18 @@ class Learner:
         # The rest of a pause leaves small negative densities.
         return np.maximum(driven, EVER_EXPECTED * self._expected)
 
-    def _variance(self) -> FloatArray:
-        """Return the variance of the ratio on the lines, from its coherence."""
+    def _certain_ratio(self) -> ComplexArray:
+        """Return the ratio of plant to model on the lines, weighted by its certainty."""
         response, coherence = self._ratio.response[1:], self._ratio.coherence[1:]
-        independent = self._independent
+        independent = max(1.0, INDEPENDENCE * self._ratio.weight)
         unexplained = (1.0 - coherence + UNRESOLVED / independent) / independent
-        return np.asarray(np.abs(response) ** 2 * unexplained / np.maximum(coherence, 1e-6))
-
-    def _noisy_variance(self) -> FloatArray:
-        """Return the variance with at least the noise of the neighbouring lines."""
-        from scipy.ndimage import median_filter
-
-        per_line = np.maximum(self._ratio.excitation[1:], np.finfo(float).tiny) * self._independent
-        noise = self._variance() * per_line
-        noise = np.maximum(noise, median_filter(noise, NEIGHBOURS, mode="nearest"))
-        return np.asarray((noise + MOTION) / per_line)
-
-    def _certain_ratio(
-        self, variance: FloatArray, expected: ComplexArray | float = 1.0
-    ) -> ComplexArray:
-        """Return the ratio of plant to model, line by line; the expected one if uncertain."""
-        response = self._ratio.response[1:]
-        squared = np.abs(response - expected) ** 2
+        variance = np.abs(response) ** 2 * unexplained / np.maximum(coherence, 1e-6)
+        squared = np.abs(response - 1.0) ** 2
         doubt = CAUTION * variance + NEGLIGIBLE**2
-        excitation = np.maximum(self._ratio.excitation[1:], np.finfo(float).tiny)
-        moved = MOTION / excitation / self._independent
+        moved = MOTION / np.maximum(self._ratio.excitation[1:], np.finfo(float).tiny) / independent
         shown = np.maximum(0.0, 1.0 - CAUTION * moved / np.maximum(squared, NEGLIGIBLE**2))
         accepted = self._above[self._every] * shown * squared / (squared + doubt)
-        return np.asarray(expected + accepted * (response - expected))
-
-    @property
-    def _independent(self) -> float:
-        """Number of independent evaluations of the ratio."""
-        return max(1.0, INDEPENDENCE * self._ratio.weight)
+        return np.asarray(1.0 + accepted * (response - 1.0))
 
 
 def _spectrum(sequence: FloatArray) -> FloatArray:
