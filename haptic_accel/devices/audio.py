@@ -18,10 +18,11 @@
 from __future__ import annotations
 
 import math
+import re
 import time as clocks
 from bisect import insort
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any
@@ -31,7 +32,7 @@ import numpy as np
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import read_mounting
 from haptic_accel.core.model import ZERO, FloatArray, Vector
-from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
+from haptic_accel.core.parameters import Checked, ParameterError, like, parameter, shown
 from haptic_accel.devices.interface import LATER, Device, DeviceDescription, DeviceError, Reading
 from haptic_accel.devices.serial.device import SerialMasterParameters
 from haptic_accel.devices.simulated import SimulatedDevice
@@ -52,6 +53,13 @@ READINGS = 64
 """Readings of a card's queue of which the shortest counts: many cards update the queue once per
 block, so that no reading is too short."""
 
+ALSA, JACK = "ALSA", "JACK Audio Connection Kit"
+"""PortAudio's names of host APIs."""
+
+PLUG_IN_CHANNELS = 32
+"""Channels from which on a device of ALSA that is no hardware is a plug-in with any number of
+them: that of PulseAudio states 32, of PipeWire 64, and PortAudio limits others to 128."""
+
 SHARE = 0.25
 """Share of the card clock's error that is corrected after `READINGS`: at 1 kHz a drift of 1e-4
 leaves 26 us."""
@@ -70,13 +78,11 @@ class AudioParameters(Checked):
         low=8,
         high=4096,
     )
-    channel: int = parameter(
-        1,
-        "output channel of the first coil; the next channels have the other coils, and the rest is"
-        " silent",
-        "",
-        1,
-        64,
+    channels: str = parameter(
+        "1",
+        "output channels of the coils, from 1, such as 3, 4: a single coil's force is on all of"
+        " them; three coils have one each, or three from the first on; the card's other channels"
+        " are silent",
     )
     full_scale: float = parameter(
         0.0,
@@ -94,11 +100,48 @@ class AudioParameters(Checked):
         """Actuator force at full scale, N, assumed where it is not calibrated."""
         return self.full_scale or self.actuator.peak_force
 
+    def channels_of(self, coils: int) -> tuple[int, ...]:
+        """Return the channels of one coil, or of each of three, from 1.
+
+        Raises
+        ------
+        ParameterError
+            They are no channels, or not as many as the coils.
+        """
+        words = [word.strip() for word in self.channels.split(",")]
+        found = tuple(int(word) for word in words if re.fullmatch("[1-9][0-9]{0,2}", word))
+        if coils > 1 and len(found) == 1:
+            found = tuple(range(found[0], found[0] + coils))
+        if len(found) < len(words) or len(set(found)) < len(found):
+            allowed = "different whole numbers from 1, such as '3, 4'"
+        elif coils > 1 and len(found) != coils:
+            allowed = f"{coils} channels, one for each coil, or the first of them"
+        else:
+            return found
+        raise ParameterError(f"audio.channels = {shown(repr(self.channels))}: must be {allowed}")
+
+
+def sound_server(card: Mapping[str, Any], host: str) -> str:
+    """Return what mixes or resamples between PortAudio and a card; empty for the card itself.
+
+    Parameters
+    ----------
+    card : mapping
+        Device, as `sounddevice.query_devices` returns it.
+    host : str
+        Name of its host API.
+    """
+    if host != ALSA:
+        return host
+    any_number = card["max_output_channels"] >= PLUG_IN_CHANNELS and "(hw:" not in card["name"]
+    return "ALSA's plug-in, or a sound server" if any_number else ""
+
 
 class SoundCard:
     """Sound card output that never blocks.
 
-    Without new samples the card is silent, so a process that hangs leaves no force.
+    Without new samples the card is silent, so a process that hangs leaves no force. All channels
+    of a card are opened, and those without a coil are zero.
 
     Parameters
     ----------
@@ -106,7 +149,7 @@ class SoundCard:
     period : float
         Interval between two calls of `write` at the most, s.
     coils : int
-        Number of coils, on successive channels.
+        Number of coils.
 
     Attributes
     ----------
@@ -126,8 +169,7 @@ class SoundCard:
         self._library = sounddevice
         self._parameters = parameters
         self._period = period
-        first = parameters.channel - 1
-        self._own = slice(first, first + coils)
+        self._own = [channel - 1 for channel in parameters.channels_of(coils)]
         self._stream: Any = None
         self._channels = self._size = self.block = 0
         self.rate = self.lead = math.nan
@@ -148,14 +190,22 @@ class SoundCard:
             raise DeviceError("audio.device = '': must name a sound card, as none is the default")
         found = self._opened(lambda: library.query_devices(p.device or None, "output"))
         self.name, self.rate = found["name"], found["default_samplerate"]
-        most, last = found["max_output_channels"], self._own.stop
+        most, last = found["max_output_channels"], max(self._own) + 1
         if last > most:
             raise ParameterError(
-                f"audio.channel = {p.channel}: channel {last} of the last coil must be at most"
-                f" {most}"
+                f"audio.channels = {p.channels!r}: channel {last} must be at most {most}, as the"
+                f" sound card {self.name} has no more"
             )
-        # Two channels if the card has two: a single channel may sound from both.
-        self._channels = max(last, min(2, most))
+        host = library.query_hostapis(found["hostapi"])["name"]
+        if host == JACK:
+            raise DeviceError(
+                f"audio.device = {p.device!r}: must not be on JACK, to which PortAudio 19.6 writes"
+                " beyond its memory; stop JACK, and name the card itself (hw:)"
+            )
+        # PortAudio copies the last channel to the next one that is not opened. A plug-in with any
+        # number mixes what it has too many of.
+        any_number = host == ALSA and sound_server(found, host)
+        self._channels = max(last, min(2, most)) if any_number else most
         self._stream = self._opened(
             lambda: library.OutputStream(
                 device=found["index"],
@@ -375,9 +425,9 @@ class AudioActuator(Device):
         """Remark of the device; card, block, lead and calibration."""
         card, p = self._card, self._parameters
         calibrated = "" if p.full_scale else ", not calibrated"
-        others = f" to {p.channel + self._coils - 1}" if self._coils > 1 else ""
+        channels = ", ".join(map(str, p.channels_of(self._coils)))
         own = (
-            f"sound card {card.name}, channel {p.channel}{others}, {card.block} samples a block at"
+            f"sound card {card.name}, channel {channels}, {card.block} samples a block at"
             f" {card.rate:g} Hz, supplied {card.lead * 1e3:.1f} ms ahead, full scale"
             f" {self._full_scale:g} N{calibrated}"
         )

@@ -43,7 +43,7 @@ from haptic_accel.core.parameters import (
     shown,
 )
 from haptic_accel.setup.files import check_reached
-from haptic_accel.setup.former_names import IN_SAMPLES, in_time
+from haptic_accel.setup.former_names import FORMER, present_values
 from haptic_accel.setup.node_parameters import (
     NODES,
     USE_SIM_TIME,
@@ -193,9 +193,9 @@ class DeclaredParameters:
         for name in given:
             self._node.undeclare_parameter(name)
             # A file may set in all nodes (/**) what only some have.
-            if name not in IN_SAMPLES and not any(name in node_schema(each) for each in NODES):
+            if not any(name in {*node_schema(each), *FORMER.get(each, ())} for each in NODES):
                 raise ParameterError(f"{name}: no such parameter")
-        return in_time(given, given.get("rate"), self._node.get_logger().warning)
+        return present_values(given, given.get("rate"), self._node.get_logger().warning)
 
     def _declare(self, given: dict[str, Any]) -> None:
         """Declare all parameters with their descriptors and checked values.

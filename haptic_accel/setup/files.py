@@ -32,7 +32,7 @@ from haptic_accel.core.document import Document, read_yaml_document
 from haptic_accel.core.parameters import checked, printable, shown
 from haptic_accel.core.warning import warn_once
 from haptic_accel.materials.folders import config_folder, is_recording, preset_file
-from haptic_accel.setup.former_names import IN_SAMPLES
+from haptic_accel.setup.former_names import FORMER
 from haptic_accel.setup.node_parameters import NODES, USE_SIM_TIME, check_clock, node_schema
 
 SURFACE = "simulated.surface."
@@ -321,4 +321,4 @@ def _known(flat: Mapping[str, Document], executable: str, name: str) -> dict[str
 
 def _names(executable: str) -> set[str]:
     """Return the names of a node's parameters in files, former ones included."""
-    return {*node_schema(executable), *(IN_SAMPLES if executable == "compensator" else ())}
+    return {*node_schema(executable), *FORMER.get(executable, ())}

@@ -36,46 +36,67 @@ IN_SAMPLES = {
 }
 """Delays of the compensator that were numbers of samples before 0.4, and times in their place."""
 
+KEPT = "it is read until the next release"
 
-def in_time(
+CHANNEL, CHANNELS = "audio.channel", "audio.channels"
+"""Number of the master device's first channel before 0.4, and text of all channels."""
+
+FORMER = {"compensator": frozenset(IN_SAMPLES), "master_device": frozenset({CHANNEL})}
+"""Names before 0.4 that a node's parameters may still have in files."""
+
+
+def present_values(
     values: Mapping[str, Any], rate: object, warn: Callable[[str], None] | None = None
 ) -> dict[str, Any]:
-    """Return values in which every delay in samples is a time, in s.
+    """Return values by their present names: every delay in samples is a time, in s.
 
     Parameters
     ----------
     values : mapping
-        Values of the compensator by dotted name.
+        Values of a node by dotted name.
     rate
         Samples per second of the graph; the default rate in place of what is no rate.
     warn : callable, optional
-        Receives one line for each delay in samples.
+        Receives one line for each former name.
 
     Raises
     ------
     ParameterError
-        A delay is no whole number of samples, or is given as a time, too.
+        A delay is no whole number of samples, a channel no whole number, or the value is given by
+        its present name, too.
 
     Examples
     --------
-    >>> in_time({"inverse.granted_delay": 4}, 4000.0)
-    {'inverse.granted_time': 0.001}
+    >>> present_values({"inverse.granted_delay": 4, "audio.channel": 3}, 4000.0)
+    {'audio.channels': '3', 'inverse.granted_time': 0.001}
     """
     found = dict(values)
+
+    def check(name: str, now: str, known: object, allowed: str) -> None:
+        value = values[name]
+        if not known:
+            raise ParameterError(f"{name} = {shown(str(value))}: must be {allowed}")
+        if now in values:
+            raise ParameterError(f"{name} = {value}: must be left out, as {now} is given")
+
+    if CHANNEL in values:
+        value = found.pop(CHANNEL)
+        known = type(value) is int and value > 0
+        check(CHANNEL, CHANNELS, known, f"a whole number from 1; or give {CHANNELS}")
+        found[CHANNELS] = str(value)
+        if warn:
+            warn(f"{CHANNEL} = {value} is {CHANNELS} = '{value}'; {KEPT}")
     if not (isinstance(rate, (int, float)) and rate > 0):
         rate = DEFAULT_RATE
     for name in IN_SAMPLES.keys() & values:
         now, value = IN_SAMPLES[name], found.pop(name)
         most = int(LONGEST_GRANTED_TIME * rate)
-        if not (type(value) is int and 0 <= value <= most):
-            allowed = f"must be a whole number of samples, from 0 to {most}; or give {now} in s"
-            raise ParameterError(f"{name} = {shown(str(value))}: {allowed}")
-        if now in values:
-            raise ParameterError(f"{name} = {value}: must be left out, as {now} is given")
+        known = type(value) is int and 0 <= value <= most
+        check(name, now, known, f"a whole number of samples, from 0 to {most}; or give {now} in s")
         found[now] = value / rate
         if warn:
             means = f"{now} = {found[now]:g} s at {rate:g} Hz"
-            warn(f"{name} = {value} samples is {means}; it is read until the next release")
+            warn(f"{name} = {value} samples is {means}; {KEPT}")
     return found
 
 
@@ -85,9 +106,9 @@ def current_values(recorded: Mapping[str, Any]) -> dict[str, Any]:
     Raises
     ------
     ParameterError
-        As for `in_time`.
+        As for `present_values`.
     """
-    return in_time(
+    return present_values(
         {_current(name): value for name, value in recorded.items()}, recorded.get("rate")
     )
 

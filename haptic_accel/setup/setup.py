@@ -46,7 +46,7 @@ from haptic_accel.setup.files import (
     surface_file,
     warn_of,
 )
-from haptic_accel.setup.former_names import current_arguments, current_values, in_time
+from haptic_accel.setup.former_names import current_arguments, current_values, present_values
 from haptic_accel.setup.node_parameters import NODES, PASSIVE, SAFETY, node_parameters, node_schema
 
 RECORDER = "recorder"
@@ -209,7 +209,7 @@ def _resolved(arguments: Arguments) -> Values:
     set_here = _set_by(arguments)
     own = [(path, read_parameter_file(path, arguments.namespace)) for path in _files(arguments)]
     given = read_parameter_files(arguments.params_file, arguments.namespace)
-    files = [(path, _in_time(path, content, arguments.rate)) for path, content in [*own, *given]]
+    files = [(path, _present(path, content, arguments.rate)) for path, content in [*own, *given]]
     for index, (path, content) in enumerate(files, 1):
         if path != _defaults_file():
             _check_given(path, content, set_here, [later for _, later in files[index:]])
@@ -224,13 +224,16 @@ def _resolved(arguments: Arguments) -> Values:
     return values
 
 
-def _in_time(path: Path, content: Values, rate: float) -> Values:
-    """Return a file's content in which no delay is in samples, after a warning about those."""
+def _present(path: Path, content: Values, rate: float) -> Values:
+    """Return a file's content by present names, after a warning about former ones."""
+
+    def warn(line: str) -> None:
+        warn_once(f"{path}: {line}")
+
     try:
-        now = in_time(content["compensator"], rate, lambda line: warn_once(f"{path}: {line}"))
+        return {node: present_values(own, rate, warn) for node, own in content.items()}
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from None
-    return {**content, "compensator": now}
 
 
 def _known_handle(arguments: Arguments, values: Values) -> dict[str, Any]:

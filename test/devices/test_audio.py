@@ -42,7 +42,15 @@ from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.devices import Device, DeviceError, Sample
 from haptic_accel.devices.audio import AudioActuator, AudioParameters, HeldForce
 from haptic_accel.devices.simulated import SimulatedMaster
-from sound_cards import NAME, received, sound_card
+from sound_cards import (
+    JACK_NAME,
+    NAME,
+    QUAD,
+    jack_card,
+    received,
+    received_of_four,
+    sound_card,
+)
 from sound_cards import RATE as CARD_RATE
 
 RATE = 1000.0
@@ -120,7 +128,7 @@ def held(forces: np.ndarray, rate: float, count: int) -> np.ndarray:
 @pytest.mark.parametrize("channel", [1, 2, 3])
 def test_samples_that_arrive_are_the_forces_that_were_due(bench: Bench, channel: int) -> None:
     forces = np.random.default_rng(1).uniform(-3.0, 3.0, 300)
-    device = bench.device(channel=channel, full_scale=4.0)
+    device = bench.device(channels=str(channel), full_scale=4.0)
     device.open()
     bench.run(device, forces)
     device.close()
@@ -137,12 +145,12 @@ def test_samples_that_arrive_are_the_forces_that_were_due(bench: Bench, channel:
 def test_three_coils_are_driven_on_three_channels_with_one_due_time(bench: Bench) -> None:
     forces = np.random.default_rng(2).uniform(-2.0, 2.0, (200, 3))
     device = bench.device(
-        inner=Still(ALL_AXES), channel=2, full_scale=4.0, coil_mounting="0 1 0, -1 0 0, 0 0 1"
+        inner=Still(ALL_AXES), channels="2", full_scale=4.0, coil_mounting="0 1 0, -1 0 0, 0 0 1"
     )
     assert device.axes == ALL_AXES
     device.open()
     bench.run(device, forces)
-    assert "sound card coil, channel 2 to 4, " in device.remark
+    assert "sound card coil, channel 2, 3, 4, " in device.remark
     device.close()
     silent, *signals = bench.received(4).T
     assert not silent.any()
@@ -317,6 +325,83 @@ def test_the_card_s_clock_is_followed(
     assert np.abs(settled).max() < 0.4e-3
 
 
+@pytest.mark.parametrize(
+    ("channels", "driven"), [("3, 4", [2, 3]), ("1", [0]), ("3", [2]), ("4,2", [1, 3])]
+)
+def test_a_single_coil_s_force_is_on_all_its_channels_and_on_no_other(
+    bench: Bench, channels: str, driven: list[int]
+) -> None:
+    forces = np.random.default_rng(1).uniform(-3.0, 3.0, 100)
+    device = bench.device(device=QUAD, channels=channels, full_scale=4.0)
+    device.open()
+    bench.run(device, forces)
+    device.close()
+    received = received_of_four(bench.folder)
+    due = held(forces, CARD_RATE, len(received))
+    for channel, signal in enumerate(received.T):
+        assert 4.0 * signal == pytest.approx(due if channel in driven else 0.0 * due, abs=1e-4)
+
+
+def test_a_channel_that_the_card_does_not_have_is_refused(bench: Bench) -> None:
+    with pytest.raises(ParameterError) as refused:
+        bench.device(device=QUAD, channels="4, 5").open()
+    assert str(refused.value) == (
+        "audio.channels = '4, 5': channel 5 must be at most 4, as the sound card quad has no more"
+    )
+
+
+def test_jack_in_between_is_refused_in_one_line() -> None:
+    code = (
+        "from haptic_accel.devices.audio import AudioParameters, SoundCard, DeviceError\n"
+        f"try: SoundCard(AudioParameters({JACK_NAME!r}), 1e-3).open()\n"
+        "except DeviceError as error: print(error)"
+    )
+    with jack_card() as environment:
+        command = [sys.executable, "-c", code]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == (
+        "audio.device = 'system': must not be on JACK, to which PortAudio 19.6 writes beyond its"
+        " memory; stop JACK, and name the card itself (hw:)\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("channels", "coils", "found"),
+    [("3, 4", 1, (3, 4)), (" 2 ", 1, (2,)), ("2", 3, (2, 3, 4)), ("4,1 , 2", 3, (4, 1, 2))],
+)
+def test_channels_are_those_of_the_coils(
+    channels: str, coils: int, found: tuple[int, ...]
+) -> None:
+    assert AudioParameters(channels=channels).channels_of(coils) == found
+
+
+@given(st.text(max_size=20) | st.lists(st.integers(-2, 9)).map(str), st.sampled_from([1, 3]))
+def test_what_is_no_channels_is_refused_in_one_line(channels: str, coils: int) -> None:
+    parameters = AudioParameters(channels=channels)
+    try:
+        found = parameters.channels_of(coils)
+    except ParameterError as error:
+        assert str(error).startswith("audio.channels = ")
+        assert str(error).isprintable()
+    else:
+        assert len(set(found)) == len(found)
+        assert min(found) >= 1
+
+
+@pytest.mark.parametrize(
+    ("channels", "coils", "allowed"),
+    [
+        ("0", 1, "different whole numbers from 1"),
+        ("3, 3", 1, "different whole numbers from 1"),
+        ("3; 4", 1, "different whole numbers from 1"),
+        ("3, 4", 3, "3 channels, one for each coil, or the first of them"),
+    ],
+)
+def test_wrong_channels_are_refused(channels: str, coils: int, allowed: str) -> None:
+    with pytest.raises(ParameterError, match=f"^audio.channels = '{channels}': must be {allowed}"):
+        AudioParameters(channels=channels).channels_of(coils)
+
+
 @pytest.mark.parametrize("scale", [0.5, 1.5])
 def test_the_mass_that_is_found_tells_the_scale_of_the_force(scale: float) -> None:
     sweep = SweepParameters(duration=1.0)
@@ -346,7 +431,7 @@ def test_what_it_plays_on_is_remarked(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize(
-    "fields", [{"device": "nowhere"}, {"block": 4096}, {"device": "stereo", "channel": 3}]
+    "fields", [{"device": "nowhere"}, {"block": 4096}, {"device": "stereo", "channels": "3"}]
 )
 def test_card_that_cannot_be_opened_is_refused_in_one_line(bench: Bench, fields: Any) -> None:
     device = bench.device(**fields)
@@ -358,7 +443,9 @@ def test_card_that_cannot_be_opened_is_refused_in_one_line(bench: Bench, fields:
 def test_coils_that_do_not_fit_are_refused_in_one_line(bench: Bench) -> None:
     with pytest.raises(ParameterError, match=r"^audio.coil_mounting: axes that are not orthogo"):
         bench.device(inner=Still(ALL_AXES), coil_mounting="1 0 0, 0 1 0, 1 1 0")
-    with pytest.raises(ParameterError, match=r"^audio.channel = 1: channel 3 of the last coil"):
+    with pytest.raises(
+        ParameterError, match=r"^audio.channels = '1': channel 3 must be at most 2"
+    ):
         bench.device(inner=Still(ALL_AXES), device="stereo").open()
 
 

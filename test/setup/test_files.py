@@ -145,6 +145,39 @@ def test_a_delay_in_samples_is_of_the_compensator_only(tmp_path: Path) -> None:
         read_parameter_file(file)
 
 
+def test_a_former_channel_of_a_sound_card_is_read_with_one_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("master_device: {ros__parameters: {audio: {channel: 3}}}")
+    values = Setup.of(GraphArguments(params_file=str(file))).values["master_device"]
+    assert values["audio.channels"] == "3"
+    assert "audio.channel" not in values
+    assert caplog.messages == [
+        f"{file}: audio.channel = 3 is audio.channels = '3'; it is read until the next release"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ("{channel: 0}", "channel = 0: must be a whole number from 1; or give audio.channels"),
+        ("{channel: '3'}", "channel = 3: must be a whole number from 1; or give audio.channels"),
+        (
+            "{channel: 3, channels: '4'}",
+            "channel = 3: must be left out, as audio.channels is given",
+        ),
+    ],
+)
+def test_a_former_channel_that_means_nothing_or_two_things_is_refused(
+    tmp_path: Path, given: str, reason: str
+) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"master_device: {{ros__parameters: {{audio: {given}}}}}")
+    with pytest.raises(ParameterError, match=re.escape(f"{file}: audio.{reason}")):
+        Setup.of(GraphArguments(params_file=str(file)))
+
+
 def test_a_surface_of_ones_own_is_a_file(tmp_path: Path) -> None:
     mine = tmp_path / "cork.yaml"
     mine.write_text("slave_device: {ros__parameters: {simulated: {surface: {name: cork}}}}")

@@ -13,10 +13,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sound card for tests: ALSA's file plug-in over its null plug-in."""
+"""Sound cards for tests: ALSA's file plug-in over its null plug-in, and JACK without hardware."""
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,6 +30,9 @@ import pytest
 NAME = "coil"
 """Name of the card."""
 
+QUAD = "quad"
+"""Name of a card with exactly four channels."""
+
 RATE = 44100.0
 """Samples per second that PortAudio takes by default, Hz."""
 
@@ -36,6 +42,21 @@ pcm.stereo {{
     type multi  slaves.a {{ pcm "null"  channels 2 }}
     bindings {{ 0 {{ slave a  channel 0 }}  1 {{ slave a  channel 1 }} }}
 }}
+pcm.quad {{
+    type multi
+    slaves {{
+        a {{ pcm "quad_1"  channels 1 }}  b {{ pcm "quad_2"  channels 1 }}
+        c {{ pcm "quad_3"  channels 1 }}  d {{ pcm "quad_4"  channels 1 }}
+    }}
+    bindings {{
+        0 {{ slave a  channel 0 }}  1 {{ slave b  channel 0 }}
+        2 {{ slave c  channel 0 }}  3 {{ slave d  channel 0 }}
+    }}
+}}
+pcm.quad_1 {{ type file  slave.pcm "null"  file "{0}/quad_1.raw"  format "raw" }}
+pcm.quad_2 {{ type file  slave.pcm "null"  file "{0}/quad_2.raw"  format "raw" }}
+pcm.quad_3 {{ type file  slave.pcm "null"  file "{0}/quad_3.raw"  format "raw" }}
+pcm.quad_4 {{ type file  slave.pcm "null"  file "{0}/quad_4.raw"  format "raw" }}
 pcm.null {{ type null }}
 pcm.default {{ type null }}
 """
@@ -61,3 +82,30 @@ def sound_card(folder: Path) -> Iterator[None]:
 def received(folder: Path, channels: int = 2) -> np.ndarray:
     """Return the samples of the closed card, shape (n, channels), full scale 1."""
     return np.fromfile(folder / "coil.raw", dtype="<f4").reshape(-1, channels)
+
+
+JACK_NAME = "system"
+"""Name that PortAudio has for JACK's card."""
+
+
+@contextmanager
+def jack_card() -> Iterator[dict[str, str]]:
+    """Run JACK without hardware; yield the environment of its programs, or skip without JACK."""
+    if not shutil.which("jackd"):
+        pytest.skip("no jackd: apt-get install jackd2")
+    name = f"test_{os.getpid()}"
+    command = ["jackd", "-r", "-n", name, "-d", "dummy", "-P", "4", "-p", "64"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as server:
+        assert server.stdout
+        try:
+            subprocess.run(["jack_wait", "-s", name, "-w", "-t", "20"], check=True)
+            yield {**os.environ, "JACK_DEFAULT_SERVER": name, "JACK_NO_START_SERVER": "1"}
+        finally:
+            server.terminate()
+            server.stdout.read()
+
+
+def received_of_four(folder: Path) -> np.ndarray:
+    """Return the samples of the closed card with four channels, shape (n, 4), full scale 1."""
+    files = [folder / f"quad_{number}.raw" for number in (1, 2, 3, 4)]
+    return np.stack([np.fromfile(file, dtype="<f4") for file in files], axis=1)
