@@ -29,6 +29,7 @@ from typing import Any
 
 from haptic_accel.cli.commands import command_line
 from haptic_accel.core.parameters import Checked, Specification, allowed_values, own_schema
+from haptic_accel.devices.audio_presets import PRESETS
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.setup.node_parameters import NODES, node_schema
 from haptic_accel.setup.words import described, group
@@ -115,6 +116,23 @@ def study_columns() -> str:
     return table(("column", "unit", "meaning"), rows)
 
 
+def audio_presets() -> str:
+    """Return the kinds of coils on sound cards."""
+    rows = [
+        row(
+            f"`{name}`",
+            each.device or "the default",
+            each.channels,
+            f"{each.rate:g} Hz" if each.rate else "the card's",
+            each.assumed,
+            each.unknown,
+        )
+        for name, each in PRESETS.items()
+    ]
+    headings = ("preset", "card", "channels", "rate", "assumed", "to be identified")
+    return table(headings, rows)
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "commands": commands,
     "teleop": partial(arguments, GraphArguments),
@@ -122,6 +140,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "parameters": parameters,
     "study_columns": study_columns,
     "study": study,
+    "audio_presets": audio_presets,
 }
 
 

@@ -32,7 +32,15 @@ import numpy as np
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import read_mounting
 from haptic_accel.core.model import ZERO, FloatArray, Vector
-from haptic_accel.core.parameters import Checked, ParameterError, like, parameter, shown
+from haptic_accel.core.parameters import (
+    Checked,
+    ParameterError,
+    like,
+    one_line,
+    parameter,
+    shown,
+)
+from haptic_accel.devices.audio_presets import PRESETS, AudioPreset
 from haptic_accel.devices.interface import LATER, Device, DeviceDescription, DeviceError, Reading
 from haptic_accel.devices.serial.device import SerialMasterParameters
 from haptic_accel.devices.simulated import SimulatedDevice
@@ -56,6 +64,9 @@ block, so that no reading is too short."""
 ALSA, JACK = "ALSA", "JACK Audio Connection Kit"
 """PortAudio's names of host APIs."""
 
+INVALID_RATE = -9997
+"""PortAudio's number of an error: paInvalidSampleRate."""
+
 PLUG_IN_CHANNELS = 32
 """Channels from which on a device of ALSA that is no hardware is a plug-in with any number of
 them: that of PulseAudio states 32, of PipeWire 64, and PortAudio limits others to 128."""
@@ -69,8 +80,16 @@ leaves 26 us."""
 class AudioParameters(Checked):
     """Sound card that drives the actuator, of one coil or three."""
 
+    preset: str = parameter(
+        "",
+        "kind of the coils, whose card, channels and rate are assumed where not given; a first"
+        " touch, not a bench, until the handle is identified; empty for none",
+        choices=tuple(PRESETS),
+    )
     device: str = parameter(
-        "", "name of the sound card, as `python -m sounddevice` lists it; empty for the default"
+        "",
+        "name of the sound card, or a part of it, as `haptic-accel doctor audio` lists it; empty"
+        " for the preset's, or the default",
     )
     block: int = parameter(
         64,
@@ -79,10 +98,10 @@ class AudioParameters(Checked):
         high=4096,
     )
     channels: str = parameter(
-        "1",
+        "",
         "output channels of the coils, from 1, such as 3, 4: a single coil's force is on all of"
         " them; three coils have one each, or three from the first on; the card's other channels"
-        " are silent",
+        " are silent; empty for the preset's, or 1",
     )
     full_scale: float = parameter(
         0.0,
@@ -100,6 +119,16 @@ class AudioParameters(Checked):
         """Actuator force at full scale, N, assumed where it is not calibrated."""
         return self.full_scale or self.actuator.peak_force
 
+    @property
+    def assumed(self) -> AudioPreset:
+        """Values in place of those that are not given."""
+        return PRESETS.get(self.preset, AudioPreset("", "1", 0.0, "", ""))
+
+    @property
+    def card_name(self) -> str:
+        """Name of the sound card, or a part of it; empty for the default card."""
+        return self.device or self.assumed.device
+
     def channels_of(self, coils: int) -> tuple[int, ...]:
         """Return the channels of one coil, or of each of three, from 1.
 
@@ -108,7 +137,8 @@ class AudioParameters(Checked):
         ParameterError
             They are no channels, or not as many as the coils.
         """
-        words = [word.strip() for word in self.channels.split(",")]
+        channels = self.channels or self.assumed.channels
+        words = [word.strip() for word in channels.split(",")]
         found = tuple(int(word) for word in words if re.fullmatch("[1-9][0-9]{0,2}", word))
         if coils > 1 and len(found) == 1:
             found = tuple(range(found[0], found[0] + coils))
@@ -118,7 +148,7 @@ class AudioParameters(Checked):
             allowed = f"{coils} channels, one for each coil, or the first of them"
         else:
             return found
-        raise ParameterError(f"audio.channels = {shown(repr(self.channels))}: must be {allowed}")
+        raise ParameterError(f"audio.channels = {shown(repr(channels))}: must be {allowed}")
 
 
 def sound_server(card: Mapping[str, Any], host: str) -> str:
@@ -186,21 +216,21 @@ class SoundCard:
             There is no such card, or it cannot be opened.
         """
         p, library = self._parameters, self._library
-        if not p.device and library.default.device[1] < 0:
+        if not p.card_name and library.default.device[1] < 0:
             raise DeviceError("audio.device = '': must name a sound card, as none is the default")
-        found = self._opened(lambda: library.query_devices(p.device or None, "output"))
-        self.name, self.rate = found["name"], found["default_samplerate"]
+        found = self._opened(lambda: library.query_devices(p.card_name or None, "output"))
+        self.name, self.rate = found["name"], p.assumed.rate or found["default_samplerate"]
         most, last = found["max_output_channels"], max(self._own) + 1
         if last > most:
             raise ParameterError(
-                f"audio.channels = {p.channels!r}: channel {last} must be at most {most}, as the"
-                f" sound card {self.name} has no more"
+                f"audio.channels = {p.channels or p.assumed.channels!r}: channel {last} must be at"
+                f" most {most}, as the sound card {self.name} has no more"
             )
         host = library.query_hostapis(found["hostapi"])["name"]
         if host == JACK:
             raise DeviceError(
-                f"audio.device = {p.device!r}: must not be on JACK, to which PortAudio 19.6 writes"
-                " beyond its memory; stop JACK, and name the card itself (hw:)"
+                f"audio.device = {p.card_name!r}: must not be on JACK, to which PortAudio 19.6"
+                " writes beyond its memory; stop JACK, and name the card itself (hw:)"
             )
         # PortAudio copies the last channel to the next one that is not opened. A plug-in with any
         # number mixes what it has too many of.
@@ -225,8 +255,13 @@ class SoundCard:
         try:
             return attempt()
         except (ValueError, self._library.PortAudioError) as error:
-            reason = str(error).partition("\n")[0]
-            raise DeviceError(f"audio.device = {self._parameters.device!r}: {reason}") from None
+            p = self._parameters
+            if error.args[-1] == INVALID_RATE:
+                raise ParameterError(
+                    f"audio.preset = {p.preset!r}: needs {self.rate:g} Hz, which the sound card"
+                    f" {self.name} does not have"
+                ) from None
+            raise DeviceError(f"audio.device = {p.card_name!r}: {one_line(error)}") from None
 
     @property
     def room(self) -> int:
@@ -425,6 +460,7 @@ class AudioActuator(Device):
         """Remark of the device; card, block, lead and calibration."""
         card, p = self._card, self._parameters
         calibrated = "" if p.full_scale else ", not calibrated"
+        calibrated += f", preset {p.preset}" if p.preset else ""
         channels = ", ".join(map(str, p.channels_of(self._coils)))
         own = (
             f"sound card {card.name}, channel {channels}, {card.block} samples a block at"

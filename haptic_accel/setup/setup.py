@@ -28,11 +28,12 @@ from typing import Any, Generic, TypeAlias, TypeVar
 
 from haptic_accel.bags.facts import ARGUMENTS, PARAMETERS, facts_text
 from haptic_accel.core.axes import ALL_AXES
-from haptic_accel.core.control.compensation import CompensationParameters
+from haptic_accel.core.control.compensation import PLANT, CompensationParameters
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.topics import CONTACT_FORCE
 from haptic_accel.core.warning import warn_once
+from haptic_accel.devices.audio import AUDIO
 from haptic_accel.materials.folders import config_folder, is_recording, preset_file
 from haptic_accel.setup import arguments as names
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
@@ -54,6 +55,9 @@ RECORDER = "recorder"
 
 SCOPE = "scope"
 """Executable that shows the graph."""
+
+WITHOUT_PLANT = ("constant", "none")
+"""Controllers that need no plant."""
 
 LINK = "link"
 """Executable that exchanges packets with the peer host."""
@@ -217,6 +221,8 @@ def _resolved(arguments: Arguments) -> Values:
             values[executable] |= content[executable]
     for executable, set_values in set_here.items():
         values[executable] |= set_values
+    if isinstance(arguments, GraphArguments):
+        _warn_of_unknown_plant(values, [content for _, content in given])
     values["identifier"] = _known_handle(arguments, values) | values["identifier"]
     if side := getattr(arguments, "side", ""):
         _, device = node_parameters(f"{side}_device", values[f"{side}_device"])
@@ -234,6 +240,22 @@ def _present(path: Path, content: Values, rate: float) -> Values:
         return {node: present_values(own, rate, warn) for node, own in content.items()}
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from None
+
+
+def _warn_of_unknown_plant(values: Values, given: Sequence[Values]) -> None:
+    """State that a controller needs the plant of coils of which only their kind is known."""
+    master, compensator = values["master_device"], values["compensator"]
+    preset, controller = master.get("audio.preset"), compensator.get("controller")
+    is_known = any(name.startswith(f"{PLANT}.") for each in given for name in each["compensator"])
+    if master.get("actuator_device") != AUDIO or not preset or is_known:
+        return
+    if controller not in WITHOUT_PLANT:
+        warn_once(
+            f"controller = {controller}: needs the handle's plant, which is unknown with"
+            f" audio.preset = {preset}: a first touch, not a bench; the plant is taken as the"
+            f" rig's until `identify actuator:=audio` has found it, or use"
+            f" {' or '.join(WITHOUT_PLANT)}"
+        )
 
 
 def _known_handle(arguments: Arguments, values: Values) -> dict[str, Any]:

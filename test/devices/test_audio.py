@@ -41,6 +41,7 @@ from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.devices import Device, DeviceError, Sample
 from haptic_accel.devices.audio import AudioActuator, AudioParameters, HeldForce
+from haptic_accel.devices.audio_presets import PRESETS
 from haptic_accel.devices.simulated import SimulatedMaster
 from sound_cards import (
     JACK_NAME,
@@ -342,6 +343,42 @@ def test_a_single_coil_s_force_is_on_all_its_channels_and_on_no_other(
         assert 4.0 * signal == pytest.approx(due if channel in driven else 0.0 * due, abs=1e-4)
 
 
+@pytest.fixture
+def pad(monkeypatch: pytest.MonkeyPatch) -> str:
+    """Name a preset whose card is the one with four channels."""
+    preset = PRESETS["dualsense"]._replace(device=QUAD)
+    monkeypatch.setitem(PRESETS, "dualsense", preset)
+    return "dualsense"
+
+
+def test_a_preset_gives_card_channels_and_rate(bench: Bench, pad: str) -> None:
+    device = bench.device(preset=pad, device="")
+    device.open()
+    bench.run(device, np.ones(50))
+    assert "sound card quad, channel 3, 4, 64 samples a block at 48000 Hz" in device.remark
+    assert device.remark.endswith("not calibrated, preset dualsense")
+    device.close()
+    assert list(received_of_four(bench.folder).any(axis=0)) == [False, False, True, True]
+
+
+def test_what_is_given_replaces_a_preset_s(bench: Bench, pad: str) -> None:
+    device = bench.device(preset=pad, channels="4")
+    device.open()
+    assert "sound card coil, channel 4, " in device.remark
+    device.close()
+
+
+def test_a_rate_that_the_card_does_not_have_is_refused(
+    bench: Bench, pad: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(PRESETS, pad, PRESETS[pad]._replace(rate=1e8))
+    with pytest.raises(ParameterError) as refused:
+        bench.device(preset=pad, device="").open()
+    assert str(refused.value) == (
+        "audio.preset = 'dualsense': needs 1e+08 Hz, which the sound card quad does not have"
+    )
+
+
 def test_a_channel_that_the_card_does_not_have_is_refused(bench: Bench) -> None:
     with pytest.raises(ParameterError) as refused:
         bench.device(device=QUAD, channels="4, 5").open()
@@ -353,7 +390,7 @@ def test_a_channel_that_the_card_does_not_have_is_refused(bench: Bench) -> None:
 def test_jack_in_between_is_refused_in_one_line() -> None:
     code = (
         "from haptic_accel.devices.audio import AudioParameters, SoundCard, DeviceError\n"
-        f"try: SoundCard(AudioParameters({JACK_NAME!r}), 1e-3).open()\n"
+        f"try: SoundCard(AudioParameters(device={JACK_NAME!r}), 1e-3).open()\n"
         "except DeviceError as error: print(error)"
     )
     with jack_card() as environment:

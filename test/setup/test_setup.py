@@ -24,6 +24,7 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.warning import warn_once
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments, parse_arguments
 from haptic_accel.setup.node_parameters import node_schema
 from haptic_accel.setup.setup import Setup, known_arguments
@@ -98,3 +99,39 @@ def test_an_identification_has_its_own_nodes_and_sweep() -> None:
     assert setup.nodes == ["master_device", "identifier", "recorder"]
     assert setup.node("identifier")[0].end_frequency == 300.0
     assert setup.node("identifier")[0].listeners == 2
+
+
+PRESET = "master_device: {ros__parameters: {audio.preset: dualsense}}\n"
+PLANT_FOUND = "compensator: {ros__parameters: {plant.delay: 0.001}}\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "changes", "is_told"),
+    [
+        (PRESET, {}, True),
+        (PRESET, {"controller": "inverse"}, True),
+        (PRESET, {"controller": "none"}, False),
+        (PRESET, {"controller": "constant"}, False),
+        (PRESET, {"actuator": "device"}, False),
+        (PRESET + PLANT_FOUND, {}, False),
+        (PLANT_FOUND, {}, False),
+    ],
+)
+def test_a_controller_that_needs_a_plant_tells_that_a_preset_has_none(
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    content: str,
+    changes: dict[str, str],
+    is_told: bool,
+) -> None:
+    warn_once.cache_clear()
+    file = tmp_path / "pad.yaml"
+    file.write_text(content)
+    given = {"actuator": "audio", "controller": "adaptive", **changes}
+    Setup.of(GraphArguments(params_file=str(file), **given))
+    told = (
+        f"controller = {given['controller']}: needs the handle's plant, which is unknown with"
+        " audio.preset = dualsense: a first touch, not a bench; the plant is taken as the rig's"
+        " until `identify actuator:=audio` has found it, or use constant or none"
+    )
+    assert caplog.messages == [told] * is_told
