@@ -76,7 +76,7 @@ SECTIONS = {
     "Surfaces": {},
     "Machine": {
         "bench": "measure latency, CPU and losses of the graph",
-        "doctor": "find causes of timing jitter on this machine and suggest fixes",
+        "doctor": "find causes of timing jitter on this machine; audio: try a sound card",
     },
 }
 """Summaries of the verbs by heading. A heading without verbs is one that kits have verbs for."""

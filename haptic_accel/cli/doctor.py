@@ -25,15 +25,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+import click
 from rich.markup import escape
 from rich.text import Text
 
+from haptic_accel.cli.doctor_audio import AudioTrialArguments, examine
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.options import json_option, verb
+from haptic_accel.cli.options import arguments, json_option, one_of, verb
 from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.core.tables import ResultTable
+from haptic_accel.devices.audio import AUDIO
 from haptic_accel.graph import machine
 from haptic_accel.graph.machine import Finding
 from haptic_accel.graph.ros_packages import INSTALL_ROS, has_ros
@@ -46,14 +49,26 @@ LOOP_TIME = 2.0
 """Length of the empty loop, s."""
 
 
-@verb()
+@verb(
+    "haptic-accel doctor",
+    "haptic-accel doctor audio",
+    "haptic-accel doctor audio preset:=dualsense",
+)
+@click.argument("part", required=False, type=one_of([AUDIO]), metavar=f"[{AUDIO}]")
+@arguments(AudioTrialArguments)
 @json_option
-def doctor(json_file: Path | None) -> None:
+def doctor(part: str | None, arguments: AudioTrialArguments, json_file: Path | None) -> None:
     """Find causes of timing jitter on this machine and suggest fixes.
 
     Nothing is changed. An empty loop of two seconds shows whether this machine, now, can hold the
     default rate; haptic-accel bench latency measures the graph itself.
+
+    With audio, list the sound cards, and what is in between. Play a soft tone on each channel of
+    a card that device:=NAME or preset:=NAME names, ask which one is felt, and write file:=FILE.
     """
+    if part:
+        examine(arguments, json_file)
+        return
     findings = list(machine.machine_findings())
     unusable = ""
     try:

@@ -167,6 +167,59 @@ def sound_server(card: Mapping[str, Any], host: str) -> str:
     return "ALSA's plug-in, or a sound server" if any_number else ""
 
 
+@dataclass(frozen=True)
+class ListedCard:
+    """Device with outputs, as PortAudio lists it.
+
+    Attributes
+    ----------
+    name : str
+    channels : int
+        Most output channels.
+    rate : float
+        Default rate, Hz.
+    server : str
+        What mixes or resamples in between; empty for the card itself.
+    is_default : bool
+    """
+
+    name: str
+    channels: int
+    rate: float
+    server: str
+    is_default: bool
+
+
+def sound_cards() -> list[ListedCard]:
+    """Return the devices with outputs.
+
+    Raises
+    ------
+    DeviceError
+        The library is missing.
+    """
+    library = _library()
+    return [
+        ListedCard(
+            found["name"],
+            found["max_output_channels"],
+            found["default_samplerate"],
+            sound_server(found, library.query_hostapis(found["hostapi"])["name"]),
+            found["index"] == library.default.device[1],
+        )
+        for found in library.query_devices()
+        if found["max_output_channels"]
+    ]
+
+
+def _library() -> Any:
+    try:
+        import sounddevice
+    except (ImportError, OSError):  # the latter without PortAudio
+        raise DeviceError(MISSING_LIBRARY) from None
+    return sounddevice
+
+
 class SoundCard:
     """Sound card output that never blocks.
 
@@ -185,6 +238,8 @@ class SoundCard:
     ----------
     rate : float
         Samples per second of the card.
+    channels : int
+        Channels that are opened: all of a card.
     block : int
         Samples that the card fetches together: as requested, or its minimum.
     lead : float
@@ -192,16 +247,12 @@ class SoundCard:
     """
 
     def __init__(self, parameters: AudioParameters, period: float, coils: int = 1) -> None:
-        try:
-            import sounddevice
-        except (ImportError, OSError):  # the latter without PortAudio
-            raise DeviceError(MISSING_LIBRARY) from None
-        self._library = sounddevice
+        self._library = _library()
         self._parameters = parameters
         self._period = period
         self._own = [channel - 1 for channel in parameters.channels_of(coils)]
         self._stream: Any = None
-        self._channels = self._size = self.block = 0
+        self.channels = self._size = self.block = 0
         self.rate = self.lead = math.nan
         self.name = ""
 
@@ -235,11 +286,11 @@ class SoundCard:
         # PortAudio copies the last channel to the next one that is not opened. A plug-in with any
         # number mixes what it has too many of.
         any_number = host == ALSA and sound_server(found, host)
-        self._channels = max(last, min(2, most)) if any_number else most
+        self.channels = max(last, min(2, most)) if any_number else most
         self._stream = self._opened(
             lambda: library.OutputStream(
                 device=found["index"],
-                channels=self._channels,
+                channels=self.channels,
                 samplerate=self.rate,
                 blocksize=p.block,
                 latency=LATENCY * p.block / self.rate,
@@ -275,7 +326,7 @@ class SoundCard:
 
     def write(self, samples: FloatArray) -> bool:
         """Write samples, shape (n, coils), full scale 1; return whether the card underran."""
-        frames = np.zeros((len(samples), self._channels), dtype=np.float32)
+        frames = np.zeros((len(samples), self.channels), dtype=np.float32)
         frames[:, self._own] = samples
         return bool(self._asked(lambda stream: stream.write(frames)))
 

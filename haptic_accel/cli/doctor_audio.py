@@ -1,0 +1,180 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""``haptic-accel doctor audio``: sound cards of this machine, and which channel drives a coil."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.output import check_writable, next_command, save
+from haptic_accel.cli.tables import print_table
+from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
+from haptic_accel.core.sampling import DEFAULT_RATE
+from haptic_accel.core.tables import ResultTable
+from haptic_accel.devices.audio import AUDIO, AudioParameters, ListedCard, SoundCard, sound_cards
+from haptic_accel.devices.audio_presets import PRESETS
+from haptic_accel.devices.interface import DeviceError
+from haptic_accel.setup.arguments import POINTER
+from haptic_accel.setup.files import EVERY_NODE
+from haptic_accel.setup.rig_file import (
+    check_updatable,
+    teleoperation_words,
+    update_parameter_file,
+)
+
+NO_CARD = (
+    "no sound card with an output: plug a game controller in by a USB cable, or a card with an"
+    " amplifier; in a container, let it have /dev/snd"
+)
+
+AGAIN = "r"
+"""Answer that plays the tones again."""
+
+TONE = 100.0
+"""Frequency of the tones, Hz: coils of game controllers and exciters are strong there, and a hand
+feels it well."""
+
+SOFT = 0.1
+"""Amplitude of the tones, relative to full scale."""
+
+TONE_TIME, FADE_TIME, PAUSE_TIME = 0.8, 0.2, 0.4
+"""Length of a tone, of its rise and fall each, and of the silence after it, s."""
+
+
+@dataclass(frozen=True)
+class AudioTrialArguments(Checked):
+    """Sound card to try: ``doctor audio`` only."""
+
+    device: str = parameter(
+        "", "name of the sound card to try, or a part of it; without device and preset none is"
+    )
+    preset: str = like(AudioParameters, "preset")
+    file: str = parameter("audio.yaml", "parameter file to write, new or existing")
+
+
+def examine(arguments: AudioTrialArguments, json_file: Path | None) -> None:
+    """List the sound cards; if one is named, play on its channels and write its parameters."""
+    path, is_tried = Path(arguments.file), arguments.device or arguments.preset
+    if is_tried:
+        check_writable(path, "file")
+        check_updatable(path)
+    try:
+        cards = sound_cards()
+        save({"cards": [asdict(card) for card in cards]}, json_file)
+        if not cards:
+            raise StoppedError(NO_CARD)
+        _print(cards)
+        if not is_tried:
+            print(next_command("doctor", AUDIO, _tried_next(cards)))
+            return
+        if preset := PRESETS.get(arguments.preset):
+            print(f"assumed: {preset.assumed}", f"to be identified: {preset.unknown}", sep="\n")
+        _write(path, *_felt(AudioParameters(preset=arguments.preset, device=arguments.device)))
+    except DeviceError as error:
+        raise StoppedError(str(error)) from None
+    except EOFError:
+        raise StoppedError("the input ended before a channel was named: nothing written") from None
+    print("a first touch, not a bench, until `identify actuator:=audio` has found the plant")
+    words = (f"master:={POINTER}", "scope:=true", "scope_control:=true")
+    print(next_command(*teleoperation_words("", path, *words)))
+
+
+def _tried_next(cards: Sequence[ListedCard]) -> str:
+    """Return the word for the card of a preset, or else for one with nothing in between."""
+    for name, preset in PRESETS.items():
+        if preset.device and any(preset.device in card.name for card in cards):
+            return f"preset:={name}"
+    card = next((each for each in cards if not each.server), cards[0])
+    return f"device:={card.name}"
+
+
+def _print(cards: Sequence[ListedCard]) -> None:
+    rows = [
+        (
+            f"{card.name}{' (default)' if card.is_default else ''}",
+            card.server or "nothing",
+            f"{card.channels}",
+            f"{card.rate:g}",
+        )
+        for card in cards
+    ]
+    headings = ("sound card", "in between", "channels", "rate, Hz")
+    print_table(ResultTable(headings, rows, "Sound cards with outputs", left=2))
+
+
+def _felt(parameters: AudioParameters) -> tuple[AudioParameters, SoundCard]:
+    """Play on each channel; return the parameters with those that a person felt, and the card."""
+    print("a soft tone comes on each channel: hold the handle, and start with the amplifier low")
+    answer = AGAIN
+    while True:
+        if answer == AGAIN:
+            card = _played_on_all(parameters)
+        asked = f"which one did you feel? Type it, or several as 3, 4; {AGAIN} to play again\n"
+        if (answer := input(asked).strip()) == AGAIN:
+            continue
+        found = replace(parameters, channels=answer or "none")
+        try:
+            if max(found.channels_of(1)) <= card.channels:
+                return found, card
+            print(f"audio.channels = {answer}: must be at most {card.channels}")
+        except ParameterError as error:
+            print(error)
+
+
+def _played_on_all(parameters: AudioParameters) -> SoundCard:
+    """Play on one channel of the card after the other; return the card, closed."""
+    count = channel = 1
+    while channel <= count:
+        print(f"channel {channel}", flush=True)
+        card = SoundCard(replace(parameters, channels=f"{channel}"), 1 / DEFAULT_RATE)
+        with closing(card):
+            card.open()
+            _play(card)
+        # A plug-in with any number of channels opens as many as it needs.
+        count, channel = card.channels if channel == 1 else count, channel + 1
+    return card
+
+
+def _play(card: SoundCard) -> None:
+    """Play a tone on an open card, and a silence."""
+    moments = np.arange(round((TONE_TIME + PAUSE_TIME) * card.rate)) / card.rate
+    rise = np.clip(np.minimum(moments, TONE_TIME - moments) / FADE_TIME, 0.0, 1.0)
+    samples = SOFT * (rise * np.sin(2 * np.pi * TONE * moments))[:, np.newaxis]
+    while len(samples):
+        if room := card.room:
+            card.write(samples[:room])
+            samples = samples[room:]
+        else:
+            time.sleep(card.block / card.rate / 2)
+
+
+def _write(path: Path, found: AudioParameters, card: SoundCard) -> None:
+    """Write the parameters of a card, and the latency that its blocks need at the default rate."""
+    audio = {name: getattr(found, name) for name in ("preset", "device", "channels")}
+    nodes: dict[str, dict[str, Any]] = {
+        EVERY_NODE: {"latency": math.ceil(card.lead * DEFAULT_RATE) + 1},
+        "master_device": {"actuator_device": AUDIO, AUDIO: audio},
+    }
+    update_parameter_file(path, nodes)
+    print(f"parameters: {path}, for params_file:={path}")

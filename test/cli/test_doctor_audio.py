@@ -1,0 +1,157 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""``haptic-accel doctor audio`` with sound cards of ALSA's plug-ins."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from haptic_accel.core.process import INTERRUPTED
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.setup import Setup
+from sound_cards import QUAD, RATE, received_of_four, sound_card
+
+pytestmark = pytest.mark.quiet
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Iterator[Path]:
+    with sound_card(tmp_path):
+        yield tmp_path
+
+
+def doctor(folder: Path, *words: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "haptic_accel.cli.main", "doctor", "audio", *words],
+        cwd=folder,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def ended(command: subprocess.Popen[str], answers: str = "") -> list[str]:
+    text, _ = command.communicate(answers, timeout=60)
+    assert "Traceback" not in text
+    return text.splitlines()
+
+
+def test_cards_are_listed_with_what_is_in_between(folder: Path) -> None:
+    command = doctor(folder, "--json", "cards.json")
+    lines = ended(command)
+    assert command.returncode == 0, lines
+    assert lines[-1] == "next: haptic-accel doctor audio device:=stereo"
+    cards = {
+        card["name"]: card for card in json.loads((folder / "cards.json").read_text())["cards"]
+    }
+    server = "ALSA's plug-in, or a sound server"
+    expected = {"name": QUAD, "channels": 4, "rate": RATE, "server": "", "is_default": False}
+    assert cards[QUAD] == expected
+    assert cards["default"]["server"] == server
+    assert cards["default"]["is_default"]
+    row = next(line for line in lines if f" {QUAD} " in line)
+    assert [cell.strip() for cell in row.strip("│").split("│")] == [QUAD, "nothing", "4", "44100"]
+
+
+def test_the_card_of_a_preset_is_to_be_tried_next(folder: Path) -> None:
+    cards = folder / "asound.conf"
+    cards.write_text(cards.read_text().replace("pcm.quad {", "pcm.DualSense {"))
+    command = doctor(folder)
+    assert ended(command)[-1] == "next: haptic-accel doctor audio preset:=dualsense"
+
+
+def test_the_channels_that_were_felt_are_written_into_the_file(folder: Path) -> None:
+    file = folder / "rig.yaml"
+    file.write_text("coupler: {ros__parameters: {k_m: 300.0}}  # soft\n")
+    command = doctor(folder, f"device:={QUAD}", "preset:=exciter", "file:=rig.yaml")
+    lines = ended(command, "5\n\n3, 4\n")
+    assert command.returncode == 0, lines
+    assert [line for line in lines if line.startswith("channel")] == [
+        f"channel {number}" for number in (1, 2, 3, 4)
+    ]
+    assert "audio.channels = 5: must be at most 4" in lines
+    assert any(line.startswith("to be identified: force at full scale") for line in lines)
+    assert any(line.startswith("a first touch, not a bench") for line in lines)
+    assert "# soft" in file.read_text()
+    setup = Setup.of(GraphArguments.from_given(params_file=str(file), controller="none"))
+    own, options = setup.node("master_device")
+    assert own.actuator_device == "audio"
+    assert own.latency == setup.node("compensator")[0].latency == 5  # as docs/sound_card.md states
+    audio = options["audio"]
+    assert (audio.preset, audio.device, audio.channels) == ("exciter", QUAD, "3, 4")
+
+
+def test_a_tone_is_soft_rises_and_is_on_one_channel_only(folder: Path) -> None:
+    ended(doctor(folder, f"device:={QUAD}"), "4\n")
+    *others, tone = received_of_four(folder).T  # the last channel was the last to be opened
+    assert not np.any(others)
+    assert 0.05 < np.abs(tone).max() <= 0.1 + 1e-6
+    assert np.abs(np.diff(tone)).max() < 1.01 * 0.1 * 2 * np.pi * 100 / RATE
+    spectrum = np.abs(np.fft.rfft(tone))
+    assert np.fft.rfftfreq(len(tone), 1 / RATE)[spectrum.argmax()] == pytest.approx(100, abs=1)
+    assert not tone[-1000:].any()
+
+
+@pytest.mark.parametrize(
+    ("words", "answers", "told"),
+    [
+        (["preset:=dualsense"], "", "audio.device = 'DualSense': No output device matching"),
+        ([f"device:={QUAD}"], "", "the input ended before a channel was named: nothing written"),
+        ([f"device:={QUAD}"], "\n7\n", "the input ended before a channel was named"),
+    ],
+)
+def test_what_cannot_be_tried_is_said_in_one_line(
+    folder: Path, words: list[str], answers: str, told: str
+) -> None:
+    command = doctor(folder, *words)
+    lines = ended(command, answers)
+    assert command.returncode == 1
+    assert lines[-1].startswith(f"haptic-accel: {told}"), lines
+    assert not (folder / "audio.yaml").exists()
+
+
+def test_an_interrupt_ends_the_tones_and_writes_nothing(folder: Path) -> None:
+    command = doctor(folder, f"device:={QUAD}")
+    assert command.stdout
+    while "which one did you feel?" not in command.stdout.readline():
+        pass
+    command.send_signal(signal.SIGINT)
+    assert "".join(ended(command)) == ""
+    assert command.returncode == INTERRUPTED
+    assert not (folder / "audio.yaml").exists()
+
+
+@pytest.mark.parametrize("words", [(), ("preset:=dualsense",)])
+def test_without_a_card_it_says_what_to_plug_in(
+    folder: Path, words: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "nothing.conf").write_text("pcm.none { type hw  card 31 }")
+    monkeypatch.setenv("ALSA_CONFIG_PATH", str(folder / "nothing.conf"))
+    command = doctor(folder, *words)
+    assert ended(command) == [
+        "haptic-accel: no sound card with an output: plug a game controller in by a USB cable, or"
+        " a card with an amplifier; in a container, let it have /dev/snd"
+    ]
+    assert command.returncode == 1
