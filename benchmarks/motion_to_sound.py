@@ -19,7 +19,8 @@ Run as ``python benchmarks/motion_to_sound.py``. A mouse taps the surface of
 ``haptic-accel touch``, or with arguments that of a graph with ``master:=pointer``. The stages end
 with the first sample of the handle's acceleration above a threshold, with its arrival at the page,
 and when the browser's output plays it. The picture is the first that shows the handle a pixel from
-where it was; it is on the screen when the browser asks for the next one.
+where it was; it is on the screen when the browser asks for the next one. With ``--output NAME``
+the sound is that on channels 3 and 4 of an output of this computer's sound server.
 """
 
 from __future__ import annotations
@@ -127,9 +128,18 @@ def wait(page: Any, expression: str) -> None:
         page.wait_for_timeout(50)
 
 
-def measured(page: Any, taps: int) -> list[list[float]]:
+def choose_grips(page: Any, output: str) -> None:
+    """Choose channels 3 and 4 of an output by its name."""
+    page.locator("#sound-outputs").click()
+    page.select_option("#sound-output", label=output)
+    page.select_option("#sound-channels", "2,3")
+
+
+def measured(page: Any, taps: int, output: str) -> list[list[float]]:
     """Return the times of each tap that is heard and seen, ms, in the order of `TIMES`."""
     wait(page, "hapticScope.state?.led && hapticScope.state.engaged")
+    if output:
+        choose_grips(page, output)
     page.locator("#sound-on").click()
     page.locator("#scene").hover()
     wait(page, "hapticSound.stream?.rate")
@@ -164,14 +174,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("words", nargs="*", help="arguments of a graph: slave:=virtual")
     parser.add_argument("--taps", type=int, default=20)
+    parser.add_argument("--output", default="", help="output with grips, by its name")
     parser.add_argument("--json", action="store_true", help="print one object of times")
     given = parser.parse_args()
     with scope(given.words) as address, sync_playwright() as player:
-        program, flags = shutil.which("chromium"), ["--no-sandbox", "--disable-gpu"]
-        browser = player.chromium.launch(executable_path=program, args=flags)
-        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        browser = player.chromium.launch(
+            executable_path=shutil.which("chromium"),
+            args=["--no-sandbox", "--disable-gpu"],
+            ignore_default_args=["--mute-audio"] if given.output else None,
+        )
+        page = browser.new_page(
+            viewport={"width": 1280, "height": 900}, permissions=["microphone"]
+        )
         page.goto(address)
-        found = np.quantile(measured(page, given.taps), [0.5, 0.9], axis=0).T
+        taps = measured(page, given.taps, given.output)
+        found = np.quantile(taps, [0.5, 0.9], axis=0).T
         browser.close()
     if given.json:
         print(json.dumps({name: list(pair) for name, pair in zip(TIMES, found, strict=True)}))

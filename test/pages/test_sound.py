@@ -19,8 +19,6 @@ from __future__ import annotations
 
 import re
 import socket
-import threading
-import time
 from collections.abc import Container, Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -28,8 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from browsing import LISTEN, QuietGraph
-from haptic_accel.core.sampling import NANOSECONDS
+from browsing import LISTEN, Tones
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
 from running import wait_until
@@ -37,7 +34,6 @@ from running import wait_until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-RATE = 1000
 FRAME = 1 / 60
 """Interval between frames, s."""
 
@@ -46,29 +42,6 @@ RESERVE = 0.008
 
 FILTER = 4
 """Samples by which the interpolation delays."""
-
-
-class Tones(QuietGraph):
-    """Signals without a graph: a tone of desired acceleration, and another of the actual."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.amplitude = 3.0
-        self.playing = True
-        self._thread = threading.Thread(target=self._play)
-        self._thread.start()
-
-    def _play(self) -> None:
-        start = time.time_ns()
-        count = 0
-        while self.playing:
-            while count < (time.time_ns() - start) * RATE // NANOSECONDS:
-                stamp = start + count * NANOSECONDS // RATE
-                for ring, frequency in ((self.windows.desired, 80), (self.windows.handle, 200)):
-                    phase = 2 * np.pi * frequency * count / RATE
-                    ring.put(stamp, self.amplitude * np.sin(phase))
-                count += 1
-            time.sleep(0.005)
 
 
 @pytest.fixture(scope="module")

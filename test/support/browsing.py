@@ -20,13 +20,17 @@ from __future__ import annotations
 import os
 import shutil
 import socket
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import aiohttp
+import numpy as np
 import pytest
 
+from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope.windows import Windows
 from running import PATIENCE
 
@@ -104,14 +108,47 @@ class QuietGraph:
         }
 
 
+TONES_RATE = 1000
+"""Samples per second of `Tones`, Hz."""
+
+
+class Tones(QuietGraph):
+    """Signals without a graph: a tone of desired acceleration, and another of the actual."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.amplitude = 3.0
+        self.playing = True
+        self._thread = threading.Thread(target=self._play)
+        self._thread.start()
+
+    def _play(self) -> None:
+        start = time.time_ns()
+        count = 0
+        while self.playing:
+            while count < (time.time_ns() - start) * TONES_RATE // NANOSECONDS:
+                stamp = start + count * NANOSECONDS // TONES_RATE
+                for ring, frequency in ((self.windows.desired, 80), (self.windows.handle, 200)):
+                    phase = 2 * np.pi * frequency * count / TONES_RATE
+                    ring.put(stamp, self.amplitude * np.sin(phase))
+                count += 1
+            time.sleep(0.005)
+
+
 async def done(action: str, value: Any) -> str:
     """Carry out nothing, for pages whose commands do not matter."""
     return f"{action}: {value}"
 
 
 @contextmanager
-def chromium() -> Iterator[Browser]:
-    """Start Chromium; skip the test where it or its driver is missing."""
+def chromium(sound: dict[str, str] | None = None) -> Iterator[Browser]:
+    """Start Chromium; skip the test where it or its driver is missing.
+
+    Parameters
+    ----------
+    sound : dict, optional
+        Environment in which it finds a sound server, to which it plays; otherwise it is mute.
+    """
     program = shutil.which("chromium")
     try:
         from playwright.sync_api import sync_playwright
@@ -123,7 +160,12 @@ def chromium() -> Iterator[Browser]:
             pytest.fail(reason)
         pytest.skip(reason)
     with sync_playwright() as player:
-        browser = player.chromium.launch(executable_path=program, args=list(FLAGS))
+        browser = player.chromium.launch(
+            executable_path=program,
+            args=list(FLAGS),
+            env={**sound} if sound else None,
+            ignore_default_args=["--mute-audio"] if sound else None,
+        )
         yield browser
         browser.close()
 

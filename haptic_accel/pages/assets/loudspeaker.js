@@ -7,19 +7,40 @@ import { FADE, Stream } from "./sound_stream.js";
 const FULL_SCALE = 10; // m/s² at which full volume reaches the limiter
 const NOISE_TIME = 4; // s after which the noise repeats: longer than what is remembered of noise
 
-/** Open the loudspeaker, silent: a volume, then a limiter that bends where a loudspeaker would clip. */
-export function openLoudspeaker() {
-  const context = new AudioContext({ latencyHint: 0 }); // the least that the device can do
+/**
+ * Open the loudspeaker, silent: a volume, then a limiter that bends where a loudspeaker would clip.
+ *
+ * @param {object} [place]
+ * @param {string} [place.sinkId] - output of the computer; empty for the default
+ * @param {number[]} [place.channels] - channels that play, from 0, the others silent; empty for all
+ */
+export function openLoudspeaker({ sinkId = "", channels = [] } = {}) {
+  const least = { latencyHint: 0 }; // the least that the device can do
+  const context = new AudioContext(sinkId ? { ...least, sinkId } : least);
   const output = new GainNode(context, { gain: 0 });
   const curve = Float32Array.from({ length: 4097 }, (_, i) => Math.tanh(4 * (i / 2048 - 1)));
-  output.connect(new WaveShaperNode(context, { curve })).connect(context.destination);
+  output.connect(new WaveShaperNode(context, { curve })).connect(into(context.destination, channels));
   return { context, output, stream: new Stream(context, output) };
 }
 
-/** Fade to a volume from 0 to 1. */
-export function setVolume({ context, output }, volume) {
+/** Return the node whose input plays on channels of a destination. */
+function into(destination, channels) {
+  if (!channels.length) return destination;
+  destination.channelCount = destination.maxChannelCount;
+  destination.channelCountMode = "explicit";
+  destination.channelInterpretation = "discrete";
+  const { context, channelCount } = destination;
+  const one = new GainNode(context, { channelCount: 1, channelCountMode: "explicit" });
+  const merger = new ChannelMergerNode(context, { numberOfInputs: channelCount });
+  for (const channel of channels) one.connect(merger, 0, channel);
+  merger.connect(destination);
+  return one;
+}
+
+/** Fade to a volume from 0 to 1, by a factor of e in each given time, s. */
+export function setVolume({ context, output }, volume, time = FADE) {
   // The limiter's curve spans four times the full scale.
-  output.gain.setTargetAtTime(volume ** 2 / (4 * FULL_SCALE), context.currentTime, FADE);
+  output.gain.setTargetAtTime(volume ** 2 / (4 * FULL_SCALE), context.currentTime, time);
 }
 
 /**

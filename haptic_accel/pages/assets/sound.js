@@ -5,10 +5,13 @@
 import { want } from "./connection.js";
 import { byId, isPressed, press } from "./elements.js";
 import { openLoudspeaker, setVolume } from "./loudspeaker.js";
+import { chosenOutput, lookForOutput, offerChannels, startOutputs } from "./outputs.js";
 import { Stream } from "./sound_stream.js";
 
 const HELD_UP = 0.04; // s of delay that only a page which draws too much needs; at rest it is 0.02
 const SHOW = 500; // ms between two displays of the delay
+const LOW = 30; // volume at which coils begin, %
+const RISE = 0.7; // s in which coils come to 63 % of their loudness, and in three times that to 95 %
 
 const on = byId("sound-on");
 const mute = byId("sound-mute");
@@ -44,7 +47,12 @@ export const sound = {
       press(mute, !isPressed(mute));
       follow();
     });
-    volume.addEventListener("input", follow);
+    volume.addEventListener("input", () => follow());
+    setInterval(show, SHOW);
+    startOutputs(reopen, () => {
+      press(on, false);
+      reopen();
+    });
     for (const button of choices) {
       button.addEventListener("click", () => {
         chosen = button.dataset.sound;
@@ -56,17 +64,32 @@ export const sound = {
 };
 
 function open() {
-  Object.assign(sound, openLoudspeaker());
+  const place = chosenOutput();
+  Object.assign(sound, openLoudspeaker(place));
+  sound.context.addEventListener("error", lookForOutput);
+  offerChannels(sound.context.destination.maxChannelCount);
+  sound.coils = place.channels.length > 0;
+  if (sound.coils) volume.value = Math.min(volume.value, LOW);
   follow();
-  setInterval(show, SHOW);
 }
 
-/** Follow the card's volume. */
-function follow() {
-  if (sound.output) setVolume(sound, isPressed(mute) ? 0 : volume.value / 100);
+/** Play on another output or other channels from now on, or when sound is turned on. */
+async function reopen() {
+  await sound.context?.close(); // first, so that never two play
+  open();
+  await turn(isPressed(on));
+}
+
+/** Follow the card's volume; on coils that begin, from silence on. */
+function follow(begins = false) {
+  const { context, output, coils } = sound;
+  if (!output) return;
+  if (begins && coils) output.gain.cancelScheduledValues(0).setValueAtTime(0, context.currentTime);
+  setVolume(sound, isPressed(mute) ? 0 : volume.value / 100, begins && coils ? RISE : undefined);
 }
 
 function show() {
+  if (!sound.context) return;
   const { context, stream } = sound;
   const ms = (seconds) => `${Math.round(1e3 * seconds)} ms`;
   const played = `buffer ${ms(stream.delay)}, output ${ms(context.outputLatency || context.baseLatency)}`;
@@ -78,6 +101,7 @@ async function turn(state) {
   press(on, state);
   if (state && !sound.context) open();
   sound.stream.reset();
+  if (state) follow(true);
   want("sound", state);
   await (state ? sound.context.resume() : sound.context.suspend());
   show();

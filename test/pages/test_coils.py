@@ -1,0 +1,182 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+"""The page's sound on an output that is chosen, in a real browser with a real sound server."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from sound_servers import CONTROLLER, RATE, SPEAKERS, Recording, SoundServer, sound_server
+
+from browsing import Tones, chromium, violations
+from haptic_accel.scope.access import Access
+from haptic_accel.scope.server import ScopeServer
+from running import wait_until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+BOTH, LEFT = "2,3", "2"
+"""Choices of grips."""
+
+TONE = 200
+"""Frequency of the actual acceleration of `Tones`, Hz."""
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SoundServer]:
+    with sound_server(tmp_path_factory.mktemp("sound")) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def loud(server: SoundServer) -> Iterator[Browser]:
+    with chromium(server.environment) as browser:
+        yield browser
+
+
+@pytest.fixture
+def tones() -> Iterator[Tones]:
+    made = Tones()
+    yield made
+    made.playing = False
+
+
+@pytest.fixture
+def page(loud: Browser, tones: Tones) -> Iterator[Page]:
+    address = ScopeServer(tones, Access("127.0.0.1"), "127.0.0.1", 0)
+    opened = loud.new_page(permissions=["microphone"], viewport={"width": 1280, "height": 900})
+    complaints: list[str] = []
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.goto(address.start())
+    yield opened
+    opened.close()
+    address.stop()
+    assert complaints == []
+
+
+def choose(page: Page, output: str, grips: str = "") -> None:
+    """Choose an output by its name, and grips."""
+    page.locator("#sound-outputs").click()
+    wait_until(lambda: output in page.locator("#sound-output").inner_text(), "outputs are named")
+    page.select_option("#sound-output", label=output)
+    if grips:
+        page.select_option("#sound-channels", grips)
+
+
+def loudness(recording: Recording, seconds: float = 0.25) -> np.ndarray:
+    """Return the root mean square of each channel of late."""
+    samples = recording.last(seconds)
+    return np.sqrt((samples**2).mean(axis=0)) if len(samples) else np.zeros(1)
+
+
+def expected(page: Page, amplitude: float) -> float:
+    """Return the loudness of a tone: full scale is 10 m/s² at full volume, bent by a tanh."""
+    volume = float(page.locator("#sound-volume").input_value()) / 100
+    phase = 2 * np.pi * np.arange(1000) / 1000
+    played = np.tanh(volume**2 * amplitude / 10 * np.sin(phase))
+    return float(np.sqrt((played**2).mean()))
+
+
+def test_only_the_grips_carry_the_signal_at_its_level(
+    page: Page, server: SoundServer, tones: Tones
+) -> None:
+    choose(page, CONTROLLER, BOTH)
+    with server.recording(CONTROLLER) as coils, server.recording(SPEAKERS) as speakers:
+        page.locator("#sound-on").click()
+        assert float(page.locator("#sound-volume").input_value()) == 30  # it was 70
+        level = expected(page, tones.amplitude)
+        wait_until(lambda: 0 < loudness(coils)[-1] < 0.5 * level, "it begins softly")
+        close = pytest.approx([0, 0, level, level], rel=0.05, abs=1e-5)
+        wait_until(lambda: loudness(coils) == close, f"{loudness(coils)} is {level}")
+        played = coils.last(1.0)
+        assert not np.any(speakers.last(60.0))
+    first, second, left, right = played.T
+    assert not np.any(first)
+    assert not np.any(second)
+    assert np.array_equal(left, right)
+    spectrum = np.abs(np.fft.rfft(left * np.hanning(len(left))))
+    assert np.fft.rfftfreq(len(left), 1 / RATE)[spectrum.argmax()] == pytest.approx(TONE, abs=10)
+
+
+def test_one_grip_alone_and_the_loudspeakers_again(
+    page: Page, server: SoundServer, tones: Tones
+) -> None:
+    choose(page, CONTROLLER, LEFT)
+    with server.recording(CONTROLLER) as coils, server.recording(SPEAKERS) as speakers:
+        page.locator("#sound-on").click()
+        page.locator("#sound-volume").fill("50")
+        level = expected(page, tones.amplitude)
+        close = pytest.approx([0, 0, level, 0], rel=0.05, abs=1e-5)
+        wait_until(lambda: loudness(coils) == close, f"{loudness(coils)} is {level}")
+        page.select_option("#sound-output", "")
+        wait_until(lambda: loudness(speakers)[0] > 0.5 * level, "the loudspeakers play")
+        wait_until(lambda: not np.any(coils.last(0.25)), "the coils are still")
+
+
+def test_an_output_that_goes_away_is_said_and_sound_is_off(
+    page: Page, server: SoundServer
+) -> None:
+    extra = server.ask(
+        "load-module", "module-null-sink", "sink_name=spare", "channels=4",
+        "sink_properties=device.description=spare",
+    )  # fmt: skip
+    choose(page, "spare", BOTH)
+    page.locator("#sound-on").click()
+    wait_until(lambda: page.locator("#sound-delay").inner_text().startswith("delay"), "it plays")
+    server.ask("unload-module", extra.strip())
+    told = "The output spare is gone, and sound is off: plug it in, and choose it again."
+    wait_until(lambda: told in page.locator("#message").inner_text(), "it is said")
+    assert page.locator("#sound-on[aria-pressed=false]").count() == 1
+    assert page.locator("#sound-output").input_value() == ""
+    with server.recording(SPEAKERS) as speakers:
+        wait_until(lambda: len(speakers.last(1.0)) == RATE, "recorded")
+        assert not np.any(speakers.last(0.5))
+        page.locator("#sound-on").click()
+        wait_until(lambda: loudness(speakers)[0] > 0, "on the loudspeakers if asked to")
+
+
+def test_without_permission_the_page_says_what_to_do(loud: Browser, tones: Tones) -> None:
+    address = ScopeServer(tones, Access("127.0.0.1"), "127.0.0.1", 0)
+    opened = loud.new_page()
+    opened.goto(address.start())
+    opened.locator("#sound-outputs").click()
+    note = opened.locator("#sound-output-note")
+    wait_until(lambda: "allow the microphone" in note.inner_text(), "what to do")
+    opened.close()
+    address.stop()
+
+
+def test_a_browser_that_cannot_choose_says_so_in_one_sentence(loud: Browser, tones: Tones) -> None:
+    address = ScopeServer(tones, Access("127.0.0.1"), "127.0.0.1", 0)
+    opened = loud.new_page()
+    opened.add_init_script("delete AudioContext.prototype.setSinkId")  # as in Firefox
+    opened.goto(address.start())
+    wait_until(lambda: opened.locator("#sound-outputs").is_hidden(), "no button")
+    said = opened.locator("#sound-output-note").inner_text()
+    assert said.startswith("To feel it in a game controller, open this page in Chromium, Chrome")
+    assert said.count(".") == 1
+    opened.close()
+    address.stop()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_no_rule_of_accessibility_is_broken(page: Page, scheme: str) -> None:
+    page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
+    choose(page, CONTROLLER, BOTH)
+    assert violations(page) == []
