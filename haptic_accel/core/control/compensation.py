@@ -536,7 +536,8 @@ class Compensation:
         force = self._each_within(asked)
         if force != asked:
             self._hold()
-            self._authority.limit(max(map(abs, force)) / max(map(abs, asked)))
+            if any(asked):  # or a moving coil is braked
+                self._authority.limit(max(map(abs, force)) / max(map(abs, asked)))
             if self._seen and not self._per_axis:
                 # Again, for a coil that must be braked.
                 force = self._each_within(scaled_within(asked, force))
