@@ -41,6 +41,11 @@ PERSISTING, LASTING = 8e-3, 16e-3
 is, s. A tool that is turned in gravity, or is hit by something soft, needs more travel than its
 past shows, and letting go late does harm; a tool that lands bounces within 8 ms."""
 
+REMEMBERING, UNLIKE = 0.1, 1.5
+"""Time constant with which the largest integral of the input over a time of one sign is forgotten,
+s, and the factor by which an input must exceed it to be expected to last: otherwise it is a
+vibration, which reverses."""
+
 TRAVEL_SETTLING = 0.1
 """Time for which travel persists after its force, s: five times 2 m_a / b_s (Table I)."""
 
@@ -67,8 +72,8 @@ class TravelPredictor:
     """Maximum travel of each member of a bank in the next `HORIZON`.
 
     The prediction assumes that each member has always been in use, and that the input is zero from
-    now on, unless it has had one sign for `PERSISTING`: then the least of that time lasts for
-    `LASTING`. Later travel has a smaller weight (`REVERSION`).
+    now on, unless it has had one sign for `PERSISTING`, and more than before: then the least of
+    that time lasts for `LASTING`. Later travel has a smaller weight (`REVERSION`).
 
     Parameters
     ----------
@@ -87,6 +92,7 @@ class TravelPredictor:
         self._horizon = max(1, round(HORIZON / step))
         self._lasting = max(1, round(LASTING / step))
         self._latest: deque[float] = deque(maxlen=max(1, round(PERSISTING / step)))
+        self._forgetting = math.exp(-step / REMEMBERING)
         self._kept = 1.0 / (1.0 + np.arange(self._horizon) * (step / REVERSION))
         self._start = self._count = 0
         self._sum = 0.0
@@ -150,6 +156,7 @@ class TravelPredictor:
         self._ahead = np.zeros((_BLOCKS * length + self._horizon, count))
         self._start = self._count = 0
         self._sum = self._persisting = 0.0
+        self._integral = self._before = 0.0  # over the present sign, and the largest before
         self._latest.clear()
         self._latest.extend([0.0] * (self._latest.maxlen or 0))
 
@@ -167,9 +174,15 @@ class TravelPredictor:
             self._start = 0
         np.multiply(self._travels, value, out=self._caused)
         self._ahead[self._start : self._start + length] += self._caused
+        self._before *= self._forgetting
+        if value * self._latest[-1] <= 0.0:
+            self._before, self._integral = max(self._before, abs(self._integral)), 0.0
+        self._integral += value
         self._latest.append(value)
         least, most = min(self._latest), max(self._latest)
         self._persisting = least if least > 0.0 else min(0.0, most)
+        if abs(self._integral) <= UNLIKE * self._before:
+            self._persisting = 0.0
 
 
 class ExcursionControl:

@@ -169,6 +169,22 @@ def test_an_input_that_persists_is_expected_to_last() -> None:
     assert float(predictor.peaks()[0]) < 0.7 * before
 
 
+def test_a_vibration_of_long_half_waves_is_expected_to_reverse() -> None:
+    rate, step = PREDICTION_RATE, 1.0 / PREDICTION_RATE
+    predictor, estimator = TravelPredictor(SUSPENSION, rate), TravelEstimator(SUSPENSION, rate)
+    predictor.expect(np.eye(1, 20))
+    predictor.reset()
+    half_wave = [1.0] * (round(PERSISTING / step) + 1)
+    for value in 6 * [*half_wave, *(-v for v in half_wave)] + half_wave:
+        predictor.observe(value)
+        now = estimator.observe(value, 0.0)
+    lead = np.arange(round(HORIZON / step))
+    ahead = [now, *(estimator.observe(0.0, 0.0) for _ in lead[1:])]
+    believed = np.abs(ahead) / (1.0 + lead * step / REVERSION)
+    # Less than a percent of a pulse's travel lasts longer than the prediction remembers.
+    assert float(predictor.peaks()[0]) == pytest.approx(believed.max(), rel=1e-2)
+
+
 inputs = st.lists(st.floats(-100.0, 100.0), min_size=1, max_size=200)
 
 
