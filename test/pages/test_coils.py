@@ -129,6 +129,17 @@ def test_one_grip_alone_and_the_loudspeakers_again(
         wait_until(lambda: not np.any(coils.last(0.25)), "the coils are still")
 
 
+def test_an_output_of_two_channels_offers_no_grips_and_says_why(page: Page) -> None:
+    # As Chromium sees outputs of a sound server whose default is two.
+    page.evaluate(
+        "Object.defineProperty(AudioDestinationNode.prototype, 'maxChannelCount', { get: () => 2 })"
+    )
+    choose(page, CONTROLLER)
+    note = page.locator("#sound-output-note")
+    wait_until(lambda: note.inner_text().startswith("2 channels reach this output"), "why")
+    assert page.locator("#sound-channels").is_hidden()
+
+
 def test_an_output_that_goes_away_is_said_and_sound_is_off(
     page: Page, server: SoundServer
 ) -> None:

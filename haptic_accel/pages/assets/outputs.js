@@ -25,7 +25,8 @@ export const chosenOutput = () => ({
 export function offerChannels(count) {
   places.hidden = count < LEAST;
   const few = names.value && places.hidden;
-  setText(note, few ? `This browser plays ${count} channels on this output: no grips to choose.` : "");
+  setText(note, few ? `${count} channels reach this output, of which grips are the third
+    and fourth. See "Feel it in ten minutes" in the documentation: on Linux the sound server decides.` : "");
 }
 
 /** List the outputs that the browser names; tell if the chosen one is not among them any more. */
