@@ -114,6 +114,47 @@ def test_only_the_grips_carry_the_signal_at_its_level(
     assert np.fft.rfftfreq(len(left), 1 / RATE)[spectrum.argmax()] == pytest.approx(TONE, abs=10)
 
 
+PREDICT = """() => {
+  window.predicted = null;
+  const take = hapticSound.take;
+  hapticSound.take = (name, origin, offsets, values, rate) => {
+    take(name, origin, offsets, values, rate);
+    const first = values.findIndex((value) => Math.abs(value) > 0.5);
+    if (name !== "actual" || predicted || first < 0) return;
+    const { stream, context } = hapticSound; // the delay is that of the newest sample
+    const ahead = offsets.at(-1) - offsets.at(first);
+    const now = (performance.timeOrigin + performance.now()) / 1e3;
+    predicted = [origin + offsets.at(first), now + stream.delay + context.outputLatency - ahead];
+  };
+}"""
+"""Script that notes the stamp of the first sample of a tone, and when it is to sound, s."""
+
+
+def test_the_coils_play_when_the_page_says(page: Page, server: SoundServer, tones: Tones) -> None:
+    choose(page, CONTROLLER, BOTH)
+    page.evaluate(PREDICT)
+    page.locator("#sound-on").click()
+    page.locator("#sound-volume").fill("60")
+
+    with server.recording(CONTROLLER) as coils:
+
+        def is_right() -> bool:
+            """Let a tone begin, and compare; what a busy machine delays further is made again."""
+            tones.amplitude = 0.0
+            wait_until(
+                lambda: len(coils.last(0.5)) == RATE / 2 and not coils.last(0.5).any(), "still"
+            )
+            coils.forget()
+            page.evaluate("predicted = null")
+            tones.amplitude = 3.0
+            wait_until(lambda: coils.begin(2, 0.003) is not None, "the coils play")
+            begun = coils.begin(2, 0.003)
+            stamp, sound = page.evaluate("predicted")
+            return begun - stamp == pytest.approx(sound - stamp, rel=0.3)
+
+        wait_until(is_right, "the delay is that which the page states, within 30 %")
+
+
 def test_one_grip_alone_and_the_loudspeakers_again(
     page: Page, server: SoundServer, tones: Tones
 ) -> None:
@@ -131,9 +172,8 @@ def test_one_grip_alone_and_the_loudspeakers_again(
 
 def test_an_output_of_two_channels_offers_no_grips_and_says_why(page: Page) -> None:
     # As Chromium sees outputs of a sound server whose default is two.
-    page.evaluate(
-        "Object.defineProperty(AudioDestinationNode.prototype, 'maxChannelCount', { get: () => 2 })"
-    )
+    count = "'maxChannelCount', { get: () => 2 }"
+    page.evaluate(f"Object.defineProperty(AudioDestinationNode.prototype, {count})")
     choose(page, CONTROLLER)
     note = page.locator("#sound-output-note")
     wait_until(lambda: note.inner_text().startswith("2 channels reach this output"), "why")

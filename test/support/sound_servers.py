@@ -19,11 +19,12 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import pytest
@@ -97,23 +98,19 @@ class SoundServer:
     @contextmanager
     def recording(self, output: str) -> Iterator[Recording]:
         """Record what an output plays, from now on."""
-        with tempfile.TemporaryFile() as file:
-            channels = CHANNELS[output]
-            count = channels.count(",") + 1
-            form = [f"--channels={count}", f"--channel-map={channels}", f"--rate={RATE}"]
-            given = ["--raw", "--format=float32le", "--latency-msec=10", "-d", f"{output}.monitor"]
-            command = ["parec", *given, *form]
-            with subprocess.Popen(command, env=self.environment, stdout=file) as process:
-                try:
-                    yield Recording(file.fileno(), count)
-                finally:
-                    process.terminate()
-
-    def unplug(self, output: str) -> None:
-        """Take an output away."""
-        lines = self.ask("list", "short", "modules").splitlines()
-        number = next(line.split()[0] for line in lines if f"sink_name={output} " in line)
-        self.ask("unload-module", number)
+        channels = CHANNELS[output]
+        count = channels.count(",") + 1
+        form = [f"--channels={count}", f"--channel-map={channels}", f"--rate={RATE}"]
+        given = ["--raw", "--format=float32le", "--latency-msec=5", "-d", f"{output}.monitor"]
+        command = ["parec", *given, *form]
+        with subprocess.Popen(command, env=self.environment, stdout=subprocess.PIPE) as process:
+            assert process.stdout
+            recording = Recording(process.stdout, count)
+            try:
+                yield recording
+            finally:
+                process.terminate()
+                recording.join()
 
     def close(self) -> None:
         """End the server."""
@@ -121,19 +118,48 @@ class SoundServer:
         self._process.wait()
 
 
-class Recording:
-    """Sound that an output plays."""
+class Recording(threading.Thread):
+    """Sound that an output plays, as it comes.
 
-    def __init__(self, file: int, channels: int) -> None:
-        self._file, self._channels = file, channels
+    Parameters
+    ----------
+    stream : file
+        Samples of all channels in turn, float32.
+    channels : int
+    """
+
+    def __init__(self, stream: IO[bytes], channels: int) -> None:
+        super().__init__()
+        self._stream, self._channels = stream, channels
+        self._samples = np.zeros((0, channels), "<f4")
+        self._newest = time.time()
+        self.start()
+
+    def run(self) -> None:
+        """Read until the end."""
+        frame = 4 * self._channels
+        rest = b""
+        while data := os.read(self._stream.fileno(), 2**16):
+            rest += data
+            whole = len(rest) // frame * frame
+            samples = np.frombuffer(rest[:whole], "<f4").reshape(-1, self._channels)
+            rest = rest[whole:]
+            self._samples = np.concatenate((self._samples, samples))
+            self._newest = time.time()
+
+    def forget(self) -> None:
+        """Drop what came so far."""
+        self._samples = self._samples[:0]
 
     def last(self, seconds: float) -> np.ndarray:
         """Return the last samples so far, shape (n, channels), full scale 1."""
-        frame = 4 * self._channels
-        whole = os.fstat(self._file).st_size // frame
-        count = min(whole, round(seconds * RATE))
-        data = os.pread(self._file, count * frame, (whole - count) * frame)
-        return np.frombuffer(data, "<f4").reshape(-1, self._channels)
+        return self._samples[-round(seconds * RATE) :]
+
+    def begin(self, channel: int, level: float) -> float | None:
+        """Return the time at which a channel, from 0, first had a level, s; None if never."""
+        samples, newest = self._samples, self._newest
+        loud = np.flatnonzero(np.abs(samples[:, channel]) > level)
+        return newest - (len(samples) - loud[0]) / RATE if len(loud) else None
 
 
 @contextmanager
