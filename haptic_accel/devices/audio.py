@@ -242,6 +242,8 @@ class SoundCard:
         Channels that are opened: all of a card.
     block : int
         Samples that the card fetches together: as requested, or its minimum.
+    server : str
+        What mixes or resamples in between; empty for the card itself.
     lead : float
         Time from writing a sample to the card until it sounds, s.
     """
@@ -254,7 +256,7 @@ class SoundCard:
         self._stream: Any = None
         self.channels = self._size = self.block = 0
         self.rate = self.lead = math.nan
-        self.name = ""
+        self.name = self.server = ""
 
     def open(self) -> None:
         """Start the card, silent.
@@ -285,7 +287,8 @@ class SoundCard:
             )
         # PortAudio copies the last channel to the next one that is not opened. A plug-in with any
         # number mixes what it has too many of.
-        any_number = host == ALSA and sound_server(found, host)
+        self.server = sound_server(found, host)
+        any_number = host == ALSA and self.server
         self.channels = max(last, min(2, most)) if any_number else most
         self._stream = self._opened(
             lambda: library.OutputStream(
@@ -508,16 +511,17 @@ class AudioActuator(Device):
 
     @property
     def remark(self) -> str:
-        """Remark of the device; card, block, lead and calibration."""
+        """Remark of the device; card, block, lead, calibration, and what is in between."""
         card, p = self._card, self._parameters
-        calibrated = "" if p.full_scale else ", not calibrated"
-        calibrated += f", preset {p.preset}" if p.preset else ""
         channels = ", ".join(map(str, p.channels_of(self._coils)))
         own = (
             f"sound card {card.name}, channel {channels}, {card.block} samples a block at"
             f" {card.rate:g} Hz, supplied {card.lead * 1e3:.1f} ms ahead, full scale"
-            f" {self._full_scale:g} N{calibrated}"
+            f" {self._full_scale:g} N"
         )
+        own += "" if p.full_scale else ", not calibrated"
+        own += f", preset {p.preset}" if p.preset else ""
+        own += f", behind {card.server}, which may resample" if card.server else ""
         return "; ".join(filter(None, (super().remark, own)))
 
     @property

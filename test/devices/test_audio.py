@@ -464,6 +464,7 @@ def test_what_it_plays_on_is_remarked(bench: Bench) -> None:
     device.open()
     assert "sound card coil, channel 1, 64 samples a block at 44100 Hz" in device.remark
     assert "3.9 ms ahead, full scale 6.6 N, not calibrated" in device.remark
+    assert device.remark.endswith("behind ALSA's plug-in, or a sound server, which may resample")
     device.close()
 
 
