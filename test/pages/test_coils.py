@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -112,6 +113,25 @@ def test_only_the_grips_carry_the_signal_at_its_level(
     assert np.array_equal(left, right)
     spectrum = np.abs(np.fft.rfft(left * np.hanning(len(left))))
     assert np.fft.rfftfreq(len(left), 1 / RATE)[spectrum.argmax()] == pytest.approx(TONE, abs=10)
+
+
+def test_nothing_waits_for_an_output_that_does_not_run_yet(page: Page) -> None:
+    choose(page, CONTROLLER, BOTH)
+    page.evaluate(
+        """() => {
+          window.moments = [];
+          const { take } = hapticSound.Stream.prototype;
+          hapticSound.Stream.prototype.take = function (...given) {
+            moments.push(this.context.currentTime);
+            take.apply(this, given);
+          };
+        }"""
+    )
+    page.locator("#sound-on").click()
+    wait_until(lambda: page.evaluate("moments.length > 60"), "it plays")
+    # Frames come 60 times a second; the context's time stands still until its device runs.
+    alike = [len(list(group)) for _, group in groupby(page.evaluate("moments"))]
+    assert max(alike) < 6
 
 
 PREDICT = """() => {

@@ -9,6 +9,7 @@ import { chosenOutput, lookForOutput, offerChannels, startOutputs } from "./outp
 import { Stream } from "./sound_stream.js";
 
 const HELD_UP = 0.04; // s of delay that only a page which draws too much needs; at rest it is 0.02
+const STARTED = 0.1; // s of a context's time until its device runs: before, it stands still for up to 0.5 s
 const SHOW = 500; // ms between two displays of the delay
 const LOW = 30; // volume at which coils begin, %
 const RISE = 0.7; // s in which coils come to 63 % of their loudness, and in three times that to 95 %
@@ -25,10 +26,12 @@ export const sound = {
   context: null,
   output: null,
   stream: null,
+  from: 0, // time of the context from which on it plays, s
 
   /** Play samples of a signal: stamps in s after an origin, values in m/s², rate in Hz if known. */
   take(name, origin, offsets, values, rate) {
     if (name !== chosen || !rate || !values.length || sound.context?.state !== "running") return;
+    if (sound.context.currentTime < sound.from) return; // what waits now would wait for seconds
     sound.stream.take(Float64Array.from(offsets, (offset) => origin + offset), values, rate);
   },
 
@@ -102,6 +105,7 @@ async function turn(state) {
   if (state && !sound.context) open();
   sound.stream.reset();
   if (state) follow(true);
+  sound.from = sound.context.currentTime + STARTED;
   want("sound", state);
   await (state ? sound.context.resume() : sound.context.suspend());
   show();
