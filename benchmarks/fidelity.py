@@ -104,12 +104,13 @@ def fidelity(
     Conditions are surfaces (both rigs, also at 4 kHz), rates (1 to 8 kHz, each with more
     delay granted), hands, wide (unusual hands), grips (that change), textures, taps,
     modes (of a handle that the controllers do not know), handles (a family of 104 that differ
-    from their description), strange (80 handles
-    with several differences at once), inputs (a family of 200), sudden (80 inputs with steps or
-    slams) and recordings (scaled); surfaces, hands and grips by default. Prints errors beside the
-    lowest that a causal linear filter could reach, without limits and within them, the share of
-    the vibration whose strength a hand could not tell from the desired one, and how much worse
-    than without controller any two seconds are.
+    from their description), correct (as described, with one axis and three: names of differences
+    are false), strange (80 handles with several differences at once), inputs (a family of 200),
+    sudden (80 inputs with steps or slams) and recordings (scaled); surfaces, hands and grips by
+    default. Prints errors beside the lowest that a causal linear filter could reach, without
+    limits and within them, the share of the vibration whose strength a hand could not tell from
+    the desired one, how much worse than without controller any two seconds are, and how many
+    differences are named.
     """
     names = [one_of(CONDITIONS)(name) for name in conditions] or DEFAULT_CONDITIONS
     if "recordings" in names and not recordings:

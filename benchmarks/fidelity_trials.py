@@ -28,10 +28,11 @@ from typing import Any
 import handle_family
 import numpy as np
 from handle_family import SPREAD, WIDE, hand
-from input_family import MEMBERS, SUDDEN_MEMBERS, band_noise, member, ringing, sudden
+from input_family import MEMBERS, SUDDEN_MEMBERS, band_noise, member, ringing, sudden, vector
 
 from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.control.inversion.bound import Bounds
 from haptic_accel.core.evaluation.metrics import Band, band_nrmse
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, held
@@ -102,6 +103,9 @@ TOLD = 1.0
 NAMED_BY = 1.5
 """Time by which a difference is to be named, s: a second after the tool has touched."""
 
+CORRECT = 32
+"""Number of inputs of handles as described, for each rig."""
+
 GRANT = "granted_time"
 """Parameter of the controllers for the granted delay."""
 
@@ -123,8 +127,12 @@ class Case:
         Tool acceleration in place of the arguments' one, m/s^2.
     changes : dict
         Additional values for rig and controllers, by node and dotted name.
-    name : str
-        Part of the warning that names the difference; empty if none is expected.
+    names : tuple of str
+        Parts of warnings that name a difference.
+    named_by : float
+        Time by which one of them counts, s.
+    bounded : bool
+        True if the bounds are computed, for one axis.
     """
 
     condition: str
@@ -135,7 +143,9 @@ class Case:
     start: float = 0.0
     recording: FloatArray | None = None
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    name: str = ""
+    names: tuple[str, ...] = ()
+    named_by: float = NAMED_BY
+    bounded: bool = True
 
 
 @dataclass(frozen=True)
@@ -350,7 +360,26 @@ def _handles(wanted: Wanted) -> Iterator[Case]:
             *(condition, _name(given), name, arguments, played.grips),
             start=TOLD,
             changes=played.changes,
-            name=handle_family.NAMES.get(kind, ""),
+            names=(handle_family.NAMES[kind],) if kind in handle_family.NAMES else (),
+        )
+
+
+def _correct(wanted: Wanted) -> Iterator[Case]:
+    """Yield handles as described, with one axis and any ordinary hand, and with three axes."""
+    rigs = dict.fromkeys(map(wanted.on, ("ideal", "paper", "three_axis_ideal", "three_axis")))
+    for arguments, number in product(rigs, range(CORRECT)):
+        made = vector(number, DURATION, arguments.rate, wanted.seed)
+        one = "three_axis" not in arguments.rig
+        yield Case(
+            f"correct handles, {'one axis' if one else 'three axes'}",
+            made.name,
+            _rig(arguments),
+            replace(arguments, seed=number),
+            ((0.0, hand(wanted.seed, number)),) if one else (),
+            recording=made.acceleration[:, -1] if one else made.acceleration,
+            names=handle_family.FALSE_NAMES,
+            named_by=DURATION,
+            bounded=False,
         )
 
 
@@ -402,6 +431,7 @@ CONDITIONS: dict[str, Callable[[Wanted], Iterator[Case]]] = {
     "taps": _taps,
     "modes": _modes,
     "handles": _handles,
+    "correct": _correct,
     "strange": _strange,
     "inputs": _inputs,
     "sudden": _sudden,
@@ -427,9 +457,12 @@ def run_case(case: Case) -> Row:
     handle = held(rig.master.handle, rig.master.grip, arguments.seed)
     hands = [changed for _, changed in case.grips if isinstance(changed, HandleParameters)]
     handle = hands[-1] if hands else handle
-    bound = trial.bounds(rig, handle, first)
-    travel = TravelEstimator(rig.master.handle, trial.rate)
-    pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
+    bound, travel = Bounds(math.nan, math.nan), [math.nan]
+    if case.bounded:
+        bound = trial.bounds(rig, handle, first)
+        estimator = TravelEstimator(rig.master.handle, trial.rate)
+        pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
+        travel = [abs(estimator.observe(*pair)) for pair in pairs][first:]
     return {
         "condition": case.condition,
         "rig": arguments.rig,
@@ -447,9 +480,9 @@ def run_case(case: Case) -> Row:
         "limited_bound_percent": bound.limited,
         "nrmse_by_2_s_percent": list(_by_window(trial)),
         "warnings": [list(warned) for warned in trial.warnings],
-        "named": _named(case.name, trial),
+        "named": _named(case, trial),
         "force_rms_n": float(np.sqrt(np.mean(trial.actuator_force[first:] ** 2))),
-        "travel_peak_mm": 1e3 * max([abs(travel.observe(*pair)) for pair in pairs][first:]),
+        "travel_peak_mm": 1e3 * max(travel),
     }
 
 
@@ -459,11 +492,12 @@ def _within(trial: Trial, first: int) -> float:
     return error
 
 
-def _named(name: str, trial: Trial) -> bool | None:
+def _named(case: Case, trial: Trial) -> bool | None:
     """Return whether a difference was named in time; None if it has no name."""
-    if not name:
+    if not case.names:
         return None
-    return any(name in words for time, words in trial.warnings if time <= NAMED_BY)
+    told = [words for time, words in trial.warnings if time <= case.named_by]
+    return any(name in words for name in case.names for words in told)
 
 
 def _by_window(trial: Trial) -> Iterator[float | None]:
@@ -557,8 +591,8 @@ def comparison_with_none(lines: Sequence[Row]) -> ResultTable | None:
 def named_table(lines: Sequence[Row]) -> ResultTable | None:
     """Return the share of differences that controllers named, as a table; None without any."""
     lines = [line for line in lines if line["named_percent"] is not None]
-    title = f"trials in which the difference was named by {NAMED_BY:g} s, %"
-    return _table(lines, title, lambda line: f"{line['named_percent']:.0f}") if lines else None
+    title = f"trials in which a difference was named by {NAMED_BY:g} s (correct handles: ever), %"
+    return _table(lines, title, lambda line: f"{line['named_percent']:.3g}") if lines else None
 
 
 def _table(
@@ -595,7 +629,7 @@ def progress(row: Row) -> str:
     return (
         f"{row['condition']}: {row['input']}, {row['grip']}, {row['controller']}:"
         f" {row['nrmse_percent']:.1f} % after {row['delay_ms']:g} ms granted (limited bound"
-        f" {row['limited_bound_percent']:.1f}, bound {row['bound_percent']:.1f}),"
+        f" {figure(row['limited_bound_percent'], 1)}, bound {figure(row['bound_percent'], 1)}),"
         f" {figure(row['indistinguishable_percent'], 1, ' %')} indistinguishable{told}"
     )
 

@@ -339,6 +339,9 @@ NAMES = {
 }
 """Part of the warning that names a kind of difference; other kinds have no name."""
 
+FALSE_NAMES = *dict.fromkeys(NAMES.values()), "accelerometer is turned", "axes do not match"
+"""Parts of warnings of which a handle as described, with one axis or three, should have none."""
+
 KINDS: dict[str, Callable[[Random, Plant, float], Played]] = {
     "one mode": _one_mode,
     "modes in series": _in_series,

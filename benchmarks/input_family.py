@@ -62,6 +62,9 @@ STEP = 0.5, 10.0
 SLAM = 15.0, 60.0
 """Range of the peaks of slams, m/s^2; log-uniform."""
 
+VECTOR_RMS = {"loud": (4.0, 12.0), "weak": (0.1, 0.5), "slow": (0.5, 6.0), "tapped": (1.0, 6.0)}
+"""Ranges of the root mean square of vectors by kind, m/s^2; log-uniform."""
+
 CREST = 16.0
 """Maximum ratio of peak to root mean square."""
 
@@ -85,7 +88,7 @@ class Member(NamedTuple):
     name : str
         Spectrum, envelope, number and root mean square.
     acceleration : ndarray, shape (n,)
-        Tool acceleration, m/s^2.
+        Tool acceleration, m/s^2; shape (n, 3) of `vector`.
     reported : bool
         True for the half on which controllers are only measured; the other half serves to
         develop them.
@@ -144,6 +147,32 @@ def sudden(number: int, seconds: float, rate: float, seed: int = 0) -> Member:
     rms = log_uniform(random, *SUDDEN_RMS)
     found = SUDDEN[kind](random, time, found * (rms / np.std(found)))
     return Member(f"{kind}, {number}: {rms:.2g} m/s^2", found, bool(number % 2))
+
+
+def vector(number: int, seconds: float, rate: float, seed: int = 0) -> Member:
+    """Return an acceleration with three components, shape (n, 3); parameters as for `member`.
+
+    Each of `VECTOR_RMS` in turn: noise, slow noise from 5 Hz on, or taps.
+    """
+    random = np.random.default_rng((seed, number, len(VECTOR_RMS)))
+    kind = list(VECTOR_RMS)[number % len(VECTOR_RMS)]
+    time = np.arange(round(seconds * rate)) / rate
+    low, high = ((5.0, 20.0), (12.0, 60.0)) if kind == "slow" else ((10.0, 100.0), (60.0, 400.0))
+    begins = 0.2 + np.cumsum(random.uniform(0.3, 0.7, math.ceil(seconds / 0.3)))
+    found = np.zeros((len(time), 3))
+    for column in found.T:
+        first, last = random.uniform(low, high)
+        column += band_noise(random, len(time), first, last, rate)
+        column *= (0.01 if kind == "tapped" else 1.0) / np.std(column)
+        for begin in begins if kind == "tapped" else ():
+            tap = random.uniform((60.0, 0.3, 3e-3), (300.0, 1.0, 20e-3)).tolist()
+            column += ringing(time, begin, *tap)
+        column *= random.uniform(0.3, 1.0) / np.std(column)
+    found = found @ (np.eye(3) + random.uniform(-0.5, 0.5, (3, 3)))
+    found *= np.minimum(time / FADING_IN, 1.0)[:, np.newaxis]
+    rms = log_uniform(random, *VECTOR_RMS[kind])
+    found *= rms / np.sqrt(np.mean(np.sum(found**2, axis=1)))
+    return Member(f"{kind}, {number}: {rms:.2g} m/s^2", found, True)
 
 
 def log_uniform(random: Random, low: float, high: float) -> float:

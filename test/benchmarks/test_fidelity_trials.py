@@ -18,7 +18,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from fidelity_trials import (
     CONDITIONS,
@@ -163,3 +165,21 @@ def test_a_window_that_is_worse_than_none_is_counted() -> None:
     shown = comparison_with_none([idle, inverse])
     assert shown is not None
     assert "+5.0 (33.3 %)" in shown.rows[0]
+
+
+def test_a_name_on_a_handle_as_described_counts_whenever_it_comes() -> None:
+    cases = list(CONDITIONS["correct"](Wanted((), "", 0.0, 0, 0)))
+    assert {case.condition for case in cases} == {
+        "correct handles, one axis",
+        "correct handles, three axes",
+    }
+    assert {case.recording.ndim for case in cases if case.recording is not None} == {1, 2}
+    weak = {"master_device": {"simulated.drive.force_scale": 0.7}}
+    quiet, *_, three = (case for case in cases if "loud" in case.input)
+    late = np.where(np.arange(8000) < 3000, 0.0, quiet.recording)
+    found = [
+        run_case(replace(case, arguments=replace(case.arguments, controller="inverse")))
+        for case in (quiet, three, replace(quiet, recording=late, grips=(), changes=weak))
+    ]
+    assert [row["named"] for row in found] == [False, False, True]
+    assert {math.isnan(row["bound_percent"]) for row in found} == {True}
