@@ -75,11 +75,11 @@ CAUTION = 2.0
 """Weight of the variance of the estimated response in the limit of the deviation."""
 
 FEWEST_EVALUATIONS = 6.0
-"""Minimum number of evaluations for a name other than that of a mode: more than those that share
-one or two taps, whose ratio differs as a whole by chance; a texture has as many after 0.6 s."""
+"""Minimum number of evaluations for a scale or a delay: more than those that share one or two
+taps, whose ratio differs as a whole by chance; a texture has as many after 0.6 s."""
 
-MODE = "mode"
-"""Kind of a difference that stands out from all hands and delays, however few the evaluations."""
+MODE, POLARITY = "mode", "polarity"
+"""Kinds of differences that stand out from all hands and delays, however few the evaluations."""
 
 INDEPENDENCE = 0.5
 """Independent evaluations per evaluation (Welch 1967)."""
@@ -190,7 +190,7 @@ class Diagnosis:
         scatter = 1.0 / np.maximum(coherence, LEAST_COHERENCE) - 1.0
         independent = max(1.0, INDEPENDENCE * evaluations)
         found = self._explanation(response, weights, float(scatter @ weights) / independent)
-        if found.kind not in ("", MODE) and evaluations < FEWEST_EVALUATIONS:
+        if found.kind not in ("", MODE, POLARITY) and evaluations < FEWEST_EVALUATIONS:
             return
         self._since = self._since + interval if found.kind == self._kind else 0.0
         self._kind = found.kind
@@ -225,7 +225,7 @@ class Diagnosis:
         if left[now] < limit:
             if scale < 0.0:
                 text = "the force acts in the opposite direction: swap the wires of the coil"
-                return Difference("polarity", scale, text)
+                return Difference(POLARITY, scale, text)
             alike = left_scaled < max(NEGLIGIBLE, SAME * left[now])
             if alike and abs(scale - 1.0) > max(NOTICEABLE_SCALE, left_scaled):
                 share = f"{1.0 / scale:.2f} of what is described"

@@ -28,6 +28,9 @@ from haptic_accel.core.control.diagnosis import FITTING, RAISING, Diagnosis
 from haptic_accel.core.control.feedback_design import GripRange
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, HandleParameters, MountParameters
+from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel.setup.lockstep import lockstep_trial
+from haptic_accel.setup.setup import Setup
 
 RATE = 1000.0
 LINES = np.arange(129) * RATE / 256
@@ -149,3 +152,12 @@ def test_a_tap_alone_shows_a_mode_but_no_scale() -> None:
     assert named(PAPER, response(mode), evaluations=3.0).startswith("a mode near")
     assert named(PAPER, 0.7 * response(PAPER), evaluations=3.0) == ""
     assert named(PAPER, 0.7 * response(PAPER)).startswith("the force per mass")
+
+
+@pytest.mark.parametrize("rig", ["ideal", "paper"])
+def test_swapped_wires_are_named_though_the_force_is_reduced_at_once(rig: str) -> None:
+    # What is left of the force after some blocks shows nothing: the landing has to do.
+    setup = Setup.of(GraphArguments(rig=rig, controller="inverse", duration=1.5))
+    swapped = {"master_device": {"simulated.drive.force_scale": -1.0}}
+    trial = lockstep_trial(setup.changed(swapped))
+    assert any("swap the wires of the coil" in words for _, words in trial.warnings)
