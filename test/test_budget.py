@@ -27,15 +27,15 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
 
 BUDGETS = {
-    "core": 14_710,
+    "core": 14_670,
     "analysis": 4_210,
     "nodes": 4_050,
     "kits/study": 3_990,
-    "devices": 3_430,
-    "cli": 2_830,
+    "devices": 3_540,
+    "cli": 2_970,
     "bags": 2_630,
     "scope": 1_430,
-    "setup": 1_550,
+    "setup": 1_580,
     "materials": 1_400,
     "kits/emulators": 1_180,
     "graph": 1_120,
