@@ -41,7 +41,7 @@ PERSISTING, LASTING = 8e-3, 16e-3
 is, s. A tool that is turned in gravity, or is hit by something soft, needs more travel than its
 past shows, and letting go late does harm; a tool that lands bounces within 8 ms."""
 
-REMEMBERING, UNLIKE = 0.1, 1.5
+REMEMBERING, UNLIKE = 0.1, 2.0
 """Time constant with which the largest integral of the input over a time of one sign is forgotten,
 s, and the factor by which an input must exceed it to be expected to last: otherwise it is a
 vibration, which reverses."""
