@@ -111,6 +111,10 @@ RECOVERING = 10.0
 REDUCED, RESTORED = 0.5, 0.9
 """Fraction below which a reduction is reported, and above which its report ends."""
 
+LASTING = 0.8
+"""Least duration of a reduction that is reported, s: a hand that jerks causes shorter ones on a
+handle as described."""
+
 
 class Authority:
     """Scale a controller's force to the fraction with the least error.
@@ -149,7 +153,7 @@ class Authority:
     fraction : float
         Best factor of the controller's force so far, from `LOWEST` to 1.
     reduced : bool
-        True while the force is reduced notably.
+        True while the force is reduced notably, and has been for `LASTING`.
     noise : float
         Least motion in silence, m/s^2 RMS; infinite while unknown.
     """
@@ -180,6 +184,7 @@ class Authority:
         past: Sequence[float] = (0.0,) * self._axes
         self._due = deque([past] * (self._delay + 1), maxlen=self._delay + 1)
         self.fraction = self._caution = self._ceiling = self._left = 1.0
+        self._reduced_for = 0.0  # time for which the force is reduced notably, s
         self.reduced = self._rising = self._touched = False
         self._rests: FloatArray | None = None
         self._latest = past
@@ -280,8 +285,10 @@ class Authority:
             self._silent += length / self._rate
             if self._silent >= LISTENED:
                 self.noise = min(self.noise, math.sqrt(self._still))
-        limit = RESTORED if self.reduced else REDUCED
-        self.reduced = self.fraction < limit
+        limit = RESTORED if self._reduced_for else REDUCED
+        passed = length / self._rate
+        self._reduced_for = self._reduced_for + passed if self.fraction < limit else 0.0
+        self.reduced = self._reduced_for >= LASTING
 
     @property
     def _noise(self) -> float:

@@ -106,6 +106,22 @@ def test_a_response_to_nothing_desired_is_reduced_until_it_does_no_harm(
     assert error(desired[1000:], moved[1000:]) <= 1.02
 
 
+def test_a_reduction_is_reported_once_it_lasts() -> None:
+    desired, unrelated = texture(4.0), texture(4.0, 4.0, seed=1000)
+    lasting, jerked = Authority(RATE), Authority(RATE)
+    jerk = np.where(np.arange(len(desired)) < 80, unrelated, 0.0)
+    for begin in range(0, len(desired), 100):
+        part = slice(begin, begin + 100)
+        run(lasting, desired[part], unrelated[part])
+        fractions, _ = run(jerked, desired[part], desired[part], jerk[part])
+        assert not jerked.reduced
+        if begin == 100:
+            assert fractions.min() < 0.5
+            assert not lasting.reduced
+    assert lasting.reduced
+    assert fractions.max() == 1.0
+
+
 @pytest.mark.parametrize("gain", [-0.5, -1.0, -10.0])
 def test_swapped_wires_cost_what_is_accepted(gain: float) -> None:
     desired = texture(4.0)

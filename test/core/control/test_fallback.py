@@ -113,7 +113,8 @@ def test_no_controller_stays_worse_than_none(controller: str) -> None:
         reducible = CONTROLLERS[controller].reducible
         done = "its force is reduced" if reducible else "none took over"
         said = f"{controller} is worse than no compensation: {done}"
-        assert said in loop.warnings[999] or loop.error(0) < 1.02
+        # A reduction is reported once it has lasted, not each time that a hand jerks.
+        assert said in loop.warnings[1499] or loop.error(0) < 1.02
 
 
 def test_on_the_handle_as_described_nothing_takes_over() -> None:
