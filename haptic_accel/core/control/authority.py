@@ -253,19 +253,18 @@ class Authority:
         # The components of a vector, one after the other, have the sum of their powers.
         block = block.reshape(2, -1)
         desired_power, common, _, moved = (block @ block.T / length).ravel().tolist()
-        pace = length / self._rate / POWER_MEMORY
+        time = length / self._rate
+        pace = time / POWER_MEMORY
         share = -math.expm1(-pace)
         self._desired_power += share * (desired_power - self._desired_power)
-        self._level = max(
-            self._level * math.exp(-length / self._rate / LOUDEST), self._desired_power
-        )
-        self._ceiling = min(1.0, self._ceiling * math.exp(length / self._rate / RELIEF))
+        self._level = max(self._level * math.exp(-time / LOUDEST), self._desired_power)
+        self._ceiling = min(1.0, self._ceiling * math.exp(time / RELIEF))
         if self._left < 1.0 and not described:
             self._ceiling = min(self._ceiling, max(LEAST_LEFT, self._left) * self.fraction)
         self._left = 1.0
         loud = desired_power >= max(SILENT**2, QUIET * self._level)
         self._touched |= loud
-        if loud and self._is_hushed(moved, length / self._rate):
+        if loud and self._is_hushed(moved, time):
             return
         self._common += share * (common - self._common)
         self._moved += share * (moved - self._moved)
@@ -278,16 +277,15 @@ class Authority:
             self._scale(change**pace, RISING**pace)
         elif self._desired_power < SILENT**2:
             if self.fraction < RESTORED and not described:
-                self._scale(1.0, math.exp(-length / self._rate / CAUTIOUS))
+                self._scale(1.0, math.exp(-time / CAUTIOUS))
             elif self._still > self._axes * STIRRED**2 and not self._touched:
-                self._scale(1.0, math.exp(-length / self._rate / TIMID), FAINTEST)
+                self._scale(1.0, math.exp(-time / TIMID), FAINTEST)
             self._still += share * (moved - self._still)
-            self._silent += length / self._rate
+            self._silent += time
             if self._silent >= LISTENED:
                 self.noise = min(self.noise, math.sqrt(self._still))
         limit = RESTORED if self._reduced_for else REDUCED
-        passed = length / self._rate
-        self._reduced_for = self._reduced_for + passed if self.fraction < limit else 0.0
+        self._reduced_for = self._reduced_for + time if self.fraction < limit else 0.0
         self.reduced = self._reduced_for >= LASTING
 
     @property

@@ -770,3 +770,10 @@ def test_an_equal_controller_while_another_listens_stays_at_a_gain_of_zero() -> 
     assert stream.active == stream.controller == "constant"
     stream.set_gain(1.0)
     assert np.abs(answers(stream, tool[100:])).max() < GRAVITY  # no step
+
+
+def test_an_actuator_that_the_handle_swings_is_braked_though_no_force_is_asked() -> None:
+    stream = OneCoil(CompensationParameters("none"), RATE)
+    swing = 45.0 * np.sin(2 * np.pi * 15.0 * np.arange(800) / RATE)
+    forces = [stream.sample(0.0, acceleration)[1] for acceleration in swing.tolist()]
+    assert max(map(abs, forces)) > 0.1
