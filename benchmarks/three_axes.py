@@ -18,7 +18,8 @@
 the error of the vector, the median error of its direction, and the share that a hand could not
 tell, beside the bound of any causal linear controller. With one coil, the same handle moves by the
 coil along z only, whose signal is one of the live reductions of the tool's three axes
-(``reduction:=axis``, ``sum`` or ``principal``).
+(``reduction:=axis``, ``sum`` or ``principal``). With pulses, a device plays without error one sine
+a frame, as `haptic_accel.core.pulses` reduces the tool's vibration to them.
 
 ``--turned`` prints the error, and the time from contact to the first warning, with the handle's
 accelerometer turned by ten degrees that nobody has told.
@@ -44,6 +45,7 @@ from haptic_accel.core.evaluation.delay import aligned
 from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import direction_error, evaluate
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.pulses import played, pulses
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import SURFACES, GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial
@@ -111,6 +113,25 @@ def run(rig: str, surface: str, condition: str, least: float = math.nan) -> tupl
         100.0 * indistinguishable(desired, actual, trial.rate),
     )
     return trial, row
+
+
+PULSE_RATES = 30.0, 60.0, 90.0
+"""Pulses per second of a loop of teleoperation, a game controller, and virtual reality."""
+
+
+def pulse_shares(surface: str) -> list[float]:
+    """Return the share that a hand could not tell for each of `PULSE_RATES`, %."""
+    arguments = GraphArguments(
+        rig=RIGS[0], surface=surface, controller="none", duration=SECONDS, record=False
+    )
+    trial = lockstep_trial(Setup.of(arguments))
+    desired, _ = compared(trial)
+    shares = []
+    for frames in PULSE_RATES:
+        actual = played(pulses(desired, trial.rate, frames), trial.rate)
+        felt = np.column_stack([actual, np.zeros((len(actual), 2))])
+        shares.append(100.0 * indistinguishable(desired[: len(felt)], felt, trial.rate))
+    return shares
 
 
 def turned(rig: str, controller: str, axis: str, angle: float) -> tuple[float, float, str]:
@@ -206,6 +227,9 @@ def main() -> None:
             trials[condition] = runs[0][0]
             values = " ".join(f"{value:7.2f}" for value in mean)
             print(f"{rig:18} {condition:30} {values}", flush=True)
+    rows = np.mean([pulse_shares(surface) for surface in given.surfaces], axis=0)
+    for frames, share in zip(PULSE_RATES, rows, strict=True):
+        print(f"{'any':18} {f'{frames:g} pulses a second':30} {share:31.2f}")
     if given.figure:
         figure(means, trials).savefig(given.figure, dpi=120)
 

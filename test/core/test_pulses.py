@@ -1,0 +1,80 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Reduction of a vibration to pulses."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.evaluation.discrimination import indistinguishable
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.pulses import Pulse, played, pulse, pulses
+
+RATE = 1000.0
+
+
+def tone(frequency: float, amplitude: float, seconds: float = 1.0) -> FloatArray:
+    moments = np.arange(round(seconds * RATE)) / RATE
+    return np.asarray(amplitude * np.sin(2 * np.pi * frequency * moments))
+
+
+@given(st.floats(60.0, 400.0), st.floats(1.0, 20.0))
+def test_a_tone_is_kept(frequency: float, amplitude: float) -> None:
+    found = pulse(tone(frequency, amplitude, 0.1), RATE)
+    assert found.frequency == pytest.approx(frequency, rel=0.05)
+    assert found.amplitude == pytest.approx(amplitude, rel=0.1)
+    assert found.duration == pytest.approx(0.1)
+
+
+def test_a_hand_does_not_tell_a_tone_from_its_pulses() -> None:
+    desired = tone(200.0, 3.0)
+    actual = played(pulses(desired, RATE, 20.0), RATE)
+    assert indistinguishable(desired, actual, RATE) == 1.0
+
+
+def test_the_strength_is_that_of_all_axes_however_they_are_turned() -> None:
+    one = tone(150.0, 2.0, 0.1)
+    turned = np.outer(one, [0.6, 0.0, -0.8])
+    assert pulse(turned, RATE) == pytest.approx(pulse(one, RATE))
+
+
+def test_what_a_hand_does_not_feel_has_no_pulse() -> None:
+    assert pulse(np.zeros(20), RATE).amplitude == 0.0
+    assert pulse(tone(100.0, 0.01, 0.05), RATE).amplitude == 0.0
+
+
+def test_frames_that_are_no_whole_number_of_samples_lose_no_time() -> None:
+    found = pulses(tone(100.0, 1.0), RATE, 60.0)
+    assert len(found) == 60
+    assert math.fsum(each.duration for each in found) == pytest.approx(1.0)
+
+
+def test_the_phase_has_no_step_between_pulses() -> None:
+    signal = played([Pulse(1.0, 50.0, 0.013), Pulse(1.0, 50.0, 0.1)], RATE)
+    assert signal == pytest.approx(tone(50.0, 1.0, 0.113))
+
+
+@pytest.mark.parametrize(
+    ("samples", "frames"), [(np.zeros(1), 60.0), (np.full(50, np.nan), 60.0), (np.ones(9), 0.0)]
+)
+def test_no_pulse_is_made_of_what_is_no_vibration(samples: FloatArray, frames: float) -> None:
+    with pytest.raises(ValueError, match=r"must be|positive"):
+        pulses(samples, RATE, frames) if frames == 0.0 else pulse(samples, RATE)
