@@ -241,3 +241,11 @@ def terminals(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
     yield opening
     for terminal in opened:
         terminal.close()
+
+
+@pytest.fixture(autouse=True)
+def normal_priority() -> Iterator[None]:
+    """Fail a test that leaves its process with real-time priority: a browser would inherit it."""
+    yield
+    if hasattr(os, "sched_getscheduler"):
+        assert os.sched_getscheduler(0) == os.SCHED_OTHER

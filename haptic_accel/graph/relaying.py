@@ -100,8 +100,26 @@ def changed(network: ChannelParameters, words: Iterable[str]) -> ChannelParamete
     return replace(network, **{name: getattr(given, name) for name in given_keys(words)})
 
 
+def opened(arguments: RelayArguments) -> Relay:
+    """Return a relay that holds its ports.
+
+    Raises
+    ------
+    ParameterError
+        An address has another form, or a port is in use.
+    OSError
+        A host is unknown.
+    """
+    # The relay has the slave's place for the master, and the other way round.
+    routes = (
+        route(arguments.master, "slave", UDP, ""),
+        route(arguments.slave, "master", UDP, ""),
+    )
+    return Relay(routes, arguments.network, arguments.seed)
+
+
 def serve(
-    arguments: RelayArguments,
+    relay: Relay,
     say: Callable[[str], object],
     ended: Callable[[], bool],
     source: int | None = None,
@@ -110,7 +128,8 @@ def serve(
 
     Parameters
     ----------
-    arguments : RelayArguments
+    relay : Relay
+        Closed at the end.
     say : callable
         Called with a line on the network after each change, and with reasons of refusals.
     ended : callable
@@ -120,17 +139,10 @@ def serve(
 
     Raises
     ------
-    ParameterError
-        An address has another form, or a port is in use.
     OSError
-        A host is unknown, or cannot be reached.
+        A host cannot be reached.
     """
-    # The relay has the slave's place for the master, and the other way round.
-    routes = (
-        route(arguments.master, "slave", UDP, ""),
-        route(arguments.slave, "master", UDP, ""),
-    )
-    with closing(Relay(routes, arguments.network, arguments.seed)) as relay:
+    with closing(relay):
         say(_stated(relay.network))
         text = b""
         while not ended():
@@ -161,14 +173,15 @@ def _stated(network: ChannelParameters) -> str:
 
 def main() -> None:
     """Relay until a signal; end at once with the process that holds the standard input."""
-    hurry(PRIORITY)
     asked: list[int] = []
     for number in ENDING:
         signal.signal(number, lambda number, _: asked.append(number))
     parent = os.getppid()
     try:
+        relay = opened(parse_words(sys.argv[1:], RelayArguments))
+        hurry(PRIORITY)
         serve(
-            parse_words(sys.argv[1:], RelayArguments),
+            relay,
             lambda line: print(line, flush=True),
             lambda: bool(asked) or os.getppid() != parent,
             sys.stdin.fileno(),

@@ -46,7 +46,7 @@ from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
 from haptic_accel.devices.connection import AUTO
 from haptic_accel.devices.serial.device import HIGHEST_RATE, MISSING_LIBRARY
 from haptic_accel.devices.simulated import SimulatedDevice, SimulatedMaster, SimulatedSlave
-from haptic_accel.graph.relaying import PRIORITY, RelayArguments, serve
+from haptic_accel.graph.relaying import PRIORITY, RelayArguments, opened, serve
 from haptic_accel.graph.stop_signal import hurry
 from haptic_accel.kits.emulators.can_arm import EmulatedArm
 from haptic_accel.kits.emulators.can_line import BusPort, CanLine, SlcanPort
@@ -283,10 +283,11 @@ def emulate_network(arguments: RelayArguments) -> None:
         "on one machine, the second with another ROS_DOMAIN_ID",
         flush=True,
     )
-    hurry(PRIORITY)
     with stop_on_signal() as stopped:
         try:
-            serve(arguments, print_line, stopped, _words_source())
+            relay = opened(arguments)
+            hurry(PRIORITY)
+            serve(relay, print_line, stopped, _words_source())
         except OSError as error:
             raise StoppedError(str(error)) from None
 
