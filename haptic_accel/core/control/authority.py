@@ -23,6 +23,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from haptic_accel.core.control.listening import HUSHED, MINOR, Listening
 from haptic_accel.core.model import FloatArray
 
 BLOCK = 0.016
@@ -71,23 +72,9 @@ with a damping ratio of 0.02 amplifies 25 times."""
 LISTENED = 1.0
 """Time of silence after which the noise is known, s: in less, a hand may not have been at rest."""
 
-HUSHED, HUSHED_FOR = 0.1, 0.3
-"""Factor of a reduced force while the handle is listened to, and for how long, s. Of what the
-force causes, 1 % remains by power; a mode at 60 Hz with a damping ratio of 0.02 rings 0.1 s."""
-
 FALLEN = 0.8
 """Factor of the fraction from one update to the next below which it falls; what the force has
 excited may still ring."""
-
-HEARING = 0.15
-"""Part of that time, its end, in which the noise is measured, s."""
-
-HUSHED_EVERY, HUSHED_RARELY, SETTLED_FOR = 1.5, 12.0, 0.3
-"""Shortest and longest time from one listening to the next, and from a fall of the fraction to the
-first, s of excitation. The time doubles where the noise is `MINOR`."""
-
-MINOR = 0.25
-"""Noise that hardly hides a force, relative to the accepted increase of the error's power."""
 
 IDLE_CORRELATION = 0.1
 """Square of the correlation of desired and measured acceleration below which a reduced force is of
@@ -193,10 +180,8 @@ class Authority:
         self._state = np.zeros_like(self._state)
         # Running means of <d^2>, <d y>, <y^2>, and of the noise in the last one, (m/s^2)^2.
         self._desired_power = self._common = self._moved = 0.0
-        self._still = self._heard = 0.0  # noise in silence, and while the force was hushed
-        # Time since the last listening began, and from then to the next, s.
-        self._since = self._next = HUSHED_EVERY
-        self._hearing = 0.0  # energy heard in this one, (m/s^2)^2 s
+        self._still = 0.0  # noise in silence
+        self._listening = Listening()
         self._level = 0.0  # highest <d^2> of late, (m/s^2)^2
         self._silent = 0.0  # time of silence so far, s
         self.noise = math.inf
@@ -291,23 +276,21 @@ class Authority:
     @property
     def _noise(self) -> float:
         """Power of what the force does not cause, (m/s^2)^2; 0 while unknown."""
-        return max(self._still, self._heard)
+        return max(self._still, self._listening.heard)
 
     def _is_hushed(self, moved: float, time: float) -> bool:
         """Listen to the handle, if it is due; return whether the force is hushed."""
-        before, self._since = self._since, self._since + time
-        if before >= HUSHED_FOR:
+        listening = self._listening
+        if not listening.hushes:
+            listening.wait(time)
             idle = self._common**2 < IDLE_CORRELATION * self._moved * self._desired_power
-            if self.fraction > REDUCED or self._since < self._next or not idle or self._rising:
+            if self.fraction > REDUCED or not listening.is_due or not idle or self._rising:
                 return False
-            before = self._since = self._hearing = 0.0
+            listening.begin()
             self._scale(1.0, HUSHED / self._caution)
-        if before >= HUSHED_FOR - HEARING:
-            self._hearing += moved * time
-        if self._since >= HUSHED_FOR:
-            self._heard = self._hearing / HEARING
-            minor = self._heard < MINOR * SLIGHT * self._desired_power
-            self._next = min(2.0 * self._next, HUSHED_RARELY) if minor else HUSHED_EVERY
+            return True
+        listening.hear(moved, time, MINOR * SLIGHT * self._desired_power)
+        if not listening.hushes:
             self._scale(1.0, 1.0 / self._caution)
         return True
 
@@ -326,8 +309,8 @@ class Authority:
         before, full = self.used, self.fraction
         self.fraction = max(LOWEST, min(self.fraction * change, self._ceiling))
         if self.fraction < FALLEN * full:
-            self._since = min(self._since, self._next - SETTLED_FOR)
-        lowest = min(self._caution, HUSHED if self._since < HUSHED_FOR else wariest)
+            self._listening.postpone()
+        lowest = min(self._caution, HUSHED if self._listening.hushes else wariest)
         self._caution = min(max(lowest, self._caution * caution), 1.0)
         change = self.used / before
         self._common *= change
