@@ -29,6 +29,7 @@ from typing import Any, Generic, TypeAlias, TypeVar
 from haptic_accel.bags.facts import ARGUMENTS, PARAMETERS, facts_text
 from haptic_accel.core.axes import ALL_AXES
 from haptic_accel.core.control.compensation import PLANT, CompensationParameters
+from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.topics import CONTACT_FORCE
@@ -55,9 +56,6 @@ RECORDER = "recorder"
 
 SCOPE = "scope"
 """Executable that shows the graph."""
-
-WITHOUT_PLANT = ("constant", "none")
-"""Controllers that need no plant."""
 
 LINK = "link"
 """Executable that exchanges packets with the peer host."""
@@ -249,12 +247,13 @@ def _warn_of_unknown_plant(values: Values, given: Sequence[Values]) -> None:
     is_known = any(name.startswith(f"{PLANT}.") for each in given for name in each["compensator"])
     if master.get("actuator_device") != AUDIO or not preset or is_known:
         return
-    if controller not in WITHOUT_PLANT:
+    without = [name for name, kind in CONTROLLERS.items() if not kind.needs_plant]
+    if controller not in without:
         warn_once(
             f"controller = {controller}: needs the handle's plant, which is unknown with"
             f" audio.preset = {preset}: a first touch, not a bench; the plant is taken as the"
             f" rig's until `identify actuator:=audio` has found it, or use"
-            f" {' or '.join(WITHOUT_PLANT)}"
+            f" {' or '.join(without)}"
         )
 
 

@@ -132,6 +132,6 @@ def test_a_controller_that_needs_a_plant_tells_that_a_preset_has_none(
     told = (
         f"controller = {given['controller']}: needs the handle's plant, which is unknown with"
         " audio.preset = dualsense: a first touch, not a bench; the plant is taken as the rig's"
-        " until `identify actuator:=audio` has found it, or use constant or none"
+        " until `identify actuator:=audio` has found it, or use none or constant"
     )
     assert caplog.messages == [told] * is_told

@@ -36,6 +36,7 @@ class ConstantController(Controller):
     """f_a = m_h a_hdes."""
 
     Parameters = ConstantParameters
+    needs_plant = False
 
     def __init__(self, parameters: ConstantParameters, loop: Loop) -> None:
         self._mass = parameters.mass

@@ -84,6 +84,9 @@ class Controller(ABC):
     """True if the force is reduced while it is worse than no force, and if it cancels the steps of
     the arm's encoders; the paper's controllers are replaced, and used as they are."""
 
+    needs_plant: ClassVar[bool] = True
+    """True if the force depends on the loop's plant."""
+
     @abstractmethod
     def __init__(self, parameters: Any, loop: Loop) -> None: ...
 

@@ -23,6 +23,8 @@ from haptic_accel.core.control.controllers.interface import Controller, Loop, No
 class NoController(Controller):
     """Zero force."""
 
+    needs_plant = False
+
     def __init__(self, parameters: NoParameters, loop: Loop) -> None: ...
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
