@@ -193,6 +193,8 @@ setup(
             *TEST,
             "pytest-benchmark",
             "pytest-xdist",
+            # A sound card without hardware, with a world behind it.
+            "JACK-Client",
             "pytest-rerunfailures",
             "ruff",
             "mypy",

@@ -13,17 +13,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``haptic-accel calibrate``: gain, offset and mounting of an accelerometer, from gravity."""
+"""``haptic-accel calibrate``: gain, offset and mounting of an accelerometer."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from haptic_accel.cli.calibrate_audio import AudioInputArguments, calibrate_input
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.options import arguments, update_option, verb
+from haptic_accel.cli.options import update_option, verb, words
 from haptic_accel.cli.output import next_command
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import NAMES
@@ -31,6 +33,7 @@ from haptic_accel.core.bounded_files import located
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.parameters import ParameterError, parameter
 from haptic_accel.devices import DeviceError
+from haptic_accel.devices.audio import AUDIO
 from haptic_accel.devices.serial.calibration import (
     POSES,
     AxesCalibration,
@@ -44,6 +47,7 @@ from haptic_accel.devices.serial.calibration import (
 from haptic_accel.devices.serial.device import HIGHEST_RATE, PortParameters
 from haptic_accel.setup.files import EVERY_NODE, parameter_text
 from haptic_accel.setup.rig_file import teleoperation_words, update_parameter_file
+from haptic_accel.setup.words import described, parse_words
 
 if TYPE_CHECKING:
     from haptic_accel.devices.serial.board_samples import BoardSamples
@@ -88,21 +92,49 @@ class CalibrateArguments(PortParameters):
     file: str = parameter("", "file to write; empty for calibration_<side>.yaml")
 
 
+def _described() -> list[tuple[str, str, str]]:
+    """Return name, default and text of every argument, once."""
+    kinds = (AudioInputArguments, CalibrateArguments)
+    lines = {line[0]: line for kind in kinds for line in described(kind)}
+    return list(lines.values())
+
+
 @verb(
     "haptic-accel calibrate port:=/dev/ttyACM0",
     "haptic-accel calibrate port:=/dev/ttyACM0 side:=slave",
     "haptic-accel calibrate usb_serial:=NUMBER axis:=xyz --update rig.yaml",
+    "haptic-accel calibrate audio device:=USB input:=1 by:=force mass:=0.2 full_scale:=5",
     name="calibrate",
 )
-@arguments(CalibrateArguments)
+@words(
+    CalibrateArguments,
+    AudioInputArguments,
+    describe=_described,
+    metavar=f"[{AUDIO}] [key:=value ...]",
+)
 @update_option("device, port and calibration")
-def calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None:
-    """Measure an accelerometer behind a serial board with one axis up, then down.
+def calibrate_any(words: Sequence[str], update: Path | None) -> None:
+    """Measure an accelerometer behind a serial board, or on an input of a sound card.
+
+    A board's accelerometer is held with one axis up, then down.
 
     Writes its gain and offset as a parameter file for params_file:=FILE. With axis:=xyz, hold
     handle or tool with each of its axes up, then down: that also gives the rotation from the
     sensor. Three poses that are not in one plane give the rotation alone.
+
+    With audio, an input's scale comes from by:=gravity, a reference beside it, or the coil's force
+    on a known mass; the file is file:=FILE.
     """
+    if AUDIO in words:
+        if update:
+            raise ParameterError(f"--update {update}: use file:={update} with {AUDIO}")
+        given = [word for word in words if word != AUDIO]
+        calibrate_input(parse_words(given, AudioInputArguments))
+        return
+    _calibrate_board(parse_words(words, CalibrateArguments), update)
+
+
+def _calibrate_board(arguments: CalibrateArguments, update: Path | None) -> None:
     if bool(arguments.port) == bool(arguments.usb_serial):
         raise ParameterError("port = '': must be given, or usb_serial, and not both")
     if update and arguments.file:

@@ -212,7 +212,9 @@ def identify(
         nodes = result.parameters(recorded.age, (folder / model).resolve())
         nodes[EVERY_NODE] |= {"rate": arguments.rate}
         nodes.setdefault("master_device", {}).update(
-            device=arguments.master, actuator_device=arguments.actuator
+            device=arguments.master,
+            actuator_device=arguments.actuator,
+            accelerometer_device=arguments.accelerometers,
         )
         update_parameter_file(update, nodes)
     print(next_command(*_next(arguments, update, parameters)))
@@ -294,7 +296,7 @@ def _shown(recordings: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Path]]
 
 def _next(arguments: IdentifyArguments, update: Path | None, parameters: Path) -> list[str]:
     """Return verb and words that run the identified handle, with settings that no file has."""
-    names = ("rig",) if update else ("rig", "master", "actuator", "rate")
+    names = ("rig",) if update else ("rig", "master", "actuator", "accelerometers", "rate")
     told = {name: getattr(arguments, name) for name in names}
     known = schema(IdentifyArguments)
     words = [

@@ -29,6 +29,7 @@ from haptic_accel.devices.outside import MASTERS_GROUP, SLAVES_GROUP, with_outsi
 from haptic_accel.devices.playback import ReplayMaster, ReplaySlave
 from haptic_accel.devices.serial.device import SerialMaster, SerialSlave
 from haptic_accel.devices.simulated import PointerMaster, SimulatedMaster, SimulatedSlave
+from haptic_accel.devices.sound_bench import NO_ARM, NoArm
 from haptic_accel.devices.virtual import VirtualSlave
 
 RESERVED = (AUDIO, "safety", "servo_cp", "topics")
@@ -41,6 +42,7 @@ _MASTERS: dict[str, type[Device]] = {
     "can": CanMaster,
     "serial": SerialMaster,
     "crtk": CrtkMaster,
+    NO_ARM: NoArm,
 }
 _SLAVES: dict[str, type[Device]] = {
     "simulated": SimulatedSlave,
@@ -49,6 +51,7 @@ _SLAVES: dict[str, type[Device]] = {
     "can": CanSlave,
     "serial": SerialSlave,
     "crtk": CrtkSlave,
+    NO_ARM: NoArm,
 }
 for _devices, _kind in ((_MASTERS, CombinedDevice), (_SLAVES, CombinedTool)):
     _devices["can_serial"] = combined(_devices, "can", "serial", _kind)

@@ -31,7 +31,7 @@ import numpy as np
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import read_mounting
-from haptic_accel.core.model import ZERO, FloatArray, Vector
+from haptic_accel.core.model import ZERO, AccelerometerParameters, FloatArray, Vector
 from haptic_accel.core.parameters import (
     Checked,
     ParameterError,
@@ -77,15 +77,9 @@ leaves 26 us."""
 
 
 @dataclass(frozen=True)
-class AudioParameters(Checked):
-    """Sound card that drives the actuator, of one coil or three."""
+class InputParameters(Checked):
+    """Sound card with an accelerometer on its inputs."""
 
-    preset: str = parameter(
-        "",
-        "kind of the coils, whose card, channels and rate are assumed where not given; a first"
-        " touch, not a bench, until the handle is identified; empty for none",
-        choices=tuple(PRESETS),
-    )
     device: str = parameter(
         "",
         "name of the sound card, or a part of it, as `haptic-accel doctor audio` lists it; empty"
@@ -96,6 +90,38 @@ class AudioParameters(Checked):
         "samples that the card fetches at a time; larger blocks need more latency",
         low=8,
         high=4096,
+    )
+    inputs: str = parameter(
+        "1",
+        "input channels of the accelerometer, from 1: one for the actuator's axis, or three for x,"
+        " y, z",
+    )
+    scales: str = parameter(
+        "",
+        "acceleration at full scale of each input, m/s^2, negative for a swapped polarity;"
+        " `haptic-accel calibrate audio` finds it",
+    )
+    bandwidth: float = like(AccelerometerParameters, "bandwidth")
+    ac_corner: float = parameter(
+        0.0,
+        "corner of the inputs' AC coupling, which is undone above 0.3 Hz; 0 for inputs that pass"
+        " constant voltages",
+        "Hz",
+        0.0,
+        40.0,
+    )
+    input_mounting: str = like(SerialMasterParameters, "calibration.mounting")
+
+
+@dataclass(frozen=True)
+class AudioParameters(InputParameters):
+    """Sound card that drives the actuator, of one coil or three."""
+
+    preset: str = parameter(
+        "",
+        "kind of the coils, whose card, channels and rate are assumed where not given; a first"
+        " touch, not a bench, until the handle is identified; empty for none",
+        choices=tuple(PRESETS),
     )
     channels: str = parameter(
         "",
@@ -138,17 +164,32 @@ class AudioParameters(Checked):
             They are no channels, or not as many as the coils.
         """
         channels = self.channels or self.assumed.channels
-        words = [word.strip() for word in channels.split(",")]
-        found = tuple(int(word) for word in words if re.fullmatch("[1-9][0-9]{0,2}", word))
+        found = read_channels("audio.channels", channels)
         if coils > 1 and len(found) == 1:
             found = tuple(range(found[0], found[0] + coils))
-        if len(found) < len(words) or len(set(found)) < len(found):
-            allowed = "different whole numbers from 1, such as '3, 4'"
-        elif coils > 1 and len(found) != coils:
-            allowed = f"{coils} channels, one for each coil, or the first of them"
-        else:
-            return found
-        raise ParameterError(f"audio.channels = {shown(repr(channels))}: must be {allowed}")
+        if coils > 1 and len(found) != coils:
+            raise ParameterError(
+                f"audio.channels = {shown(repr(channels))}: must be {coils} channels, one for each"
+                " coil, or the first of them"
+            )
+        return found
+
+
+def read_channels(name: str, text: str) -> tuple[int, ...]:
+    """Return a card's channels, from 1, such as "3, 4".
+
+    Raises
+    ------
+    ParameterError
+        They are no channels, or one is given twice.
+    """
+    words = [word.strip() for word in text.split(",")]
+    found = tuple(int(word) for word in words if re.fullmatch("[1-9][0-9]{0,2}", word))
+    if len(found) < len(words) or len(set(found)) < len(found):
+        raise ParameterError(
+            f"{name} = {shown(repr(text))}: must be different whole numbers from 1, such as '3, 4'"
+        )
+    return found
 
 
 def sound_server(card: Mapping[str, Any], host: str) -> str:
@@ -198,7 +239,7 @@ def sound_cards() -> list[ListedCard]:
     DeviceError
         The library is missing.
     """
-    library = _library()
+    library = sound_library()
     return [
         ListedCard(
             found["name"],
@@ -212,12 +253,64 @@ def sound_cards() -> list[ListedCard]:
     ]
 
 
-def _library() -> Any:
+def sound_library() -> Any:
+    """Return the library `sounddevice`.
+
+    Raises
+    ------
+    DeviceError
+        It is missing, or PortAudio is.
+    """
     try:
         import sounddevice
     except (ImportError, OSError):  # the latter without PortAudio
         raise DeviceError(MISSING_LIBRARY) from None
     return sounddevice
+
+
+def recorded(
+    name: str, seconds: float, inputs: int, played: FloatArray | None = None, output: int = 1
+) -> tuple[FloatArray, float]:
+    """Return what a sound card records, and its rate; one of its outputs may play meanwhile.
+
+    Parameters
+    ----------
+    name : str
+        Name of the card, or a part of it; empty for the default.
+    seconds : float
+        Duration, s.
+    inputs : int
+        Number of input channels from the first on.
+    played : ndarray, shape (n,), optional
+        Samples of the output at the card's rate, full scale 1.
+    output : int
+        Channel of the output, from 1.
+
+    Returns
+    -------
+    samples : ndarray, shape (m, inputs)
+        Full scale 1.
+    rate : float
+        Samples per second.
+
+    Raises
+    ------
+    DeviceError
+        There is no such card, it has fewer channels, or it cannot be opened.
+    """
+    library = sound_library()
+    try:
+        found = library.query_devices(name or None, "input")
+        rate, given = found["default_samplerate"], {"device": found["index"], "blocking": True}
+        if played is None:
+            samples = library.rec(round(seconds * rate), rate, inputs, "float32", **given)
+        else:
+            frames = np.zeros((len(played), output), dtype=np.float32)
+            frames[:, output - 1] = played
+            samples = library.playrec(frames, rate, inputs, "float32", **given)
+    except (ValueError, library.PortAudioError) as error:
+        raise DeviceError(f"device = {name!r}: {one_line(error)}") from None
+    return np.asarray(samples, dtype=np.float64), float(rate)
 
 
 class SoundCard:
@@ -246,16 +339,23 @@ class SoundCard:
         What mixes or resamples in between; empty for the card itself.
     lead : float
         Time from writing a sample to the card until it sounds, s.
+    hearing : float
+        Time from a sample of the card's inputs until it can be read, s; 0 without inputs.
     """
 
+    is_exact = False
+    """True if `sounds` is exact; otherwise it is late by up to a block, and its shortest values
+    tell the card's clock."""
+
     def __init__(self, parameters: AudioParameters, period: float, coils: int = 1) -> None:
-        self._library = _library()
+        self._library = sound_library()
         self._parameters = parameters
         self._period = period
         self._own = [channel - 1 for channel in parameters.channels_of(coils)]
         self._stream: Any = None
         self.channels = self._size = self.block = 0
         self.rate = self.lead = math.nan
+        self.hearing = 0.0
         self.name = self.server = ""
 
     def open(self) -> None:
@@ -280,30 +380,44 @@ class SoundCard:
                 f" most {most}, as the sound card {self.name} has no more"
             )
         host = library.query_hostapis(found["hostapi"])["name"]
-        if host == JACK:
-            raise DeviceError(
-                f"audio.device = {p.card_name!r}: must not be on JACK, to which PortAudio 19.6"
-                " writes beyond its memory; stop JACK, and name the card itself (hw:)"
-            )
+        self._check_host(host)
         # PortAudio copies the last channel to the next one that is not opened. A plug-in with any
         # number mixes what it has too many of.
         self.server = sound_server(found, host)
         any_number = host == ALSA and self.server
         self.channels = max(last, min(2, most)) if any_number else most
-        self._stream = self._opened(
-            lambda: library.OutputStream(
-                device=found["index"],
+        self._stream = self._started(found["index"])
+        self._size = self._free()
+        self.block = max(p.block, self._size - round(self._latency * self.rate))
+        self.lead = BLOCKS_AHEAD * self.block / self.rate + self._period
+
+    def _check_host(self, host: str) -> None:
+        if host == JACK:
+            raise DeviceError(
+                f"audio.device = {self._parameters.card_name!r}: must not be on JACK, to which"
+                " PortAudio 19.6 writes beyond its memory; stop JACK, and name the card itself"
+                " (hw:)"
+            )
+
+    def _started(self, index: int) -> Any:
+        """Return a running stream of PortAudio's device."""
+        stream = self._opened(
+            lambda: self._library.OutputStream(
+                device=index,
                 channels=self.channels,
                 samplerate=self.rate,
-                blocksize=p.block,
-                latency=LATENCY * p.block / self.rate,
+                blocksize=self._parameters.block,
+                latency=LATENCY * self._parameters.block / self.rate,
                 dtype="float32",
             )
         )
-        self._opened(self._stream.start)
-        self._size = self._free()
-        self.block = max(p.block, self._size - round(self._stream.latency * self.rate))
-        self.lead = BLOCKS_AHEAD * self.block / self.rate + self._period
+        self._opened(stream.start)
+        return stream
+
+    @property
+    def _latency(self) -> float:
+        """Output latency that PortAudio states, s."""
+        return float(self._stream.latency)
 
     def _opened(self, attempt: Callable[[], Any]) -> Any:
         try:
@@ -322,10 +436,10 @@ class SoundCard:
         """Samples that the card accepts without blocking."""
         return max(0, self._free() - self.block)
 
-    @property
-    def queued(self) -> float:
-        """Time until the next written sample will sound, s; 0 for a card without a clock."""
-        return (self._size - self._free()) / self.rate
+    def sounds(self, now: float) -> float | None:
+        """Return the time at which the next written sample sounds, s; None without a clock."""
+        filled = self._size - self._free()
+        return now + filled / self.rate if filled else None
 
     def write(self, samples: FloatArray) -> bool:
         """Write samples, shape (n, coils), full scale 1; return whether the card underran."""
@@ -369,6 +483,8 @@ class AudioActuator(Device):
         Samples from a force's cause to the tick at which the force is due.
     clock : callable
         Returns the time by the clock of the ticks, s.
+    card : callable, optional
+        Returns the card for parameters, period and number of coils; default: one of its own.
     """
 
     Parameters = AudioParameters
@@ -381,11 +497,12 @@ class AudioActuator(Device):
         device: Device,
         latency: int,
         clock: Callable[[], float] = clocks.monotonic,
+        card: Callable[[AudioParameters, float, int], SoundCard] | None = None,
     ) -> None:
         self.axes = device.axes
         self._coils = len(self.axes.names)
         self._mounting = read_mounting("audio.coil_mounting", parameters.coil_mounting, self.axes)
-        self._card = SoundCard(parameters, 1 / rate, self._coils)
+        self._card = (card or SoundCard)(parameters, 1 / rate, self._coils)
         self._parameters = parameters
         self._full_scale = parameters.largest_force
         self._rate = rate
@@ -425,7 +542,7 @@ class AudioActuator(Device):
                 f" the sound card's {card.rate:g} Hz"
             )
         # A force is known one sample after its cause at the latest.
-        least = math.ceil(card.lead * self._rate) + 1
+        least = math.ceil((card.lead + card.hearing) * self._rate) + 1
         if self._latency < least:
             raise ParameterError(
                 f"latency = {self._latency}: must be at least {least} with {card.block} samples a"
@@ -473,8 +590,8 @@ class AudioActuator(Device):
         if not now <= self._next:
             self._next = now
             self._errors.clear()
-        elif queued := card.queued:
-            self._follow(now + queued - self._next)
+        elif (sounds := card.sounds(now)) is not None:
+            self._follow(sounds - self._next)
         count = min(card.room, int((now + card.lead - self._next) * card.rate))
         if count > 0:
             samples = self._force.means(self._next, card.rate, count) / self._full_scale
@@ -487,6 +604,9 @@ class AudioActuator(Device):
 
     def _follow(self, error: float) -> None:
         """Correct the next sample's time by its measured delay, s."""
+        if self._card.is_exact:
+            self._next += error
+            return
         self._errors.append(error)
         if len(self._errors) < READINGS:
             return

@@ -183,6 +183,7 @@ class DeviceArguments(Checked):
 
     master: str = sets("master_device.device", text="master device")
     actuator: str = sets("master_device.actuator_device")
+    accelerometers: str = sets(*in_devices("accelerometer_device"))
     slave: str = sets(
         "slave_device.device",
         text="slave device, or the topics that `ros2 bag play` publishes",
@@ -364,6 +365,7 @@ class IdentifyArguments(SweepParameters, LaunchArguments):
     grip: str = like(GraphArguments, "grip")
     master: str = like(GraphArguments, "master")
     actuator: str = like(GraphArguments, "actuator")
+    accelerometers: str = like(GraphArguments, "accelerometers")
     rate: float = like(GraphArguments, "rate")
     latency: int = sets("identifier.latency", *everywhere("latency"), text=LATENCY_TEXT)
     bag: str = like(GraphArguments, "bag")

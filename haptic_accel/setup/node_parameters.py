@@ -17,9 +17,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from types import MappingProxyType
 from typing import Any
 
@@ -54,7 +54,14 @@ from haptic_accel.core.sampling import (
 )
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import MASTERS, SLAVES, Device
-from haptic_accel.devices.audio import AUDIO, AudioActuator, AudioParameters
+from haptic_accel.devices.audio import (
+    AUDIO,
+    AudioActuator,
+    AudioParameters,
+    InputParameters,
+    SoundCard,
+)
+from haptic_accel.devices.sound_bench import NO_ARM, BenchOutput, CardAccelerometer
 from haptic_accel.links.parameters import LinkNodeParameters
 
 SAFETY = "safety"
@@ -105,6 +112,11 @@ class DeviceNodeParameters(SampledParameters):
     )
     seed: int = parameter(
         0, "seed of the simulated devices' texture and sensor noise", low=0, high=2**31 - 1
+    )
+    accelerometer_device: str = parameter(
+        "device",
+        "driver of the accelerometer: the device, or the inputs of a sound card",
+        choices=("device", AUDIO),
     )
     autostart: bool = parameter(
         True, "configure and activate at the start; otherwise wait for `ros2 lifecycle`"
@@ -251,7 +263,10 @@ NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
         MasterNodeParameters,
         {**_device_parts(MASTERS, MasterSafetyParameters), AUDIO: AudioParameters},
     ),
-    "slave_device": (SlaveNodeParameters, _device_parts(SLAVES, SafetyParameters)),
+    "slave_device": (
+        SlaveNodeParameters,
+        {**_device_parts(SLAVES, SafetyParameters), AUDIO: InputParameters},
+    ),
     "restamper": (RestamperNodeParameters, {}),
     "coupler": (CouplerNodeParameters, {}),
     "link": (LinkNodeParameters, {}),
@@ -320,9 +335,16 @@ def build_device(executable: str, own: Any, options: Mapping[str, Any]) -> Devic
     """
     kinds = MASTERS if executable == "master_device" else SLAVES
     device = kinds[own.device].from_options(own.device, options, own.rate, own.seed)
+    card: Callable[[AudioParameters, float, int], SoundCard] = SoundCard
+    if own.accelerometer_device == AUDIO:
+        is_tool = executable == "slave_device"
+        device = sensor = CardAccelerometer(options[AUDIO], own.rate, device, is_tool)
+        card = partial(BenchOutput, sensor=sensor)
+    elif own.device == NO_ARM:
+        raise ParameterError(f"device = {NO_ARM}: must come with accelerometers:={AUDIO}")
     if getattr(own, "actuator_device", "") != AUDIO:
         return device
-    return AudioActuator(options[AUDIO], own.rate, device, own.latency)
+    return AudioActuator(options[AUDIO], own.rate, device, own.latency, card=card)
 
 
 def check_clock(use_sim_time: object) -> None:

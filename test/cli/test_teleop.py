@@ -20,8 +20,6 @@ from __future__ import annotations
 import os
 import re
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -42,7 +40,7 @@ from haptic_accel.nodes.device_node import STALL
 from observing import Observer
 from reading import deserialised
 from recordings import RATE, dragged_over, write_recording
-from running import Command, nodes_of, wait_until
+from running import Command, nodes_of, realtime_is_allowed, wait_until
 from sharing import LookAtOneGraph, SharedGraph
 from verbs import tells
 
@@ -379,13 +377,6 @@ def runs_as(process: int, scheduling_class: int) -> bool:
     with suppress(ProcessLookupError):  # a thread that has just ended
         return {os.sched_getscheduler(int(thread)) for thread in threads} == {scheduling_class}
     return False
-
-
-def realtime_is_allowed() -> bool:
-    """Return True where a process of this user may be real-time."""
-    ask = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(40))"
-    command = subprocess.run([sys.executable, "-c", ask], capture_output=True, check=False)
-    return command.returncode == 0
 
 
 @pytest.mark.slow

@@ -276,7 +276,8 @@ def test_block_smaller_than_a_tick_is_refused(bench: Bench) -> None:
 class DriftingCard:
     """A card whose crystal is slow or fast, by the bench's clock; it fetches block by block."""
 
-    rate, block, lead = 48000.0, BLOCK, 2 * BLOCK / 48000 + PERIOD
+    rate, block, lead, hearing = 48000.0, BLOCK, 2 * BLOCK / 48000 + PERIOD, 0.0
+    is_exact = False
 
     def __init__(self, bench: Bench, drift: float) -> None:
         self.bench, self.drift = bench, drift
@@ -295,9 +296,9 @@ class DriftingCard:
     def played(self) -> float:
         return (self.bench.now - self.started) * self.rate * (1 + self.drift)
 
-    @property
-    def queued(self) -> float:
-        return (self.given - self.played // BLOCK * BLOCK) / self.rate
+    def sounds(self, now: float) -> float | None:
+        queued = self.given - self.played // BLOCK * BLOCK
+        return now + queued / self.rate if queued else None
 
     def write(self, samples: np.ndarray) -> bool:
         if not self.given:

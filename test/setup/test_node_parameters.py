@@ -43,7 +43,9 @@ def test_every_parameter_is_described_and_its_default_allowed(executable: str) -
 )
 def test_a_device_with_the_parameters_of_others_adds_none(executable: str, devices: dict) -> None:
     parts = {name.partition(".")[0] for name in node_schema(executable)}
-    assert set(devices) - parts == set(devices) & {"pointer", "can_serial", "crtk_serial"}
+    assert set(devices) - parts == set(devices) & {
+        *("pointer", "can_serial", "crtk_serial", "none")
+    }
 
 
 FRAGMENT = re.compile(r"(?i)(of|what|which|how|when|where|if|its?|this|that|those|and|or)\b")

@@ -358,3 +358,10 @@ def limit_size(process: int, file: Path) -> None:
         # A chunk written in between may leave no room for an index, unlike on a disk.
         if file.stat().st_size == size:
             return
+
+
+def realtime_is_allowed() -> bool:
+    """Return True where a process of this user may be real-time."""
+    ask = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(40))"
+    command = subprocess.run([sys.executable, "-c", ask], capture_output=True, check=False)
+    return command.returncode == 0

@@ -20,12 +20,15 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from running import realtime_is_allowed
 
 NAME = "coil"
 """Name of the card."""
@@ -89,12 +92,14 @@ JACK_NAME = "system"
 
 
 @contextmanager
-def jack_card() -> Iterator[dict[str, str]]:
+def jack_card(outputs: int = 4) -> Iterator[dict[str, str]]:
     """Run JACK without hardware; yield the environment of its programs, or skip without JACK."""
     if not shutil.which("jackd"):
         pytest.skip("no jackd: apt-get install jackd2")
     name = f"test_{os.getpid()}"
-    command = ["jackd", "-r", "-n", name, "-d", "dummy", "-P", "4", "-p", "64"]
+    urgency = ["-R", "-P", "60"] if realtime_is_allowed() else ["-r"]
+    driver = ["-d", "dummy", "-P", str(outputs), "-p", "64"]
+    command = ["jackd", *urgency, "-n", name, *driver]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as server:
         assert server.stdout
         try:
@@ -103,6 +108,32 @@ def jack_card() -> Iterator[dict[str, str]]:
         finally:
             server.terminate()
             server.stdout.read()
+
+
+@contextmanager
+def sound_world(*words: str) -> Iterator[tuple[dict[str, str], subprocess.Popen[str]]]:
+    """Run a handle and a tool behind JACK's card; yield the environment, and the world.
+
+    Parameters
+    ----------
+    words : str
+        Arguments of `sound_world.py`, in this folder.
+    """
+    try:
+        import jack  # noqa: F401
+    except (ImportError, OSError) as missing:  # the latter without JACK's library
+        pytest.skip(f"no JACK-Client: {missing}")
+    with jack_card(outputs=2) as environment:
+        command = [sys.executable, str(Path(__file__).with_name("sound_world.py")), *words]
+        with subprocess.Popen(
+            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        ) as world:
+            assert world.stdout
+            try:
+                assert world.stdout.readline() == "ready\n"
+                yield environment, world
+            finally:
+                world.terminate()
 
 
 def received_of_four(folder: Path) -> np.ndarray:

@@ -1,0 +1,168 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A sound card as the whole bench: a handle and a tool behind JACK, without hardware."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_accel.core.model import HandleParameters
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.devices.audio import InputParameters
+from haptic_accel.devices.interface import DeviceError, NoParameters
+from haptic_accel.devices.sound_bench import CardAccelerometer, CardClock, NoArm, likest
+from haptic_accel.setup.node_parameters import build_device, node_parameters
+from running import Command
+from sound_cards import sound_world
+
+RATE, BLOCK = 48_000, 64
+"""Samples per second, Hz, and samples a block of the card."""
+
+Start = Callable[..., Command]
+
+RIG = """
+master_device:
+  ros__parameters:
+    device: none
+    actuator_device: audio
+    accelerometer_device: audio
+    audio: {device: system, inputs: "1", scales: "100", ac_corner: 10.0, full_scale: 5.0}
+slave_device:
+  ros__parameters:
+    device: none
+    accelerometer_device: audio
+    audio: {device: system, inputs: "2", scales: "100", ac_corner: 10.0}
+"""
+
+
+@given(
+    st.floats(-3e-4, 3e-4),
+    st.floats(0.0, 1e5),
+    st.integers(0, 2**32 - 1),
+)
+def test_a_cards_clock_is_known_from_late_readings(drift: float, start: float, seed: int) -> None:
+    late = np.random.default_rng(seed).exponential(2e-4, 20_000)
+    clock, true = CardClock(RATE), RATE * (1 + drift)
+    errors = []
+    for tick, delay in enumerate(late):
+        now = start + tick * 1e-3 + delay
+        count = int((now - start) * true) // BLOCK * BLOCK
+        clock.observe(count, now)
+        errors.append(clock.time(count) - (start + count / true))
+    assert np.abs(errors[10_000:]).max() < 1e-4
+    assert clock.jumps == 0
+    assert clock.drift == pytest.approx(-drift, abs=5e-5)
+    assert clock.index(clock.time(12_345.5)) == pytest.approx(12_345.5)
+
+
+def test_lost_samples_begin_the_clock_again() -> None:
+    clock = CardClock(RATE)
+    for tick in range(1000):
+        lost = 0 if tick < 500 else RATE // 50
+        clock.observe(48 * tick - lost, 10.0 + tick * 1e-3)
+    assert clock.jumps == 1
+    assert clock.time(48 * 999 - RATE // 50) == pytest.approx(10.999)
+
+
+def test_an_answer_is_found_after_its_delay_and_silence_is_none() -> None:
+    noise = np.random.default_rng(0).uniform(-1, 1, 20_000)
+    silence = np.random.default_rng(1).normal(0, 1, (22_000, 1))
+    answer = silence.copy()
+    answer[777:20_777, 0] -= noise
+    assert likest(noise, answer) == 777
+    with pytest.raises(DeviceError, match="does not answer the coil .correlation 0.0"):
+        likest(noise, silence)
+
+
+@pytest.mark.parametrize(
+    ("given", "refused"),
+    [
+        (
+            {"inputs": "1, 2", "scales": "1 1"},
+            "audio.inputs = '1, 2': must be one channel, or three",
+        ),
+        (
+            {"inputs": "1, x", "scales": "1"},
+            "audio.inputs = '1, x': must be different whole numbers",
+        ),
+        ({}, "audio.scales = '': must be the acceleration at full scale"),
+        ({"scales": "1, 2"}, "audio.scales"),
+    ],
+)
+def test_wrong_inputs_are_refused(given: dict[str, Any], refused: str) -> None:
+    with pytest.raises(ParameterError, match=re.escape(refused)):
+        CardAccelerometer(InputParameters(**given), 1000.0, NoArm(NoParameters(), 1e3, 0), False)
+
+
+def test_no_arm_without_accelerometers_is_refused() -> None:
+    own, options = node_parameters("slave_device", {"device": "none"})
+    with pytest.raises(
+        ParameterError, match="device = none: must come with accelerometers:=audio"
+    ):
+        build_device("slave_device", own, options)
+
+
+@pytest.fixture
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Run handle and tool behind a card; yield the parameter file of the rig."""
+    with sound_world() as (environment, _):
+        for name in ("JACK_DEFAULT_SERVER", "JACK_NO_START_SERVER"):
+            monkeypatch.setenv(name, environment[name])
+        file = tmp_path / "rig.yaml"
+        file.write_text(RIG)
+        yield file
+
+
+LATENCY = "latency:=9"
+
+
+@pytest.mark.live
+def test_a_handle_is_identified_through_a_card(bench: Path, start: Start) -> None:
+    command = start(
+        *("-m", "haptic_accel.cli.main", "identify", f"params_file:={bench}", "rig:=ideal"),
+        *(LATENCY, "trials:=2", "--json", "found.json", "--update", bench),
+    )
+    assert command.end() == 0, command.text
+    found = json.loads((bench.parent / "found.json").read_text())
+    mass = found["parameters"]["m_h"]["value"]
+    assert mass == pytest.approx(HandleParameters().m_h, rel=0.05)
+    assert abs(found["delay_us"]) < 150.0
+
+
+@pytest.mark.live
+def test_a_card_that_is_lost_is_said_and_leaves_no_force(bench: Path, start: Start) -> None:
+    command = start(
+        *("-m", "haptic_accel.cli.main", "teleop", f"params_file:={bench}", "rig:=ideal"),
+        *(LATENCY, "controller:=inverse", "record:=false"),
+    )
+    command.wait_for("engaged")
+    subprocess.run(["pkill", "-f", f"jackd.*-n {os.environ['JACK_DEFAULT_SERVER']} "], check=True)
+    command.wait_for("device closed, no force")
+    # PortAudio cannot end without JACK's server, unlike without a card of ALSA.
+    command.end(signal.SIGKILL)
+    assert re.search("master_device.*sound card system: .*: device closed, no force", command.text)
