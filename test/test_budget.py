@@ -41,7 +41,7 @@ BUDGETS = {
     "graph": 1_120,
     "kits/link": 850,
     "kits/textures": 1_050,
-    "kits/bringup": 870,
+    "kits/bringup": 940,
     "links": 170,
     "pages": 40,
 }

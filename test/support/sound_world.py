@@ -16,12 +16,14 @@
 """World behind a sound card without hardware: handle, coil, tool and sensors as a client of JACK.
 
 Run as a process: the handle of a rig moves by the force on the card's first output; its
-acceleration is on the first input, that of a tool with a known texture on the second.
+acceleration is on the first input, that of a tool with a known texture on the second. A signal
+SIGUSR1 taps both.
 """
 
 from __future__ import annotations
 
 import argparse
+import signal as signals
 import sys
 import time
 
@@ -36,6 +38,9 @@ from haptic_accel.setup.setup import Setup
 
 FULL_SCALE, SCALE = 5.0, 100.0
 """Force of the coil, N, and acceleration of both sensors, m/s^2, at full scale."""
+
+TAP, TAP_TIME = 40.0, 0.005
+"""Acceleration of a tap, m/s^2, and its length, s."""
 
 TEXTURE_TIME = 4.0
 """Period of the tool's texture, s."""
@@ -67,16 +72,22 @@ class World:
         self._force = self.client.inports.register("force")
         self._sensors = [self.client.outports.register(name) for name in ("handle", "tool")]
         self._polarity = given.polarity
-        self._now = 0
+        self._now = self._tapped = 0
+        signals.signal(signals.SIGUSR1, lambda *_: self._tap(round(TAP_TIME * rate)))
         self.client.set_process_callback(self._process)
+
+    def _tap(self, frames: int) -> None:
+        self._tapped = frames
 
     def _process(self, frames: int) -> None:
         force = FULL_SCALE * self._force.get_array()
         moved, self._state = signal.sosfilt(self._handle, force, zi=self._state)
         at = np.arange(self._now, self._now + frames)
+        tap = TAP if self._tapped > 0 else 0.0
+        self._tapped -= frames
         self._now += frames
         for number, acceleration in enumerate((moved, self._texture[at % len(self._texture)])):
-            measured = acceleration + self._noise[number, at % self._noise.shape[1]]
+            measured = tap + acceleration + self._noise[number, at % self._noise.shape[1]]
             passed, self._ac_states[number] = signal.sosfilt(
                 self._ac, measured, zi=self._ac_states[number]
             )

@@ -88,6 +88,7 @@ class BringUpArguments(Checked):
     file: str = parameter("rig.yaml", "file of the rig, to write and to go on from")
     master: str = parameter(SERIAL, "master device", choices=tuple(MASTERS))
     actuator: str = like(GraphArguments, "actuator")
+    accelerometers: str = like(GraphArguments, "accelerometers")
     slave: str = parameter(SERIAL, "slave device", choices=tuple(SLAVES))
     ports: str = parameter(
         "", "serial ports of the boards, separated by commas; empty for those of this machine"
@@ -285,9 +286,17 @@ class Bench:
         """Return the driver of a side's device."""
         return str(self.parameters(side)[0].device)
 
+    def is_on_card(self, side: str) -> bool:
+        """Return whether a side's accelerometer is on a sound card."""
+        return bool(self.parameters(side)[0].accelerometer_device == AUDIO)
+
     def is_simulated(self, side: str) -> bool:
         """Return whether no hardware belongs to a side's device."""
-        return self.device_name(side) in (SIMULATED, POINTER, VIRTUAL)
+        return not self.is_on_card(side) and self.device_name(side) in (
+            SIMULATED,
+            POINTER,
+            VIRTUAL,
+        )
 
     def has_actuator(self) -> bool:
         """Return whether the handle has an actuator that is no simulation."""

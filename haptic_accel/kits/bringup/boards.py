@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Boards of a rig: which is whose, and what their sensors show; gain and axis of each."""
+"""Sensors of a rig, on boards or a sound card: which is whose, what they show, and their gain."""
 
 from __future__ import annotations
 
@@ -24,12 +24,14 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.core import signal_checks as checks
-from haptic_accel.core.model import ACTUATOR
+from haptic_accel.core.model import ACTUATOR, FloatArray
 from haptic_accel.core.signal_checks import Check
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import DeviceError
+from haptic_accel.devices.audio import AUDIO, read_channels, recorded
 from haptic_accel.devices.serial.calibration import CalibrationError, calibrate, rest, vertical
 from haptic_accel.devices.serial.device import PortParameters
+from haptic_accel.devices.sound_calibration import by_gravity, check_level
 from haptic_accel.kits.bringup.bench import ARMS_ALONE, HELD, MASTER, SERIAL, SLAVE, Bench
 from haptic_accel.setup.files import EVERY_NODE, SEPARATOR, parameter_paths, read_parameter_file
 from haptic_accel.setup.rig_file import update_parameter_file
@@ -46,6 +48,13 @@ REST = 1.0
 POSE = 2.0
 """Time to measure in each position, s."""
 
+TAP = 10.0
+"""Peak of a tap, relative to the noise of a card's input at rest."""
+
+CARD_TIME = 0.012
+"""Latency with a sound card's inputs, s: 48 kHz, 64 samples a block, and a round trip of four; a
+card that needs more says so."""
+
 
 def connect(bench: Bench) -> None:
     """Find the boards, write the rig's file, and look at the signals."""
@@ -56,6 +65,10 @@ def connect(bench: Bench) -> None:
         "master_device": {"device": a.master, "actuator_device": a.actuator},
         "slave_device": {"device": a.slave},
     }
+    if a.accelerometers == AUDIO:
+        nodes[EVERY_NODE]["latency"] = round(CARD_TIME * a.rate)
+        for side in ARMS:
+            nodes[f"{side}_device"]["accelerometer_device"] = AUDIO
     boards = [side for side in ARMS if getattr(a, side).endswith(SERIAL)]
     if boards:
         for side, port in _found(bench, boards).items():
@@ -66,9 +79,11 @@ def connect(bench: Bench) -> None:
 
 
 def calibrate_boards(bench: Bench) -> None:
-    """Measure axis, gain and offset of each board's accelerometer."""
+    """Measure axis, gain and offset of each accelerometer."""
     for side in ARMS:
-        if bench.device_name(side).endswith(SERIAL):
+        if bench.is_on_card(side):
+            bench.settle(lambda side=side: _scaled(bench, side))  # type: ignore[misc]
+        elif bench.device_name(side).endswith(SERIAL):
             bench.settle(lambda side=side: _turned_over(bench, side))  # type: ignore[misc]
 
 
@@ -131,6 +146,10 @@ def _ports(bench: Bench) -> dict[str, PortParameters]:
 def _look_at(bench: Bench, side: str) -> None:
     """Check a side's signal at rest, and that the sensor belongs to this side."""
     held = HELD[side]
+    if bench.is_on_card(side):
+        bench.goes_on(f"let go of the {held}, so that it lies still, then press Enter")
+        bench.settle(lambda: _heard(bench, side))
+        return
     is_simulated = bench.is_simulated(side)
     if is_simulated:
         bench.settle(lambda: [Check(True, f"{held}: simulated")])
@@ -166,6 +185,56 @@ def _look_at(bench: Bench, side: str) -> None:
                 )
             ]
         )
+
+
+def _heard(bench: Bench, side: str) -> list[Check]:
+    """Check the level of a card's input, and that taps on this side are in it."""
+    quiet = _recorded(bench, side, REST)
+    try:
+        check_level(quiet, f"{HELD[side]}: input")
+    except CalibrationError as error:
+        return [Check(False, str(error), "check sensor, cable, input and its gain")]
+    noise = float(quiet.std())
+
+    def is_tapped() -> bool:
+        return float(np.abs(_recorded(bench, side, REST) - quiet.mean()).max()) > TAP * noise
+
+    return [
+        Check(
+            bench.awaits(f"tap the {HELD[side]} a few times", is_tapped),
+            f"taps on the {HELD[side]} are in its input, noise {noise:.2g} of full scale",
+            "is this the other sensor's input? Correct audio.inputs; is the sensor fixed to it?",
+        )
+    ]
+
+
+def _recorded(bench: Bench, side: str, seconds: float) -> FloatArray:
+    """Return what the card's first input of a side has from now on, full scale 1."""
+    _, options = bench.parameters(side)
+    own = options[AUDIO]
+    channel = read_channels("audio.inputs", own.inputs)[0]
+    return recorded(own.device, seconds, channel)[0][:, channel - 1]
+
+
+def _scaled(bench: Bench, side: str) -> list[Check]:
+    """Measure the scale of a card's input by gravity, unless it is known."""
+    held = HELD[side]
+    _, options = bench.parameters(side)
+    if known := options[AUDIO].scales:
+        return [Check(True, f"{held}: full scale {known} m/s^2, as in {bench.path.name}")]
+    poses = []
+    for pose in ("upwards", "downwards"):
+        bench.goes_on(f"hold the {held} with the sensor's axis {pose}, still, then press Enter")
+        poses.append(_recorded(bench, side, POSE))
+    try:
+        up, down = poses
+        found = by_gravity(up, down, f"{held}: input")
+    except CalibrationError as error:
+        words = f"haptic-accel calibrate audio side:={side} file:={bench.path}"
+        return [Check(False, str(error), f"in another terminal: {words}, and by:=...")]
+    scales = {AUDIO: {"scales": f"{found.scale:.6g}"}}
+    update_parameter_file(bench.path, {f"{side}_device": scales})
+    return [Check(True, f"{held}: {found.text}")]
 
 
 def _turned_over(bench: Bench, side: str) -> list[Check]:

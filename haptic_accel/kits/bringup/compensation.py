@@ -22,6 +22,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from haptic_accel.analysis.experiment import LOST_SHARE
+from haptic_accel.bags.delivery import AGE_OF
 from haptic_accel.core import signal_checks as checks
 from haptic_accel.core.process import FULL_SCALE, UNUSABLE
 from haptic_accel.core.signal_checks import Check
@@ -103,13 +104,20 @@ def _compared(bench: Bench) -> list[Check]:
         advice = "press the tool on the surface, and stroke along it during both trials"
         return [Check(False, "the tool touched nothing", advice)]
     least = adaptive["limited_bound_percent"]
-    late = max(each["deadlines_missed_percent"] or 0.0 for each in conditions)
+    late = max(_late_percent(each) for each in conditions)
     if late > MOST_LATE:
         told = f"{late:.1f} % of the actuator forces took effect late"
         in_time = Check(False, told, _more_time(bench))
     else:
         in_time = Check(True, "forces in time")
     return [in_time, checks.proof_check(without, error, least or 0.0)]
+
+
+def _late_percent(condition: Mapping[str, Any]) -> float:
+    """Return the share of a condition's actuator forces that took effect late, %."""
+    counts = condition["missed_deadlines"].get(AGE_OF, {"due": 0, "missed": 0})
+    late: float = counts["missed"] / max(1, counts["due"])
+    return 100.0 * late
 
 
 def _more_time(bench: Bench) -> str:

@@ -23,6 +23,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -36,12 +37,13 @@ from browsing import received
 from haptic_accel.core.process import DONE, INTERRUPTED, WRONG_ARGUMENTS
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.topics import ARMS
 from haptic_accel.devices.serial.protocol import FULL_SCALE
 from haptic_accel.kits.bringup.bench import STEPS
 from haptic_accel.setup.files import read_parameter_file
 from haptic_accel.setup.rig_file import note_step, noted_steps
 from running import Command
-from sound_cards import NAME, sound_card
+from sound_cards import NAME, sound_card, sound_world
 from terminals import Terminal
 
 WORDS = ["-m", "haptic_accel.cli.main", "bringup"]
@@ -85,7 +87,7 @@ class Hands:
         return ""
 
 
-def bring_up(folder: Path, hands: Hands, *words: str) -> tuple[int, list[str]]:
+def bring_up(folder: Path, hands: Hands | CardHands, *words: str) -> tuple[int, list[str]]:
     lines = []
     with subprocess.Popen(
         [sys.executable, *WORDS, *words],
@@ -301,6 +303,61 @@ def test_a_coil_on_a_sound_card_is_made_safe(tmp_path: Path) -> None:
     for measured in ("moves the handle", "forwards", "per newton", "emergency stop"):
         assert any(measured in line for line in passed), done.stdout
     assert [*noted_steps(tmp_path / "rig.yaml")] == ["connect", "calibrate", "make_safe"]
+
+
+class CardHands:
+    """Person with handle and tool on a sound card: answers, and taps until both were seen.
+
+    Parameters
+    ----------
+    world : Popen
+        Handle, tool and sensors.
+    """
+
+    def __init__(self, world: subprocess.Popen[str]) -> None:
+        self.world = world
+        self.taps = False
+        threading.Thread(target=self._tap, daemon=True).start()
+
+    def _tap(self) -> None:
+        while self.world.poll() is None:
+            if self.taps:
+                self.world.send_signal(signal.SIGUSR1)
+            time.sleep(0.3)
+
+    def answer(self, line: str) -> str | None:
+        """Return the answer to a request; None for an action."""
+        self.taps = "tap the" in line
+        if self.taps:
+            return None
+        return "s" if "type s" in line else ""  # 5 % are not reached beside the world
+
+
+@pytest.mark.live
+def test_handle_and_tool_on_a_sound_card_become_a_rig(
+    domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inputs = {"device": "system", "scales": "100", "ac_corner": 10.0}
+    given = {
+        "/**/master_device": {"audio": inputs | {"full_scale": 5.0}},
+        "/**/slave_device": {"audio": inputs | {"inputs": "2"}},
+        "/**/identifier": {"trials": 1},
+    }
+    content = {node: {"ros__parameters": values} for node, values in given.items()}
+    (tmp_path / "card.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    devices = [f"{name}:=audio" for name in ("actuator", "accelerometers")]
+    devices += [f"{side}:=none" for side in ARMS]
+    with sound_world() as (environment, world):
+        for name in ("JACK_DEFAULT_SERVER", "JACK_NO_START_SERVER"):
+            monkeypatch.setenv(name, environment[name])
+        status, lines = bring_up(tmp_path, CardHands(world), *devices, "params_file:=card.yaml")
+    text = "\n".join(lines)
+    assert status == 0, text
+    for passed in ("taps on the tool", "full scale 100", "forwards", "in time"):
+        assert any(line.startswith("ok: ") and passed in line for line in lines), text
+    assert "% with adaptive" in text
+    found = read_parameter_file(tmp_path / "rig.yaml")["compensator"]["plant.handle.m_h"]
+    assert found == pytest.approx(MasterRigParameters().handle.m_h, rel=0.1)
 
 
 @pytest.mark.quiet

@@ -100,10 +100,11 @@ if verb == "identify":
     if number == 1:
         tell_supervisor(FULL_SCALE, value=2.0)
 else:
-    late = 5.0 if number == 0 else 0.0
+    late = 50 if number == 0 else 0
+    counts = {"actuator force": {"due": 1000, "missed": late}}
     conditions = [
         {"controller": name, "nrmse_percent": error, "limited_bound_percent": 3.0,
-         "deadlines_missed_percent": late}
+         "missed_deadlines": counts}
         for name, error in (("none", 100.0), ("adaptive", 5.0))
     ]
     Path(words[words.index("--json") + 1]).write_text(json.dumps({"conditions": conditions}))
