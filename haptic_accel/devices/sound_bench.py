@@ -91,6 +91,10 @@ buffer of four."""
 LONGEST_TRIP = 0.1
 """Longest round trip that is looked for, s."""
 
+SPARED = 1
+"""Samples by which the round trip is taken shorter than found, so that what remains for the
+plant's delay is not negative."""
+
 LEAST_LIKENESS = 0.1
 """Smallest correlation of that noise and its answer."""
 
@@ -397,7 +401,7 @@ class BenchOutput(SoundCard):
         answer = self._duplex.around(begin - lag, len(noise) + most)
         if answer is None:
             raise DeviceError(f"sound card {self.name}: too slow to measure its round trip")
-        return likest(noise, self._sensor.channels_of(answer))
+        return max(0, likest(noise, self._sensor.channels_of(answer)) - SPARED)
 
 
 def likest(noise: FloatArray, answer: FloatArray) -> int:
@@ -542,7 +546,10 @@ class CardAccelerometer(Device):
         card = self._card
         if card is None:
             return None
-        card.receive(self._clock())
+        now = self._clock()
+        if card.clock.index(now) < card.clock.index(time) + 1:
+            return LATER  # at its tick no sample is there, and forces that are due should not wait
+        card.receive(now)
         position = card.clock.index(time)
         if not position + 1 < card.received:
             return LATER
