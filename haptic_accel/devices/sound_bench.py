@@ -62,8 +62,9 @@ OFFSET_SHARE, DRIFT_SHARE = 0.25, 0.01
 """Shares of the card clock's error by which its offset and its rate are corrected after
 `READINGS`."""
 
-FAR = 5e-3
-"""Error of the card's clock from which on samples were lost, s: three blocks of 64 samples."""
+STEP, FAR = 0.4e-3, 5e-3
+"""Errors of the card's clock, s, from which on samples were lost: the shortest of `READINGS`, a
+third of a block of 64 samples, and a single one, at which nothing else is known."""
 
 KEPT = 1.0
 """Time for which the card's samples are kept, s."""
@@ -154,8 +155,10 @@ class CardClock:
         error = min(self._errors)
         self._errors.clear()
         origin, span = self.time(count), (count - self._index) * self._period
-        self._index, self._origin = count, origin + OFFSET_SHARE * error
-        self.drift += DRIFT_SHARE * error / span
+        is_step = abs(error) > STEP
+        self.jumps += is_step
+        self._index, self._origin = count, origin + (1.0 if is_step else OFFSET_SHARE) * error
+        self.drift += 0.0 if is_step else DRIFT_SHARE * error / span
 
 
 class DuplexCard:

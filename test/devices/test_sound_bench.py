@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_accel.core.model import HandleParameters
@@ -60,11 +60,8 @@ slave_device:
 """
 
 
-@given(
-    st.floats(-3e-4, 3e-4),
-    st.floats(0.0, 1e5),
-    st.integers(0, 2**32 - 1),
-)
+@settings(max_examples=10)
+@given(st.floats(-3e-4, 3e-4), st.floats(0.0, 1e5), st.integers(0, 2**32 - 1))
 def test_a_cards_clock_is_known_from_late_readings(drift: float, start: float, seed: int) -> None:
     late = np.random.default_rng(seed).exponential(2e-4, 20_000)
     clock, true = CardClock(RATE), RATE * (1 + drift)
@@ -75,18 +72,20 @@ def test_a_cards_clock_is_known_from_late_readings(drift: float, start: float, s
         clock.observe(count, now)
         errors.append(clock.time(count) - (start + count / true))
     assert np.abs(errors[10_000:]).max() < 1e-4
-    assert clock.jumps == 0
+    assert clock.jumps <= 1  # at the start, if the first reading was late
     assert clock.drift == pytest.approx(-drift, abs=5e-5)
     assert clock.index(clock.time(12_345.5)) == pytest.approx(12_345.5)
 
 
-def test_lost_samples_begin_the_clock_again() -> None:
+@pytest.mark.parametrize("samples", [RATE // 50, BLOCK])
+def test_lost_samples_begin_the_clock_again(samples: int) -> None:
     clock = CardClock(RATE)
     for tick in range(1000):
-        lost = 0 if tick < 500 else RATE // 50
+        lost = 0 if tick < 500 else samples
         clock.observe(48 * tick - lost, 10.0 + tick * 1e-3)
     assert clock.jumps == 1
-    assert clock.time(48 * 999 - RATE // 50) == pytest.approx(10.999)
+    assert clock.drift == pytest.approx(0.0, abs=1e-9)
+    assert clock.time(48 * 999 - samples) == pytest.approx(10.999)
 
 
 def test_an_answer_is_found_after_its_delay_and_silence_is_none() -> None:
