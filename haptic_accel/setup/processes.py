@@ -34,12 +34,13 @@ from haptic_accel.core.identification.sweep import repeat_samples
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import CUT_SHORT, DONE, WRONG_ARGUMENTS
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
+from haptic_accel.devices.audio import AUDIO
 from haptic_accel.devices.simulated import played
 from haptic_accel.setup import arguments as names
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.setup.executables import node_module
 from haptic_accel.setup.files import Values, parameter_text
-from haptic_accel.setup.node_parameters import NODES
+from haptic_accel.setup.node_parameters import NODES, build_device
 from haptic_accel.setup.setup import LINK, RECORDER, SCOPE, Arguments, Parameters, Setup
 
 RESPAWN_DELAY = 1.0
@@ -124,7 +125,8 @@ def graph(arguments: GraphArguments) -> list[Process]:
         slave = options["slave_device"][names.SIMULATED]
         played(slave.recording, arguments.rate, Axes.parsed(slave.tool.axes))
     _check_replay(arguments)
-    _check_devices(arguments, options)
+    _check_card(arguments)
+    _check_devices(setup)
     around, plant = setup.node("compensator")
     check_axes(around, plant, around.rate)
     if arguments.record:
@@ -141,7 +143,8 @@ def identification_graph(arguments: IdentifyArguments) -> list[Process]:
         A file or parameter is not usable.
     """
     setup = Setup.of(arguments)
-    _check_devices(arguments, _checked_options(setup))
+    _checked_options(setup)
+    _check_devices(setup)
     _check_bag(arguments)
     repeat_samples(arguments.sweep, arguments.rate)  # the rate must suit the sweep
     return _processes(setup)
@@ -234,16 +237,27 @@ def _check_replay(arguments: GraphArguments) -> None:
         )
 
 
-def _check_devices(arguments: Arguments, options: Options) -> None:
+def _check_devices(setup: Setup[Any]) -> None:
     """Build each arm's device once, so that it refuses wrong parameters."""
     for arm, kinds in (("master", MASTERS), ("slave", SLAVES)):
-        name = getattr(arguments, arm, "")
-        if name in kinds and name not in (names.SIMULATED, names.POINTER):  # which always can
+        name = getattr(setup.arguments, arm, "")
+        own, options = setup.node(f"{arm}_device")
+        is_on_card = own.accelerometer_device == AUDIO
+        always = (names.SIMULATED, names.POINTER)
+        if name in kinds and (name not in always or is_on_card):
             try:
-                own = options[f"{arm}_device"]
-                kinds[name].from_options(name, own, arguments.rate, arguments.seed)
+                build_device(f"{arm}_device", own, options)
             except DeviceError as error:  # without its library
                 raise ParameterError(f"{arm} = {name!r}: {error}") from None
+
+
+def _check_card(arguments: GraphArguments) -> None:
+    """Refuse two processes for the accelerometers of one card."""
+    if arguments.accelerometers == AUDIO and not (arguments.composed or arguments.side):
+        raise ParameterError(
+            f"composed = false: must be true with accelerometers:={AUDIO}, as both arms share a"
+            " card; that excludes respawn:=true, slave:=topics and an arm by CRTK"
+        )
 
 
 def _check_bag(arguments: Arguments) -> None:

@@ -100,6 +100,28 @@ def test_with_both_arms_here_there_is_no_link_and_the_coupling_is_the_papers() -
 @pytest.mark.parametrize(
     ("words", "line"),
     [
+        ("slave:=none", "device = none: must come with accelerometers:=audio"),
+        ("accelerometers:=audio", "audio.scales = '': must be the acceleration at full scale"),
+        (
+            "accelerometers:=audio composed:=false params_file:=scales.yaml",
+            "composed = false: must be true with accelerometers:=audio",
+        ),
+    ],
+)
+def test_what_a_sound_card_cannot_have_is_refused_before_the_start(
+    words: str, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    own = "_device: {ros__parameters: {audio: {scales: '100'}}}\n"
+    Path("scales.yaml").write_text(f"master{own}slave{own}", encoding="utf-8")
+    with pytest.raises(ParameterError) as refused:
+        graph(parse_arguments(words.split()))
+    assert str(refused.value).startswith(line)
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
         ("side:=slave", "side = 'slave': must come with peer:=HOST"),
         ("peer:=desk", "peer = 'desk': must come with side:=master or slave"),
         ("side:=both peer:=desk", "side = 'both': must be one of master, slave"),
