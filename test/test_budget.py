@@ -31,7 +31,7 @@ BUDGETS = {
     "analysis": 4_210,
     "nodes": 4_050,
     "kits/study": 3_990,
-    "devices": 4_140,
+    "devices": 4_150,
     "cli": 3_150,
     "bags": 2_630,
     "scope": 1_430,

@@ -100,7 +100,6 @@ def _described() -> list[tuple[str, str, str]]:
 
 
 @verb(
-    "haptic-accel calibrate port:=/dev/ttyACM0",
     "haptic-accel calibrate port:=/dev/ttyACM0 side:=slave",
     "haptic-accel calibrate usb_serial:=NUMBER axis:=xyz --update rig.yaml",
     "haptic-accel calibrate audio device:=USB input:=1 by:=force mass:=0.2 full_scale:=5",

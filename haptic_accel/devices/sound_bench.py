@@ -185,6 +185,9 @@ class DuplexCard:
         Number of times that samples were lost before they were read.
     users : int
         Devices that use it.
+    is_played : bool
+        True if a device supplies the output; otherwise it gets silence, as a card whose output ran
+        dry may stop its inputs, too.
     """
 
     def __init__(self, library: Any, index: int, block: int, rate: float) -> None:
@@ -207,6 +210,8 @@ class DuplexCard:
         self.stream.start()
         self.clock = CardClock(rate)
         self.received = self.overruns = self.users = 0
+        self.is_played = False
+        self._silence = np.zeros((block, self.outputs), dtype=np.float32)
         self._most = round(KEPT * rate)
         self._buffer = np.zeros((2 * self._most, self.inputs), dtype=np.float32)
         self._filled = 0
@@ -229,6 +234,8 @@ class DuplexCard:
                 self._keep(data[-self._most :])
                 self.received += count
                 self._newest = now
+            if not self.is_played and self.stream.write_available >= len(self._silence):
+                self.stream.write(self._silence)
         except self._library.PortAudioError as error:
             raise DeviceError(f"sound card {self.name}: {error}") from None
         if now - self._newest > LOST:
@@ -338,6 +345,7 @@ class BenchOutput(SoundCard):
             It cannot be opened, or the handle's accelerometer does not answer the coil.
         """
         super().open()
+        self._duplex.is_played = True
         self._size = self._empty_size()
         self.hearing = self._sensor.hearing
         self._trip = self._round_trip()
@@ -351,6 +359,7 @@ class BenchOutput(SoundCard):
         self._duplex = _acquired(self._library, p.card_name, p.block, self.rate)
         self.channels = self._duplex.outputs
         if max(self._own) >= self.channels:
+            _release(self._duplex)
             raise ParameterError(
                 f"audio.channels = {p.channels!r}: must be at most {self.channels} with inputs"
             )
@@ -376,6 +385,7 @@ class BenchOutput(SoundCard):
         """Silence the card at once, or once the last device has closed it."""
         stream, self._stream = self._stream, None
         if stream is not None:
+            self._duplex.is_played = False
             _release(self._duplex)
 
     def _empty_size(self) -> int:
