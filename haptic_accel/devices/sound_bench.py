@@ -515,6 +515,10 @@ class CardAccelerometer(Device):
             opened.pop_all()
 
     def _open_card(self) -> None:
+        # Imported here, as scipy.signal is slow to import, and most nodes have no card.
+        from scipy.signal import sosfilt
+
+        self._sosfilt = sosfilt
         p = self._parameters
         name = p.card_name if isinstance(p, AudioParameters) else p.device
         rate = p.assumed.rate if isinstance(p, AudioParameters) else 0.0
@@ -579,15 +583,13 @@ class CardAccelerometer(Device):
 
     def _filter(self, card: DuplexCard) -> None:
         """Filter what has come since the last time."""
-        from scipy.signal import sosfilt
-
         new = card.around(self._known, card.received - self._known)
         if new is None:  # the loop stood still
             new = card.around(card.received, 0)
             assert new is not None
         if len(new):
             raw = new[:, self._channels]
-            filtered, self._state = sosfilt(self._sections, raw, axis=0, zi=self._state)
+            filtered, self._state = self._sosfilt(self._sections, raw, axis=0, zi=self._state)
             self._filtered = np.concatenate((self._filtered, filtered))[
                 -round(WAITED * card.rate) :
             ]

@@ -36,20 +36,27 @@ def calibrate(*words: object) -> list[str]:
     return ["-m", "haptic_accel.cli.main", "calibrate", "audio", "device:=system", *given]
 
 
+def run(
+    words: list[str], environment: dict[str, str], folder: Path
+) -> subprocess.CompletedProcess[str]:
+    """Run a calibration of a person who presses Enter once."""
+    return subprocess.run(
+        [sys.executable, *words],
+        input="\n",
+        env=environment,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
 @pytest.mark.live
 @pytest.mark.parametrize("polarity", [1, -1])
 def test_a_known_force_gives_scale_and_polarity(polarity: int, tmp_path: Path) -> None:
     words = calibrate("by:=force", f"mass:={MASS}", f"full_scale:={FULL_SCALE}", "file:=rig.yaml")
     with sound_world("--polarity", str(polarity)) as (environment, _):
-        done = subprocess.run(
-            [sys.executable, *words],
-            input="\n",
-            env=environment,
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = run(words, environment, tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     (own,) = yaml.safe_load((tmp_path / "rig.yaml").read_text()).values()
     found = own["ros__parameters"]
@@ -63,15 +70,7 @@ def test_a_known_force_gives_scale_and_polarity(polarity: int, tmp_path: Path) -
 def test_the_input_of_another_sensor_is_named_and_nothing_is_written(tmp_path: Path) -> None:
     words = calibrate("input:=2", "by:=force", "mass:=0.128", "full_scale:=5", "file:=rig.yaml")
     with sound_world() as (environment, _):
-        done = subprocess.run(
-            [sys.executable, *words],
-            input="\n",
-            env=environment,
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = run(words, environment, tmp_path)
     assert done.returncode == 1
     assert done.stderr.startswith("haptic-accel: input 2: coherence 0.")
     assert not (tmp_path / "rig.yaml").exists()
