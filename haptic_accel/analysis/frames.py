@@ -95,13 +95,13 @@ def trials(analysis: Analysis) -> pd.DataFrame:
 def _row(trial: AnalysedTrial) -> dict[str, Any]:
     segment = trial.segment
     return {
-        "trial": trial.name,
+        "trial": _readable(trial.name),
         "controller": trial.controller,
         "surface": trial.surface,
         "grip": segment.condition.grip,
         "pair": ", ".join(segment.pair),
         "contact": trial.contact,
-        "bag": str(segment.bag),
+        "bag": _readable(str(segment.bag)),
         "run": segment.run,
         "begin_s": segment.begin,
         "seconds": segment.seconds,
@@ -117,6 +117,11 @@ def _row(trial: AnalysedTrial) -> dict[str, Any]:
         "interval": trial.error.method,
         "notes": "; ".join(trial.notes),
     }
+
+
+def _readable(path: str) -> str:
+    """Return a path with ? for what is no text, which tables of pyarrow refuse."""
+    return path.encode(errors="replace").decode()
 
 
 def band_column(band: str) -> str:
