@@ -17,12 +17,11 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
@@ -31,9 +30,9 @@ from haptic_accel.cli.browser import HOST, show_page
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.output import next_command
-from haptic_accel.cli.running import print_line
+from haptic_accel.cli.running import interrupted_by_signals, print_line
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE, ENDING, WRONG_ARGUMENTS
+from haptic_accel.core.process import DONE, WRONG_ARGUMENTS
 from haptic_accel.kits.bringup.bench import STEPS, BringUpArguments, BringUpError, Watched
 from haptic_accel.kits.bringup.steps import BringUp
 
@@ -65,7 +64,7 @@ def bringup(arguments: BringUpArguments, page: bool) -> None:
     the unfinished step. With --page, a page in the browser asks and shows, and the terminal has
     the same lines.
     """
-    with _interrupted_by_signals(), _Terminal() as terminal:
+    with interrupted_by_signals(), _Terminal() as terminal:
         if page:
             _bring_up_on_page(arguments, terminal)
         else:
@@ -137,21 +136,6 @@ class _Both:
     def request(self, line: str) -> None:
         self._terminal.request(line)
         self._guide.request(line)
-
-
-@contextmanager
-def _interrupted_by_signals() -> Iterator[None]:
-    """Let all signals that end a verb interrupt it, so that devices and graphs end with it."""
-    before = {number: signal.signal(number, _interrupt) for number in ENDING}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _interrupt(*_: object) -> NoReturn:
-    raise KeyboardInterrupt
 
 
 class _Terminal:
