@@ -83,6 +83,7 @@ def long_description() -> str:
 KITS = {
     "bringup": "bringup",
     "emulate": "emulators",
+    "export": "export",
     "keys": "link",
     "study": "study",
     "texture": "textures",
@@ -176,6 +177,9 @@ setup(
         "mujoco": ["mujoco>=3.3,<4"],
         # Meshes in virtual scenes; no rosdep key.
         "mesh": ["trimesh>=4.5,<6", "rtree>=1.0.1"],
+        # Bags as LeRobot's sets, Parquet and CSV; pyarrow has no rosdep key. And as HDF5.
+        "parquet": ["pyarrow>=14", "pillow>=10"],
+        "hdf5": ["h5py>=3.8"],
         # Trials on the workers of a cluster; results are compared to the last digit.
         "cluster": ["distributed>=2024.1"],
         # Two hosts by transport:=zenoh; eclipse-zenoh has no rosdep key. 1.10: datagrams of QUIC.
@@ -203,6 +207,10 @@ setup(
             "types-pyserial",
             "pandas-stubs",
             "scipy-stubs",
+            # What exports write.
+            "pyarrow>=14",
+            "pillow>=10",
+            "h5py>=3.8",
             # Another reader of what is recorded, a cluster, and a browser's driver for the pages.
             "mcap>=1.2",
             "distributed>=2024.1",

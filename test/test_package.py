@@ -73,7 +73,10 @@ ROSDEP_KEYS = {
 OPTIONAL = {
     "cobs",
     "distributed",
+    "h5py",
     "mujoco",
+    "PIL",
+    "pyarrow",
     "sounddevice",
     "trimesh",
     "zenoh",

@@ -25,7 +25,7 @@ import math
 import os
 import sqlite3
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -82,6 +82,9 @@ from haptic_accel.core.topics import (
     reporter,
 )
 from haptic_accel.core.warning import warn_once
+
+MOST_MESSAGES = 500_000
+"""Number of messages of a part of a bag: 30 MB, and three times as much while it is sorted."""
 
 _EVENTS = "parameter_events"
 _EVENTS_TYPE = "rcl_interfaces/msg/ParameterEvent"
@@ -265,11 +268,7 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
     """
     path = Path(path)
     bag = Bag(path)
-    metadata = _metadata(bag) if os.path.isdir(path) else Metadata(())
-    try:
-        sources = _sources(bag, metadata)
-    except OSError as error:
-        raise ParameterError(f"{path}: must be a bag: {error.strerror}") from None
+    metadata, sources = _contents(bag)
     collected, failures, files = _Collected(bag, vectors), [], []
     for source in sources:
         files.append(collected.begin(source.name, is_alone=len(sources) == 1))
@@ -277,7 +276,7 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
         try:
             for block in _blocks(source, bag.problems, files[-1].custom):
                 collected.add(block)
-        except (OSError, *DAMAGE_ERRORS) as error:
+        except DAMAGE_ERRORS as error:
             failures.append(f"{source.name} cannot be read: {error}")
         files[-1].is_whole = not failures and len(bag.problems) == problems
     if len(failures) == len(sources) and not bag.counts:
@@ -290,12 +289,101 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
     return bag
 
 
+def read_parts(path: Path, most: int = MOST_MESSAGES) -> Iterator[Bag]:
+    """Yield a bag's contents in parts of bounded memory, each in order of time by itself.
+
+    The order of files is that of their names. Whether parts follow each other in time, and are of
+    one recording, is for the caller to check; `read_bag` decides it for the bag as a whole.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of a bag, or one of its files.
+    most : int
+        Number of messages after which a part ends.
+
+    Raises
+    ------
+    ParameterError
+        The path is no bag.
+    ValueError
+        Or another one of `mcap.DAMAGE_ERRORS`: a file cannot be read.
+    """
+    whole = Bag(path)
+    metadata, sources = _contents(whole)
+    namespace: str | None = None
+    for source in sources:
+        custom = dict(metadata.custom)
+        part = _Part(path, namespace)
+        for block in _blocks(source, whole.problems, custom):
+            part.collected.add(block)
+            if part.bag.counts.total() >= most:
+                yield part.arranged(whole.problems, custom)
+                namespace = part.collected.namespace
+                part = _Part(path, namespace)
+        yield part.arranged(whole.problems, custom)
+        namespace = part.collected.namespace
+
+
+class _Part:
+    """Bag with some of the messages of one file."""
+
+    def __init__(self, path: Path, namespace: str | None) -> None:
+        self.bag = Bag(path)
+        self.collected = _Collected(self.bag, None)
+        self.collected.namespace = namespace
+        self._file = self.collected.begin("", is_alone=True)
+
+    def arranged(self, problems: Sequence[str], custom: Mapping[str, str]) -> Bag:
+        """Return the bag, with problems and custom data of its file as far as read."""
+        used = used_files([self._file], (), custom)
+        self.bag.problems.extend(problems)
+        self.bag.facts.update(self.collected.facts(used) | facts_of(custom))
+        self.collected.arrange(used)
+        return self.bag
+
+
+def messages_of(path: Path, kinds: Collection[str]) -> Iterator[tuple[str, int, Any]]:
+    """Yield topic, recording time in ns and content of all messages of some types.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of a bag, or one of its files.
+    kinds : collection of str
+        Types as in ``sensor_msgs/msg/Image``.
+
+    Raises
+    ------
+    ParameterError
+        The path is no bag.
+    """
+    whole = Bag(path)
+    for source in _contents(whole)[1]:
+        for block in _blocks(source, whole.problems, {}):
+            if block.type not in kinds:
+                continue
+            rows = zip(block.received.tolist(), block.starts, block.ends, strict=True)
+            for received, start, end in rows:
+                data = block.bytes[start:end].tobytes()
+                yield block.topic, received, _types().deserialize_cdr(data, block.type)
+
+
 def read_bag_with_warnings(path: Path | str) -> Bag:
     """Read all of a bag as `read_bag` does, and log its problems as warnings."""
     bag = read_bag(path)
     for problem in bag.problems:
         warn_once(f"{bag.path.absolute()}: {problem}")
     return bag
+
+
+def _contents(bag: Bag) -> tuple[Metadata, list[Path]]:
+    """Return a bag's metadata, and its files with messages in order."""
+    try:
+        metadata = _metadata(bag) if os.path.isdir(bag.path) else Metadata(())
+        return metadata, _sources(bag, metadata)
+    except OSError as error:
+        raise ParameterError(f"{bag.path}: must be a bag: {error.strerror}") from None
 
 
 def _metadata(bag: Bag) -> Metadata:
@@ -328,7 +416,14 @@ def _sources(bag: Bag, metadata: Metadata) -> list[Path]:
 
 
 def _blocks(source: Path, problems: list[str], custom: dict[str, str]) -> Iterator[Block]:
-    """Yield the messages of a file, and add its custom data."""
+    """Yield the messages of a file, and add its custom data; raise one of `DAMAGE_ERRORS`."""
+    try:
+        yield from _stored_blocks(source, problems, custom)
+    except OSError as error:
+        raise ValueError(str(error)) from None
+
+
+def _stored_blocks(source: Path, problems: list[str], custom: dict[str, str]) -> Iterator[Block]:
     if source.suffix == COMPRESSED:
         with TemporaryDirectory(prefix="haptic_accel-") as folder:
             whole = decompressed_file(source, Path(folder))
@@ -439,7 +534,8 @@ class _Collected:
         self._changes: list[tuple[str, int, Change]] = []
         self._stated: list[tuple[str, int, Change]] = []
         self._described: list[tuple[str, int, dict[str, Any]]] = []
-        self._namespace: str | None = None
+        # That of the first graph found; others are ignored.
+        self.namespace: str | None = None
         self._files, self._is_alone = 0, True
 
     def begin(self, name: str, *, is_alone: bool) -> FileContent:
@@ -474,7 +570,7 @@ class _Collected:
             of_files[name] = np.flatnonzero(moved >= 0)
             columns = np.frombuffer(stamps, np.int64), moved, np.frombuffer(marks, np.int64)
             given[name] = Arrivals(*columns)[of_files[name]]
-        found = timeline(given, _stated_rate(bag))
+        found = timeline(given, stated_rate(bag))
         bag.problems.extend(found.notes)
         for name, (*_, received, values) in self._columns.items():
             if not len(found.stamps[name]):
@@ -503,7 +599,7 @@ class _Collected:
         self, items: Sequence[tuple[str, int, _Kind]], used: UsedFiles
     ) -> tuple[list[_Kind], IntArray]:
         """Return the graph's items of the used files in order of arrival, and their offsets."""
-        ours = [rest for below, *rest in items if self._namespace in (None, below)]
+        ours = [rest for below, *rest in items if self.namespace in (None, below)]
         offsets = used.moved(np.array([offset for offset, _ in ours], np.int64))
         order = np.argsort(offsets, kind="stable")
         order = order[offsets[order] >= 0]
@@ -523,11 +619,11 @@ class _Collected:
 
     def _is_ours(self, namespace: str) -> bool:
         """Return whether a namespace is the bag's first graph's; other graphs are ignored."""
-        if self._namespace is None:
-            self._namespace = namespace
-        if namespace != self._namespace:
+        if self.namespace is None:
+            self.namespace = namespace
+        if namespace != self.namespace:
             self._once(f"topics below {namespace or '/'} belong to another graph and are not read")
-        return namespace == self._namespace
+        return namespace == self.namespace
 
     def _add_signal(self, name: str, block: Block) -> None:
         if block.type != _SIGNALS[name].type:
@@ -607,7 +703,7 @@ class _Collected:
             self._bag.problems.append(problem)
 
 
-def _stated_rate(bag: Bag) -> float | None:
+def stated_rate(bag: Bag) -> float | None:
     """Return the sampling rate that a bag states, Hz."""
     arguments = bag.facts.get("arguments")
     stated = arguments.get("rate") if isinstance(arguments, dict) else None

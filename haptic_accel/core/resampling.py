@@ -74,12 +74,35 @@ def resampled(samples: FloatArray, recording_rate: float, rate: float) -> FloatA
         return samples.copy()
     from scipy import signal
 
-    steps = max(up, down)
-    taps, beta = signal.kaiserord(ATTENUATION, (1.0 - PASS_BAND) / steps)
-    low_pass: Any = signal.firwin(taps | 1, (1 + PASS_BAND) / 2 / steps, window=("kaiser", beta))
-    low_pass /= low_pass.sum()
+    low_pass = _low_pass(max(up, down))
     result = signal.resample_poly(samples, up, down, window=low_pass, padtype="line")
     return np.asarray(result, dtype=np.float64)
+
+
+def look_ahead(recording_rate: float, rate: float) -> float:
+    """Return the time by which the filter of `resampled` reaches beyond a sample, s.
+
+    Its delay is zero, as it also reaches as far before the sample.
+
+    Examples
+    --------
+    >>> look_ahead(1000.0, 1000.0), round(look_ahead(1000.0, 960.0), 4)
+    (0.0, 0.0523)
+    """
+    ratio = _ratio(checked_rate("recording_rate", recording_rate), checked_rate("rate", rate))
+    if ratio == 1:
+        return 0.0
+    taps = len(_low_pass(max(ratio.numerator, ratio.denominator)))
+    return taps // 2 / (recording_rate * ratio.numerator)
+
+
+def _low_pass(steps: int) -> Any:
+    """Return the filter that passes `PASS_BAND` of a band, as a part of `steps` bands."""
+    from scipy import signal
+
+    taps, beta = signal.kaiserord(ATTENUATION, (1.0 - PASS_BAND) / steps)
+    found: Any = signal.firwin(taps | 1, (1 + PASS_BAND) / 2 / steps, window=("kaiser", beta))
+    return found / found.sum()
 
 
 def crossfaded(samples: FloatArray, rate: float, seconds: float = 0.05) -> FloatArray:

@@ -13,12 +13,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Files that are whole on the disk at all times, and folders with their names."""
+"""Files and folders that are whole on the disk at all times."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 
 def sync_folder(path: Path) -> None:
@@ -44,3 +47,33 @@ def replace_file(path: Path, content: bytes) -> None:
         file.flush()
         os.fsync(file.fileno())
     new.replace(path)
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Yield a temporary folder, which gets its name once everything in it is on the disk.
+
+    After an error or an interruption nothing is left; a killed process leaves a hidden folder
+    beside `path`.
+
+    Parameters
+    ----------
+    path : Path
+        New folder.
+
+    Raises
+    ------
+    OSError
+        The folder exists already, or cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as around:
+        folder = Path(around, path.name)
+        folder.mkdir()
+        yield folder
+        for file in (each for each in folder.rglob("*") if each.is_file()):
+            with file.open("rb") as written:
+                os.fsync(written.fileno())
+        path.mkdir()  # refuses a folder that somebody has made meanwhile
+        folder.rename(path)
+        sync_folder(path.parent)

@@ -35,6 +35,7 @@ KITS = sorted(path.parent.name for path in SOURCE.glob("haptic_accel/kits/*/__in
 VERBS = {
     "bringup": "bringup",
     "emulators": "emulate",
+    "export": "export",
     "link": "keys",
     "study": "study",
     "textures": "texture",

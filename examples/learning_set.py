@@ -1,0 +1,80 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+From a bag to a learning set
+============================
+
+Learning sets have some 30 frames a second, vibration a thousand samples. Learn how a set of
+LeRobot keeps it, as a window for each frame, and what resampling costs.
+"""
+
+# %%
+# A bag of a lockstep trial, and its set. `haptic-accel export --format lerobot` does the same.
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pandas as pd
+from matplotlib import pyplot
+
+from haptic_accel.analysis.experiment import RecordedCondition, run_lockstep
+from haptic_accel.bags.reading import read_bag
+from haptic_accel.core.evaluation.discrimination import indistinguishable
+from haptic_accel.core.resampling import resampled
+from haptic_accel.kits.export.lerobot import LeRobotWriter
+from haptic_accel.setup.arguments import GraphArguments
+
+folder = TemporaryDirectory()
+dataset = Path(folder.name)
+given = GraphArguments(controller="adaptive", surface="text", duration=4.0)
+run_lockstep(RecordedCondition(dataset / "text", given, channel=None, lockstep=True))
+written = LeRobotWriter(dataset, fps=30)
+written.add("text", read_bag(dataset / "text"))
+written.close()
+
+# %%
+# LeRobot is not needed to read it: frames are rows of a Parquet file.
+
+frames = pd.read_parquet(dataset / "data/chunk-000/file-000.parquet")
+windows = np.stack([np.stack(cell) for cell in frames["observation.vibration.tool"]])
+print(windows.shape, "frames, samples, axes; 960 Hz")
+
+# %%
+# One after the other, the windows are the signal as it was recorded.
+
+series = pd.read_parquet(dataset / "series/text/tool_acceleration.parquet")
+episodes = pd.read_parquet(dataset / "meta/episodes/chunk-000/file-000.parquet")
+begin = episodes["series/begin_ns"][0]
+recorded = series["z"][series["stamp"].astype("int64") >= begin].to_numpy()
+
+_, axes = pyplot.subplots(figsize=(9, 4), layout="constrained")
+for frame in range(60, 63):
+    times = (frame + np.arange(32) / 32) / 30
+    axes.plot(times, windows[frame, :, 0], ".-", label=f"window of frame {frame}")
+times = np.arange(2000, 2101) / 1000.0
+axes.plot(times, recorded[2000:2101], color="black", linewidth=0.6, label="recorded")
+axes.legend()
+axes.set(xlabel="time (s)", ylabel="acceleration of the tool (m/s²)")
+
+# %%
+# A lower rate of the windows loses what is above half of it. A hand could tell:
+
+for rate in (960.0, 480.0, 240.0):
+    back = resampled(resampled(recorded, 1000.0, rate), rate, 1000.0)[: len(recorded)]
+    print(f"{rate:g} Hz: {indistinguishable(recorded, back, 1000.0):.0%} indistinguishable")
+
+pyplot.show()

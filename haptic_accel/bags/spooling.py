@@ -1,0 +1,183 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bags of any length, whose signals lie on the disk instead of in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from haptic_accel.bags.facts import PARAMETERS
+from haptic_accel.bags.mcap import DAMAGE_ERRORS
+from haptic_accel.bags.metadata import MetadataError, read_metadata
+from haptic_accel.bags.reading import MOST_MESSAGES, Bag, Signal, read_bag, read_parts, stated_rate
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import NANOSECONDS, IntArray, half_period, sampling_rate
+
+
+class _DisorderError(Exception):
+    """Error: only the bag as a whole tells the order of its samples."""
+
+
+class _Column:
+    """Signal that grows on the disk."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        base = folder / name.replace("/", "-")
+        self._files = [base.with_suffix(end) for end in (".stamps", ".values")]
+        self._open = [file.open("wb") for file in self._files]
+        self._count = 0
+        self._last: int | None = None
+
+    def add(self, signal: Signal) -> None:
+        """Append samples; refuse those that are not later than the present ones."""
+        if self._last is not None and signal.stamps[0] <= self._last:
+            raise _DisorderError
+        for file, array in zip(self._open, (signal.stamps, signal.values), strict=True):
+            file.write(np.ascontiguousarray(array).data)
+        self._last = int(signal.stamps[-1])
+        self._count += len(signal.stamps)
+
+    def close(self) -> Signal:
+        """Return the signal, mapped from the disk."""
+        for file in self._open:
+            file.close()
+        stamps, values = self._files
+        return Signal(
+            np.memmap(stamps, np.int64, "r", shape=(self._count,)),
+            np.array([], np.int64),
+            np.memmap(values, np.float64, "r", shape=(self._count, 3)),
+        )
+
+
+def spooled_bag(
+    path: Path,
+    folder: Path,
+    progress: Callable[[float], None] = lambda share: None,
+    most: int = MOST_MESSAGES,
+) -> Bag:
+    """Read a bag whose signals are mapped from files in a folder.
+
+    The content is that of `read_bag`, without recording times of samples. A bag in order of time
+    is read in parts; any other one needs as much memory as `read_bag`.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of a bag, or one of its files.
+    folder : Path
+        Empty folder; the signals are gone with it.
+    progress : callable
+        Called with the share of the messages that have been read, from 0 to 1.
+    most : int
+        Number of messages in memory at a time.
+
+    Raises
+    ------
+    ParameterError
+        The path is no bag, or the bag is unreadable.
+    OSError
+        The folder cannot be written.
+    """
+    parts = _in_order(read_parts(path, most))
+    try:
+        return _spooled(Bag(path), _counted(parts, _messages(path), progress), folder)
+    except (_DisorderError, *DAMAGE_ERRORS):  # which read_bag puts right as far as it can
+        whole = read_bag(path)
+        return _spooled(whole, iter([whole]), folder)
+
+
+def _messages(path: Path) -> int:
+    """Return the number of messages that a bag states; 0 if it states none."""
+    with suppress(MetadataError, OSError):
+        return read_metadata(path).messages
+    return 0
+
+
+def _counted(
+    parts: Iterator[Bag], messages: int, progress: Callable[[float], None]
+) -> Iterator[Bag]:
+    done = 0
+    for part in parts:
+        yield part
+        done += part.counts.total()
+        progress(min(1.0, done / max(1, messages)))
+    if messages and done != messages:  # which the whole bag's problems name
+        raise _DisorderError
+
+
+def _spooled(bag: Bag, parts: Iterator[Bag], folder: Path) -> Bag:
+    """Return a bag with the signals of its parts."""
+    columns: dict[str, _Column] = {}
+    for part in parts:
+        for name, signal in part.signals.items():
+            if name not in columns:
+                columns[name] = _Column(folder, name)
+            columns[name].add(signal)
+        if part is not bag:
+            bag.diagnostics.extend(part.diagnostics)
+            bag.changes.extend(part.changes)
+            bag.counts.update(part.counts)
+            bag.facts.update(part.facts | bag.facts)
+    bag.signals.update({name: column.close() for name, column in columns.items()})
+    return bag
+
+
+def _in_order(parts: Iterator[Bag]) -> Iterator[Bag]:
+    """Yield parts as long as they are undamaged, of one recording and on one clock."""
+    first = next(parts)
+    stated = {name: first.facts.get(name) for name in ("arguments", PARAMETERS)}
+    clock: _Clock | None = None
+    for part in chain([first], parts):
+        if part.problems or any(part.facts.get(n, v) != v for n, v in stated.items() if v):
+            raise _DisorderError
+        clock = clock or _clock(part)
+        if clock:
+            clock.add(part)
+        yield part
+
+
+class _Clock:
+    """Check that a signal's clock has the rate of its samples, as `bags.timeline` does."""
+
+    def __init__(self, name: str, rate: float) -> None:
+        self._name, self._period = name, NANOSECONDS / rate
+        self._drift, self._last = 0.0, np.array([], np.int64)
+
+    def add(self, part: Bag) -> None:
+        """Take a part into account."""
+        if self._name not in part.signals:
+            return
+        stamps: IntArray = np.concatenate([self._last, part.signals[self._name].stamps])
+        steps = np.diff(stamps) / self._period
+        drift = self._drift + np.cumsum(steps - np.maximum(1.0, np.rint(steps)))
+        if len(drift) and np.abs(drift).max() * self._period > half_period(
+            NANOSECONDS / self._period
+        ):
+            raise _DisorderError
+        self._drift, self._last = float(drift[-1]) if len(drift) else 0.0, stamps[-1:]
+
+
+def _clock(part: Bag) -> _Clock | None:
+    """Return the clock of a part's longest signal; None without a sampling grid."""
+    name = max(part.signals, key=lambda each: len(part.signals[each].stamps), default="")
+    with suppress(ParameterError, KeyError):
+        return _Clock(name, sampling_rate(part.signals[name].stamps, stated_rate(part)))
+    return None

@@ -1,0 +1,209 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""``haptic-accel export``: bags in the formats of other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Protocol
+
+import click
+from rich.progress import Progress, TaskID
+
+from haptic_accel.bags.reading import Bag
+from haptic_accel.bags.spooling import spooled_bag
+from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.options import FILE, verb
+from haptic_accel.cli.running import interrupted_by_signals, progress_bar
+from haptic_accel.core.parameters import ParameterError, one_line, printable
+from haptic_accel.core.safe_writing import whole_folder
+from haptic_accel.kits.export.signals import name_of
+
+FPS = 30
+"""Default frames per second, those of most cameras of learning sets."""
+
+LEROBOT, HDF5 = "lerobot", "hdf5"
+
+EXTRAS = {LEROBOT: "parquet", "parquet": "parquet", "csv": "parquet", HDF5: "hdf5"}
+"""Extra of the package that a format needs."""
+
+FORMS = (LEROBOT, "parquet", HDF5, "csv", "wav", "mcap-audio")
+
+
+class Writing(Protocol):
+    """Writer of several bags to a folder."""
+
+    notes: list[str]
+
+    def add(self, name: str, bag: Bag) -> None:
+        """Append a bag under a name."""
+
+    def close(self) -> None:
+        """Write what is left."""
+
+
+@dataclass
+class _Folders:
+    """Writer of a folder for each bag."""
+
+    folder: Path
+    write: Callable[[Bag, Path], None]
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, name: str, bag: Bag) -> None:
+        own = self.folder / name
+        own.mkdir()
+        self.write(bag, own)
+
+    def close(self) -> None:
+        """Do nothing more."""
+
+
+@verb(
+    "haptic-accel export bags/plywood --format lerobot --out plywood_set",
+    "haptic-accel export bags/* --format parquet --out series",
+    "haptic-accel export bags/plywood --format lerobot --camera /camera/image_raw --out set",
+    name="export",
+)
+@click.argument("bags", type=FILE, metavar="BAG...", nargs=-1, required=True)
+@click.option("--format", "form", type=click.Choice(FORMS), required=True, help="Format.")
+@click.option("--out", type=FILE, metavar="FOLDER", required=True, help="New folder.")
+@click.option(
+    "--fps", type=click.IntRange(1, 1000), show_default=f"{FPS}", help="Frames per second."
+)
+@click.option(
+    "--rate",
+    type=click.FloatRange(1),
+    metavar="HZ",
+    show_default="recorded rate, or fps times a power of two below it",
+    help="Samples per second of a frame's vibration: a multiple of fps.",
+)
+@click.option(
+    "--task", metavar="TEXT", default="", show_default="from the surface", help="Task, in words."
+)
+@click.option(
+    "--camera",
+    "cameras",
+    metavar="TOPIC",
+    multiple=True,
+    help="Images of a recorded topic; may be given several times.",
+)
+def export(
+    bags: Sequence[Path],
+    form: str,
+    out: Path,
+    fps: int | None,
+    rate: float | None,
+    task: str,
+    cameras: Sequence[str],
+) -> None:
+    """Write bags in a format that other programs open.
+
+    lerobot is a LeRobotDataset v3.0 with a window of vibration for each frame, an episode for
+    each engagement, and all signals as recorded beside it. parquet, csv and hdf5 (ALOHA's layout)
+    have every sample with units; wav has tool and handle aligned, and mcap-audio is heard in
+    Foxglove. fps and rate are for lerobot and hdf5, task and camera for lerobot.
+    """
+    framed = {"fps": fps, "rate": rate}
+    named = {"task": task, "camera": ", ".join(cameras)}
+    unused = {} if form == LEROBOT else named if form == HDF5 else framed | named
+    for name, given in unused.items():
+        if given:
+            raise ParameterError(
+                f"{name} = {printable(str(given))}: {form} has none: leave it out"
+            )
+    if out.exists():
+        raise ParameterError(f"out = '{out}': must be a new folder")
+    try:
+        with interrupted_by_signals(), whole_folder(out) as folder:
+            writer = _writer(form, folder, fps or FPS, rate or 0.0, task, cameras)
+            _write(writer, bags, folder.parent)
+    except OSError as error:
+        reason = error.strerror or one_line(error)
+        raise StoppedError(f"out = '{out}': cannot be written: {reason}") from None
+    for note in writer.notes:
+        print(note)
+    print(f"{form}: {out}")
+
+
+def _write(writer: Writing, bags: Sequence[Path], beside: Path) -> None:
+    """Write bags one after the other; their signals lie in a folder beside the result."""
+    with progress_bar() as progress:
+        for name, path in zip(_names(bags), bags, strict=True):
+            task = progress.add_task(f"reading {name}", total=1.0)
+            with TemporaryDirectory(dir=beside) as spool:
+                bag = spooled_bag(path, Path(spool), partial(_advance, progress, task))
+                writer.notes.extend(f"{name}: {problem}" for problem in bag.problems)
+                progress.update(task, description=f"writing {name}", completed=1.0)
+                writer.add(name, bag)
+            progress.update(task, description=name)
+        writer.close()
+
+
+def _advance(progress: Progress, task: TaskID, share: float) -> None:
+    progress.update(task, completed=share)
+
+
+def _names(bags: Sequence[Path]) -> Iterator[str]:
+    """Yield a name for each bag, different from those before."""
+    taken: set[str] = set()
+    for base in map(name_of, bags):
+        name, number = base, 1
+        while name in taken:
+            number += 1
+            name = f"{base}_{number}"
+        taken.add(name)
+        yield name
+
+
+def _writer(
+    form: str, folder: Path, fps: int, rate: float, task: str, cameras: Sequence[str]
+) -> Writing:
+    """Return the writer of a format.
+
+    Raises
+    ------
+    StoppedError
+        A library is missing.
+    """
+    try:
+        if form == LEROBOT:
+            from haptic_accel.kits.export.lerobot import LeRobotWriter
+
+            return LeRobotWriter(folder, fps, rate, task, cameras)
+        if form == HDF5:
+            from haptic_accel.kits.export.hdf5 import Hdf5Writer
+
+            return Hdf5Writer(folder, fps, rate)
+        return _Folders(folder, _function(form))
+    except ModuleNotFoundError as error:
+        raise StoppedError(
+            f"format = {form}: needs {error.name}: pip install 'haptic_accel[{EXTRAS[form]}]'"
+        ) from None
+
+
+def _function(form: str) -> Callable[[Bag, Path], None]:
+    if form in ("parquet", "csv"):
+        from haptic_accel.kits.export.tables import write_csv, write_parquet
+
+        return write_csv if form == "csv" else write_parquet
+    from haptic_accel.kits.export.sound import write_audio, write_wav
+
+    return write_wav if form == "wav" else write_audio

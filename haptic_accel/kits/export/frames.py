@@ -1,0 +1,263 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Frames of a learning set: states of both arms, and the vibration since the frame before.
+
+Each frame has a window of the acceleration of tool and handle, so that no sample is lost although
+sets have 10 to 60 frames a second. Windows follow each other without gap or overlap: one after
+the other they are the signal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from haptic_accel.bags.reading import Bag
+from haptic_accel.core import topics
+from haptic_accel.core.axes import Axes
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.resampling import look_ahead, resampled
+from haptic_accel.core.sampling import NANOSECONDS, IntArray
+from haptic_accel.kits.export.signals import (
+    HANDLE,
+    MASTER_POSITION,
+    MASTER_VELOCITY,
+    SLAVE_POSITION,
+    SLAVE_VELOCITY,
+    TOOL,
+    ExportedSignal,
+    finite,
+    on_grid,
+    rate_of,
+    signal_of,
+)
+
+SingleArray: TypeAlias = npt.NDArray[np.float32]
+
+STATE, ACTION = (SLAVE_POSITION, SLAVE_VELOCITY), (MASTER_POSITION, MASTER_VELOCITY)
+"""Signals of a frame's state and action: the follower is the slave, the leader the master."""
+
+SETTLING = 1
+"""Time before and after an engagement that the resampling's filter may use, s."""
+
+MOST_HELD = 0.5
+"""Largest share of missing samples or states; with more, the clocks of the arms disagree."""
+
+
+@dataclass(frozen=True)
+class FrameRate:
+    """Frames of a set, and the samples of each.
+
+    Attributes
+    ----------
+    fps : int
+        Frames per second.
+    rate : float
+        Samples per second of the vibration in the set, Hz.
+    recorded : float
+        Samples per second of the recording, Hz.
+    """
+
+    fps: int
+    rate: float
+    recorded: float
+
+    @classmethod
+    def of(cls, fps: int, rate: float, recorded: float) -> FrameRate:
+        """Return the rates of a set.
+
+        Parameters
+        ----------
+        fps : int
+            Frames per second.
+        rate : float
+            Samples per second; 0 for that of the recording if it is a multiple of `fps`, or else
+            the highest below it that is `fps` times a power of two.
+        recorded : float
+            Samples per second of the recording.
+
+        Raises
+        ------
+        ParameterError
+            There is no whole number of samples in a frame.
+
+        Examples
+        --------
+        >>> FrameRate.of(30, 0.0, 1000.0).rate, FrameRate.of(50, 0.0, 1000.0).rate
+        (960.0, 1000.0)
+        """
+        if recorded < fps:
+            raise ParameterError(f"fps = {fps}: must be at most the rate of {recorded:g} Hz")
+        if not rate:
+            power = 2 ** int(np.log2(recorded / fps))
+            rate = recorded if recorded % fps == 0 else float(fps * power)
+        if rate % fps or not fps <= rate <= recorded:
+            highest = int(recorded // fps) * fps
+            raise ParameterError(
+                f"rate = {rate:g} Hz: must be a whole multiple of fps = {fps}, at most {highest}"
+            )
+        return cls(fps, rate, recorded)
+
+    @property
+    def samples(self) -> int:
+        """Number of samples in a frame."""
+        return round(self.rate / self.fps)
+
+    @property
+    def look_ahead(self) -> float:
+        """Time by which the resampling's filter reaches beyond a sample, s."""
+        return look_ahead(self.recorded, self.rate)
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames of a period.
+
+    Attributes
+    ----------
+    times : ndarray of int64, shape (n,)
+        Times of the frames, ns; each has the states at that time.
+    state, action : ndarray of float32, shape (n, 6)
+        Position, m, and velocity, m/s, of slave and master.
+    tool, handle : ndarray of float32, shape (n, samples, axes)
+        Acceleration from the frame before until this one, m/s^2.
+    notes : list of str
+        Samples that were missing, one line for each signal.
+    """
+
+    times: IntArray
+    state: SingleArray
+    action: SingleArray
+    tool: SingleArray
+    handle: SingleArray
+    notes: list[str]
+
+
+def engagements(bag: Bag) -> list[tuple[int, int]]:
+    """Return start and end of each period in which the arms were coupled, ns.
+
+    Raises
+    ------
+    ParameterError
+        The arms never were.
+    """
+    found = bag.coupled(topics.MASTER) or bag.coupled(topics.SLAVE)
+    if not found:
+        raise ParameterError(
+            f"{bag.path}: the arms were never coupled: this format needs them; parquet, csv and"
+            " wav do not"
+        )
+    return found
+
+
+def frames_of(bag: Bag, begin: int, end: int, rate: FrameRate, axes: Axes) -> Frames:
+    """Return the frames of a period, the first of them one frame after its start.
+
+    Parameters
+    ----------
+    bag : Bag
+    begin, end : int
+        Period, ns.
+    rate : FrameRate
+    axes : Axes
+        Axes of the windows.
+
+    Raises
+    ------
+    ParameterError
+        A signal is missing, or has hardly any samples in the period.
+    """
+    count = int((end - begin) * rate.fps / NANOSECONDS)
+    times = begin + np.round(np.arange(1, count + 1) * (NANOSECONDS / rate.fps)).astype(np.int64)
+    notes: list[str] = []
+    state, action = (
+        np.hstack([_latest(bag, each, times, rate.fps, notes) for each in signals])
+        for signals in (STATE, ACTION)
+    )
+    tool, handle = (
+        _windows(bag, each, begin, count, rate, axes, notes) for each in (TOOL, HANDLE)
+    )
+    return Frames(times, state, action, tool, handle, notes)
+
+
+def _latest(
+    bag: Bag, exported: ExportedSignal, times: IntArray, fps: int, notes: list[str]
+) -> SingleArray:
+    """Return the last vector of a signal at or before some times, shape (n, 3)."""
+    signal = finite(signal_of(bag, exported))
+    if not len(signal.stamps):
+        raise ParameterError(f"{bag.path}: {exported.name}: has no finite sample")
+    found = np.searchsorted(signal.stamps, times, side="right") - 1
+    age = times - signal.stamps[np.maximum(found, 0)]
+    held = (found < 0) | (age * fps > NANOSECONDS)
+    _note(bag, exported, int(held.sum()), len(times), "frames have an older state", notes)
+    return signal.values[np.maximum(found, 0)].astype(np.float32)
+
+
+def _windows(
+    bag: Bag,
+    exported: ExportedSignal,
+    begin: int,
+    count: int,
+    rate: FrameRate,
+    axes: Axes,
+    notes: list[str],
+) -> SingleArray:
+    """Return the windows of a signal, shape (n, samples, axes)."""
+    start = begin - SETTLING * NANOSECONDS
+    length = int((count / rate.fps + 2 * SETTLING) * rate.recorded) + 1
+    inside = slice(round(SETTLING * rate.recorded), round((count / rate.fps + 1) * rate.recorded))
+    first, size = round(SETTLING * rate.rate), count * rate.samples
+    windows = np.empty((count, rate.samples, len(axes.names)), np.float32)
+    for index, axis in enumerate(axes.names):
+        held, seen = on_grid(bag, exported, axis, start, rate.recorded, length)
+        if not index:
+            lost = int((~seen[inside]).sum())
+            _note(bag, exported, lost, len(seen[inside]), "samples repeat the one before", notes)
+        whole = resampled(held, rate.recorded, rate.rate)[first : first + size]
+        windows[..., index] = whole.reshape(count, rate.samples)
+    return windows
+
+
+def _note(
+    bag: Bag, exported: ExportedSignal, held: int, count: int, text: str, notes: list[str]
+) -> None:
+    if held > MOST_HELD * count:
+        raise ParameterError(
+            f"{bag.path}: {exported.name}: {held} of {count} {text} while the arms were coupled;"
+            " do the clocks of both hosts agree?"
+        )
+    if held:
+        notes.append(f"{exported.name}: {held} of {count} {text}")
+
+
+def recorded_rate(bag: Bag) -> float:
+    """Return the common sampling rate of tool and handle, Hz.
+
+    Raises
+    ------
+    ParameterError
+        They have none.
+    """
+    tool, handle = (rate_of(bag, each) for each in (TOOL, HANDLE))
+    if tool != handle:
+        raise ParameterError(
+            f"{bag.path}: tool and handle have {tool:g} and {handle:g} Hz: must have one rate"
+        )
+    return tool

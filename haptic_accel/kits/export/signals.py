@@ -1,0 +1,200 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Signals of a bag as other programs need them: name, unit, axes, rate and meaning."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haptic_accel.bags.reading import Bag, Signal, stated_rate
+from haptic_accel.core import topics
+from haptic_accel.core.axes import NAMES, Axes
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import NANOSECONDS, BoolArray, missing_samples, sampling_rate
+from haptic_accel.core.topics import Topic
+
+PART = 250_000
+"""Number of samples that are converted at a time: 8 MB."""
+
+UNITS = {
+    topics.MASTER_POSITION.type: "m",
+    topics.MASTER_VELOCITY.type: "m/s",
+    topics.MASTER_ARM_FORCE.type: "N",
+    topics.HANDLE_ACCELERATION.type: "m/s^2",
+}
+"""Unit of each type of message."""
+
+
+@dataclass(frozen=True)
+class ExportedSignal:
+    """Signal with its name for other programs.
+
+    Attributes
+    ----------
+    name : str
+    topic : Topic
+    meaning : str
+        Noun phrase.
+    """
+
+    name: str
+    topic: Topic
+    meaning: str
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the components."""
+        return UNITS[self.topic.type]
+
+
+MASTER_POSITION, MASTER_VELOCITY, SLAVE_POSITION, SLAVE_VELOCITY, TOOL, HANDLE, *_ = SIGNALS = (
+    ExportedSignal("master_position", topics.MASTER_POSITION, "position of the master's handle"),
+    ExportedSignal("master_velocity", topics.MASTER_VELOCITY, "velocity of the master's handle"),
+    ExportedSignal("slave_position", topics.SLAVE_POSITION, "position of the slave's tool"),
+    ExportedSignal("slave_velocity", topics.SLAVE_VELOCITY, "velocity of the slave's tool"),
+    ExportedSignal("tool_acceleration", topics.TOOL_ACCELERATION, "acceleration of the tool"),
+    ExportedSignal(
+        "handle_acceleration", topics.HANDLE_ACCELERATION, "acceleration of the handle"
+    ),
+    ExportedSignal(
+        "desired_acceleration",
+        topics.DESIRED_ACCELERATION,
+        "acceleration that the handle should have: that of the tool, high-passed",
+    ),
+    ExportedSignal(
+        "actuator_force", topics.ACTUATOR_FORCE, "force of the voice coil on the handle"
+    ),
+    ExportedSignal(
+        "master_arm_force", topics.MASTER_ARM_FORCE, "force of the master's motors on the handle"
+    ),
+    ExportedSignal(
+        "slave_arm_force", topics.SLAVE_ARM_FORCE, "force of the slave's motors on the tool"
+    ),
+    ExportedSignal("contact_force", topics.CONTACT_FORCE, "force of the surface on the tool"),
+)
+"""Exported signals; a bag has some of them."""
+
+
+def signals_of(bag: Bag) -> Iterator[tuple[ExportedSignal, Signal]]:
+    """Yield the signals of a bag, in the order of `SIGNALS`."""
+    for exported in SIGNALS:
+        if exported.topic.name in bag.signals:
+            yield exported, bag.signals[exported.topic.name]
+
+
+def signal_of(bag: Bag, exported: ExportedSignal) -> Signal:
+    """Return a signal that is needed.
+
+    Raises
+    ------
+    ParameterError
+        The bag does not have it.
+    """
+    found = bag.signals.get(exported.topic.name)
+    if found is None:
+        raise ParameterError(f"{bag.path}: has no {exported.name}, which this format needs")
+    return found
+
+
+def rate_of(bag: Bag, exported: ExportedSignal) -> float:
+    """Return the sampling rate of a signal, Hz.
+
+    Raises
+    ------
+    ParameterError
+        The bag does not have it, or its samples are not on a grid.
+    """
+    try:
+        return sampling_rate(signal_of(bag, exported).stamps, stated_rate(bag))
+    except ParameterError as error:
+        raise ParameterError(f"{bag.path}: {exported.name}: {error}") from None
+
+
+def on_grid(
+    bag: Bag, exported: ExportedSignal, axis: str, start: int, rate: float, length: int
+) -> tuple[FloatArray, BoolArray]:
+    """Return a component on a grid, and a mask of samples; others repeat the one before.
+
+    A component that is not finite counts as missing. Parameters as for `Signal.on_grid`.
+
+    Raises
+    ------
+    ParameterError
+        There is no sample on the grid.
+    """
+    signal = finite(signal_of(bag, exported))
+    begin, end = np.searchsorted(signal.stamps, [start, start + int(length / rate * NANOSECONDS)])
+    if begin == end:
+        raise ParameterError(f"{bag.path}: {exported.name}: has no samples in the exported time")
+    return signal.on_grid(start, rate, length, Axes((axis,)))
+
+
+def finite(signal: Signal) -> Signal:
+    """Return the samples whose components are all finite."""
+    known = np.isfinite(signal.values).all(axis=1)
+    if known.all():
+        return signal
+    return Signal(signal.stamps[known], signal.received, signal.values[known])
+
+
+def description(bag: Bag, exported: ExportedSignal) -> dict[str, Any]:
+    """Return what a reader has to know about a signal, for JSON.
+
+    The rate is null where the samples are not on a grid.
+    """
+    stamps = signal_of(bag, exported).stamps
+    rate = None
+    with suppress(ParameterError):
+        rate = rate_of(bag, exported)
+    return {
+        "name": exported.name,
+        "meaning": exported.meaning,
+        "unit": exported.unit,
+        "axes": list(NAMES),
+        "frame": exported.topic.frame,
+        "topic": exported.topic.name,
+        "rate_hz": rate,
+        "samples": len(stamps),
+        "missing_samples": missing_samples(stamps) if rate else None,
+        "stamps": "ns since 1970-01-01, system time of the recording machine",
+    }
+
+
+def name_of(path: Path) -> str:
+    """Return a bag's name as text that any file can contain."""
+    whole = path.resolve()
+    name = whole.name if whole.is_dir() else whole.stem
+    return os.fsencode(name).decode(errors="replace")
+
+
+def descriptions(bag: Bag) -> dict[str, Any]:
+    """Return metadata of a bag, and the description of each signal by name."""
+    return {
+        "bag": name_of(bag.path),
+        "recorded_with": {
+            name: bag.facts[name] for name in ("version", "arguments") if name in bag.facts
+        },
+        "problems": bag.problems,
+        "signals": {each.name: description(bag, each) for each, _ in signals_of(bag)},
+    }

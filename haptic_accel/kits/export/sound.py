@@ -1,0 +1,180 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Vibration of tool and handle as sound: WAV, and audio for Foxglove's panel."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from scipy.io import wavfile
+
+from haptic_accel.bags.reading import Bag
+from haptic_accel.core.axes import Axes
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.reduction import REDUCTIONS
+from haptic_accel.core.resampling import resampled
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.kits.export.frames import recorded_rate
+from haptic_accel.kits.export.signals import HANDLE, TOOL, descriptions, on_grid, signal_of
+
+RAW_AUDIO = "foxglove_msgs/msg/RawAudio"
+FIELDS = """builtin_interfaces/Time timestamp
+uint8[] data
+string format
+uint32 sample_rate
+uint32 number_of_channels
+"""
+"""Type of a block of sound, and its fields, after https://docs.foxglove.dev (RawAudio)."""
+
+PCM = "pcm-s16"
+"""The one format of `RAW_AUDIO`: 16 bits, little-endian."""
+
+SOUND_RATE = 8000
+"""Samples per second of sound that every player takes, Hz."""
+
+BLOCK = 800
+"""Samples of a message: a tenth of a second."""
+
+MINUTE = 60
+"""Length of the parts that are resampled, s."""
+
+FULL = 32767
+"""Largest sample of 16 bits."""
+
+
+class _Sound(NamedTuple):
+    """Vibration on one grid: start, ns, rate, Hz, full scale, m/s^2, and channels by name."""
+
+    start: int
+    rate: float
+    full_scale: float
+    channels: dict[str, FloatArray]
+    missing: dict[str, int]
+
+    def about(self, bag: Bag) -> dict[str, Any]:
+        """Return the description of the bag and of its sound, for JSON."""
+        return {
+            **descriptions(bag),
+            "sound": {
+                "start_ns": self.start,
+                "rate_hz": self.rate,
+                "full_scale_m_s2": self.full_scale,
+                "channels": list(self.channels),
+                "missing_samples_that_repeat_the_one_before": self.missing,
+            },
+        }
+
+
+def write_wav(bag: Bag, folder: Path) -> None:
+    """Write ``vibration.wav``, with tool and handle aligned as its channels, and ``signals.json``.
+
+    Samples are 64-bit numbers, relative to a full scale that is a power of two, so that their
+    product is the bag's value to the last digit.
+
+    Raises
+    ------
+    ParameterError
+        Tool and handle have no common rate, or not a whole one.
+    """
+    sound = _sound(bag, bag.axes)
+    if sound.rate != (rate := round(sound.rate)):
+        raise ParameterError(f"{bag.path}: {sound.rate} Hz: must be a whole number for WAV")
+    samples = np.column_stack(list(sound.channels.values()))
+    samples /= sound.full_scale
+    wavfile.write(folder / "vibration.wav", rate, samples)
+    _write_json(folder / "signals.json", sound.about(bag))
+
+
+def write_audio(bag: Bag, folder: Path) -> None:
+    """Write a bag with the topics ``/audio/tool`` and ``/audio/handle``, and ``signals.json``.
+
+    Vibration of several axes is reduced to one with the same spectrum.
+
+    Raises
+    ------
+    ParameterError
+        Tool and handle have no common rate.
+    """
+    sound = _sound(bag, bag.axes)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg(FIELDS, RAW_AUDIO))
+    kind, moment = store.types[RAW_AUDIO], store.types["builtin_interfaces/msg/Time"]
+    about = sound.about(bag)
+    with Writer(folder / "audio", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.set_custom_data("haptic_accel.sound", json.dumps(about["sound"]))
+        for part in ("tool", "handle"):
+            topic = writer.add_connection(f"/audio/{part}", RAW_AUDIO, typestore=store)
+            samples = _played(sound, part)
+            for begin in range(0, len(samples), BLOCK):
+                block = samples[begin : begin + BLOCK].view(np.uint8)
+                stamp = sound.start + begin * NANOSECONDS // SOUND_RATE
+                message = kind(moment(*divmod(stamp, NANOSECONDS)), block, PCM, SOUND_RATE, 1)
+                writer.write(topic, stamp, store.serialize_cdr(message, RAW_AUDIO))
+    _write_json(folder / "signals.json", about)
+
+
+def _sound(bag: Bag, axes: Axes) -> _Sound:
+    """Return the vibration of tool and handle from the first sample to the last."""
+    rate = recorded_rate(bag)
+    stamps = [signal_of(bag, each).stamps for each in (TOOL, HANDLE)]
+    start = int(min(each[0] for each in stamps))
+    length = round((int(max(each[-1] for each in stamps)) - start) * rate / NANOSECONDS) + 1
+    channels, missing = {}, {}
+    for part, exported in (("tool", TOOL), ("handle", HANDLE)):
+        for axis in axes.names:
+            held, seen = on_grid(bag, exported, axis, start, rate, length)
+            channels[f"{part}.{axis}"] = held
+            missing[part] = int((~seen).sum())
+    peak = max(float(np.abs(each).max()) for each in channels.values())
+    full_scale = 2.0 ** math.ceil(math.log2(peak)) if peak else 1.0
+    return _Sound(start, rate, full_scale, channels, missing)
+
+
+def _played(sound: _Sound, part: str) -> Any:
+    """Return the sound of tool or handle, 16 bits at `SOUND_RATE`."""
+    own = [each for name, each in sound.channels.items() if name.startswith(f"{part}.")]
+    one = own[0] if len(own) == 1 else REDUCTIONS["dft321"](np.column_stack(own))
+    return np.concatenate(list(_resampled_parts(one * (FULL / sound.full_scale), sound.rate)))
+
+
+def _resampled_parts(signal: FloatArray, rate: float) -> Iterator[npt.NDArray[np.int16]]:
+    """Yield 16 bits at `SOUND_RATE`, minute by minute: an hour at once would need 600 MB.
+
+    Each minute is resampled with a second before and after it. A rate that is not whole has no
+    common samples with its sound, and is resampled at once.
+    """
+    second = round(rate)
+    length = MINUTE * second if rate == second else len(signal)
+    for begin in range(0, len(signal), length):
+        before = min(begin, second)
+        played = resampled(signal[begin - before : begin + length + second], rate, SOUND_RATE)
+        first = before * SOUND_RATE // second
+        end = min(begin + length, len(signal)) - begin
+        own = played[first : first + math.ceil(end * SOUND_RATE / rate)]
+        yield np.clip(np.rint(own), -FULL, FULL).astype("<i2")
+
+
+def _write_json(file: Path, content: Any) -> None:
+    file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")

@@ -1,0 +1,94 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parquet and CSV: a file for each signal, with every sample as it was recorded."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pyarrow as pa
+from pyarrow import csv, parquet
+
+from haptic_accel.bags.reading import Bag, Signal
+from haptic_accel.core.axes import NAMES
+from haptic_accel.kits.export.signals import PART, descriptions, signals_of
+
+METADATA_KEY = b"haptic_accel"
+"""Key of the JSON text about a signal in a Parquet file's metadata."""
+
+SIGNALS_FILE = "signals.json"
+"""File that describes the signals of a folder."""
+
+COMPRESSION = "zstd"
+"""Compression of Parquet files, which all readers know."""
+
+
+def write_parquet(bag: Bag, folder: Path) -> None:
+    """Write a bag's signals as ``NAME.parquet``.
+
+    Columns: stamp, UTC in ns, and x, y, z in the unit that the column's metadata state.
+    """
+    about = descriptions(bag)
+    for exported, signal in signals_of(bag):
+        own = {**about, "signals": {exported.name: about["signals"][exported.name]}}
+        unit = {"unit": exported.unit}
+        schema = pa.schema(
+            [
+                pa.field("stamp", pa.timestamp("ns", "UTC")),
+                *(pa.field(axis, pa.float64(), metadata=unit) for axis in NAMES),
+            ],
+            metadata={METADATA_KEY: json.dumps(own)},
+        )
+        with parquet.ParquetWriter(
+            folder / f"{exported.name}.parquet",
+            schema,
+            compression=COMPRESSION,
+            use_dictionary=False,
+        ) as writer:
+            for stamps, columns in _parts(signal):
+                moments = pa.array(stamps).cast(schema.field("stamp").type)
+                writer.write_table(pa.table([moments, *columns], schema=schema))
+
+
+def write_csv(bag: Bag, folder: Path) -> None:
+    """Write a bag's signals as ``NAME.csv``, and ``signals.json`` that describes them."""
+    for exported, signal in signals_of(bag):
+        schema = pa.schema(
+            [
+                pa.field("stamp [ns]", pa.int64()),
+                *(pa.field(f"{axis} [{exported.unit}]", pa.float64()) for axis in NAMES),
+            ]
+        )
+        options = csv.WriteOptions(quoting_style="none", quoting_header="none")
+        with csv.CSVWriter(folder / f"{exported.name}.csv", schema, write_options=options) as to:
+            for stamps, columns in _parts(signal):
+                to.write_table(pa.table([stamps, *columns], schema=schema))
+    write_descriptions(bag, folder / SIGNALS_FILE)
+
+
+def write_descriptions(bag: Bag, file: Path) -> None:
+    """Write the descriptions of a bag's signals as JSON."""
+    file.write_text(json.dumps(descriptions(bag), indent=2) + "\n", encoding="utf-8")
+
+
+def _parts(signal: Signal) -> Iterator[tuple[pa.Array, list[pa.Array]]]:
+    """Yield stamps and components of successive samples."""
+    for begin in range(0, len(signal.stamps), PART):
+        part = slice(begin, begin + PART)
+        values = signal.values[part]
+        yield pa.array(signal.stamps[part]), [pa.array(column) for column in values.T]

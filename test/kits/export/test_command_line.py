@@ -1,0 +1,162 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Exports of any bag to any format, on the command line."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from exported import Recorded
+
+from bag_maker import Message, vector_bytes, write_messages
+from haptic_accel.core.topics import TOOL_ACCELERATION
+from running import Command, wait_until
+from verbs import ODD_NAMES, output_of, refusal, status_of, tells
+
+MAIN = [sys.executable, "-c", "from haptic_accel.cli.start import main; main()"]
+"""What the console script does."""
+
+FORMS = ["lerobot", "parquet", "hdf5", "csv", "wav", "mcap-audio"]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_bag_of_any_name_is_exported(tmp_path: Path, recorded: Recorded, form: str) -> None:
+    bags = [tmp_path / name for name in ODD_NAMES]
+    for bag in bags:
+        shutil.copytree(recorded.path, bag)
+    assert status_of("export", *bags, "--format", form, "--out", tmp_path / "out") == 0
+
+
+def tool_alone(path: Path) -> Path:
+    """Write a bag with a tool and no arms."""
+    topic, start = TOOL_ACCELERATION, 1_700_000_000_000_000_000
+    stamps = [start + n * 1_000_000 for n in range(100)]
+    return write_messages(
+        path,
+        [
+            Message(
+                f"/{topic.name}", topic.type, s, vector_bytes(topic.type, s, "", (0.0, 0.0, 1.0))
+            )
+            for s in stamps
+        ],
+    )
+
+
+@pytest.mark.parametrize("form", ["lerobot", "wav", "mcap-audio"])
+def test_a_bag_without_what_a_format_needs_is_refused(tmp_path: Path, form: str) -> None:
+    bag = tool_alone(tmp_path / "bag")
+    line = refusal("export", bag, "--format", form, "--out", tmp_path / "out")
+    assert "has no handle_acceleration, which this format needs" in line
+    assert [each.name for each in tmp_path.iterdir()] == ["bag"]
+
+
+@pytest.mark.parametrize("form", ["parquet", "hdf5", "csv"])
+def test_a_tool_alone_is_exported_by_the_others(tmp_path: Path, form: str) -> None:
+    bag = tool_alone(tmp_path / "bag")
+    output_of("export", bag, "--format", form, "--out", tmp_path / "out")
+
+
+def test_damage_of_a_bag_is_told(tmp_path: Path, recorded: Recorded) -> None:
+    shutil.copytree(recorded.path, tmp_path / "bag")
+    (file,) = (tmp_path / "bag").glob("*.mcap")
+    data = file.read_bytes()
+    file.write_bytes(data[: len(data) // 2])
+    words = ("--format", "parquet", "--out", tmp_path / "out")
+    assert "was cut off" in output_of("export", tmp_path / "bag", *words)
+
+
+@pytest.mark.parametrize("library", ["pyarrow", "h5py"])
+def test_a_missing_library_is_named_with_its_extra(
+    tmp_path: Path,
+    recorded: Recorded,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    library: str,
+) -> None:
+    form, extra = {"pyarrow": ("parquet", "parquet"), "h5py": ("hdf5", "hdf5")}[library]
+    monkeypatch.setitem(sys.modules, library, None)
+    for module in ("tables", "hdf5", "lerobot", "images"):
+        monkeypatch.delitem(sys.modules, f"haptic_accel.kits.export.{module}", raising=False)
+    status = status_of("export", recorded.path, "--format", form, "--out", tmp_path / "out")
+    assert status == 1
+    line = f"haptic-accel: format = {form}: needs {library}: pip install 'haptic_accel[{extra}]'\n"
+    assert capsys.readouterr().err == line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_leaves_nothing_but_one_line(tmp_path: Path, recorded: Recorded) -> None:
+    out = tmp_path / "out"
+    # The limit of a file's size has the same effect, for a disk of its own would need root.
+    words = shlex.join([*MAIN, "export", str(recorded.path), *f"--format csv --out {out}".split()])
+    done = subprocess.run(
+        ["bash", "-c", f"ulimit -f 50; exec {words}"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    line = f"haptic-accel: out = '{out}': cannot be written: File too large\n"
+    assert (done.stdout, done.stderr) == ("", line)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_export_leaves_nothing(
+    tmp_path: Path, recorded: Recorded, number: signal.Signals
+) -> None:
+    words = ["export", str(recorded.path), "--format", "parquet", "--out", str(tmp_path / "out")]
+    command = Command([*MAIN[1:], *words], tmp_path.parent)
+    wait_until(lambda: list(tmp_path.iterdir()), "begin of the export", command)
+    assert command.end(number) == 130
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_existing_folder_is_not_touched(tmp_path: Path, recorded: Recorded) -> None:
+    (tmp_path / "out").mkdir()
+    line = refusal("export", recorded.path, "--format", "csv", "--out", tmp_path / "out")
+    assert line == f"out = '{tmp_path / 'out'}': must be a new folder"
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("csv --fps 30", "fps = 30: csv has none: leave it out"),
+        ("hdf5 --task write", "task = write: hdf5 has none: leave it out"),
+        ("wav --rate 960", "rate = 960.0: wav has none: leave it out"),
+        (
+            "lerobot --rate 1000",
+            "rate = 1000 Hz: must be a whole multiple of fps = 30, ...",
+        ),
+        (
+            "hdf5 --fps 1000 --rate 500",
+            "rate = 500 Hz: must be a whole multiple of ...",
+        ),
+        ("lerobot --fps 0", "...--fps...0 is not in the range 1<=x<=1000."),
+        ("png", "...--format...'png' is not one of ..."),
+    ],
+)
+def test_a_wrong_option_is_refused_in_one_line(
+    tmp_path: Path, recorded: Recorded, words: str, line: str
+) -> None:
+    found = refusal("export", recorded.path, "--out", tmp_path / "out", "--format", *words.split())
+    assert tells(found, line)
+    assert list(tmp_path.iterdir()) == []

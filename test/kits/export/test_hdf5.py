@@ -1,0 +1,79 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""HDF5 in ALOHA's layout, opened again by h5py."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from exported import Recorded, stamps, vectors
+
+from haptic_accel.bags.reading import read_bag
+from haptic_accel.bags.trial_bag import write_trial
+from haptic_accel.core import topics
+from haptic_accel.core.trial import Trial
+from verbs import output_of
+
+
+def test_frames_are_as_aloha_has_them(tmp_path: Path, recorded: Recorded) -> None:
+    words = ("--format", "hdf5", "--fps", "50", "--out", tmp_path / "out")
+    output_of("export", recorded.path, recorded.path, *words)
+    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == [
+        "episode_0.hdf5",
+        "episode_1.hdf5",
+    ]
+    with h5py.File(tmp_path / "out" / "episode_0.hdf5") as file:
+        assert (bool(file.attrs["sim"]), file.attrs["fps"]) == (True, 50)
+        qpos, qvel, action = (
+            file[name][()] for name in ("observations/qpos", "observations/qvel", "action")
+        )
+        count = len(action)
+        assert qpos.shape == qvel.shape == action.shape == (count, 3)
+        assert file["observations/vibration/tool"].shape == (count, 20, 1)
+        assert file["engaged"][()].all()
+        found = read_bag(recorded.path)
+        ((begin, _),) = found.coupled(topics.MASTER)
+        assert file["stamps"][0] == begin + 20_000_000
+        master = found.signals[topics.MASTER_POSITION.name]
+        index = np.searchsorted(master.stamps, begin + 20_000_000, side="right") - 1
+        assert action[0] == pytest.approx(master.values[index], abs=1e-7)
+
+
+def test_signals_are_those_of_the_bag_to_the_last_digit(
+    tmp_path: Path, recorded: Recorded
+) -> None:
+    output_of("export", recorded.path, "--format", "hdf5", "--out", tmp_path / "out")
+    with h5py.File(tmp_path / "out" / "episode_0.hdf5") as file:
+        written = vectors(recorded.trial)
+        assert set(file["signals"]) == set(written)
+        for name, values in written.items():
+            group = file["signals"][name]
+            assert np.array_equal(group["values"][()], values)
+            assert np.array_equal(group["stamps"][()], stamps(recorded.trial))
+        assert file["signals/actuator_force"].attrs["unit"] == "N"
+
+
+def test_a_bag_without_arms_has_signals_and_says_so(tmp_path: Path) -> None:
+    noise = [np.random.default_rng(n).normal(size=50) for n in range(4)]
+    write_trial(tmp_path / "bag", Trial("x", "none", 1000.0, np.arange(50) / 1e3, *noise), {}, 10)
+    words = ("--format", "hdf5", "--out", tmp_path / "out")
+    assert "the arms were never coupled" in output_of("export", tmp_path / "bag", *words)
+    with h5py.File(tmp_path / "out" / "episode_0.hdf5") as file:
+        assert set(file) == {"signals"}
+        assert np.array_equal(file["signals/tool_acceleration/values"][:, 2], noise[0])

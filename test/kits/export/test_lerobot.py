@@ -1,0 +1,126 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""LeRobotDataset v3.0, read again as its documentation describes it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from exported import Recorded, vectors, write_bag
+from pyarrow import parquet
+
+from verbs import refusal, status_of
+
+
+@pytest.fixture(scope="module")
+def dataset(recorded: Recorded, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a set of two bags."""
+    folder = tmp_path_factory.mktemp("sets")
+    write_bag(folder / "vinyl", surface="vinyl")
+    words = ("--format", "lerobot", "--out", folder / "set")
+    assert status_of("export", recorded.path, folder / "vinyl", *words) == 0
+    return folder / "set"
+
+
+def json_of(path: Path) -> Any:
+    return json.loads(path.read_text())
+
+
+def rows(dataset: Path) -> pd.DataFrame:
+    return pd.read_parquet(dataset / "data" / "chunk-000" / "file-000.parquet")
+
+
+def test_info_describes_what_is_there(dataset: Path) -> None:
+    info, found = json_of(dataset / "meta" / "info.json"), rows(dataset)
+    assert (info["codebase_version"], info["fps"], info["total_episodes"]) == ("v3.0", 30, 2)
+    assert info["total_frames"] == len(found)
+    assert set(found) == set(info["features"])
+    for name, feature in info["features"].items():
+        cell = found[name][0]
+        array = np.stack(cell) if len(feature["shape"]) == 2 else np.atleast_1d(cell)
+        assert (list(array.shape), array.dtype.name) == (feature["shape"], feature["dtype"])
+    window = info["features"]["observation.vibration.tool"]
+    assert window["shape"] == [32, 1]
+    assert (window["info"]["rate_hz"], window["info"]["unit"]) == (960.0, "m/s^2")
+    assert window["info"]["resampling_look_ahead_s"] > 0
+    assert window["names"] == ["sample at 960 Hz, delay 0 s", "z (m/s^2)"]
+
+
+def test_indices_and_times_follow_each_other(dataset: Path) -> None:
+    found = rows(dataset)
+    episodes = pd.read_parquet(dataset / "meta" / "episodes" / "chunk-000" / "file-000.parquet")
+    assert found["index"].tolist() == list(range(len(found)))
+    for number, own in found.groupby("episode_index"):
+        length = int(episodes["length"][number])
+        assert own["frame_index"].tolist() == list(range(length))
+        assert own["timestamp"].to_numpy() == pytest.approx(np.arange(length) / 30, abs=1e-5)
+    ends = episodes["dataset_to_index"].tolist()
+    assert episodes["dataset_from_index"].tolist() == [0, *ends[:-1]]
+    assert ends[-1] == len(found)
+
+
+def test_each_task_is_a_text(dataset: Path) -> None:
+    tasks = pd.read_parquet(dataset / "meta" / "tasks.parquet")
+    assert tasks.index.tolist() == ["feel plywood with a tool", "feel vinyl with a tool"]
+    assert tasks["task_index"].tolist() == [0, 1]
+    assert rows(dataset).groupby("episode_index")["task_index"].first().tolist() == [0, 1]
+
+
+def test_an_episode_is_a_group_of_rows(dataset: Path) -> None:
+    file = parquet.ParquetFile(dataset / "data" / "chunk-000" / "file-000.parquet")
+    lengths = rows(dataset).groupby("episode_index").size().tolist()
+    groups = [file.metadata.row_group(n).num_rows for n in range(file.num_row_groups)]
+    assert groups == lengths
+
+
+def test_statistics_are_those_of_the_rows(dataset: Path) -> None:
+    found, stated = rows(dataset), json_of(dataset / "meta" / "stats.json")
+    assert set(stated) == set(found)
+    windows = np.stack([np.stack(cell) for cell in found["observation.vibration.handle"]])
+    own = stated["observation.vibration.handle"]
+    assert np.array(own["mean"]) == pytest.approx(windows.mean(axis=0, dtype=float))
+    assert np.array(own["std"]) == pytest.approx(windows.std(axis=0, dtype=float))
+    assert own["count"] == [len(found)]
+
+
+def test_the_series_beside_it_are_untouched(dataset: Path, recorded: Recorded) -> None:
+    for name, values in vectors(recorded.trial).items():
+        series = pd.read_parquet(dataset / "series" / "plywood" / f"{name}.parquet")
+        assert np.array_equal(series[["x", "y", "z"]], values)
+
+
+def test_three_axes_have_three_columns(tmp_path: Path) -> None:
+    write_bag(tmp_path / "bag", rig="three_axis")
+    words = ("--fps", "50", "--task", "write", "--out", tmp_path / "set")
+    assert status_of("export", tmp_path / "bag", "--format", "lerobot", *words) == 0
+    info = json_of(tmp_path / "set" / "meta" / "info.json")
+    assert info["features"]["observation.vibration.tool"]["shape"] == [20, 3]
+    assert pd.read_parquet(tmp_path / "set" / "meta" / "tasks.parquet").index.tolist() == ["write"]
+
+
+def test_bags_with_other_axes_are_refused_and_nothing_is_left(
+    tmp_path: Path, recorded: Recorded
+) -> None:
+    write_bag(tmp_path / "bag", rig="three_axis")
+    words = ("--format", "lerobot", "--out", tmp_path / "set")
+    line = refusal("export", recorded.path, tmp_path / "bag", *words)
+    assert "must be as the bags before it in one set" in line
+    assert [each.name for each in tmp_path.iterdir()] == ["bag"]
