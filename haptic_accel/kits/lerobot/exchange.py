@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Exchange of the fast path with LeRobot's process: samples one way, letters the other."""
+"""Memory that the fast path shares with LeRobot's process."""
 
 from __future__ import annotations
 
@@ -24,8 +24,10 @@ import numpy as np
 
 from haptic_accel.core.model import FloatArray, Vector
 
-FEEL, MUTE = b"f", b"m"
-"""Letters that let the coil move, and that silence it."""
+WRITTEN, TICKS, LATE, LOST, FELT = range(5)
+"""Places in `Ring.counts`: samples so far; ticks, and those that were late by half a period or
+more; samples that did not come and are held from the one before; 1 while the coil may move, which
+the reader sets."""
 
 SLOTS = 8192
 """Samples that are kept: 8 s at 960 Hz, so that no reader is overtaken."""
@@ -33,9 +35,8 @@ SLOTS = 8192
 LONGEST = SLOTS // 2
 """Most samples that can be read together: the other half is the reader's time, 4 s at 960 Hz."""
 
-_COUNTS = 4  # written samples, ticks, late ticks, lost samples
 _COLUMNS = 4  # tick, acceleration along x, y, z
-_SIZE = 8 * (_COUNTS + SLOTS * _COLUMNS)
+_SIZE = 8 * (FELT + 1 + SLOTS * _COLUMNS)
 
 
 class Ring:
@@ -44,7 +45,12 @@ class Ring:
     Parameters
     ----------
     descriptor : int
-        File of `memory_file`, which this process has inherited or made.
+        File of `memory_file`, which this process has made or inherited.
+
+    Attributes
+    ----------
+    counts : ndarray of int
+        See `WRITTEN` and the others.
 
     Notes
     -----
@@ -53,44 +59,22 @@ class Ring:
 
     def __init__(self, descriptor: int) -> None:
         memory = mmap.mmap(descriptor, _SIZE)
-        self._counts = np.frombuffer(memory, np.int64, _COUNTS)
-        slots = np.frombuffer(memory, np.float64, offset=8 * _COUNTS)
+        self.counts = np.frombuffer(memory, np.int64, FELT + 1)
+        slots = np.frombuffer(memory, np.float64, offset=self.counts.nbytes)
         self._slots = slots.reshape(SLOTS, _COLUMNS)
-
-    @property
-    def written(self) -> int:
-        """Number of samples so far."""
-        return int(self._counts[0])
-
-    @property
-    def ticks(self) -> tuple[int, int]:
-        """Numbers of ticks, and of ticks that were late by half a period and more."""
-        return int(self._counts[1]), int(self._counts[2])
-
-    @property
-    def lost(self) -> int:
-        """Number of samples that did not come, and are held from the one before."""
-        return int(self._counts[3])
-
-    def count(self, ticks: int, late: int) -> None:
-        """Set the numbers of ticks and late ticks."""
-        self._counts[1:3] = ticks, late
 
     def put(self, tick: int, acceleration: Vector) -> None:
         """Add the sample of a tick, m/s^2; ticks without one hold the sample before."""
-        written = self.written
-        if written:
-            before = self._slots[(written - 1) % SLOTS].copy()
-            missing = range(max(int(before[0]) + 1, tick - SLOTS), tick)
-            for each in missing:
-                self._put(each, before[1:])
-            self._counts[3] += len(missing)
-        self._put(tick, acceleration)
+        if written := self.counts[WRITTEN]:
+            before, *held = self._slots[(written - 1) % SLOTS].tolist()
+            for missing in range(max(int(before) + 1, tick - SLOTS), tick):
+                self._put(missing, *held)
+                self.counts[LOST] += 1
+        self._put(tick, *acceleration)
 
-    def _put(self, tick: int, acceleration: Vector | FloatArray) -> None:
-        written = self.written
-        self._slots[written % SLOTS] = tick, *acceleration
-        self._counts[0] = written + 1  # last, as readers trust what it counts
+    def _put(self, *row: float) -> None:
+        self._slots[self.counts[WRITTEN] % SLOTS] = row
+        self.counts[WRITTEN] += 1  # last, as readers trust what it counts
 
     def newest(self, size: int) -> tuple[int, FloatArray] | None:
         """Return the newest tick, and as many samples as asked for, the newest last.
@@ -105,9 +89,9 @@ class Ring:
         tuple of int and ndarray, shape (size, 3), or None
             Tick, and accelerations in m/s^2; None before there are so many.
         """
-        while (written := self.written) >= size:
-            rows = self._slots[np.arange(written - size, written) % SLOTS]
-            if self.written - (written - size) < SLOTS:
+        while (begin := int(self.counts[WRITTEN]) - size) >= 0:
+            rows = self._slots[np.arange(begin, begin + size) % SLOTS]
+            if self.counts[WRITTEN] - begin < SLOTS:
                 return int(rows[-1, 0]), rows[:, 1:]
         return None
 

@@ -17,14 +17,11 @@
 
 from __future__ import annotations
 
-import json
 import os
 import select
 import shlex
 import subprocess
 import time
-from collections.abc import Sequence
-from contextlib import suppress
 
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.model import FloatArray
@@ -32,15 +29,9 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import module_command
 from haptic_accel.devices import DeviceError
 from haptic_accel.devices.sound_bench import NO_ARM
-from haptic_accel.kits.lerobot.exchange import FEEL, LONGEST, MUTE, Ring, memory_file
-from haptic_accel.setup.arguments import (
-    SIMULATED,
-    VIRTUAL,
-    GraphArguments,
-    check_both_arms,
-    parse_arguments,
-    stated_words,
-)
+from haptic_accel.kits.lerobot.exchange import FELT, LONGEST, Ring, memory_file
+from haptic_accel.setup import arguments as names
+from haptic_accel.setup.arguments import GraphArguments, parse_arguments, stated_words
 from haptic_accel.setup.node_parameters import build_device
 from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import given_keys
@@ -48,6 +39,9 @@ from haptic_accel.setup.words import given_keys
 RATE = 960.0
 """Rate without ``rate:=``, Hz: near the paper's 1 kHz, and a whole multiple of 24, 30, 48, 60 and
 120, so that a frame of LeRobot has a whole number of samples."""
+
+DEVICES = NO_ARM, names.SIMULATED, names.VIRTUAL, names.REPLAY
+"""Devices in the place of an arm: none on a sound card, and those that need no hardware."""
 
 START = 30.0
 """Longest time until the process runs, s: it loads its libraries and measures the card's round
@@ -61,6 +55,9 @@ STALE = 0.2
 """Age of the newest sample above which the fast path counts as stopped, s: far above the delay of
 any card."""
 
+RUNNING = "running:"
+"""Begin of the line that the process prints once it runs."""
+
 
 def read_arguments(text: str) -> GraphArguments:
     """Return the arguments of ``haptic-accel teleop`` in a text, with this kit's rate.
@@ -68,7 +65,7 @@ def read_arguments(text: str) -> GraphArguments:
     Raises
     ------
     ParameterError
-        A word or a value is not allowed, or names an arm that LeRobot moves.
+        A word or a value is not allowed, or names an arm, which LeRobot moves.
     """
     try:
         words = shlex.split(text)
@@ -77,13 +74,11 @@ def read_arguments(text: str) -> GraphArguments:
     found = parse_arguments(words)
     if "rate" not in given_keys(words) and found.rate == GraphArguments.rate:
         found = parse_arguments([*words, f"rate:={RATE:g}"])
-    check_both_arms(found)
-    allowed = {"master": (NO_ARM, SIMULATED), "slave": (NO_ARM, SIMULATED, VIRTUAL)}
-    for arm, devices in allowed.items():
-        if (device := getattr(found, arm)) not in devices:
-            raise ParameterError(
-                f"{arm} = {device!r}: must be {' or '.join(devices)}, as LeRobot moves the arms"
-            )
+    names.check_both_arms(found)
+    for arm, device in (("master", found.master), ("slave", found.slave)):
+        if device not in DEVICES:
+            allowed = " or ".join(DEVICES)
+            raise ParameterError(f"{arm} = {device!r}: must be {allowed}: LeRobot moves the arms")
     return found
 
 
@@ -95,14 +90,12 @@ def samples_per_frame(rate: float, fps: int) -> int:
     ParameterError
         They are not a whole number, or too many to be read together.
     """
-    if fps < 1 or rate % fps:
+    if fps < 1 or rate % fps or rate > fps * LONGEST:
         raise ParameterError(
-            f"fps = {fps}: must divide the fast path's rate, {rate:g} Hz, into a whole number of"
-            " samples; give another rate:="
+            f"fps = {fps}: must divide the fast path's rate, {rate:g} Hz, into whole numbers up to"
+            f" {LONGEST}; give another rate:="
         )
-    if (size := round(rate / fps)) > LONGEST:
-        raise ParameterError(f"fps = {fps}: must be at least {rate / LONGEST:g} at {rate:g} Hz")
-    return size
+    return round(rate / fps)
 
 
 def tool_axes(arguments: GraphArguments) -> Axes:
@@ -113,16 +106,15 @@ def tool_axes(arguments: GraphArguments) -> Axes:
     ParameterError
         Its parameters are not usable.
     """
-    own, options = Setup.of(arguments).node("slave_device")
-    return build_device("slave_device", own, options).axes
+    return build_device("slave_device", *Setup.of(arguments).node("slave_device")).axes
 
 
 class FastPath:
-    """Running fast path, with a silent coil until `feel`.
+    """Running fast path, whose coil is silent until `feel`.
 
     It is a process of its own, because a thread would share Python's lock with LeRobot, whose
-    loop, networks and image encoding hold it for 5 ms and more: five ticks. It is a new
-    Python rather than a child of `multiprocessing`, which would load LeRobot's script again.
+    loop, networks and image encoding hold it for 5 ms and more: five ticks. It is a new Python
+    rather than one of `multiprocessing`, which would load LeRobot's program again.
 
     Parameters
     ----------
@@ -131,106 +123,82 @@ class FastPath:
     Attributes
     ----------
     arguments : GraphArguments
-    remarks : list of str
+    remarks : str
         Remarks of the devices, and the process' scheduling.
+    process : Popen
+    ring : Ring
     users : int
         Number of devices that use it; see `join`.
 
     Raises
     ------
     DeviceError
-        It cannot start: no card, no answer of an accelerometer, a value that is not allowed.
+        It does not start: no card, no answer of an accelerometer, a value that is not allowed.
     """
 
     def __init__(self, arguments: GraphArguments) -> None:
-        self.arguments, self.users = arguments, 0
-        self._reason = ""
+        self.arguments, self.users, self._reason = arguments, 0, ""
         descriptor = memory_file()
-        try:
-            self._ring = Ring(descriptor)
-            self._process = subprocess.Popen(
-                [
-                    *module_command("haptic_accel.kits.lerobot.felt_loop"),
-                    *(str(descriptor), str(os.getpid()), *stated_words(arguments)),
-                ],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                pass_fds=[descriptor],
-                bufsize=0,
-            )
-        finally:
-            os.close(descriptor)
+        self.ring = Ring(descriptor)
+        command = module_command("haptic_accel.kits.lerobot.felt_loop")
+        words = str(descriptor), str(os.getpid()), *stated_words(arguments)
+        self.process = subprocess.Popen(
+            [*command, *words], stdout=subprocess.PIPE, pass_fds=[descriptor], text=True
+        )
+        os.close(descriptor)
+        assert self.process.stdout
+        self._output = self.process.stdout
         try:
             self.remarks = self._started()
         except BaseException:
             self.close()
             raise
 
-    def _started(self) -> list[str]:
+    def _started(self) -> str:
         """Wait until the process runs; return its remarks."""
-        assert self._process.stdout
-        readable, _, _ = select.select([self._process.stdout], [], [], START)
-        if not readable:
+        if not select.select([self._output], [], [], START)[0]:
             raise DeviceError(f"fast path: not running after {START:g} s")
-        found: dict[str, list[str]] = json.loads(line) if (line := self._line()) else {}
-        if "remarks" not in found:
-            raise DeviceError(f"fast path: {found.get('error', self._status())}")
-        return found["remarks"]
+        line = self._line()
+        if not line.startswith(RUNNING):
+            raise DeviceError(f"fast path: {line}")
+        return line.removeprefix(RUNNING).strip()
 
-    def _line(self) -> bytes:
-        assert self._process.stdout
-        return self._process.stdout.readline()
-
-    def _status(self) -> str:
-        return f"ended with status {self._process.wait()}"
+    def _line(self) -> str:
+        """Return the process' next line, or how it has ended."""
+        line = self._output.readline().strip()
+        return line or f"ended with status {self.process.wait()}"
 
     @property
     def problem(self) -> str:
         """Reason why no vibration is felt or measured; empty while the fast path runs."""
-        if self._reason:
+        if self._reason or self.process.poll() is not None:
+            self._reason = self._reason or self._line()
             return self._reason
-        if self._process.poll() is not None:
-            line = self._line()
-            self._reason = json.loads(line)["error"] if line else self._status()
-            return self._reason
-        newest = self._ring.newest(1)
-        assert newest
-        age = time.monotonic() - newest[0] / self.arguments.rate
+        newest = self.ring.newest(1)
+        age = time.monotonic() - newest[0] / self.arguments.rate if newest else 0.0
         return f"no sample for {age:.1f} s" if age > STALE else ""
 
-    @property
-    def process_id(self) -> int:
-        """Number of the process."""
-        return self._process.pid
-
-    @property
-    def ticks(self) -> tuple[int, int]:
-        """Numbers of ticks, and of late ticks."""
-        return self._ring.ticks
-
     def feel(self, felt: bool) -> None:
-        """Let the coil move, or silence it; do nothing once the process has ended."""
-        assert self._process.stdin
-        with suppress(OSError):
-            self._process.stdin.write(FEEL if felt else MUTE)
+        """Let the coil move, or silence it, from the next tick on."""
+        self.ring.counts[FELT] = felt
 
-    def window(self, size: int) -> tuple[int, FloatArray] | None:
-        """Return the newest tick and samples, as `Ring.newest`, which are awaited at the start.
+    def window(self, size: int) -> FloatArray | None:
+        """Return the newest samples, which are awaited at the start; None with a `problem`.
 
-        None if the fast path has a `problem`.
+        Returns
+        -------
+        ndarray, shape (size, 3), or None
+            Acceleration, m/s^2, the newest last.
         """
         while not self.problem:
-            if found := self._ring.newest(size):
-                return found
+            if found := self.ring.newest(size):
+                return found[1]
             time.sleep(1 / self.arguments.rate)
         return None
 
     def close(self) -> None:
         """End the process, with a silent coil."""
-        with self._process as process:
-            assert process.stdin
-            process.stdin.close()
-            # A process that was forked meanwhile may hold the other end open.
+        with self.process as process:
             process.terminate()
             try:
                 process.wait(END)
@@ -250,16 +218,16 @@ def join(arguments: GraphArguments) -> FastPath:
     ParameterError
         It runs with other arguments.
     DeviceError
-        It cannot start.
+        It does not start.
     """
     path = next((each for each in _RUNNING if not each.problem), None)
     if path is None:
         path = FastPath(arguments)
         _RUNNING.append(path)
-    elif path.arguments != arguments:
+    if path.arguments != arguments:
+        given, known = (" ".join(stated_words(each)) for each in (arguments, path.arguments))
         raise ParameterError(
-            f"arguments = {_text(arguments)!r}: must be {_text(path.arguments)!r}, as leader and"
-            " follower share one fast path"
+            f"arguments = {given!r}: must be {known!r}, as leader and follower share one fast path"
         )
     path.users += 1
     return path
@@ -271,8 +239,3 @@ def leave(path: FastPath) -> None:
     if not path.users:
         _RUNNING.remove(path)
         path.close()
-
-
-def _text(arguments: GraphArguments) -> str:
-    words: Sequence[str] = stated_words(arguments)
-    return " ".join(words)

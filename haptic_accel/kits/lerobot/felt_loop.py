@@ -15,15 +15,13 @@
 
 """Process of the fast path: accelerometers, compensation, safety layer and coil; no ROS.
 
-It is started with the ring's file, the process whose end ends it, and words ``key:=value``. Its
-standard output has one JSON object a line: remarks once it runs, or the error that ended it. Its
-standard input has letters, `FEEL` and `MUTE`; its end ends the process.
+It is started with the file of its `Ring`, the process that it ends with, and words ``key:=value``.
+It prints one line once it runs, after `RUNNING`, and one if an error ends it.
 """
 
 from __future__ import annotations
 
 import gc
-import json
 import os
 import signal
 import sys
@@ -33,16 +31,16 @@ from contextlib import ExitStack
 
 from haptic_accel.core.actuator.safety import SafetyLayer
 from haptic_accel.core.control.compensation import Compensation
-from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
 from haptic_accel.core.loop.compensation import CompensationPart
-from haptic_accel.core.loop.coupling import CouplingPart
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide
-from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
+from haptic_accel.core.loop.wiring import MASTER, SLAVE
 from haptic_accel.core.parameters import ParameterError, one_line
 from haptic_accel.core.process import DONE, ENDING, FAILED
+from haptic_accel.core.simulated_rig import build_loop
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import Device, DeviceError
-from haptic_accel.kits.lerobot.exchange import FEEL, Ring
+from haptic_accel.kits.lerobot.exchange import FELT, LATE, TICKS, WRITTEN, Ring
+from haptic_accel.kits.lerobot.fast_path import RUNNING
 from haptic_accel.nodes.priority import ask_for_realtime, scheduling_class, sharpen_timers
 from haptic_accel.nodes.timing import CATCH_UP, ArrivalKeeper, RateKeeper, wake_time
 from haptic_accel.setup.arguments import GraphArguments, parse_arguments
@@ -52,10 +50,6 @@ from haptic_accel.setup.setup import Setup
 REST = 20e-6
 """Shortest sleep between two looks at the clock, s. A real-time process that never sleeps is ended
 by the kernel, and starves the others before."""
-
-FIRST_SAMPLE = 2.0
-"""Longest time from opening to the first sample of the gripper, s: a card has filled its buffers
-by then many times over."""
 
 
 class FeltLoop:
@@ -68,7 +62,7 @@ class FeltLoop:
     ----------
     arguments : GraphArguments
     ring : Ring
-        Where the gripper's samples go.
+        Where the gripper's samples go, and where it says whether the coil may move.
 
     Raises
     ------
@@ -78,58 +72,46 @@ class FeltLoop:
 
     def __init__(self, arguments: GraphArguments, ring: Ring) -> None:
         setup = Setup.of(arguments)
-        self._rate, latency, self._frame = arguments.rate, arguments.latency, arguments.frame
-        self._ring = ring
+        self._rate, self._frame, self._ring = arguments.rate, arguments.frame, ring
         longest = round(CATCH_UP * self._rate)
         around, options = setup.node("compensator")
+        latency = arguments.latency
         self._compensation = Compensation(around, self._rate, options, latency=latency)
-        self._devices = {arm: _device(setup, arm) for arm in ARMS}
-        self._sides = {arm: _side(setup, arm, device) for arm, device in self._devices.items()}
-        engagement = Engagement(EngagementParameters(), time.monotonic())
-        for arm in ARMS:
-            engagement.arm_stopped(arm, False)
-        coupled = setup.rig().coupled(self._rate, latency)
-        self._loop = HostLoop(
-            self._sides,
-            CouplingPart(coupled, engagement, self._rate, longest),
-            CompensationPart(self._compensation, self._rate, latency, longest),
-        )
+        part = CompensationPart(self._compensation, self._rate, latency, longest)
+        built = {arm: _built(setup, arm) for arm in ARMS}
+        self._devices = [device for device, _ in built.values()]
+        self._sides = {arm: side for arm, (_, side) in built.items()}
+        self._loop = build_loop(setup.rig(), self._sides, part, longest=longest)
 
-    def open(self) -> list[str]:
+    def open(self) -> str:
         """Open the devices, with a silent coil; return their remarks."""
-        for device in self._devices.values():
+        for device in self._devices:
             device.open()
         self._sides[SLAVE].safety.enable(time.monotonic(), True)
-        self.feel(False)
-        return [device.remark for device in self._devices.values() if device.remark]
+        self._feel(False)
+        return "; ".join(device.remark for device in self._devices if device.remark)
 
     def close(self) -> None:
         """Silence the coil at once, and close all devices."""
         with ExitStack() as closing:
-            for device in self._devices.values():
+            for device in self._devices:
                 closing.callback(device.close)
-
-    def feel(self, felt: bool) -> None:
-        """Let the coil move, or silence it."""
-        master = self._sides[MASTER]
-        master.safety.enable(time.monotonic(), felt)
-        self._compensation.mute(not felt)
-        if not felt:
-            master.take_off()
 
     def begin(self) -> None:
         """Start at the next tick."""
         self._keeper = RateKeeper(self._rate, lead=wake_time(), frame=self._frame)
-        self._arrivals = {arm: ArrivalKeeper(self._rate / self._frame) for arm in self._sides}
+        self._arrivals = {arm: ArrivalKeeper(self._rate / self._frame) for arm in ARMS}
 
     def work(self) -> float:
         """Do the work that is due; return the steady time of the next, s."""
+        if self._ring.counts[FELT] != self._felt:
+            self._feel(not self._felt)
         tick = self._keeper.due()
         if tick is not None:
             for each in range(tick - self._frame + 1, tick + 1):
                 self._loop.step(each)
                 self._pass_on()
-            self._ring.count(self._keeper.ticks, self._keeper.late)
+            self._ring.counts[[TICKS, LATE]] = self._keeper.ticks, self._keeper.late
         elif not self._loop.complete:
             self._loop.go_on()
             self._pass_on()
@@ -140,44 +122,42 @@ class FeltLoop:
                 wake = wake if side.complete else min(wake, look)
         return wake
 
+    def _feel(self, felt: bool) -> None:
+        """Let the coil move, or silence it."""
+        self._felt = felt
+        self._sides[MASTER].safety.enable(time.monotonic(), felt)
+        self._compensation.mute(not felt)
+        if not felt:
+            self._sides[MASTER].take_off()
+
     def _pass_on(self) -> None:
         for arm, taken in self._loop.results.samples:
             if arm == SLAVE:
                 self._ring.put(taken.tick, taken.sample.acceleration)
 
 
-def _device(setup: Setup[GraphArguments], arm: str) -> Device:
+def _built(setup: Setup[GraphArguments], arm: str) -> tuple[Device, DeviceSide]:
+    """Return an arm's device, and the same behind its safety layer."""
     own, options = setup.node(f"{arm}_device")
-    return build_device(f"{arm}_device", own, options)
-
-
-def _side(setup: Setup[GraphArguments], arm: str, device: Device) -> DeviceSide:
-    """Return an arm's device behind its safety layer."""
-    own, options = setup.node(f"{arm}_device")
-    return DeviceSide(
-        device,
-        SafetyLayer(options[SAFETY], own.rate, device.axes),
-        own.rate,
-        own.latency,
-        time.monotonic,
-        kinds=(ARM, ACTUATOR) if arm == MASTER else (ARM,),
-        ahead=(ACTUATOR,) if device.description.ahead else (),
-        framed=own.frame > 1,
-    )
+    device = build_device(f"{arm}_device", own, options)
+    safety = SafetyLayer(options[SAFETY], own.rate, device.axes)
+    kinds = (ARM, ACTUATOR) if arm == MASTER else (ARM,)
+    ahead = (ACTUATOR,) if device.description.ahead else ()
+    given = {"kinds": kinds, "ahead": ahead, "framed": own.frame > 1}
+    return device, DeviceSide(device, safety, own.rate, own.latency, time.monotonic, **given)
 
 
 def run(loop: FeltLoop, ring: Ring, parent: int) -> None:
-    """Run an open loop until the parent, its pipe or a signal ends it.
+    """Run an open loop until a signal or the end of its parent.
 
     Raises
     ------
     DeviceError, OSError
-        A device failed, or there is no first sample.
+        A device failed.
     """
     ends: list[int] = []
     for number in ENDING:
         signal.signal(number, lambda number, _: ends.append(number))
-    os.set_blocking(sys.stdin.fileno(), False)
     remarks = loop.open()
     # A collection would find no garbage, and delay a tick by milliseconds.
     gc.collect()
@@ -186,46 +166,28 @@ def run(loop: FeltLoop, ring: Ring, parent: int) -> None:
     sharpen_timers()
     ask_for_realtime()
     loop.begin()
-    told, latest = False, time.monotonic() + FIRST_SAMPLE
-    # A copy of the pipe may live on in a process that the parent has forked.
+    is_told = False
+    # A pipe would not do: a process that the parent has forked keeps its end open.
     while not ends and os.getppid() == parent:
         wake = loop.work()
-        if not told and ring.written:
-            told = True
-            _tell(remarks=[*remarks, scheduling_class()])
-        if not told and time.monotonic() > latest:
-            raise DeviceError(f"no sample of the gripper's accelerometer in {FIRST_SAMPLE:g} s")
-        if (letter := _letter()) == b"":
-            return
-        if letter:
-            loop.feel(letter == FEEL)
+        if ring.counts[WRITTEN] and not is_told:
+            print(RUNNING, "; ".join(filter(None, (remarks, scheduling_class()))), flush=True)
+            is_told = True
         time.sleep(max(REST, wake - time.monotonic()))
-
-
-def _letter() -> bytes | None:
-    """Return a letter of the parent; None if none has come, an empty one at the pipe's end."""
-    try:
-        return os.read(sys.stdin.fileno(), 1)
-    except BlockingIOError:
-        return None
-
-
-def _tell(**values: object) -> None:
-    print(json.dumps(values), flush=True)
 
 
 def main(words: Sequence[str]) -> int:
     """Run the process; return its exit status."""
     descriptor, parent, *given = words
-    try:
-        with ExitStack() as opened:
+    with ExitStack() as opened:
+        try:
             ring = Ring(int(descriptor))
             loop = FeltLoop(parse_arguments(given), ring)
             opened.callback(loop.close)
             run(loop, ring, int(parent))
-    except (ParameterError, DeviceError, OSError) as error:
-        _tell(error=one_line(error))
-        return FAILED
+        except (ParameterError, DeviceError, OSError) as error:
+            print(one_line(error), flush=True)
+            return FAILED
     return DONE
 
 

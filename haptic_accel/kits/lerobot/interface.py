@@ -15,7 +15,7 @@
 
 """The part of LeRobot's interface that the plug-ins use; nothing else here depends on it.
 
-Read from release 0.6.1, which changes it without notice. Beyond these members, the two
+Read from release 0.6.1; each release may change it. Beyond the members below, the two
 distributions in ``plugins`` use:
 
 - ``lerobot.teleoperators``: ``Teleoperator``, ``TeleoperatorConfig.register_subclass``,
@@ -28,60 +28,53 @@ distributions in ``plugins`` use:
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 
-class Wrapped(Protocol):
-    """Members that leaders and followers have in common."""
+class PassedOn:
+    """Attribute or method that is the wrapped device's own."""
 
-    @property
-    def action_features(self) -> dict[str, Any]:
-        """Keys of an action, with their types."""
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Take the name in the class."""
+        self._name = name
 
-    @property
-    def is_connected(self) -> bool:
-        """True while the device may be used."""
-
-    @property
-    def is_calibrated(self) -> bool:
-        """True if no calibration is needed."""
-
-    def connect(self, calibrate: bool = True) -> None:
-        """Connect, and calibrate if needed and asked for."""
-
-    def calibrate(self) -> None:
-        """Calibrate the motors."""
-
-    def configure(self) -> None:
-        """Set up the motors."""
-
-    def disconnect(self) -> None:
-        """Disconnect."""
+    def __get__(self, device: Any, owner: type) -> Any:
+        """Return the attribute of the wrapped device."""
+        return self if device is None else getattr(device.wrapped, self._name)
 
 
-class Leader(Wrapped, Protocol):
-    """Members of a teleoperator."""
+class WrappedArm:
+    """Members that teleoperators and robots have in common.
 
-    @property
-    def feedback_features(self) -> dict[str, Any]:
-        """Keys of feedback, with their types."""
+    `haptic_accel.kits.lerobot.wrapping` adds to ``is_connected``, ``connect(calibrate)`` and
+    ``disconnect``.
 
-    def get_action(self) -> dict[str, Any]:
-        """Return the present action."""
+    Attributes
+    ----------
+    wrapped
+        Device of LeRobot.
+    """
 
-    def send_feedback(self, feedback: dict[str, Any]) -> None:
-        """Apply feedback."""
+    wrapped: Any
+
+    action_features = PassedOn()
+    is_calibrated = PassedOn()
+    calibrate = PassedOn()
+    configure = PassedOn()
 
 
-class Follower(Wrapped, Protocol):
-    """Members of a robot; one with cameras also has `cameras`, of which only the number counts."""
+class WrappedTeleoperator(WrappedArm):
+    """Members of a teleoperator; `FeltTeleoperator` adds to ``get_action``."""
 
-    @property
-    def observation_features(self) -> dict[str, Any]:
-        """Keys of an observation: `float` for a number, height, width and channels of an image."""
+    feedback_features = PassedOn()
+    send_feedback = PassedOn()
 
-    def get_observation(self) -> dict[str, Any]:
-        """Return the present observation."""
 
-    def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
-        """Move the motors; return the action that was sent."""
+class WrappedRobot(WrappedArm):
+    """Members of a robot; `VibrationRobot` adds to the others.
+
+    These are ``observation_features``, of which `float` is a number, ``get_observation``, and
+    ``cameras``, which not every robot has.
+    """
+
+    send_action = PassedOn()

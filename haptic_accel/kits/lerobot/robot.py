@@ -23,22 +23,23 @@ import numpy as np
 
 from haptic_accel.core.model import FloatArray
 from haptic_accel.kits.lerobot.fast_path import samples_per_frame, tool_axes
-from haptic_accel.kits.lerobot.interface import Follower
+from haptic_accel.kits.lerobot.interface import WrappedRobot
 from haptic_accel.kits.lerobot.wrapping import Wrapping
 
 VIBRATION = "vibration"
 """First part of the keys of an observation; axis and sample follow: ``vibration.z.0``."""
 
 
-class VibrationRobot(Wrapping[Follower]):
-    """Robot of LeRobot that also observes vibration; to be joined with LeRobot's base class.
+class VibrationRobot(Wrapping, WrappedRobot):
+    """Robot of LeRobot that also observes vibration, to be joined with LeRobot's base class.
 
     LeRobot's programs take numbers, which become ``observation.state``, and images, but no other
     arrays. So each sample of the window has a key of its own; `vibration` is the same as an array.
 
     Parameters
     ----------
-    wrapped : Follower
+    wrapped
+        Robot of LeRobot.
     arguments : str
         See `Wrapping`; the same as the leader's.
     fps : int
@@ -50,15 +51,12 @@ class VibrationRobot(Wrapping[Follower]):
         An argument is not allowed, or the rate is no whole multiple of `fps`.
     """
 
-    def __init__(self, wrapped: Follower, arguments: str, fps: int) -> None:
+    def __init__(self, wrapped: Any, arguments: str, fps: int) -> None:
         super().__init__(wrapped, arguments)
         self._size = samples_per_frame(self._arguments.rate, fps)
         self._axes = tool_axes(self._arguments)
-        self._keys = [
-            f"{VIBRATION}.{axis}.{sample}"
-            for axis in self._axes.names
-            for sample in range(self._size)
-        ]
+        numbers = range(self._size)
+        self._keys = [f"{VIBRATION}.{axis}.{n}" for axis in self._axes.names for n in numbers]
 
     @property
     def cameras(self) -> Any:
@@ -76,21 +74,16 @@ class VibrationRobot(Wrapping[Follower]):
         Returns
         -------
         ndarray, shape (n, axes)
-            Acceleration, m/s^2, the newest last, at the fast path's rate; zero if it has failed,
-            which is logged once: an arm must not stop for it.
+            Acceleration, m/s^2, the newest last, at the fast path's rate; zero if that has failed,
+            which is logged once.
         """
-        silence = np.zeros((self._size, len(self._axes.names)))
-        if self._path is None or self._tell_problem():
-            return silence
-        found = self._path.window(self._size)
-        return silence if found is None else found[1][:, self._axes.indices]
+        self.tell_problem()
+        found = self._path.window(self._size) if self._path else None
+        samples = np.zeros((self._size, 3)) if found is None else found
+        return samples[:, self._axes.indices]
 
     def get_observation(self) -> dict[str, Any]:
         """Return the follower's observation, and the vibration of the frame before the call."""
         felt = self.vibration()  # first, as cameras may be waited for
         observed = self.wrapped.get_observation()
         return {**observed, **dict(zip(self._keys, felt.T.ravel().tolist(), strict=True))}
-
-    def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
-        """Pass an action on to the follower."""
-        return self.wrapped.send_action(action)

@@ -13,49 +13,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Leader arm whose handle lets feel the follower's gripper."""
+"""Leader arm in whose handle the follower's gripper is felt."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from haptic_accel.kits.lerobot.fast_path import FastPath
-from haptic_accel.kits.lerobot.interface import Leader
+from haptic_accel.kits.lerobot.interface import WrappedTeleoperator
 from haptic_accel.kits.lerobot.wrapping import Wrapping
 
 
-class FeltTeleoperator(Wrapping[Leader]):
-    """Teleoperator of LeRobot with a coil in its handle; to be joined with LeRobot's base class.
+class FeltTeleoperator(Wrapping, WrappedTeleoperator):
+    """Teleoperator of LeRobot with a coil in its handle, to be joined with LeRobot's base class.
 
     The coil moves while it is connected, and is silent before and after. If the fast path ends
-    meanwhile, the arm goes on.
-
-    Parameters
-    ----------
-    wrapped : Leader
-    arguments : str
-        See `Wrapping`.
+    meanwhile, the arm goes on. Parameters as for `Wrapping`.
     """
 
-    @property
-    def feedback_features(self) -> dict[str, Any]:
-        """Keys and types of the leader's feedback."""
-        return self.wrapped.feedback_features
-
-    def connect(self, calibrate: bool = True) -> None:
-        """Connect, see `Wrapping.connect`; then let the coil move."""
-        super().connect(calibrate)
-        assert self._path
-        self._path.feel(True)
+    feels = True
 
     def get_action(self) -> dict[str, Any]:
         """Return the leader's action."""
-        self._tell_problem()
-        return self.wrapped.get_action()
-
-    def send_feedback(self, feedback: dict[str, Any]) -> None:
-        """Pass feedback on to the leader."""
-        self.wrapped.send_feedback(feedback)
-
-    def _silence(self, path: FastPath) -> None:
-        path.feel(False)
+        self.tell_problem()
+        action: dict[str, Any] = self.wrapped.get_action()
+        return action

@@ -19,30 +19,24 @@ from __future__ import annotations
 
 import logging
 from contextlib import ExitStack
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar
 
 from haptic_accel.kits.lerobot.fast_path import FastPath, join, leave, read_arguments
-from haptic_accel.kits.lerobot.interface import Wrapped
+from haptic_accel.kits.lerobot.interface import WrappedArm
 from haptic_accel.setup.arguments import SIMULATED
 
 LOG = logging.getLogger(__name__)
 
-D = TypeVar("D", bound=Wrapped)
 
-
-class Wrapping(Generic[D]):
-    """Device that passes everything on to another, and has a fast path while it is connected.
+class Wrapping(WrappedArm):
+    """Device that passes everything on to another, and has the fast path while it is connected.
 
     Parameters
     ----------
-    wrapped : Wrapped
+    wrapped
         Device of LeRobot.
     arguments : str
         Arguments of the fast path, ``key:=value``, as for ``haptic-accel teleop``.
-
-    Attributes
-    ----------
-    wrapped : Wrapped
 
     Raises
     ------
@@ -50,40 +44,25 @@ class Wrapping(Generic[D]):
         An argument is not allowed.
     """
 
-    def __init__(self, wrapped: D, arguments: str) -> None:
+    feels: ClassVar[bool] = False
+    """The coil moves while the device is connected."""
+
+    def __init__(self, wrapped: Any, arguments: str) -> None:
         self.wrapped = wrapped
         self._arguments = read_arguments(arguments)
         self._path: FastPath | None = None
-        self._told = False
+        self._is_told = False
 
     def __getattr__(self, name: str) -> Any:
-        """Return an attribute that only the wrapped device has, such as cameras."""
+        """Return an attribute that only the wrapped device has."""
         if name.startswith("_") or name == "wrapped":  # not there before __init__
             raise AttributeError(name)
         return getattr(self.wrapped, name)
 
     @property
-    def action_features(self) -> dict[str, Any]:
-        """Keys and types of the wrapped device's actions."""
-        return self.wrapped.action_features
-
-    @property
     def is_connected(self) -> bool:
         """True if the wrapped device is, also after the end of the fast path."""
-        return self._path is not None and self.wrapped.is_connected
-
-    @property
-    def is_calibrated(self) -> bool:
-        """True if the wrapped device is."""
-        return self.wrapped.is_calibrated
-
-    def calibrate(self) -> None:
-        """Calibrate the wrapped device."""
-        self.wrapped.calibrate()
-
-    def configure(self) -> None:
-        """Configure the wrapped device."""
-        self.wrapped.configure()
+        return self._path is not None and bool(self.wrapped.is_connected)
 
     def connect(self, calibrate: bool = True) -> None:
         """Start the fast path, or join it, and connect the wrapped device, or do neither.
@@ -99,10 +78,12 @@ class Wrapping(Generic[D]):
             opened.callback(leave, path)
             self.wrapped.connect(calibrate)
             opened.pop_all()
-        self._path, self._told = path, False
-        LOG.info("fast path: %s", "; ".join(path.remarks))
+        self._path, self._is_told = path, False
+        LOG.info("fast path: %s", path.remarks)
         if SIMULATED in (self._arguments.master, self._arguments.slave):
-            LOG.warning("fast path: simulated; master:=none slave:=none is for a sound card")
+            LOG.warning("fast path: simulated; a sound card needs master:=none slave:=none")
+        if self.feels:
+            path.feel(True)
 
     def disconnect(self) -> None:
         """Leave the fast path and disconnect the wrapped device, even if one of them fails."""
@@ -111,15 +92,12 @@ class Wrapping(Generic[D]):
             closing.callback(self.wrapped.disconnect)
             if path:
                 closing.callback(leave, path)
-                self._silence(path)
+            if path and self.feels:
+                path.feel(False)
 
-    def _silence(self, path: FastPath) -> None:
-        """Undo what this device asked of the fast path: nothing by default."""
-
-    def _tell_problem(self) -> bool:
-        """Return whether the fast path has failed; log that once."""
+    def tell_problem(self) -> None:
+        """Log once that the fast path has failed, if it has: an arm must not stop for it."""
         problem = self._path.problem if self._path else ""
-        if problem and not self._told:
-            self._told = True
+        if problem and not self._is_told:
+            self._is_told = True
             LOG.warning("fast path: %s; the arms go on without vibration", problem)
-        return bool(problem)
