@@ -19,15 +19,21 @@ from dataclasses import dataclass
 
 from lerobot.robots import Robot, RobotConfig, make_robot_from_config
 
+from haptic_accel.kits.lerobot.interface import others
 from haptic_accel.kits.lerobot.robot import VibrationRobot
 
+NAME = "haptic_accel"
+"""Type in LeRobot's configuration."""
 
-@RobotConfig.register_subclass("haptic_accel")
+Follower = others(RobotConfig, NAME)
+
+
+@RobotConfig.register_subclass(NAME)
 @dataclass(kw_only=True)
 class HapticAccelRobotConfig(RobotConfig):
     """Configuration: the follower, the arguments of the fast path, and LeRobot's frame rate."""
 
-    follower: RobotConfig
+    follower: Follower
     arguments: str = ""
     fps: int = 30
 
@@ -36,7 +42,7 @@ class HapticAccelRobot(VibrationRobot, Robot):
     """Any robot of LeRobot, and the vibration of its gripper."""
 
     config_class = HapticAccelRobotConfig
-    name = "haptic_accel"
+    name = NAME
 
     def __init__(self, config: HapticAccelRobotConfig) -> None:
         follower = make_robot_from_config(config.follower)

@@ -17,21 +17,23 @@
 
 from dataclasses import dataclass
 
-from lerobot.teleoperators import (
-    Teleoperator,
-    TeleoperatorConfig,
-    make_teleoperator_from_config,
-)
+from lerobot.teleoperators import Teleoperator, TeleoperatorConfig, make_teleoperator_from_config
 
+from haptic_accel.kits.lerobot.interface import others
 from haptic_accel.kits.lerobot.teleoperator import FeltTeleoperator
 
+NAME = "haptic_accel"
+"""Type in LeRobot's configuration."""
 
-@TeleoperatorConfig.register_subclass("haptic_accel")
+Leader = others(TeleoperatorConfig, NAME)
+
+
+@TeleoperatorConfig.register_subclass(NAME)
 @dataclass(kw_only=True)
 class HapticAccelTeleoperatorConfig(TeleoperatorConfig):
     """Configuration: the leader, and the arguments of the fast path."""
 
-    leader: TeleoperatorConfig
+    leader: Leader
     arguments: str = ""
 
 
@@ -39,7 +41,7 @@ class HapticAccelTeleoperator(FeltTeleoperator, Teleoperator):
     """Any teleoperator of LeRobot, and the coil in its handle."""
 
     config_class = HapticAccelTeleoperatorConfig
-    name = "haptic_accel"
+    name = NAME
 
     def __init__(self, config: HapticAccelTeleoperatorConfig) -> None:
         leader = make_teleoperator_from_config(config.leader)

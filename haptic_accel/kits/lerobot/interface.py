@@ -21,6 +21,7 @@ distributions in ``plugins`` use:
 - ``lerobot.teleoperators``: ``Teleoperator``, ``TeleoperatorConfig.register_subclass``,
   ``make_teleoperator_from_config``;
 - ``lerobot.robots``: ``Robot``, ``RobotConfig.register_subclass``, ``make_robot_from_config``;
+- the choices of a configuration, from draccus: `others`;
 - the rule by which ``lerobot.utils.import_utils`` finds a plug-in: a distribution named
   ``lerobot_teleoperator_*`` or ``lerobot_robot_*`` is imported as a module of that name, whose
   device class is named as its class of configuration without ``Config``.
@@ -78,3 +79,21 @@ class WrappedRobot(WrappedArm):
     """
 
     send_action = PassedOn()
+
+
+CHOICE = "get_choice_class", "get_choice_name", "default_choice_name"
+"""Members of a choice of configurations, in addition to `get_known_choices`."""
+
+
+def others(registry: Any, own: str) -> Any:
+    """Return the choice among the configurations of a registry except one, as a field's type.
+
+    The field of a configuration that is among the field's own choices would be expanded without
+    end, for every program of LeRobot.
+    """
+
+    def known() -> dict[str, Any]:
+        return {name: each for name, each in registry.get_known_choices().items() if name != own}
+
+    members = {name: getattr(registry, name) for name in CHOICE}
+    return type("Others", (), {**members, "get_known_choices": staticmethod(known)})

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_type_hints
 
 from kits.lerobot.plug_ins import plug_ins
 
@@ -33,3 +34,17 @@ def test_every_member_that_lerobot_asks_for_is_named() -> None:
             for name in base.__abstractmethods__
         }
     assert [name for name in sorted(asked) if name not in named] == []
+
+
+def test_a_configuration_is_not_among_its_own_choices() -> None:
+    with plug_ins() as built:
+        for registry, field in (
+            (built.teleoperators.TeleoperatorConfig, "leader"),
+            (built.robots.RobotConfig, "follower"),
+        ):
+            own = registry.get_choice_class("haptic_accel")
+            choice = get_type_hints(own)[field]
+            assert list(choice.get_known_choices()) == [f"plain_{field}"]
+            plain = choice.get_choice_class(f"plain_{field}")
+            assert choice.get_choice_name(plain) == f"plain_{field}"
+            assert choice.default_choice_name() is None

@@ -42,6 +42,22 @@ class Config:
 
         return register
 
+    @classmethod
+    def get_known_choices(cls) -> dict[str, type]:
+        return cls.choices
+
+    @classmethod
+    def get_choice_class(cls, name: str) -> type:
+        return cls.choices[name]
+
+    @classmethod
+    def get_choice_name(cls, kind: type) -> str:
+        return next(name for name, each in cls.choices.items() if each is kind)
+
+    @classmethod
+    def default_choice_name(cls) -> str | None:
+        return None
+
 
 def make_device(config: Any) -> Any:
     """Build the device whose class is named as its configuration's, in the same module."""
