@@ -42,7 +42,7 @@ BUDGETS = {
     "kits/link": 850,
     "kits/textures": 1_050,
     "kits/bringup": 940,
-    "kits/lerobot": 380,
+    "kits/lerobot": 390,
     "links": 170,
     "pages": 40,
 }

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -71,3 +72,15 @@ def plug_ins() -> Iterator[PlugIns]:
 def _forget() -> None:
     for name in [name for name in sys.modules if name.partition(".")[0] in OWN]:
         del sys.modules[name]
+
+
+def children(program: str) -> list[int]:
+    """Return the processes that this one has started for a program."""
+    found = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+    return [int(each) for each in found if program in Path(f"/proc/{each}/cmdline").read_text()]
+
+
+def child(program: str) -> int:
+    """Return the only process for a program."""
+    (found,) = children(program)
+    return found

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from kits.lerobot.plug_ins import PlugIns, plug_ins
+from kits.lerobot.plug_ins import PlugIns, child, plug_ins
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import DeviceError
@@ -39,18 +39,6 @@ pytestmark = pytest.mark.quiet
 def built() -> Iterator[PlugIns]:
     with plug_ins() as found:
         yield found
-
-
-def process_of() -> int:
-    """Return the process of the fast path, the only child of this one."""
-    children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
-    felt = [int(each) for each in children if b"felt_loop" in cmdline(each)]
-    assert len(felt) == 1
-    return felt[0]
-
-
-def cmdline(process: str) -> bytes:
-    return Path(f"/proc/{process}/cmdline").read_bytes()
 
 
 def test_a_leader_is_built_by_its_name_and_passes_everything_through(built: PlugIns) -> None:
@@ -93,7 +81,7 @@ def test_a_leader_goes_on_without_its_fast_path_and_tells_it_once(
     leader = built.leader()
     leader.connect()
     try:
-        process = process_of()
+        process = child("felt_loop")
         caplog.clear()
         os.kill(process, signal.SIGKILL)
         wait_until(lambda: leader.get_action() and caplog.records, "warning")
@@ -112,7 +100,7 @@ def test_a_leader_that_fails_to_disconnect_ends_the_fast_path_all_the_same(
 ) -> None:
     leader = built.leader(broken=True)
     leader.connect()
-    process = process_of()
+    process = child("felt_loop")
     with pytest.raises(ConnectionError, match="the arm is gone"):
         leader.disconnect()
     assert not Path(f"/proc/{process}").exists()
@@ -126,7 +114,7 @@ def test_a_leader_that_does_not_connect_leaves_no_fast_path(
     processes = []
 
     def refuse(calibrate: bool = True) -> None:
-        processes.append(process_of())
+        processes.append(child("felt_loop"))
         raise ConnectionError("no such port")
 
     monkeypatch.setattr(leader.wrapped, "connect", refuse)
