@@ -31,7 +31,6 @@ from haptic_accel.devices import DeviceError
 from haptic_accel.devices.sound_bench import NO_ARM
 from haptic_accel.kits.lerobot.exchange import FELT, LONGEST, Ring, memory_file
 from haptic_accel.setup import arguments as names
-from haptic_accel.setup.arguments import GraphArguments, parse_arguments, stated_words
 from haptic_accel.setup.node_parameters import build_device
 from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import given_keys
@@ -59,7 +58,7 @@ RUNNING = "running:"
 """Begin of the line that the process prints once it runs."""
 
 
-def read_arguments(text: str) -> GraphArguments:
+def read_arguments(text: str) -> names.GraphArguments:
     """Return the arguments of ``haptic-accel teleop`` in a text, with this kit's rate.
 
     Raises
@@ -71,9 +70,9 @@ def read_arguments(text: str) -> GraphArguments:
         words = shlex.split(text)
     except ValueError as error:
         raise ParameterError(f"arguments = {text!r}: {error}") from None
-    found = parse_arguments(words)
-    if "rate" not in given_keys(words) and found.rate == GraphArguments.rate:
-        found = parse_arguments([*words, f"rate:={RATE:g}"])
+    found = names.parse_arguments(words)
+    if "rate" not in given_keys(words) and found.rate == names.GraphArguments.rate:
+        found = names.parse_arguments([*words, f"rate:={RATE:g}"])
     names.check_both_arms(found)
     for arm, device in (("master", found.master), ("slave", found.slave)):
         if device not in DEVICES:
@@ -98,7 +97,7 @@ def samples_per_frame(rate: float, fps: int) -> int:
     return round(rate / fps)
 
 
-def tool_axes(arguments: GraphArguments) -> Axes:
+def tool_axes(arguments: names.GraphArguments) -> Axes:
     """Return the axes of the gripper's accelerometer.
 
     Raises
@@ -129,6 +128,8 @@ class FastPath:
     ring : Ring
     users : int
         Number of devices that use it; see `join`.
+    is_told : bool
+        One of them has told its `problem`.
 
     Raises
     ------
@@ -136,12 +137,12 @@ class FastPath:
         It does not start: no card, no answer of an accelerometer, a value that is not allowed.
     """
 
-    def __init__(self, arguments: GraphArguments) -> None:
-        self.arguments, self.users, self._reason = arguments, 0, ""
+    def __init__(self, arguments: names.GraphArguments) -> None:
+        self.arguments, self.users, self.is_told, self._reason = arguments, 0, False, ""
         descriptor = memory_file()
         self.ring = Ring(descriptor)
         command = module_command("haptic_accel.kits.lerobot.felt_loop")
-        words = str(descriptor), str(os.getpid()), *stated_words(arguments)
+        words = str(descriptor), str(os.getpid()), *names.stated_words(arguments)
         self.process = subprocess.Popen(
             [*command, *words], stdout=subprocess.PIPE, pass_fds=[descriptor], text=True
         )
@@ -171,8 +172,10 @@ class FastPath:
     @property
     def problem(self) -> str:
         """Reason why no vibration is felt or measured; empty while the fast path runs."""
-        if self._reason or self.process.poll() is not None:
-            self._reason = self._reason or self._line()
+        # The reason comes before the end, which a lost card may delay for ever.
+        if not self._reason and select.select([self._output], [], [], 0)[0]:
+            self._reason = self._line()
+        if self._reason:
             return self._reason
         newest = self.ring.newest(1)
         age = time.monotonic() - newest[0] / self.arguments.rate if newest else 0.0
@@ -210,7 +213,7 @@ _RUNNING: list[FastPath] = []
 """Fast path that the leader and the follower of this process share: a card opens once."""
 
 
-def join(arguments: GraphArguments) -> FastPath:
+def join(arguments: names.GraphArguments) -> FastPath:
     """Return the fast path of this process, which the first device starts.
 
     Raises
@@ -225,7 +228,7 @@ def join(arguments: GraphArguments) -> FastPath:
         path = FastPath(arguments)
         _RUNNING.append(path)
     if path.arguments != arguments:
-        given, known = (" ".join(stated_words(each)) for each in (arguments, path.arguments))
+        given, known = (" ".join(names.stated_words(each)) for each in (arguments, path.arguments))
         raise ParameterError(
             f"arguments = {given!r}: must be {known!r}, as leader and follower share one fast path"
         )

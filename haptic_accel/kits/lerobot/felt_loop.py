@@ -73,9 +73,8 @@ class FeltLoop:
     def __init__(self, arguments: GraphArguments, ring: Ring) -> None:
         setup = Setup.of(arguments)
         self._rate, self._frame, self._ring = arguments.rate, arguments.frame, ring
-        longest = round(CATCH_UP * self._rate)
+        latency, longest = arguments.latency, round(CATCH_UP * self._rate)
         around, options = setup.node("compensator")
-        latency = arguments.latency
         self._compensation = Compensation(around, self._rate, options, latency=latency)
         part = CompensationPart(self._compensation, self._rate, latency, longest)
         built = {arm: _built(setup, arm) for arm in ARMS}
@@ -179,6 +178,9 @@ def run(loop: FeltLoop, ring: Ring, parent: int) -> None:
 def main(words: Sequence[str]) -> int:
     """Run the process; return its exit status."""
     descriptor, parent, *given = words
+    # Libraries may print, too: their lines go to the terminal.
+    sys.stdout = os.fdopen(os.dup(sys.stdout.fileno()), "w")
+    os.dup2(sys.stderr.fileno(), 1)
     with ExitStack() as opened:
         try:
             ring = Ring(int(descriptor))

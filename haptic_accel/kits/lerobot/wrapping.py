@@ -51,7 +51,6 @@ class Wrapping(WrappedArm):
         self.wrapped = wrapped
         self._arguments = read_arguments(arguments)
         self._path: FastPath | None = None
-        self._is_told = False
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute that only the wrapped device has."""
@@ -78,7 +77,7 @@ class Wrapping(WrappedArm):
             opened.callback(leave, path)
             self.wrapped.connect(calibrate)
             opened.pop_all()
-        self._path, self._is_told = path, False
+        self._path = path
         LOG.info("fast path: %s", path.remarks)
         if SIMULATED in (self._arguments.master, self._arguments.slave):
             LOG.warning("fast path: simulated; a sound card needs master:=none slave:=none")
@@ -97,7 +96,7 @@ class Wrapping(WrappedArm):
 
     def tell_problem(self) -> None:
         """Log once that the fast path has failed, if it has: an arm must not stop for it."""
-        problem = self._path.problem if self._path else ""
-        if problem and not self._is_told:
-            self._is_told = True
+        path = self._path
+        if path and not path.is_told and (problem := path.problem):
+            path.is_told = True
             LOG.warning("fast path: %s; the arms go on without vibration", problem)
