@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""LeRobot plug-in: a leader arm whose handle lets feel the follower's gripper."""
+"""LeRobot plug-in: a leader arm in whose handle the follower's gripper is felt."""
 
 from dataclasses import dataclass
 

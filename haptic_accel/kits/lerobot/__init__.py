@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""LeRobot plug-ins: a leader that lets feel the gripper, and a follower that observes vibration.
+"""LeRobot plug-ins: a leader that makes the gripper felt, a follower that observes its vibration.
 
 Nothing here imports LeRobot. Its base classes come in from two small distributions in the folder
 ``plugins``, which LeRobot finds by their names.
