@@ -173,6 +173,8 @@ setup(
         "can": ["python-can>=4.3", "pyserial>=3.5"],
         # A voice coil behind a sound card; needs PortAudio, which only apt has: libportaudio2.
         "audio": ["sounddevice>=0.4.6"],
+        # Arms of LeRobot with a coil behind a sound card; LeRobot itself is the user's.
+        "lerobot": ["sounddevice>=0.4.6"],
         # Virtual scenes that move.
         "mujoco": ["mujoco>=3.3,<4"],
         # Meshes in virtual scenes; no rosdep key.

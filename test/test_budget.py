@@ -29,7 +29,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
 BUDGETS = {
     "core": 14_770,
     "analysis": 4_210,
-    "nodes": 4_050,
+    "nodes": 4_060,
     "kits/study": 3_990,
     "devices": 4_150,
     "cli": 3_150,
@@ -43,6 +43,7 @@ BUDGETS = {
     "kits/link": 850,
     "kits/textures": 1_050,
     "kits/bringup": 920,
+    "kits/lerobot": 390,
     "links": 170,
     "pages": 40,
 }

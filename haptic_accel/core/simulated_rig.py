@@ -139,9 +139,8 @@ def build_parts(
         A value is not allowed.
     """
     on_master, on_slave = rig.safety
-    axes = axes_of(rig.master)
     sides = {
-        MASTER: rig_side(devices[MASTER], on_master, rate, latency, axes=axes),
+        MASTER: rig_side(devices[MASTER], on_master, rate, latency, axes=axes_of(rig.master)),
         SLAVE: rig_side(devices[SLAVE], on_slave, rate, latency, (ARM,)),
     }
     built = Compensation(compensation, rate, controllers, latency=latency)
@@ -154,6 +153,7 @@ def build_loop(
     compensation: CompensationPart,
     *,
     composed: bool = True,
+    longest: int = 1,
 ) -> HostLoop:
     """Return the loop of both arms on one host, whose devices are not stopped.
 
@@ -166,10 +166,12 @@ def build_loop(
     composed : bool
         False for the signals of a graph with a process for each node, whose compensation does not
         know the forces of the arms.
+    longest : int
+        Maximum number of waiting samples of an arm: one in lockstep, where none is late.
     """
     engagement = Engagement(EngagementParameters(), now=0.0)
     for arm in topics.ARMS:
         engagement.arm_stopped(arm, False)
     rate, latency = sides[MASTER].rate, sides[MASTER].latency
-    coupling = CouplingPart(rig.coupled(rate, latency), engagement, rate, counted=composed)
-    return HostLoop(sides, coupling, compensation)
+    coupled = CouplingPart(rig.coupled(rate, latency), engagement, rate, longest, counted=composed)
+    return HostLoop(sides, coupled, compensation)

@@ -35,7 +35,8 @@ from haptic_accel.core.orientation import Orientation
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.reduction import NO_REDUCTION
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.scheduling import FELT_PRIORITY, run
+from haptic_accel.nodes.priority import FELT_PRIORITY
+from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.timing import CATCH_UP, ArrivalKeeper
 
 FROZEN = "adaptive.frozen"

@@ -30,7 +30,7 @@ from typing import Any
 from haptic_accel.core.due_forces import IN_TIME
 from haptic_accel.core.process import module_command
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.nodes.scheduling import ask_for_realtime, sharpen_timers
+from haptic_accel.nodes.priority import ask_for_realtime, sharpen_timers
 from haptic_accel.nodes.timing import RateKeeper, wake_time
 
 STARTING_TIME = 30.0

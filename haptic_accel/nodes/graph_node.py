@@ -36,7 +36,7 @@ from haptic_accel.core.topics import BUNDLES, DESCRIPTION, DIAGNOSTICS, SIGNALS,
 from haptic_accel.graph.locks import lock_signal
 from haptic_accel.nodes.bundling import BUNDLES_KEPT, BundleSender, join, participant
 from haptic_accel.nodes.parameters import DeclaredParameters
-from haptic_accel.nodes.scheduling import scheduling_class
+from haptic_accel.nodes.priority import scheduling_class
 from haptic_accel.nodes.signals import (
     RIVALS_PERIOD,
     Inbox,

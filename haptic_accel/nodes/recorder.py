@@ -52,7 +52,8 @@ from haptic_accel.core.topics import (
     reporter,
 )
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.scheduling import RECORDING_PRIORITY, run
+from haptic_accel.nodes.priority import RECORDING_PRIORITY
+from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.signal_receiver import SignalReceiver
 from haptic_accel.nodes.signals import Inbox
 from haptic_accel.nodes.topic_node import message_type, offered_quality, quality

@@ -21,12 +21,11 @@ import ctypes
 import gc
 import math
 import os
-import resource
 import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from functools import partial
 from typing import Any, NoReturn, Protocol
 
@@ -44,13 +43,13 @@ from haptic_accel.core.process import (
     EMERGENCY,
     ENDING,
     FAILED,
-    REALTIME,
     SUPERVISOR,
     WRONG_ARGUMENTS,
     shortage,
 )
 from haptic_accel.devices import DeviceError
 from haptic_accel.graph.middleware import check_middleware, middleware_defaults
+from haptic_accel.nodes.priority import FORCE_PRIORITY, ask_for_realtime, schedule, sharpen_timers
 from haptic_accel.nodes.standard_streams import unblock_standard_streams
 from haptic_accel.nodes.supervised_node import SupervisedNode
 from haptic_accel.nodes.wires import WIRES
@@ -84,25 +83,12 @@ is never available. Weight of the newest value in the running mean that is the u
 STOP_PERIOD = 2e-3
 """Interval between polls for an emergency stop, s: each takes a hundredth of a millisecond."""
 
-LONGEST_RUN = 1_000_000
-"""Time that a real-time thread may run without a pause, us, before the kernel ends its process
-(with SIGXCPU): a fault in a node must not block the machine."""
-
 LONGEST_BUSY, BREAK = 0.2, 1e-3
 """Longest time without a sleep while a polling node is behind, and the sleep that then follows, s:
 a slow machine is no fault in a node, and other programs need it, too."""
 
-RECORDING_PRIORITY, FORCE_PRIORITY, FELT_PRIORITY = 30, 40, 41
-"""Real-time priorities, below the kernel's own threads at 50. Nodes that make forces have the
-same, so that none interrupts another, but for the compensator: it may interrupt the others, whose
-work for a tick can wait, for its force is due at the next. The recorder, which delays none of
-them, must not wait for ordinary programs: messages would be lost."""
-
 TEARDOWN = 3
 """Time allowed for shutting the middleware down, s."""
-
-PR_SET_TIMERSLACK = 29
-"""From linux/prctl.h."""
 
 SUSPENDING = (signal.SIGTSTP, signal.SIGTTOU)
 """Signals by which a terminal suspends a program (Ctrl-Z), with its forces held. Of a launch only
@@ -317,7 +303,7 @@ def close_nodes(nodes: Sequence[SupervisedNode], well: bool) -> None:
             stack.callback(node.close)
     # Nothing is urgent now, and the middleware may spin too long for a real-time thread.
     if hasattr(os, "sched_setscheduler"):
-        _schedule(os.SCHED_OTHER, 0)
+        schedule(os.SCHED_OTHER, 0)
     # Under load, in about one of some hundred ends, the middleware's shutdown hung or aborted
     # ("pure virtual method called") while other nodes left. By now nothing can be lost.
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
@@ -377,48 +363,3 @@ def _spin(nodes: Sequence[SupervisedNode], workers: Sequence[Worker], signals: S
                 slept = now
     finally:
         executor.shutdown()
-
-
-def sharpen_timers() -> None:
-    """Set the timer slack to its minimum; the default, 50 us, was half of the lateness."""
-    libc = ctypes.CDLL(None)
-    if hasattr(libc, "prctl"):
-        libc.prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
-
-
-def ask_for_realtime(priority: int = FORCE_PRIORITY) -> bool:
-    """Request real-time priority for this process, if the system allows it.
-
-    Call it after set-up, which would otherwise take the cores from running nodes. It applies to
-    all threads that exist by then, including the middleware's.
-
-    Returns
-    -------
-    bool
-        The priority was granted.
-    """
-    if os.environ.get(REALTIME) == "no" or not hasattr(os, "sched_setscheduler"):
-        return False
-    try:
-        if priority >= FORCE_PRIORITY:  # the recorder may write to a slow disk for longer
-            resource.setrlimit(resource.RLIMIT_RTTIME, (LONGEST_RUN, 2 * LONGEST_RUN))
-        _schedule(os.SCHED_FIFO, priority)
-    except OSError:
-        return False
-    return True
-
-
-def _schedule(policy: int, priority: int) -> None:
-    """Give every thread of this process a scheduling policy and a priority."""
-    for thread in os.listdir("/proc/self/task"):
-        with suppress(ProcessLookupError):  # one that has just ended
-            os.sched_setscheduler(int(thread), policy, os.sched_param(priority))
-
-
-def scheduling_class() -> str:
-    """Return the scheduling class of this thread, for diagnostics."""
-    if not hasattr(os, "sched_getscheduler"):
-        return "unknown"
-    if os.sched_getscheduler(0) == os.SCHED_FIFO:
-        return f"real-time {os.sched_getparam(0).sched_priority}"
-    return f"shared, niceness {os.nice(0)}"

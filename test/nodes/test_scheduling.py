@@ -28,7 +28,8 @@ from running import Command
 
 ALWAYS_BEHIND = """
 import time
-from haptic_accel.nodes.scheduling import LONGEST_RUN, run
+from haptic_accel.nodes.priority import LONGEST_RUN
+from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.supervised_node import SupervisedNode
 
 class Behind(SupervisedNode):

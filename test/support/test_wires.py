@@ -29,7 +29,7 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.nodes.scheduling import FELT_PRIORITY, FORCE_PRIORITY, RECORDING_PRIORITY
+from haptic_accel.nodes.priority import FELT_PRIORITY, FORCE_PRIORITY, RECORDING_PRIORITY
 from running import wait_until
 from wires import ADDRESSES, DEVICE, PRIORITY, Wire, reason_against
 

@@ -178,8 +178,8 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
         from haptic_accel.kits.emulators.serial_line import CoupledArms, SerialLines
     except ImportError:
         raise StoppedError(f"serial: {MISSING_LIBRARY}") from None
-    # The boards must not be delayed by the nodes that they serve. Only here is ROS waited for.
-    from haptic_accel.nodes.scheduling import ask_for_realtime, sharpen_timers
+    # The boards must not be delayed by the nodes that they serve.
+    from haptic_accel.nodes.priority import ask_for_realtime, sharpen_timers
 
     folder = arguments.made_folder("serial")
     held = _Held(arguments.seed)

@@ -1,0 +1,244 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Fast path as LeRobot's process sees it: its arguments, its start, its samples, its end."""
+
+from __future__ import annotations
+
+import os
+import select
+import shlex
+import subprocess
+import time
+
+from haptic_accel.core.axes import Axes
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.process import module_command
+from haptic_accel.devices import DeviceError
+from haptic_accel.devices.sound_bench import NO_ARM
+from haptic_accel.kits.lerobot.exchange import FELT, LONGEST, Ring, memory_file
+from haptic_accel.setup import arguments as names
+from haptic_accel.setup.node_parameters import build_device
+from haptic_accel.setup.setup import Setup
+from haptic_accel.setup.words import given_keys
+
+RATE = 960.0
+"""Rate without ``rate:=``, Hz: near the paper's 1 kHz, and a whole multiple of 24, 30, 48, 60 and
+120, so that a frame of LeRobot has a whole number of samples."""
+
+DEVICES = NO_ARM, names.SIMULATED, names.VIRTUAL, names.REPLAY
+"""Devices in the place of an arm: none on a sound card, and those that need no hardware."""
+
+START = 30.0
+"""Longest time until the process runs, s: it loads its libraries and measures the card's round
+trip, which a busy machine makes slow."""
+
+END = 3.0
+"""Longest time for the process to end when it is told to, s. Where the card's server is gone,
+PortAudio never ends."""
+
+STALE = 0.2
+"""Age of the newest sample above which the fast path counts as stopped, s: far above the delay of
+any card."""
+
+RUNNING = "running:"
+"""Begin of the line that the process prints once it runs."""
+
+
+def read_arguments(text: str) -> names.GraphArguments:
+    """Return the arguments of ``haptic-accel teleop`` in a text, with this kit's rate.
+
+    Raises
+    ------
+    ParameterError
+        A word or a value is not allowed, or names an arm, which LeRobot moves.
+    """
+    try:
+        words = shlex.split(text)
+    except ValueError as error:
+        raise ParameterError(f"arguments = {text!r}: {error}") from None
+    found = names.parse_arguments(words)
+    if "rate" not in given_keys(words) and found.rate == names.GraphArguments.rate:
+        found = names.parse_arguments([*words, f"rate:={RATE:g}"])
+    names.check_both_arms(found)
+    for arm, device in (("master", found.master), ("slave", found.slave)):
+        if device not in DEVICES:
+            allowed = " or ".join(DEVICES)
+            raise ParameterError(f"{arm} = {device!r}: must be {allowed}: LeRobot moves the arms")
+    return found
+
+
+def samples_per_frame(rate: float, fps: int) -> int:
+    """Return the samples of the fast path in a frame of LeRobot.
+
+    Raises
+    ------
+    ParameterError
+        They are not a whole number, or too many to be read together.
+    """
+    if fps < 1 or rate % fps or rate > fps * LONGEST:
+        raise ParameterError(
+            f"fps = {fps}: must divide the fast path's rate, {rate:g} Hz, into whole numbers up to"
+            f" {LONGEST}; give another rate:="
+        )
+    return round(rate / fps)
+
+
+def tool_axes(arguments: names.GraphArguments) -> Axes:
+    """Return the axes of the gripper's accelerometer.
+
+    Raises
+    ------
+    ParameterError
+        Its parameters are not usable.
+    """
+    return build_device("slave_device", *Setup.of(arguments).node("slave_device")).axes
+
+
+class FastPath:
+    """Running fast path, whose coil is silent until `feel`.
+
+    It is a process of its own, because a thread would share Python's lock with LeRobot, whose
+    loop, networks and image encoding hold it for 5 ms and more: five ticks. It is a new Python
+    rather than one of `multiprocessing`, which would load LeRobot's program again.
+
+    Parameters
+    ----------
+    arguments : GraphArguments
+
+    Attributes
+    ----------
+    arguments : GraphArguments
+    remarks : str
+        Remarks of the devices, and the process' scheduling.
+    process : Popen
+    ring : Ring
+    users : int
+        Number of devices that use it; see `join`.
+    is_told : bool
+        One of them has told its `problem`.
+
+    Raises
+    ------
+    DeviceError
+        It does not start: no card, no answer of an accelerometer, a value that is not allowed.
+    """
+
+    def __init__(self, arguments: names.GraphArguments) -> None:
+        self.arguments, self.users, self.is_told, self._reason = arguments, 0, False, ""
+        descriptor = memory_file()
+        self.ring = Ring(descriptor)
+        command = module_command("haptic_accel.kits.lerobot.felt_loop")
+        words = str(descriptor), str(os.getpid()), *names.stated_words(arguments)
+        self.process = subprocess.Popen(
+            [*command, *words], stdout=subprocess.PIPE, pass_fds=[descriptor], text=True
+        )
+        os.close(descriptor)
+        assert self.process.stdout
+        self._output = self.process.stdout
+        try:
+            self.remarks = self._started()
+        except BaseException:
+            self.close()
+            raise
+
+    def _started(self) -> str:
+        """Wait until the process runs; return its remarks."""
+        if not select.select([self._output], [], [], START)[0]:
+            raise DeviceError(f"fast path: not running after {START:g} s")
+        line = self._line()
+        if not line.startswith(RUNNING):
+            raise DeviceError(f"fast path: {line}")
+        return line.removeprefix(RUNNING).strip()
+
+    def _line(self) -> str:
+        """Return the process' next line, or how it has ended."""
+        line = self._output.readline().strip()
+        return line or f"ended with status {self.process.wait()}"
+
+    @property
+    def problem(self) -> str:
+        """Reason why no vibration is felt or measured; empty while the fast path runs."""
+        # The reason comes before the end, which a lost card may delay for ever.
+        if not self._reason and select.select([self._output], [], [], 0)[0]:
+            self._reason = self._line()
+        if self._reason:
+            return self._reason
+        newest = self.ring.newest(1)
+        age = time.monotonic() - newest[0] / self.arguments.rate if newest else 0.0
+        return f"no sample for {age:.1f} s" if age > STALE else ""
+
+    def feel(self, felt: bool) -> None:
+        """Let the coil move, or silence it, from the next tick on."""
+        self.ring.counts[FELT] = felt
+
+    def window(self, size: int) -> FloatArray | None:
+        """Return the newest samples, which are awaited at the start; None with a `problem`.
+
+        Returns
+        -------
+        ndarray, shape (size, 3), or None
+            Acceleration, m/s^2, the newest last.
+        """
+        while not self.problem:
+            if found := self.ring.newest(size):
+                return found[1]
+            time.sleep(1 / self.arguments.rate)
+        return None
+
+    def close(self) -> None:
+        """End the process, with a silent coil."""
+        with self.process as process:
+            process.terminate()
+            try:
+                process.wait(END)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+_RUNNING: list[FastPath] = []
+"""Fast path that the leader and the follower of this process share: a card opens once."""
+
+
+def join(arguments: names.GraphArguments) -> FastPath:
+    """Return the fast path of this process, which the first device starts.
+
+    Raises
+    ------
+    ParameterError
+        It runs with other arguments.
+    DeviceError
+        It does not start.
+    """
+    path = next((each for each in _RUNNING if not each.problem), None)
+    if path is None:
+        path = FastPath(arguments)
+        _RUNNING.append(path)
+    if path.arguments != arguments:
+        given, known = (" ".join(names.stated_words(each)) for each in (arguments, path.arguments))
+        raise ParameterError(
+            f"arguments = {given!r}: must be {known!r}, as leader and follower share one fast path"
+        )
+    path.users += 1
+    return path
+
+
+def leave(path: FastPath) -> None:
+    """End a fast path once the last device that has joined it leaves."""
+    path.users -= 1
+    if not path.users:
+        _RUNNING.remove(path)
+        path.close()

@@ -1,0 +1,197 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Process of the fast path: accelerometers, compensation, safety layer and coil; no ROS.
+
+It is started with the file of its `Ring`, the process that it ends with, and words ``key:=value``.
+It prints one line once it runs, after `RUNNING`, and one if an error ends it.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+
+from haptic_accel.core.actuator.safety import SafetyLayer
+from haptic_accel.core.control.compensation import Compensation
+from haptic_accel.core.loop.compensation import CompensationPart
+from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide
+from haptic_accel.core.loop.wiring import MASTER, SLAVE
+from haptic_accel.core.parameters import ParameterError, one_line
+from haptic_accel.core.process import DONE, ENDING, FAILED
+from haptic_accel.core.simulated_rig import build_loop
+from haptic_accel.core.topics import ARMS
+from haptic_accel.devices import Device, DeviceError
+from haptic_accel.kits.lerobot.exchange import FELT, LATE, TICKS, WRITTEN, Ring
+from haptic_accel.kits.lerobot.fast_path import RUNNING
+from haptic_accel.nodes.priority import ask_for_realtime, scheduling_class, sharpen_timers
+from haptic_accel.nodes.timing import CATCH_UP, ArrivalKeeper, RateKeeper, wake_time
+from haptic_accel.setup.arguments import GraphArguments, parse_arguments
+from haptic_accel.setup.node_parameters import SAFETY, build_device
+from haptic_accel.setup.setup import Setup
+
+REST = 20e-6
+"""Shortest sleep between two looks at the clock, s. A real-time process that never sleeps is ended
+by the kernel, and starves the others before."""
+
+
+class FeltLoop:
+    """Loop of one leader and one follower on the machine's sampling grid.
+
+    It is the loop of a graph in one process, without its messages. Arms that LeRobot moves have no
+    position here; those of the virtual rig are coupled.
+
+    Parameters
+    ----------
+    arguments : GraphArguments
+    ring : Ring
+        Where the gripper's samples go, and where it says whether the coil may move.
+
+    Raises
+    ------
+    ParameterError, DeviceError
+        A value is not allowed, or a library is missing.
+    """
+
+    def __init__(self, arguments: GraphArguments, ring: Ring) -> None:
+        setup = Setup.of(arguments)
+        self._rate, self._frame, self._ring = arguments.rate, arguments.frame, ring
+        latency, longest = arguments.latency, round(CATCH_UP * self._rate)
+        around, options = setup.node("compensator")
+        self._compensation = Compensation(around, self._rate, options, latency=latency)
+        part = CompensationPart(self._compensation, self._rate, latency, longest)
+        built = {arm: _built(setup, arm) for arm in ARMS}
+        self._devices = [device for device, _ in built.values()]
+        self._sides = {arm: side for arm, (_, side) in built.items()}
+        self._loop = build_loop(setup.rig(), self._sides, part, longest=longest)
+
+    def open(self) -> str:
+        """Open the devices, with a silent coil; return their remarks."""
+        for device in self._devices:
+            device.open()
+        self._sides[SLAVE].safety.enable(time.monotonic(), True)
+        self._feel(False)
+        return "; ".join(device.remark for device in self._devices if device.remark)
+
+    def close(self) -> None:
+        """Silence the coil at once, and close all devices."""
+        with ExitStack() as closing:
+            for device in self._devices:
+                closing.callback(device.close)
+
+    def begin(self) -> None:
+        """Start at the next tick."""
+        self._keeper = RateKeeper(self._rate, lead=wake_time(), frame=self._frame)
+        self._arrivals = {arm: ArrivalKeeper(self._rate / self._frame) for arm in ARMS}
+
+    def work(self) -> float:
+        """Do the work that is due; return the steady time of the next, s."""
+        if self._ring.counts[FELT] != self._felt:
+            self._feel(not self._felt)
+        tick = self._keeper.due()
+        if tick is not None:
+            for each in range(tick - self._frame + 1, tick + 1):
+                self._loop.step(each)
+                self._pass_on()
+            self._ring.counts[[TICKS, LATE]] = self._keeper.ticks, self._keeper.late
+        elif not self._loop.complete:
+            self._loop.go_on()
+            self._pass_on()
+        wake = self._keeper.next
+        for arm, side in self._sides.items():
+            if not side.complete or tick is None:
+                look = self._arrivals[arm].polled(found=side.complete)
+                wake = wake if side.complete else min(wake, look)
+        return wake
+
+    def _feel(self, felt: bool) -> None:
+        """Let the coil move, or silence it."""
+        self._felt = felt
+        self._sides[MASTER].safety.enable(time.monotonic(), felt)
+        self._compensation.mute(not felt)
+        if not felt:
+            self._sides[MASTER].take_off()
+
+    def _pass_on(self) -> None:
+        for arm, taken in self._loop.results.samples:
+            if arm == SLAVE:
+                self._ring.put(taken.tick, taken.sample.acceleration)
+
+
+def _built(setup: Setup[GraphArguments], arm: str) -> tuple[Device, DeviceSide]:
+    """Return an arm's device, and the same behind its safety layer."""
+    own, options = setup.node(f"{arm}_device")
+    device = build_device(f"{arm}_device", own, options)
+    safety = SafetyLayer(options[SAFETY], own.rate, device.axes)
+    kinds = (ARM, ACTUATOR) if arm == MASTER else (ARM,)
+    ahead = (ACTUATOR,) if device.description.ahead else ()
+    given = {"kinds": kinds, "ahead": ahead, "framed": own.frame > 1}
+    return device, DeviceSide(device, safety, own.rate, own.latency, time.monotonic, **given)
+
+
+def run(loop: FeltLoop, ring: Ring, parent: int) -> None:
+    """Run an open loop until a signal or the end of its parent.
+
+    Raises
+    ------
+    DeviceError, OSError
+        A device failed.
+    """
+    ends: list[int] = []
+    for number in ENDING:
+        signal.signal(number, lambda number, _: ends.append(number))
+    remarks = loop.open()
+    # A collection would find no garbage, and delay a tick by milliseconds.
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    sharpen_timers()
+    ask_for_realtime()
+    loop.begin()
+    is_told = False
+    # A pipe would not do: a process that the parent has forked keeps its end open.
+    while not ends and os.getppid() == parent:
+        wake = loop.work()
+        if ring.counts[WRITTEN] and not is_told:
+            print(RUNNING, "; ".join(filter(None, (remarks, scheduling_class()))), flush=True)
+            is_told = True
+        time.sleep(max(REST, wake - time.monotonic()))
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the process; return its exit status."""
+    descriptor, parent, *given = words
+    # Libraries may print, too: their lines go to the terminal.
+    sys.stdout = os.fdopen(os.dup(sys.stdout.fileno()), "w")
+    os.dup2(sys.stderr.fileno(), 1)
+    with ExitStack() as opened:
+        try:
+            ring = Ring(int(descriptor))
+            loop = FeltLoop(parse_arguments(given), ring)
+            opened.callback(loop.close)
+            run(loop, ring, int(parent))
+        except (ParameterError, DeviceError, OSError) as error:
+            print(one_line(error), flush=True)
+            return FAILED
+    return DONE
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

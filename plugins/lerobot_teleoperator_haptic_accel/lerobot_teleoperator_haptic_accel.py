@@ -1,0 +1,49 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""LeRobot plug-in: a leader arm in whose handle the follower's gripper is felt."""
+
+from dataclasses import dataclass
+
+from lerobot.teleoperators import Teleoperator, TeleoperatorConfig, make_teleoperator_from_config
+
+from haptic_accel.kits.lerobot.interface import others
+from haptic_accel.kits.lerobot.teleoperator import FeltTeleoperator
+
+NAME = "haptic_accel"
+"""Type in LeRobot's configuration."""
+
+Leader = others(TeleoperatorConfig, NAME)
+
+
+@TeleoperatorConfig.register_subclass(NAME)
+@dataclass(kw_only=True)
+class HapticAccelTeleoperatorConfig(TeleoperatorConfig):
+    """Configuration: the leader, and the arguments of the fast path."""
+
+    leader: Leader
+    arguments: str = ""
+
+
+class HapticAccelTeleoperator(FeltTeleoperator, Teleoperator):
+    """Any teleoperator of LeRobot, and the coil in its handle."""
+
+    config_class = HapticAccelTeleoperatorConfig
+    name = NAME
+
+    def __init__(self, config: HapticAccelTeleoperatorConfig) -> None:
+        leader = make_teleoperator_from_config(config.leader)
+        FeltTeleoperator.__init__(self, leader, config.arguments)
+        Teleoperator.__init__(self, config)

@@ -1,0 +1,308 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The fast path as a process: its samples, its coil, its end, and what it refuses."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from haptic_accel.core.parameters import ParameterError
+from haptic_accel.devices import DeviceError
+from haptic_accel.kits.lerobot.exchange import LATE, TICKS
+from haptic_accel.kits.lerobot.fast_path import (
+    FastPath,
+    join,
+    leave,
+    read_arguments,
+    samples_per_frame,
+    tool_axes,
+)
+from haptic_accel.nodes.timing import RateKeeper
+from running import wait_until
+from sound_cards import NAME, received, sound_card
+
+pytestmark = pytest.mark.quiet
+
+RATE = 960.0
+STEP = 1e-3
+"""Difference of two samples of the known signal, m/s^2."""
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[[str], FastPath]]:
+    """Return a function that joins a fast path, which ends with the test."""
+    joined = []
+
+    def join_it(text: str = "") -> FastPath:
+        joined.append(join(read_arguments(text)))
+        return joined[-1]
+
+    yield join_it
+    for path in joined:
+        leave(path)
+
+
+Start = Callable[..., FastPath]
+
+
+def has_ended(process: int) -> bool:
+    """Return whether a process has ended; one that nobody has waited for is a zombie."""
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return True
+    return state == "Z"
+
+
+def test_windows_are_contiguous_and_right(start: Start, tmp_path: Path) -> None:
+    ramp = STEP * np.arange(round(20 * RATE))
+    lines = "\n".join(f"{value:.6f}" for value in ramp)
+    (tmp_path / "ramp.csv").write_text(f"acceleration\n{lines}\n")
+    path = start(f"slave:=replay replay:={tmp_path}/ramp.csv recording_rate:={RATE:g}")
+    size = samples_per_frame(RATE, 30)
+    assert size == 32
+
+    def moving() -> tuple[int, np.ndarray] | None:
+        found = path.ring.newest(size)
+        return found if found and 0 < found[1][1, 2] - found[1][0, 2] < 2 * STEP else None
+
+    found = [wait_until(moving, "recording is played")]
+    found += [wait_until(moving, "next") for _ in range(3)]
+    for _, samples in found:
+        np.testing.assert_allclose(np.diff(samples[:, 2]), STEP, atol=1e-9)
+    begins = {round(tick - samples[-1, 2] / STEP) for tick, samples in found}
+    assert len(begins) == 1  # each value is that of its tick
+
+
+def test_a_process_that_holds_pythons_lock_does_not_delay_the_fast_path(start: Start) -> None:
+    path = start()
+    keeper, ending = RateKeeper(RATE), threading.Event()
+
+    def tick() -> None:
+        while not ending.is_set():
+            keeper.due()
+            time.sleep(max(0.0, keeper.next - time.monotonic()))
+
+    def served() -> tuple[int, int]:
+        """Return the fast path's newest tick, and its number of ticks in time."""
+        newest = path.ring.newest(1)
+        assert newest
+        return newest[0], int(path.ring.counts[TICKS] - path.ring.counts[LATE])
+
+    thread = threading.Thread(target=tick)
+    begin, before = served()
+    thread.start()
+    while keeper.late < 200:
+        sum(range(1_000_000))  # holds the lock all the time
+    ending.set()
+    thread.join()
+    end, after = served()
+    of_thread = (keeper.ticks - keeper.late) / (keeper.ticks + keeper.missed)
+    assert (after - before) / (end - begin) > 4 * of_thread
+
+
+PARENT = """
+import os, sys, time
+from haptic_accel.kits.lerobot.fast_path import join, read_arguments
+path = join(read_arguments(""))
+path.feel(True)
+if sys.argv[1] == "forked" and os.fork() == 0:
+    time.sleep(60)
+    os._exit(0)
+print(path.process.pid, os.getpid(), flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("forked", ["alone", "forked"])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_the_fast_path_ends_with_its_parent(number: signal.Signals, forked: str) -> None:
+    # A session of its own, so that what it has forked can be ended, too.
+    with subprocess.Popen(
+        [sys.executable, "-c", PARENT, forked],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+    ) as parent:
+        assert parent.stdout
+        process, own = map(int, parent.stdout.readline().split())
+        os.kill(own, number)
+        parent.wait()
+        try:
+            wait_until(lambda: has_ended(process), "end of the fast path")
+        finally:
+            if forked == "forked":
+                os.killpg(own, signal.SIGKILL)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_an_end_is_known_with_its_reason(start: Start, number: signal.Signals) -> None:
+    path = start()
+    assert path.problem == ""
+    os.kill(path.process.pid, number)
+    problem = wait_until(lambda: path.problem, "end")
+    expected = -int(number) if number == signal.SIGKILL else 0
+    assert wait_until(lambda: path.problem.startswith("ended"), "end"), problem
+    assert path.problem == f"ended with status {expected}"
+    assert path.window(32) is None
+    path.feel(True)  # is of no use, and no error
+
+
+def test_a_process_that_hangs_is_noticed(start: Start) -> None:
+    path = start()
+    os.kill(path.process.pid, signal.SIGSTOP)
+    try:
+        assert re.match("no sample for", wait_until(lambda: path.problem, "hang"))
+    finally:
+        os.kill(path.process.pid, signal.SIGCONT)
+    wait_until(lambda: not path.problem, "recovery")
+
+
+def test_all_devices_share_one_fast_path_which_ends_with_the_last() -> None:
+    first, second = join(read_arguments("")), join(read_arguments("rate:=960"))
+    try:
+        assert first is second
+        with pytest.raises(ParameterError, match="must be 'rate:=960', as leader and follower"):
+            join(read_arguments("rate:=480"))
+    finally:
+        leave(first)
+        assert not second.problem
+        leave(second)
+    assert has_ended(first.process.pid)
+
+
+def test_another_one_starts_after_an_end(start: Start) -> None:
+    first = start()
+    os.kill(first.process.pid, signal.SIGKILL)
+    wait_until(lambda: first.problem, "end")
+    assert not start().problem
+
+
+@pytest.fixture
+def card(tmp_path: Path) -> Iterator[SimpleNamespace]:
+    """Provide a card that keeps what is played, and a rig whose coil is on it."""
+    values = f"ros__parameters: {{actuator_device: audio, audio: {{device: {NAME}}}}}"
+    file = tmp_path / "rig.yaml"
+    file.write_text(f"master_device:\n  {values}\n")
+    with sound_card(tmp_path):
+        yield SimpleNamespace(folder=tmp_path, words=f"params_file:={file} latency:=15")
+
+
+@pytest.mark.parametrize("felt", [False, True])
+def test_the_coil_moves_only_while_it_is_felt(card: SimpleNamespace, felt: bool) -> None:
+    path = join(read_arguments(card.words))
+    ticks = int(path.ring.counts[TICKS])
+    try:
+        path.feel(felt)
+        wait_until(lambda: path.ring.counts[TICKS] > ticks + 1.5 * RATE, "strokes")
+    finally:
+        leave(path)
+    played = received(card.folder)
+    assert len(played) > 0
+    assert bool(np.any(played)) is felt
+
+
+def test_a_coil_that_was_felt_is_silent_again(card: SimpleNamespace) -> None:
+    path = join(read_arguments(card.words))
+    try:
+        for felt in (True, False):
+            path.feel(felt)
+            ticks = int(path.ring.counts[TICKS])
+            wait_until(lambda ticks=ticks: path.ring.counts[TICKS] > ticks + 1.5 * RATE, "strokes")
+    finally:
+        leave(path)
+    played = received(card.folder)
+    loud = np.flatnonzero(played.any(axis=1))
+    assert len(loud) > 0
+    # The last third at least, as both parts are of the same length.
+    assert loud.max() < 0.8 * len(played)
+
+
+@pytest.mark.parametrize(
+    ("text", "refused"),
+    [
+        ("rate", "'rate': must have the form key:=value"),
+        ("speed:=3", "speed: no such argument"),
+        ("surface:='x", 'arguments = "surface:=\'x": No closing quotation'),
+        ("rate:=0", "rate = 0.0: must be"),
+        ("latency:=99", "latency = 99: must be a whole number, from 0 to 20"),
+        ("master:=can", "master = 'can': must be none or simulated or virtual or"),
+        (
+            "slave:=serial",
+            "slave = 'serial': must be none or simulated or virtual or",
+        ),
+        ("side:=master peer:=127.0.0.1 insecure:=true", "side = 'master': must be empty"),
+        ("params_file:=missing.yaml", "missing.yaml"),
+    ],
+)
+def test_wrong_arguments_are_refused_in_one_line(text: str, refused: str) -> None:
+    with pytest.raises(ParameterError, match=re.escape(refused)) as error:
+        read_arguments(text)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "refused"),
+    [
+        ("slave:=none", "device = none: must come with accelerometers:=audio"),
+        ("accelerometers:=audio", "audio.scales = '': must be the acceleration at full scale"),
+        ("slave:=replay", "replay.file = '': must be"),
+    ],
+)
+def test_wrong_accelerometers_are_refused_in_one_line(text: str, refused: str) -> None:
+    with pytest.raises(ParameterError, match=re.escape(refused)):
+        tool_axes(read_arguments(text))
+
+
+@pytest.mark.parametrize("fps", [0, 7, 50, 961])
+def test_a_frame_without_whole_samples_is_refused(fps: int) -> None:
+    with pytest.raises(ParameterError, match=f"fps = {fps}: must divide the fast path's rate"):
+        samples_per_frame(RATE, fps)
+
+
+def test_a_frame_with_too_many_samples_is_refused() -> None:
+    with pytest.raises(ParameterError, match="whole numbers up to 4096"):
+        samples_per_frame(8192.0, 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "refused"),
+    [
+        ("actuator:=audio", "fast path: "),
+        ("master:=none", "fast path: device = none: must come with accelerometers:=audio"),
+    ],
+)
+def test_what_cannot_start_is_told_in_one_line(
+    text: str, refused: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ALSA_CONFIG_PATH", os.devnull)  # no card
+    with pytest.raises(DeviceError, match=re.escape(refused)) as error:
+        join(read_arguments(text))
+    assert "\n" not in str(error.value)
+    assert "Traceback" not in str(error.value)

@@ -1,0 +1,147 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A follower that observes vibration, beside everything of the follower's own."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from kits.lerobot.plug_ins import PlugIns, child, children, plug_ins
+
+from haptic_accel.core.parameters import ParameterError
+from running import wait_until
+
+pytestmark = pytest.mark.quiet
+
+
+@pytest.fixture(scope="module")
+def built() -> Iterator[PlugIns]:
+    with plug_ins() as found:
+        yield found
+
+
+def window(observed: dict[str, Any], axis: str = "z", size: int = 32) -> list[float]:
+    """Return the vibration along an axis in an observation."""
+    return [observed[f"vibration.{axis}.{sample}"] for sample in range(size)]
+
+
+def test_a_follower_is_built_by_its_name_and_passes_everything_through(built: PlugIns) -> None:
+    follower = built.follower()
+    assert isinstance(follower, built.robots.Robot)
+    assert (follower.name, follower.id) == ("haptic_accel", "felt")
+    assert follower.action_features == {"joint.pos": float}
+    assert len(follower.cameras) == 0
+    follower.connect()
+    try:
+        assert follower.is_connected
+        assert follower.get_observation()["joint.pos"] == 0.5
+        assert follower.send_action({"joint.pos": 0.1}) == {"joint.pos": 0.75}
+    finally:
+        follower.disconnect()
+    assert follower.calls == [("connect", True), {"joint.pos": 0.1}, "disconnect"]
+
+
+@pytest.mark.parametrize(("fps", "size"), [(30, 32), (60, 16), (24, 40)])
+def test_features_are_those_of_observations_and_known_before(
+    built: PlugIns, fps: int, size: int
+) -> None:
+    follower = built.follower(fps=fps)
+    features = follower.observation_features
+    assert list(features) == ["joint.pos", *(f"vibration.z.{each}" for each in range(size))]
+    assert set(features.values()) == {float}
+    follower.connect()
+    try:
+        observed = follower.get_observation()
+    finally:
+        follower.disconnect()
+    assert list(observed) == list(features)
+    assert {type(value) for value in observed.values()} == {float}
+
+
+def test_three_axes_follow_each_other(built: PlugIns) -> None:
+    follower = built.follower("reduction:=sum")
+    keys = [key for key in follower.observation_features if key.startswith("vibration")]
+    assert [keys[0], keys[32], keys[95]] == ["vibration.x.0", "vibration.y.0", "vibration.z.31"]
+    follower.connect()
+    try:
+        assert follower.vibration().shape == (32, 3)
+    finally:
+        follower.disconnect()
+
+
+def test_a_follower_observes_what_the_leaders_fast_path_measures(built: PlugIns) -> None:
+    leader, follower = built.leader(), built.follower()
+    leader.connect()
+    follower.connect()
+    try:
+
+        def strong() -> bool:
+            return float(np.std(window(follower.get_observation()))) > 1.0
+
+        wait_until(strong, "texture under the simulated tool")
+    finally:
+        leader.disconnect()
+        assert np.any(window(follower.get_observation()))  # goes on without the leader
+        follower.disconnect()
+
+
+def test_a_follower_whose_fast_path_ends_observes_silence_and_tells_it_once(
+    built: PlugIns, caplog: pytest.LogCaptureFixture
+) -> None:
+    follower = built.follower()
+    follower.connect()
+    try:
+        assert np.any(window(follower.get_observation()))
+        process = child("felt_loop")
+        caplog.clear()
+        os.kill(process, signal.SIGKILL)
+        wait_until(lambda: not any(window(follower.get_observation())), "silence")
+        assert follower.get_observation()["joint.pos"] == 0.5
+    finally:
+        follower.disconnect()
+    assert caplog.text.count("the arms go on without vibration") == 1
+
+
+def test_a_follower_that_fails_to_disconnect_ends_the_fast_path_all_the_same(
+    built: PlugIns, caplog: pytest.LogCaptureFixture
+) -> None:
+    follower = built.follower(broken=True)
+    follower.connect()
+    with pytest.raises(ConnectionError, match="the arm is gone"):
+        follower.disconnect()
+    assert children("felt_loop") == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fps", "refused"),
+    [
+        ("rate:=1000", 30, "fps = 30: must divide the fast path's rate, 1000 Hz, into whole"),
+        ("", 0, "fps = 0: must divide"),
+        ("slave:=none", 30, "device = none: must come with accelerometers:=audio"),
+    ],
+)
+def test_what_cannot_be_observed_is_refused_in_one_line(
+    built: PlugIns, arguments: str, fps: int, refused: str
+) -> None:
+    with pytest.raises(ParameterError, match=re.escape(refused)) as error:
+        built.follower(arguments, fps)
+    assert "\n" not in str(error.value)

@@ -1,0 +1,67 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Registry of configurations, and the rule by which a device's class is found."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, TypeVar
+
+C = TypeVar("C", bound=type)
+
+
+@dataclass(kw_only=True)
+class Config:
+    """Configuration that is chosen by its type."""
+
+    id: str | None = None
+    calibration_dir: str | None = None
+
+    choices: ClassVar[dict[str, type]]
+
+    @classmethod
+    def register_subclass(cls, name: str) -> Callable[[C], C]:
+        def register(kind: C) -> C:
+            cls.choices[name] = kind
+            return kind
+
+        return register
+
+    @classmethod
+    def get_known_choices(cls) -> dict[str, type]:
+        return cls.choices
+
+    @classmethod
+    def get_choice_class(cls, name: str) -> type:
+        return cls.choices[name]
+
+    @classmethod
+    def get_choice_name(cls, kind: type) -> str:
+        return next(name for name, each in cls.choices.items() if each is kind)
+
+    @classmethod
+    def default_choice_name(cls) -> str | None:
+        return None
+
+
+def make_device(config: Any) -> Any:
+    """Build the device whose class is named as its configuration's, in the same module."""
+    kind = type(config)
+    assert kind.__name__.endswith("Config")
+    module = importlib.import_module(kind.__module__)
+    return getattr(module, kind.__name__.removesuffix("Config"))(config)

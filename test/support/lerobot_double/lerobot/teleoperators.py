@@ -1,0 +1,75 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Double of ``lerobot.teleoperators``."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from lerobot.registry import Config, make_device
+
+
+@dataclass(kw_only=True)
+class TeleoperatorConfig(Config):
+    choices: ClassVar[dict[str, type]] = {}
+
+
+class Teleoperator(ABC):
+    config_class: type[TeleoperatorConfig]
+    name: str
+
+    def __init__(self, config: TeleoperatorConfig) -> None:
+        self.id = config.id
+        self.calibration: dict[str, Any] = {}
+
+    @property
+    @abstractmethod
+    def action_features(self) -> dict[str, Any]: ...
+
+    @property
+    @abstractmethod
+    def feedback_features(self) -> dict[str, Any]: ...
+
+    @property
+    @abstractmethod
+    def is_connected(self) -> bool: ...
+
+    @abstractmethod
+    def connect(self, calibrate: bool = True) -> None: ...
+
+    @property
+    @abstractmethod
+    def is_calibrated(self) -> bool: ...
+
+    @abstractmethod
+    def calibrate(self) -> None: ...
+
+    @abstractmethod
+    def configure(self) -> None: ...
+
+    @abstractmethod
+    def get_action(self) -> dict[str, Any]: ...
+
+    @abstractmethod
+    def send_feedback(self, feedback: dict[str, Any]) -> None: ...
+
+    @abstractmethod
+    def disconnect(self) -> None: ...
+
+
+make_teleoperator_from_config = make_device
