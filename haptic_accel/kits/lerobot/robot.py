@@ -29,6 +29,9 @@ from haptic_accel.kits.lerobot.wrapping import Wrapping
 VIBRATION = "vibration"
 """First part of the keys of an observation; axis and sample follow: ``vibration.z.0``."""
 
+VALID = f"{VIBRATION}.valid"
+"""Key of an observation: 1 if the vibration was measured, 0 if the fast path has failed."""
+
 
 class VibrationRobot(Wrapping, WrappedRobot):
     """Robot of LeRobot that also observes vibration, to be joined with LeRobot's base class.
@@ -66,7 +69,7 @@ class VibrationRobot(Wrapping, WrappedRobot):
     @property
     def observation_features(self) -> dict[str, Any]:
         """Keys and types of the follower's observation, and of the vibration, oldest first."""
-        return {**self.wrapped.observation_features, **dict.fromkeys(self._keys, float)}
+        return {**self.wrapped.observation_features, **dict.fromkeys([*self._keys, VALID], float)}
 
     def vibration(self) -> FloatArray:
         """Return the gripper's acceleration in the frame before now.
@@ -75,15 +78,20 @@ class VibrationRobot(Wrapping, WrappedRobot):
         -------
         ndarray, shape (n, axes)
             Acceleration, m/s^2, the newest last, at the fast path's rate; zero if that has failed,
-            which is logged once.
+            which is logged once: not a number would move an arm whose policy reads it.
         """
+        return self._measured()[0]
+
+    def _measured(self) -> tuple[FloatArray, bool]:
+        """Return the vibration, and whether it is one."""
         self.tell_problem()
         found = self._path.window(self._size) if self._path else None
         samples = np.zeros((self._size, 3)) if found is None else found
-        return samples[:, self._axes.indices]
+        return samples[:, self._axes.indices], found is not None
 
     def get_observation(self) -> dict[str, Any]:
         """Return the follower's observation, and the vibration of the frame before the call."""
-        felt = self.vibration()  # first, as cameras may be waited for
+        felt, is_valid = self._measured()  # first, as cameras may be waited for
         observed = self.wrapped.get_observation()
-        return {**observed, **dict(zip(self._keys, felt.T.ravel().tolist(), strict=True))}
+        values = [*felt.T.ravel().tolist(), float(is_valid)]
+        return {**observed, **dict(zip([*self._keys, VALID], values, strict=True))}

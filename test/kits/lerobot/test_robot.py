@@ -66,7 +66,8 @@ def test_features_are_those_of_observations_and_known_before(
 ) -> None:
     follower = built.follower(fps=fps)
     features = follower.observation_features
-    assert list(features) == ["joint.pos", *(f"vibration.z.{each}" for each in range(size))]
+    keys = [f"vibration.z.{each}" for each in range(size)]
+    assert list(features) == ["joint.pos", *keys, "vibration.valid"]
     assert set(features.values()) == {float}
     follower.connect()
     try:
@@ -110,12 +111,14 @@ def test_a_follower_whose_fast_path_ends_observes_silence_and_tells_it_once(
     follower = built.follower()
     follower.connect()
     try:
-        assert np.any(window(follower.get_observation()))
+        observed = follower.get_observation()
+        assert (np.any(window(observed)), observed["vibration.valid"]) == (True, 1.0)
         process = child("felt_loop")
         caplog.clear()
         os.kill(process, signal.SIGKILL)
         wait_until(lambda: not any(window(follower.get_observation())), "silence")
-        assert follower.get_observation()["joint.pos"] == 0.5
+        observed = follower.get_observation()
+        assert (observed["joint.pos"], observed["vibration.valid"]) == (0.5, 0.0)
     finally:
         follower.disconnect()
     assert caplog.text.count("the arms go on without vibration") == 1
