@@ -75,8 +75,8 @@ def spooled_bag(
 ) -> Bag:
     """Read a bag whose signals are mapped from files in a folder.
 
-    The content is that of `read_bag`, without recording times of samples. A bag in order of time
-    is read in parts; any other one needs as much memory as `read_bag`.
+    The signals are those of `read_bag`, without recording times; diagnostics and changes are left
+    out. A bag in order of time is read in parts; any other one needs as much memory as `read_bag`.
 
     Parameters
     ----------
@@ -132,8 +132,6 @@ def _spooled(bag: Bag, parts: Iterator[Bag], folder: Path) -> Bag:
                 columns[name] = _Column(folder, name)
             columns[name].add(signal)
         if part is not bag:
-            bag.diagnostics.extend(part.diagnostics)
-            bag.changes.extend(part.changes)
             bag.counts.update(part.counts)
             bag.facts.update(part.facts | bag.facts)
     bag.signals.update({name: column.close() for name, column in columns.items()})

@@ -86,7 +86,10 @@ class _Folders:
 @click.option("--format", "form", type=click.Choice(FORMS), required=True, help="Format.")
 @click.option("--out", type=FILE, metavar="FOLDER", required=True, help="New folder.")
 @click.option(
-    "--fps", type=click.IntRange(1, 1000), show_default=f"{FPS}", help="Frames per second."
+    "--fps",
+    type=click.IntRange(1, 1000),
+    show_default=False,
+    help=f"Frames per second, {FPS} by default.",
 )
 @click.option(
     "--rate",
