@@ -134,9 +134,11 @@ def export(
             )
     if out.exists():
         raise ParameterError(f"out = '{out}': must be a new folder")
+    # First, as an interruption while libraries load may crash them.
+    made_for = _writer(form, fps or FPS, rate or 0.0, task, cameras)
     try:
         with interrupted_by_signals(), whole_folder(out) as folder:
-            writer = _writer(form, folder, fps or FPS, rate or 0.0, task, cameras)
+            writer = made_for(folder)
             _write(writer, bags, folder.parent)
     except OSError as error:
         reason = error.strerror or one_line(error)
@@ -177,9 +179,9 @@ def _names(bags: Sequence[Path]) -> Iterator[str]:
 
 
 def _writer(
-    form: str, folder: Path, fps: int, rate: float, task: str, cameras: Sequence[str]
-) -> Writing:
-    """Return the writer of a format.
+    form: str, fps: int, rate: float, task: str, cameras: Sequence[str]
+) -> Callable[[Path], Writing]:
+    """Return what makes the writer of a format for a folder.
 
     Raises
     ------
@@ -190,12 +192,12 @@ def _writer(
         if form == LEROBOT:
             from haptic_accel.kits.export.lerobot import LeRobotWriter
 
-            return LeRobotWriter(folder, fps, rate, task, cameras)
+            return partial(LeRobotWriter, fps=fps, rate=rate, task=task, cameras=cameras)
         if form == HDF5:
             from haptic_accel.kits.export.hdf5 import Hdf5Writer
 
-            return Hdf5Writer(folder, fps, rate)
-        return _Folders(folder, _function(form))
+            return partial(Hdf5Writer, fps=fps, rate=rate)
+        return partial(_Folders, write=_function(form))
     except ModuleNotFoundError as error:
         raise StoppedError(
             f"format = {form}: needs {error.name}: pip install 'haptic_accel[{EXTRAS[form]}]'"

@@ -38,6 +38,9 @@ COMPRESSION = "zstd"
 """Compression of Parquet files, which all readers know."""
 
 
+_ROWS_ALONE = csv.WriteOptions(include_header=False)
+
+
 def write_parquet(bag: Bag, folder: Path) -> None:
     """Write a bag's signals as ``NAME.parquet``.
 
@@ -68,16 +71,15 @@ def write_parquet(bag: Bag, folder: Path) -> None:
 def write_csv(bag: Bag, folder: Path) -> None:
     """Write a bag's signals as ``NAME.csv``, and ``signals.json`` that describes them."""
     for exported, signal in signals_of(bag):
-        schema = pa.schema(
-            [
-                pa.field("stamp [ns]", pa.int64()),
-                *(pa.field(f"{axis} [{exported.unit}]", pa.float64()) for axis in NAMES),
-            ]
-        )
-        options = csv.WriteOptions(quoting_style="none", quoting_header="none")
-        with csv.CSVWriter(folder / f"{exported.name}.csv", schema, write_options=options) as to:
-            for stamps, columns in _parts(signal):
-                to.write_table(pa.table([stamps, *columns], schema=schema))
+        titles = ["stamp [ns]", *(f"{axis} [{exported.unit}]" for axis in NAMES)]
+        kinds = [pa.int64(), *[pa.float64()] * len(NAMES)]
+        schema = pa.schema(list(zip(titles, kinds, strict=True)))
+        with (folder / f"{exported.name}.csv").open("wb") as file:
+            # Written here, as pyarrow quotes titles.
+            file.write(f"{','.join(titles)}\n".encode())
+            with csv.CSVWriter(file, schema, write_options=_ROWS_ALONE) as writer:
+                for stamps, columns in _parts(signal):
+                    writer.write_table(pa.table([stamps, *columns], schema=schema))
     write_descriptions(bag, folder / SIGNALS_FILE)
 
 

@@ -123,7 +123,9 @@ def test_a_full_disk_leaves_nothing_but_one_line(tmp_path: Path, recorded: Recor
 def test_an_interrupted_export_leaves_nothing(
     tmp_path: Path, recorded: Recorded, number: signal.Signals
 ) -> None:
-    words = ["export", str(recorded.path), "--format", "parquet", "--out", str(tmp_path / "out")]
+    # Many bags, so that it lasts.
+    bags = [str(recorded.path)] * 50
+    words = ["export", *bags, "--format", "parquet", "--out", str(tmp_path / "out")]
     command = Command([*MAIN[1:], *words], tmp_path.parent)
     wait_until(lambda: list(tmp_path.iterdir()), "begin of the export", command)
     assert command.end(number) == 130
