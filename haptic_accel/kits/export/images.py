@@ -135,7 +135,10 @@ class _Camera:
             return
         try:
             data = _encoded(message)
-            self._shape = self._shape or _pixels(data).shape
+            shape = _pixels(data).shape
+            self._shape = self._shape or shape
+            if shape != self._shape:
+                raise ValueError(f"shape = {shape}: must be {self._shape}, as before")
         except (ValueError, OSError) as error:
             raise ParameterError(
                 f"{self._location}: image at {stamp / NANOSECONDS:.3f} s: {shown(one_line(error))}"
@@ -164,9 +167,7 @@ class _Camera:
 def _encoded(message: Any) -> bytes:
     """Return an image as PNG, or as it was compressed."""
     if message.__msgtype__ == COMPRESSED:
-        data = bytes(message.data)
-        _pixels(data)  # refuses what is no image
-        return data
+        return bytes(message.data)
     if message.encoding not in MODES:
         raise ValueError(f"encoding = {message.encoding!r}: must be one of {', '.join(MODES)}")
     mode, raw, size = MODES[message.encoding]

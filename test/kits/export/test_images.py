@@ -66,10 +66,14 @@ def compressed(stamp: int, data: bytes) -> bytes:
     return bytes(STORE.serialize_cdr(message, COMPRESSED))
 
 
-def png(number: int) -> bytes:
+def png(number: int, size: int = 1) -> bytes:
     with io.BytesIO() as file:
-        Image.fromarray(pixels(number)).save(file, "PNG")
+        Image.fromarray(pixels(number)).resize((WIDTH * size, HEIGHT * size)).save(file, "PNG")
         return file.getvalue()
+
+
+LATE = [START + round(n * 1e9 / 30) for n in range(30, 90)]
+"""Stamps of images while the arms are coupled."""
 
 
 def with_images(path: Path, recorded: Recorded, images: Iterator[Message]) -> Path:
@@ -142,9 +146,16 @@ def test_a_slower_camera_repeats_images_and_says_so(tmp_path: Path, recorded: Re
             ),
             "cannot identify image file",
         ),
+        (
+            (
+                Message(TOPIC, COMPRESSED, s, compressed(s, png(1, 1 + n % 2)))
+                for n, s in enumerate(LATE)
+            ),
+            "must be (12, 16, 3), as before",
+        ),
         (iter(()), "has no images while the arms were coupled"),
     ],
-    ids=["slow", "encoding", "step", "damaged", "none"],
+    ids=["slow", "encoding", "step", "damaged", "sizes", "none"],
 )
 def test_images_that_do_not_fit_are_refused_and_nothing_is_left(
     tmp_path: Path, recorded: Recorded, images: Iterator[Message], line: str
