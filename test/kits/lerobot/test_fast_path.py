@@ -127,7 +127,9 @@ def test_a_process_that_holds_pythons_lock_does_not_delay_the_fast_path(start: S
 
 
 PARENT = """
-import os, sys, time
+import os, signal, sys, time
+# A suite run in the background ignores Ctrl-C.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 from haptic_accel.kits.lerobot.fast_path import join, read_arguments
 path = join(read_arguments(""))
 path.feel(True)
