@@ -38,26 +38,12 @@ from haptic_accel.devices.interface import DeviceError, NoParameters
 from haptic_accel.devices.sound_bench import CardAccelerometer, CardClock, NoArm, likest
 from haptic_accel.setup.node_parameters import build_device, node_parameters
 from running import Command
-from sound_cards import sound_world
+from sound_cards import SOUND_RIG, sound_world
 
 RATE, BLOCK = 48_000, 64
 """Samples per second, Hz, and samples a block of the card."""
 
 Start = Callable[..., Command]
-
-RIG = """
-master_device:
-  ros__parameters:
-    device: none
-    actuator_device: audio
-    accelerometer_device: audio
-    audio: {device: system, inputs: "1", scales: "100", ac_corner: 10.0, full_scale: 5.0}
-slave_device:
-  ros__parameters:
-    device: none
-    accelerometer_device: audio
-    audio: {device: system, inputs: "2", scales: "100", ac_corner: 10.0}
-"""
 
 
 @settings(max_examples=10)
@@ -133,7 +119,7 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         for name in ("JACK_DEFAULT_SERVER", "JACK_NO_START_SERVER"):
             monkeypatch.setenv(name, environment[name])
         file = tmp_path / "rig.yaml"
-        file.write_text(RIG)
+        file.write_text(SOUND_RIG)
         yield file
 
 

@@ -110,6 +110,22 @@ def jack_card(outputs: int = 4) -> Iterator[dict[str, str]]:
             server.stdout.read()
 
 
+SOUND_RIG = """
+master_device:
+  ros__parameters:
+    device: none
+    actuator_device: audio
+    accelerometer_device: audio
+    audio: {device: system, inputs: "1", scales: "100", ac_corner: 10.0, full_scale: 5.0}
+slave_device:
+  ros__parameters:
+    device: none
+    accelerometer_device: audio
+    audio: {device: system, inputs: "2", scales: "100", ac_corner: 10.0}
+"""
+"""Parameters of a graph before `sound_world`: sensors on inputs 1 and 2, coil on output 1."""
+
+
 @contextmanager
 def sound_world(*words: str) -> Iterator[tuple[dict[str, str], subprocess.Popen[str]]]:
     """Run a handle and a tool behind JACK's card; yield the environment, and the world.

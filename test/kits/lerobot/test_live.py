@@ -28,21 +28,7 @@ from kits.lerobot.plug_ins import PlugIns, child, plug_ins
 
 from haptic_accel.devices import DeviceError
 from running import wait_until
-from sound_cards import sound_world
-
-RIG = """
-master_device:
-  ros__parameters:
-    device: none
-    actuator_device: audio
-    accelerometer_device: audio
-    audio: {device: system, inputs: "1", scales: "100", ac_corner: 10.0, full_scale: 5.0}
-slave_device:
-  ros__parameters:
-    device: none
-    accelerometer_device: audio
-    audio: {device: system, inputs: "2", scales: "100", ac_corner: 10.0}
-"""
+from sound_cards import SOUND_RIG, sound_world
 
 TEXTURE = 2.0
 """Acceleration of the world's tool, m/s^2 RMS."""
@@ -89,7 +75,7 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
         for name in ("JACK_DEFAULT_SERVER", "JACK_NO_START_SERVER"):
             monkeypatch.setenv(name, environment[name])
         file = tmp_path / "rig.yaml"
-        file.write_text(RIG)
+        file.write_text(SOUND_RIG)
         found = Bench(built, f"params_file:={file} rig:=ideal latency:=9 controller:=inverse")
         yield found
         found.close()
@@ -121,7 +107,7 @@ def test_the_handle_moves_as_the_gripper_does_while_the_leader_is_connected(benc
 def test_a_sensor_that_does_not_answer_the_coil_is_told_in_one_line(bench: Bench) -> None:
     # The tool's input in place of the handle's.
     file = Path(bench.words.split()[0].partition(":=")[2])
-    file.write_text(RIG.replace('inputs: "1"', 'inputs: "2"'))
+    file.write_text(SOUND_RIG.replace('inputs: "1"', 'inputs: "2"'))
     leader = bench.built.leader(bench.words)
     with pytest.raises(DeviceError, match="handle's accelerometer does not answer") as error:
         leader.connect()
