@@ -33,7 +33,7 @@ BUDGETS = {
     "kits/study": 3_990,
     "devices": 4_150,
     "cli": 3_150,
-    "bags": 2_780,
+    "bags": 2_790,
     "scope": 1_430,
     "setup": 1_620,
     "materials": 1_400,

@@ -203,6 +203,20 @@ class Bag:
     problems: list[str] = field(default_factory=list)
 
     @property
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of the graph; empty if the bag states none."""
+        stated = self.facts.get("arguments")
+        return stated if isinstance(stated, dict) else {}
+
+    @property
+    def stated_rate(self) -> float | None:
+        """Sampling rate that the bag states, Hz."""
+        stated = self.arguments.get("rate")
+        if isinstance(stated, (int, float)) and 0 < stated < math.inf:
+            return float(stated)
+        return None
+
+    @property
     def latency(self) -> int | None:
         """Delay from sample to force, in samples.
 
@@ -570,7 +584,7 @@ class _Collected:
             of_files[name] = np.flatnonzero(moved >= 0)
             columns = np.frombuffer(stamps, np.int64), moved, np.frombuffer(marks, np.int64)
             given[name] = Arrivals(*columns)[of_files[name]]
-        found = timeline(given, stated_rate(bag))
+        found = timeline(given, bag.stated_rate)
         bag.problems.extend(found.notes)
         for name, (*_, received, values) in self._columns.items():
             if not len(found.stamps[name]):
@@ -701,13 +715,6 @@ class _Collected:
         problem = " ".join(text.split())
         if problem not in self._bag.problems and len(self._bag.problems) < MOST_PROBLEMS:
             self._bag.problems.append(problem)
-
-
-def stated_rate(bag: Bag) -> float | None:
-    """Return the sampling rate that a bag states, Hz."""
-    arguments = bag.facts.get("arguments")
-    stated = arguments.get("rate") if isinstance(arguments, dict) else None
-    return float(stated) if isinstance(stated, (int, float)) and 0 < stated < math.inf else None
 
 
 @cache

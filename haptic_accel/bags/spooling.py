@@ -27,9 +27,9 @@ import numpy as np
 from haptic_accel.bags.facts import PARAMETERS
 from haptic_accel.bags.mcap import DAMAGE_ERRORS
 from haptic_accel.bags.metadata import MetadataError, read_metadata
-from haptic_accel.bags.reading import MOST_MESSAGES, Bag, Signal, read_bag, read_parts, stated_rate
+from haptic_accel.bags.reading import MOST_MESSAGES, Bag, Signal, read_bag, read_parts
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS, IntArray, half_period, sampling_rate
+from haptic_accel.core.sampling import NANOSECONDS, IntArray, sampling_rate
 
 
 class _DisorderError(Exception):
@@ -43,7 +43,6 @@ class _Column:
         base = folder / name.replace("/", "-")
         self._files = [base.with_suffix(end) for end in (".stamps", ".values")]
         self._open = [file.open("wb") for file in self._files]
-        self._count = 0
         self._last: int | None = None
 
     def add(self, signal: Signal) -> None:
@@ -53,7 +52,6 @@ class _Column:
         for file, array in zip(self._open, (signal.stamps, signal.values), strict=True):
             file.write(np.ascontiguousarray(array).data)
         self._last = int(signal.stamps[-1])
-        self._count += len(signal.stamps)
 
     def close(self) -> Signal:
         """Return the signal, mapped from the disk."""
@@ -61,9 +59,9 @@ class _Column:
             file.close()
         stamps, values = self._files
         return Signal(
-            np.memmap(stamps, np.int64, "r", shape=(self._count,)),
+            np.memmap(stamps, np.int64, "r"),
             np.array([], np.int64),
-            np.memmap(values, np.float64, "r", shape=(self._count, 3)),
+            np.memmap(values, np.float64, "r").reshape(-1, 3),
         )
 
 
@@ -163,19 +161,18 @@ class _Clock:
         """Take a part into account."""
         if self._name not in part.signals:
             return
-        stamps: IntArray = np.concatenate([self._last, part.signals[self._name].stamps])
+        stamps: IntArray = np.append(self._last, part.signals[self._name].stamps)
         steps = np.diff(stamps) / self._period
-        drift = self._drift + np.cumsum(steps - np.maximum(1.0, np.rint(steps)))
-        if len(drift) and np.abs(drift).max() * self._period > half_period(
-            NANOSECONDS / self._period
-        ):
+        beside = steps - np.maximum(1.0, np.rint(steps))
+        drift = np.append(self._drift, self._drift + np.cumsum(beside))
+        if np.abs(drift).max() > 0.5:
             raise _DisorderError
-        self._drift, self._last = float(drift[-1]) if len(drift) else 0.0, stamps[-1:]
+        self._drift, self._last = float(drift[-1]), stamps[-1:]
 
 
 def _clock(part: Bag) -> _Clock | None:
     """Return the clock of a part's longest signal; None without a sampling grid."""
     name = max(part.signals, key=lambda each: len(part.signals[each].stamps), default="")
     with suppress(ParameterError, KeyError):
-        return _Clock(name, sampling_rate(part.signals[name].stamps, stated_rate(part)))
+        return _Clock(name, sampling_rate(part.signals[name].stamps, part.stated_rate))
     return None

@@ -24,7 +24,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from typing import Any, NoReturn, TextIO
 
 from rich.console import Console
@@ -86,18 +86,12 @@ def stop_on_signal(act: Callable[[], None] = lambda: None) -> Iterator[Callable[
             signal.signal(number, handler)
 
 
-@contextmanager
-def interrupted_by_signals() -> Iterator[None]:
+def interrupted_by_signals() -> AbstractContextManager[object]:
     """Let all signals that end a verb interrupt it as Ctrl-C does, so that it cleans up."""
-    before = {number: signal.signal(number, _interrupt) for number in ENDING}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    return stop_on_signal(_interrupt)
 
 
-def _interrupt(*_: object) -> NoReturn:
+def _interrupt() -> NoReturn:
     raise KeyboardInterrupt
 
 

@@ -188,10 +188,8 @@ def bag_rate(bag: Bag, arm: ArmTopics = SLAVE) -> float:
     acceleration = _stamped(bag, arm.acceleration)
     if acceleration is None:
         raise NothingRecordedError(f"{bag.path}: has no message of {arm.acceleration.name}")
-    arguments = bag.facts.get("arguments")
-    stated = arguments.get("rate") if isinstance(arguments, dict) else None
     with located(bag.path):
-        return sampling_rate(acceleration[0], stated if isinstance(stated, (int, float)) else None)
+        return sampling_rate(acceleration[0], bag.stated_rate)
 
 
 def start_offset(bag: Bag, start: float) -> float:

@@ -81,9 +81,8 @@ class Hdf5Writer:
         rates = FrameRate.of(self.fps, self.rate, recorded_rate(bag))
         found = frames_of(bag, periods[0][0], periods[-1][1], rates, bag.axes)
         self.notes.extend(f"{file.attrs['bag']}: {note}" for note in found.notes)
-        arguments = bag.facts.get("arguments")
-        slave = arguments.get("slave") if isinstance(arguments, dict) else ""
-        file.attrs.update({"sim": slave == "simulated", "fps": self.fps})
+        is_simulated = bag.arguments.get("slave") == "simulated"
+        file.attrs.update({"sim": is_simulated, "fps": self.fps})
         observations = file.create_group("observations")
         observations["qpos"], observations["qvel"] = found.state[:, :3], found.state[:, 3:]
         file["action"] = found.action[:, :3]

@@ -22,7 +22,6 @@ there is a common one. Beside the set are all signals as recorded, in ``series``
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -47,6 +46,7 @@ from haptic_accel.kits.export.frames import (
     recorded_rate,
 )
 from haptic_accel.kits.export.images import CameraFrames, camera_frames
+from haptic_accel.kits.export.signals import write_json
 from haptic_accel.kits.export.statistics import Statistics, by_name, combined, statistics
 from haptic_accel.kits.export.tables import write_parquet
 
@@ -136,9 +136,8 @@ class LeRobotWriter:
         self._rates, self._axes = rates, axes
 
     def _task_index(self, bag: Bag) -> int:
-        arguments = bag.facts.get("arguments")
-        surface = arguments.get("surface") if isinstance(arguments, dict) else None
-        task = self.task or f"feel {surface or 'a surface'} with a tool"
+        surface = bag.arguments.get("surface") or "a surface"
+        task = self.task or f"feel {surface} with a tool"
         if task not in self._tasks:
             self._tasks.append(task)
         return self._tasks.index(task)
@@ -218,8 +217,8 @@ class LeRobotWriter:
             for episode, found in zip(self._episodes, self._statistics, strict=True)
         ]
         parquet.write_table(pa.Table.from_pylist(rows), meta / "episodes" / CHUNK)
-        _write_json(meta / "stats.json", combined(self._statistics))
-        _write_json(meta / "info.json", self._info())
+        write_json(meta / "stats.json", combined(self._statistics))
+        write_json(meta / "info.json", self._info())
 
     def _info(self) -> dict[str, Any]:
         return {
@@ -282,8 +281,3 @@ def _column(array: FloatArray) -> pa.Array:
             np.arange(0, len(column) + 1, size, dtype=np.int32), column
         )
     return column
-
-
-def _write_json(path: Path, content: Any) -> None:
-    text = json.dumps(content, indent=4, default=np.ndarray.tolist)
-    path.write_text(text + "\n", encoding="utf-8")

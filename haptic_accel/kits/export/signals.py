@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator
 from contextlib import suppress
@@ -26,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from haptic_accel.bags.reading import Bag, Signal, stated_rate
+from haptic_accel.bags.reading import Bag, Signal
 from haptic_accel.core import topics
 from haptic_accel.core.axes import NAMES, Axes
 from haptic_accel.core.model import FloatArray
@@ -126,7 +127,7 @@ def rate_of(bag: Bag, exported: ExportedSignal) -> float:
         The bag does not have it, or its samples are not on a grid.
     """
     try:
-        return sampling_rate(signal_of(bag, exported).stamps, stated_rate(bag))
+        return sampling_rate(signal_of(bag, exported).stamps, bag.stated_rate)
     except ParameterError as error:
         raise ParameterError(f"{bag.path}: {exported.name}: {error}") from None
 
@@ -198,3 +199,9 @@ def descriptions(bag: Bag) -> dict[str, Any]:
         "problems": bag.problems,
         "signals": {each.name: description(bag, each) for each, _ in signals_of(bag)},
     }
+
+
+def write_json(file: Path, content: Any) -> None:
+    """Write a description, with arrays as lists."""
+    with file.open("w", encoding="utf-8") as opened:
+        json.dump(content, opened, indent=2, default=np.ndarray.tolist)

@@ -30,14 +30,20 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.io import wavfile
 
 from haptic_accel.bags.reading import Bag
-from haptic_accel.core.axes import Axes
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.reduction import REDUCTIONS
 from haptic_accel.core.resampling import resampled
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.kits.export.frames import recorded_rate
-from haptic_accel.kits.export.signals import HANDLE, TOOL, descriptions, on_grid, signal_of
+from haptic_accel.kits.export.signals import (
+    HANDLE,
+    TOOL,
+    descriptions,
+    on_grid,
+    signal_of,
+    write_json,
+)
 
 RAW_AUDIO = "foxglove_msgs/msg/RawAudio"
 FIELDS = """builtin_interfaces/Time timestamp
@@ -98,13 +104,13 @@ def write_wav(bag: Bag, folder: Path) -> None:
     ParameterError
         Tool and handle have no common rate, or not a whole one.
     """
-    sound = _sound(bag, bag.axes)
+    sound = _sound(bag)
     if sound.rate != (rate := round(sound.rate)):
         raise ParameterError(f"{bag.path}: {sound.rate} Hz: must be a whole number for WAV")
     samples = np.column_stack(list(sound.channels.values()))
     samples /= sound.full_scale
     wavfile.write(folder / "vibration.wav", rate, samples)
-    _write_json(folder / "signals.json", sound.about(bag))
+    write_json(folder / "signals.json", sound.about(bag))
 
 
 def write_audio(bag: Bag, folder: Path) -> None:
@@ -117,7 +123,7 @@ def write_audio(bag: Bag, folder: Path) -> None:
     ParameterError
         Tool and handle have no common rate.
     """
-    sound = _sound(bag, bag.axes)
+    sound = _sound(bag)
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(get_types_from_msg(FIELDS, RAW_AUDIO))
     kind, moment = store.types[RAW_AUDIO], store.types["builtin_interfaces/msg/Time"]
@@ -132,10 +138,10 @@ def write_audio(bag: Bag, folder: Path) -> None:
                 stamp = sound.start + begin * NANOSECONDS // SOUND_RATE
                 message = kind(moment(*divmod(stamp, NANOSECONDS)), block, PCM, SOUND_RATE, 1)
                 writer.write(topic, stamp, store.serialize_cdr(message, RAW_AUDIO))
-    _write_json(folder / "signals.json", about)
+    write_json(folder / "signals.json", about)
 
 
-def _sound(bag: Bag, axes: Axes) -> _Sound:
+def _sound(bag: Bag) -> _Sound:
     """Return the vibration of tool and handle from the first sample to the last."""
     rate = recorded_rate(bag)
     stamps = [signal_of(bag, each).stamps for each in (TOOL, HANDLE)]
@@ -143,7 +149,7 @@ def _sound(bag: Bag, axes: Axes) -> _Sound:
     length = round((int(max(each[-1] for each in stamps)) - start) * rate / NANOSECONDS) + 1
     channels, missing = {}, {}
     for part, exported in (("tool", TOOL), ("handle", HANDLE)):
-        for axis in axes.names:
+        for axis in bag.axes.names:
             held, seen = on_grid(bag, exported, axis, start, rate, length)
             channels[f"{part}.{axis}"] = held
             missing[part] = int((~seen).sum())
@@ -174,7 +180,3 @@ def _resampled_parts(signal: FloatArray, rate: float) -> Iterator[npt.NDArray[np
         end = min(begin + length, len(signal)) - begin
         own = played[first : first + math.ceil(end * SOUND_RATE / rate)]
         yield np.clip(np.rint(own), -FULL, FULL).astype("<i2")
-
-
-def _write_json(file: Path, content: Any) -> None:
-    file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")

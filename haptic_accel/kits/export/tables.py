@@ -26,13 +26,10 @@ from pyarrow import csv, parquet
 
 from haptic_accel.bags.reading import Bag, Signal
 from haptic_accel.core.axes import NAMES
-from haptic_accel.kits.export.signals import PART, descriptions, signals_of
+from haptic_accel.kits.export.signals import PART, descriptions, signals_of, write_json
 
 METADATA_KEY = b"haptic_accel"
 """Key of the JSON text about a signal in a Parquet file's metadata."""
-
-SIGNALS_FILE = "signals.json"
-"""File that describes the signals of a folder."""
 
 COMPRESSION = "zstd"
 """Compression of Parquet files, which all readers know."""
@@ -80,12 +77,7 @@ def write_csv(bag: Bag, folder: Path) -> None:
             with csv.CSVWriter(file, schema, write_options=_ROWS_ALONE) as writer:
                 for stamps, columns in _parts(signal):
                     writer.write_table(pa.table([stamps, *columns], schema=schema))
-    write_descriptions(bag, folder / SIGNALS_FILE)
-
-
-def write_descriptions(bag: Bag, file: Path) -> None:
-    """Write the descriptions of a bag's signals as JSON."""
-    file.write_text(json.dumps(descriptions(bag), indent=2) + "\n", encoding="utf-8")
+    write_json(folder / "signals.json", descriptions(bag))
 
 
 def _parts(signal: Signal) -> Iterator[tuple[pa.Array, list[pa.Array]]]:
