@@ -62,7 +62,7 @@ from haptic_accel.bags.timeline import Arrivals, Timeline, timeline
 from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
 from haptic_accel.core.cdr import unpack_stamped_vectors
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import ParameterError, one_line
 from haptic_accel.core.sampling import (
     HIGHEST_LATENCY,
     BoolArray,
@@ -370,7 +370,7 @@ def messages_of(path: Path, kinds: Collection[str]) -> Iterator[tuple[str, int, 
     Raises
     ------
     ParameterError
-        The path is no bag.
+        The path is no bag, or one of the messages is damaged.
     """
     whole = Bag(path)
     for source in _contents(whole)[1]:
@@ -380,7 +380,13 @@ def messages_of(path: Path, kinds: Collection[str]) -> Iterator[tuple[str, int, 
             rows = zip(block.received.tolist(), block.starts, block.ends, strict=True)
             for received, start, end in rows:
                 data = block.bytes[start:end].tobytes()
-                yield block.topic, received, _types().deserialize_cdr(data, block.type)
+                try:
+                    message = _types().deserialize_cdr(data, block.type)
+                except Exception as error:  # of any kind, as for `_Collected`
+                    raise ParameterError(
+                        f"{path}: {block.topic}: a message cannot be read: {one_line(error)}"
+                    ) from None
+                yield block.topic, received, message
 
 
 def read_bag_with_warnings(path: Path | str) -> Bag:

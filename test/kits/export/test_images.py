@@ -153,9 +153,10 @@ def test_a_slower_camera_repeats_images_and_says_so(tmp_path: Path, recorded: Re
             ),
             "must be (12, 16, 3), as before",
         ),
+        ((Message(TOPIC, RAW, s, raw(s, 1)[:50]) for s in LATE), "a message cannot be read: "),
         (iter(()), "has no images while the arms were coupled"),
     ],
-    ids=["slow", "encoding", "step", "damaged", "sizes", "none"],
+    ids=["slow", "encoding", "step", "damaged", "sizes", "cut", "none"],
 )
 def test_images_that_do_not_fit_are_refused_and_nothing_is_left(
     tmp_path: Path, recorded: Recorded, images: Iterator[Message], line: str
