@@ -26,7 +26,7 @@ import click
 
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
-from haptic_accel.core.parameters import ParameterError, parameter
+from haptic_accel.core.parameters import one_line, parameter
 from haptic_accel.graph.ros_packages import NEEDS_ROS, has_ros
 from haptic_accel.graph.stop_signal import PendingStop, Signalled, age, own_domain, stop_graphs
 from haptic_accel.setup.namespaces import NamespaceArguments
@@ -89,12 +89,12 @@ def estop(signalled: Signalled | None, arguments: StopArguments) -> None:
     pending = f"the stop is pending: {held}" if done.pending else "is the graph running?"
     if not has_ros():
         raise StoppedError(f"{quick}not confirmed: this {NEEDS_ROS}; {pending}")
-    from haptic_accel.nodes.emergency_stop import stop_devices
-
     try:
+        from haptic_accel.nodes.emergency_stop import stop_devices
+
         line, missing = _answer(namespace, stop_devices, TIMEOUT)
-    except ParameterError as error:
-        raise StoppedError(f"{quick}not confirmed: {error}; {pending}") from None
+    except Exception as error:  # whatever fails here, the user is told what is done
+        raise StoppedError(f"{quick}not confirmed: {one_line(error)}; {pending}") from None
     if missing:
         raise StoppedError(f"{quick}not confirmed: {_silent(missing)}; {pending}")
     print(f"emergency stop: {line} ({quick}confirmed after {age():.2f} s)")

@@ -97,13 +97,14 @@ class PendingStop:
         self._known: set[tuple[int, int]] = set()
 
     def leave(self) -> bool:
-        """Leave the stop; return False if there is no room for it."""
+        """Leave the stop; return False if there is no room for it.
+
+        Nothing is opened: who can write to the folder may have put a FIFO there, or a link.
+        """
         try:
-            # Not through a link that another user may have put there.
-            flags = os.O_CREAT | os.O_WRONLY | os.O_NOFOLLOW
-            file = os.open(self._file, flags, 0o644)
-            os.utime(file)
-            os.close(file)
+            if not os.path.lexists(self._file):
+                os.mknod(self._file, 0o644)
+            os.utime(self._file, follow_symlinks=False)
         except OSError:
             return os.path.lexists(self._file)  # another user's stop holds as well
         return True
@@ -201,9 +202,12 @@ def stop_graphs(domain: int, namespace: str) -> Signalled:
 
     Parameters as for `stop_senders`.
     """
-    # First: a node that cannot be signalled yet will find it.
-    pending = PendingStop(domain, namespace).leave()
-    return Signalled(stop_senders(domain, namespace), pending=pending)
+    try:
+        processes = stop_senders(domain, namespace)
+    except OSError:  # the kernel's list cannot be read
+        processes = 0
+    # Afterwards is in time: a node looks for it before it allows forces, and ever again.
+    return Signalled(processes, pending=PendingStop(domain, namespace).leave())
 
 
 def stop_senders(domain: int, namespace: str) -> int:
@@ -220,18 +224,20 @@ def stop_senders(domain: int, namespace: str) -> int:
     int
         Number of signalled processes; processes of other users cannot be signalled.
     """
-    senders = _all_senders(domain)
+    start = _place(domain, _SENDER)
+    senders = {name for name in _addresses() if name.startswith(start)}
     if namespace:
         senders &= {address(domain, sender(name)) for name in signals(namespace)}
-    stopped = 0
-    for process in {holder(each) for each in senders}:
+    stopped = set[int]()
+    for each in senders:
         try:
-            if process and _handles_emergency(process):
+            process = holder(each)
+            if process not in stopped and _handles_emergency(process):
                 os.kill(process, EMERGENCY)
-                stopped += 1
+                stopped.add(process)
         except OSError:  # it has just ended, or is another user's
             continue
-    return stopped
+    return len(stopped)
 
 
 def signals(namespace: str) -> list[str]:
@@ -283,25 +289,25 @@ def _place(domain: int, role: str) -> bytes:
     return f"\0haptic_accel/{domain}/{role.partition(' ')[0]}/".encode()
 
 
-def _all_senders(domain: int) -> set[bytes]:
-    """Return the addresses of all senders of signals in a ROS domain."""
-    start = _place(domain, _SENDER)
+def _addresses() -> list[bytes]:
+    """Return this package's abstract addresses in use.
+
+    Any program chooses its names, with blanks and ends of lines in them: the list has words, of
+    which none of these addresses has two, but no lines.
+    """
     with open(SOCKETS, "rb") as listed:
-        names = [line.split()[-1].replace(b"@", b"\0", 1) for line in listed]
-    return {name for name in names if name.startswith(start)}
+        words = listed.read().split()
+    return [word.replace(b"@", b"\0", 1) for word in words if word.startswith(b"@haptic_accel/")]
 
 
 def used_domains() -> set[int]:
     """Return the ROS domains in which nodes of this machine send signals, or links run."""
-    start = b"@haptic_accel/"
-    with open(SOCKETS, "rb") as listed:
-        names = [line.split()[-1] for line in listed]
-    numbers = [name.split(b"/")[1] for name in names if name.startswith(start)]
+    numbers = [name.split(b"/")[1] for name in _addresses()]
     return {int(number) for number in numbers if number.isdigit()}  # any program chooses its names
 
 
 def _handles_emergency(process: int) -> bool:
     """Return whether a process handles the signal of the emergency stop."""
     with open(f"/proc/{process}/status", "rb") as status:
-        (caught,) = (line for line in status if line.startswith(b"SigCgt:"))
-    return bool(int(caught.split()[1], 16) >> EMERGENCY - 1 & 1)
+        caught = [int(line.split()[1], 16) for line in status if line.startswith(b"SigCgt:")]
+    return any(handled >> EMERGENCY - 1 & 1 for handled in caught)

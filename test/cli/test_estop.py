@@ -164,6 +164,16 @@ def test_a_stop_holds_from_the_start_of_a_graph_and_while_it_runs_until_it_is_re
     assert graph.end(signal.SIGINT) == 0, graph.text
 
 
+def test_a_stop_that_cannot_be_confirmed_says_what_is_done(
+    unconfirmed: Ask, monkeypatch: pytest.MonkeyPatch, domain: int
+) -> None:
+    monkeypatch.setattr("rclpy.init", None)
+    status, said = unconfirmed()
+    assert status == 1
+    assert "not confirmed: 'NoneType' object is not callable; the stop is pending: no" in said
+    assert PendingStop(domain, "").withdraw()
+
+
 def test_a_bag_of_a_stop_and_its_release_can_be_played_and_does_not_more_than_stop(
     haptic_accel: Start, start: Start, observer: Observer, tmp_path: Path
 ) -> None:

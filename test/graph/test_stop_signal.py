@@ -17,16 +17,21 @@
 
 from __future__ import annotations
 
+import glob
+import os
 import socket
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import MASTER_ARM_FORCE
+from haptic_accel.graph import stop_signal
 from haptic_accel.graph.stop_signal import (
+    PENDING,
     PendingStop,
     own_domain,
     stop_at_once,
@@ -47,33 +52,52 @@ def test_an_emergency_stop_reaches_who_sends_and_handles_it_in_its_namespace(dom
     with sending(domain, TOPIC) as process:
         assert stop_senders(domain, "") == 0, "it would only end"
         assert process.poll() is None
-    with sending(domain, f"/left{TOPIC}", STOPPABLE) as process:
-        assert stop_senders(domain, "/right") == 0
-        with reserved_domain() as other:
-            assert stop_senders(other, "/left") == 0
+    with (
+        sending(domain, f"/left{TOPIC}", STOPPABLE) as left,
+        sending(domain, f"/a/b{TOPIC}", STOPPABLE) as far,
+        reserved_domain() as other,
+    ):
+        for elsewhere in ((domain, "/right"), (other, "/left"), (other, "")):
+            assert stop_senders(*elsewhere) == 0
         assert stop_senders(domain, "/left") == 1
+        assert left.wait(PATIENCE) == 7
+        assert stop_senders(domain, "") == 1, "every graph of the domain"
+        assert far.wait(PATIENCE) == 7
+
+
+ODD = [*(b"haptic_accel/" + rest for rest in (b"what", b"\xff/", b"/", b"1e9/sender/"))]
+ODD += [b"evil\n\nname", b" ", b"\n", b"\0\n0 1 2\n"]
+"""Names of sockets that any program may choose."""
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_odd_addresses_use_no_domain_and_hold_no_stop_up(domain: int, name: bytes) -> None:
+    before = used_domains()
+    with socket.socket(socket.AF_UNIX) as stranger, sending(domain, TOPIC, STOPPABLE) as process:
+        stranger.bind(b"\0" + name)
+        assert used_domains() - before <= {domain}
+        assert stop_senders(domain, "") == 1
         assert process.wait(PATIENCE) == 7
 
 
-def test_an_emergency_stop_without_a_namespace_reaches_every_graph_of_the_domain(
-    domain: int,
+@pytest.mark.parametrize("put", [os.mkfifo, os.mkdir, partial(os.symlink, "/dev/full")])
+def test_whatever_is_at_its_place_a_stop_is_signalled_and_pending(
+    domain: int, put: Callable[[str], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with (
-        sending(domain, TOPIC, STOPPABLE) as root,
-        sending(domain, f"/a/b{TOPIC}", STOPPABLE) as far,
-    ):
-        with reserved_domain() as other:
-            assert stop_senders(other, "") == 0
-        assert stop_senders(domain, "") == 2
-        assert root.wait(PATIENCE) == far.wait(PATIENCE) == 7
-
-
-@pytest.mark.parametrize("rest", [b"what", b"\xff/", b"/", b"1e9/sender/"])
-def test_an_address_that_only_begins_like_one_of_a_graph_uses_no_domain(rest: bytes) -> None:
-    before = used_domains()
-    with socket.socket(socket.AF_UNIX) as stranger:
-        stranger.bind(b"\0haptic_accel/" + rest)
-        assert not used_domains() - before
+    pending = PendingStop(domain, "")
+    monkeypatch.setattr(stop_signal, "SOCKETS", "/nowhere")  # a failure to signal, besides
+    assert stop_at_once([])
+    (place,) = glob.glob(f"{PENDING}-*-{domain}")
+    assert pending.withdraw()
+    put(place)
+    try:
+        assert pending.is_new()
+        with sending(domain, TOPIC, STOPPABLE) as process:
+            assert without("click", ["estop"]).returncode == 9
+            assert process.wait(PATIENCE) == 7
+        assert pending.is_new(), "given again"
+    finally:
+        (os.rmdir if put is os.mkdir else os.unlink)(place)
 
 
 def without(module: str, words: Sequence[str]) -> subprocess.CompletedProcess[str]:
@@ -87,24 +111,24 @@ def without(module: str, words: Sequence[str]) -> subprocess.CompletedProcess[st
         "from haptic_accel.cli.main import main\n"
         f"main({list(words)})"
     )
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    words_of = [sys.executable, "-c", code]
+    return subprocess.run(words_of, capture_output=True, text=True, timeout=PATIENCE)
 
 
-@pytest.mark.parametrize("module", ["click", "dataclasses", "rclpy"])
-def test_a_stop_is_signalled_before_anything_else_is_loaded(domain: int, module: str) -> None:
-    with sending(domain, TOPIC, STOPPABLE) as process:
-        assert without(module, ["estop"]).returncode == 9
-        assert process.wait(PATIENCE) == 7
-
-
-def test_a_stop_of_one_namespace_is_signalled_before_click_is_loaded(domain: int) -> None:
+@pytest.mark.parametrize(
+    ("module", "words"),
+    [("click", ["namespace:=left"]), ("click", []), ("dataclasses", []), ("rclpy", [])],
+)
+def test_a_stop_is_signalled_before_anything_else_is_loaded(
+    domain: int, module: str, words: list[str]
+) -> None:
     with (
         sending(domain, f"/left{TOPIC}", STOPPABLE) as left,
-        sending(domain, f"/right{TOPIC}", STOPPABLE) as right,
+        sending(domain, TOPIC, STOPPABLE) as root,
     ):
-        assert without("click", ["estop", "namespace:=left"]).returncode == 9
+        assert without(module, ["estop", *words]).returncode == 9
         assert left.wait(PATIENCE) == 7
-        assert right.poll() is None
+        assert root.poll() is None if words else root.wait(PATIENCE) == 7
 
 
 @pytest.mark.parametrize(
