@@ -280,11 +280,11 @@ class DeviceSide:
         self._watched = self.tick
         time = self.tick / self.rate
         acceleration, self._acceleration = self._acceleration, None
-        arm, actuator = self.safety.tick(self._advanced(time, self.clock()), acceleration)
-        if arm is not None:
-            self._write(time, {ARM: arm})
-        if actuator is not None:
-            self._write(time, {ACTUATOR: actuator})
+        begun = self.clock()
+        ends = self.safety.tick(self._advanced(time, begun), acceleration)
+        for kind, force in zip((ARM, ACTUATOR), ends, strict=True):
+            if force is not None:
+                self._write(time, {kind: force}, begun)
 
     def apply_late(self) -> None:
         """Apply the forces that arrived after their due tick."""
@@ -292,7 +292,8 @@ class DeviceSide:
 
     def take_off(self) -> None:
         """Set all forces to zero."""
-        self._write(self.clock(), {ARM: ZERO, ACTUATOR: ZERO})
+        now = self.clock()
+        self._write(now, {ARM: ZERO, ACTUATOR: ZERO}, now)
 
     # Counts
 
@@ -357,7 +358,7 @@ class DeviceSide:
                     given[kind], moments[kind] = allowed, moment
         try:
             if given:
-                self._write(time, given)
+                self._write(time, given, begun)
         finally:
             done = self.clock()
             for kind in kinds:
@@ -365,7 +366,13 @@ class DeviceSide:
         for kind, moment in moments.items():
             self.commands[kind].age.add(done - moment / NANOSECONDS)
 
-    def _write(self, time: float, forces: dict[str, Any]) -> None:
+    def _write(self, time: float, forces: dict[str, Any], judged: float) -> None:
+        """Write forces that the safety layer allowed at a clock time, s.
+
+        No force if the process was stopped since (SIGSTOP) for longer than samples are waited for.
+        """
+        if self.clock() - judged > SAMPLE_TIMEOUT:
+            forces = dict.fromkeys(forces, ZERO)
         self.device.write(time, **forces)
         if (arm := forces.get(ARM)) is not None:
             self._work.apply(time, arm)

@@ -234,6 +234,21 @@ def test_an_old_force_reaches_no_device() -> None:
     assert part.safety.diagnostics()["arm force outdated"] == "2"
 
 
+@pytest.mark.parametrize(
+    ("looks", "written"), [(0, []), (1, [ZERO]), (2, [(0.0, 0.0, 0.5)])], ids=str
+)
+def test_a_pause_before_the_write_leaves_no_force(looks: int, written: list[Vector]) -> None:
+    device, clock = Slow(), Clock()
+    part = clocked(device, clock)
+    part.command(ARM, 0.0, (0.0, 0.0, 0.5))
+    part.begin(1)
+    # The process is stopped for 8 s after so many looks at the clock, the last before the write.
+    moments = iter([0.001] * looks)
+    part.clock = lambda: next(moments, 8.0)
+    part.apply()
+    assert [forces[ARM] for _, forces in device.written] == written
+
+
 def test_a_device_with_a_clock_gets_forces_before_they_are_due() -> None:
     device, clock = Slow(), Clock()
     part = clocked(device, clock, ahead=[ACTUATOR])
