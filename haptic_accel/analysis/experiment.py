@@ -25,6 +25,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
+from haptic_accel.analysis.latency import latest_words
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import MILLI, AnalysedTrial
 from haptic_accel.analysis.page import Setting
@@ -52,15 +53,11 @@ AGES = ("p50", "p99", "max")
 LOST_SHARE = 0.01
 """Fraction of missing samples of a signal, or of late forces, above which there is a warning."""
 
-LOCKSTEP_NOTE = (
-    "Every condition ran in lockstep: no ROS, no clock, same numbers for the same seed."
-)
-"""Note on a run in lockstep."""
-
-LIVE_NOTE = (
-    "Every condition ran through the live graph, and was read back from the bag it recorded."
-)
-"""Note on a run through the graph."""
+RUN_NOTES = {
+    True: "Every condition ran in lockstep: no ROS, no clock, same numbers for the same seed.",
+    False: "Every condition ran through the live graph, and was read back from its bag.",
+}
+"""Notes on a run in lockstep, and through the live graph."""
 
 RIG_NOTES = {
     "ideal": "The simulated rig is eq. (1) to (3) of the paper with Table I and nothing else: it "
@@ -74,12 +71,6 @@ RIG_NOTES = {
     "(docs/virtual_rig.md).",
 }
 """Notes on the virtual rigs, by name."""
-
-BESIDE = "lockstep_nrmse_percent"
-"""Name of the lockstep error in a live run's JSON file."""
-
-LOCKSTEP_TITLE = "Error (NRMSE) live and, in brackets, in lockstep, %"
-"""Title of the table with both."""
 
 NETWORK_NOTE = (
     "A network lay between the arms, with the passive coupling. The handle is compared with the "
@@ -115,26 +106,6 @@ def channel_setting(channel: ChannelParameters | None) -> dict[str, str]:
     return {"network": f"{delay:g} +- {jitter:g} ms one way, {100 * channel.loss:g} % lost"}
 
 
-def experiment_notes(rig: str, *, lockstep: bool, network: bool) -> list[str]:
-    """Return the notes of a report on the execution of its conditions.
-
-    Parameters
-    ----------
-    rig : str
-        Virtual rig, by name or file.
-    lockstep : bool
-        True for lockstep, False for a live graph.
-    network : bool
-        True if the arms were connected by a simulated network.
-    """
-    return [
-        LOCKSTEP_NOTE if lockstep else LIVE_NOTE,
-        AVERAGE_NOTE,
-        *([RIG_NOTES[rig]] if rig in RIG_NOTES else []),
-        *([NETWORK_NOTE] if network else []),
-    ]
-
-
 def beside_lockstep(analysis: Analysis, expected: Mapping[Path, float]) -> ResultTable | None:
     """Return the errors of each controller and surface live and, in brackets, in lockstep."""
     cells: dict[str, dict[str, str]] = {}
@@ -145,26 +116,28 @@ def beside_lockstep(analysis: Analysis, expected: Mapping[Path, float]) -> Resul
             cells.setdefault(trial.controller, {})[trial.surface] = cell
     surfaces = list(dict.fromkeys(surface for row in cells.values() for surface in row))
     rows = [(name, *(row.get(each, "") for each in surfaces)) for name, row in cells.items()]
-    return ResultTable(("controller", *surfaces), rows, LOCKSTEP_TITLE) if rows else None
+    title = "Error (NRMSE) live and, in brackets, in lockstep, %"
+    return ResultTable(("controller", *surfaces), rows, title) if rows else None
 
 
-def trial_metrics(trial: AnalysedTrial, seed: int, lockstep: bool) -> dict[str, Any]:
-    """Return the metrics of a trial for a JSON file."""
+def trial_metrics(trial: AnalysedTrial, run: Run) -> dict[str, Any]:
+    """Return the metrics of a trial of an experiment for a JSON file."""
     metrics: dict[str, Any] = {
         "surface": trial.surface,
         "controller": trial.controller,
-        "seed": seed,
+        "seed": run.done[trial.segment.bag].seed,
         **{name: trial.metrics[name] for name in EVALUATED},
         "seconds": trial.segment.seconds,
         "latency_samples": trial.segment.latency,
         "granted_samples": trial.segment.granted_delay,
         "after_samples": trial.segment.after,
     }
-    if not lockstep:
+    if not run.lockstep:
         delivery = trial.segment.delivery
         ages = {label: delivery.age_us[label] for label in AGES if label in delivery.age_us}
         metrics |= {"age_us": ages, "lost": delivery.lost, "missed": delivery.missed}
         metrics["missed_deadlines"] = delivery.deadlines
+        metrics["lockstep_nrmse_percent"] = run.expected.get(trial.segment.bag)
     return metrics
 
 
@@ -184,8 +157,8 @@ def experiment_warnings(analysis: Analysis, *, composed: bool) -> Iterator[str]:
         samples = trial.segment.seconds * trial.segment.rate
         late, missed = _worst(delivery, "missed")
         past, behind = _worst(delivery, "past_tick")
-        longest = delivery.deadlines.get(late, {}).get("longest_us", math.nan) / MILLI
-        felt = f", the latest by {longest:.1f} ms, which a hand on a real handle would feel."
+        longest = latest_words(delivery.deadlines.get(late, {}).get("longest_us", math.nan))
+        felt = f"{longest}, which a hand on a real handle would feel."
         shares = {
             "samples are missing, which makes the error larger.": max(missing, default=0)
             / samples,
@@ -243,9 +216,8 @@ class Run:
 def write_experiment(run: Run, analysis: Analysis, folder: Path, *warnings: str) -> Path:
     """Write the report of an experiment to a folder; return its page."""
     defaults = asdict(GraphArguments())
-    by_trial = ["controller", "record"]
-    if not is_recording(run.arguments.surface):
-        by_trial.append("surface")
+    by_trial = {"controller", "record", "surface"}
+    by_trial -= {"surface"} if is_recording(run.arguments.surface) else set()
     settings = (
         {"run": "lockstep" if run.lockstep else "live graph"}
         | channel_setting(run.channel)
@@ -255,14 +227,19 @@ def write_experiment(run: Run, analysis: Analysis, folder: Path, *warnings: str)
             if value != defaults[key] and key not in by_trial
         }
     )
-    network = run.channel is not None
-    notes = experiment_notes(run.arguments.rig, lockstep=run.lockstep, network=network)
+    notes = [
+        RUN_NOTES[run.lockstep],
+        AVERAGE_NOTE,
+        RIG_NOTES.get(run.arguments.rig, ""),
+        NETWORK_NOTE if run.channel else "",
+        *warnings,
+    ]
     return write_analysis(
         analysis,
         folder,
         setting=Setting(
             "Haptic display of tool contact: the paper's experiment",
-            [*notes, *warnings],
+            [*filter(None, notes)],
             {**settings, "all others": "defaults"},
             beside=beside_lockstep(analysis, run.expected),
         ),
@@ -282,11 +259,7 @@ def experiment_metrics(run: Run, analysis: Analysis) -> dict[str, Any]:
         "seeds": run.seeds,
         "arguments": asdict(run.arguments),
         "network": asdict(run.channel) if run.channel else None,
-        "conditions": [
-            trial_metrics(trial, run.done[trial.segment.bag].seed, run.lockstep)
-            | ({} if run.lockstep else {BESIDE: run.expected.get(trial.segment.bag)})
-            for trial in analysis.trials
-        ],
+        "conditions": [trial_metrics(trial, run) for trial in analysis.trials],
     }
 
 

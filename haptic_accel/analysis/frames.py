@@ -210,7 +210,7 @@ class TableTwo:
     rows : dict
         A cell for each column, by controller.
     counts : dict
-        Number of trials by controller.
+        Number of trials of each surface, or its range, by controller.
     methods : str
         Methods of the intervals.
     bounds : dict
@@ -220,7 +220,7 @@ class TableTwo:
     columns: list[str]
     common: list[str]
     rows: dict[str, list[Cell]]
-    counts: dict[str, int]
+    counts: dict[str, str]
     methods: str
     bounds: dict[str, list[float]]
 
@@ -263,10 +263,15 @@ def table_two(found: pd.DataFrame) -> TableTwo:
         surfaces + [AVERAGE] * (len(surfaces) > 1),
         common,
         rows,
-        {c: sum(row["trials"] for (own, _), row in known.items() if own == c) for c in rows},
+        {c: _range([row["trials"] for (own, _), row in known.items() if own == c]) for c in rows},
         "; ".join(dict.fromkeys(row["interval"] for row in known.values())),
         _table_bounds(found, surfaces, common),
     )
+
+
+def _range(counts: Sequence[int]) -> str:
+    """Return a number that all have, or the least and the most."""
+    return " to ".join(str(each) for each in sorted({min(counts), max(counts)}))
 
 
 def _table_bounds(

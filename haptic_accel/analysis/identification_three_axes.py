@@ -45,6 +45,10 @@ from haptic_accel.core.simulated_identification import master_response
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.setup.files import EVERY_NODE
 
+ANISOTROPY = "anisotropy (largest over smallest singular value of the response)"
+"""Condition number of a response at one frequency. That of the coils' directions, which
+alone has a limit, is another number."""
+
 
 @dataclass(frozen=True)
 class ThreeAxisResult(Result[ThreeAxisIdentification]):
@@ -102,7 +106,8 @@ class ThreeAxisResult(Result[ThreeAxisIdentification]):
         axis, coil = np.unravel_index(np.argmax(levels - 1e9 * np.eye(3)), levels.shape)
         yield (
             f"cross-coupling: {levels[axis, coil]:.1f} dB at most, of coil {NAMES[coil]} with axis"
-            f" {NAMES[axis]}; condition number: {response.condition.max():.1f} at most"
+            f" {NAMES[axis]}; {ANISOTROPY}: {response.condition.max():.1f} at most; condition"
+            f" number of the coils' directions: {self.found.plant.condition:.2g}"
         )
         delays = ", ".join(f"{fit.delay * 1e6:.0f} us ({name})" for name, fit in self.fits.items())
         yield (
@@ -157,7 +162,7 @@ class ThreeAxisResult(Result[ThreeAxisIdentification]):
         }
 
     def figures(self, sweep: SweepParameters) -> dict[str, Figure]:
-        """Return response, coherence and condition number."""
+        """Return response, coherence and anisotropy."""
         del sweep
         return {
             "response.png": response_plot(self.found),
@@ -268,8 +273,8 @@ def coherence_plot(found: ThreeAxisIdentification) -> Figure:
 
 
 def condition_plot(found: ThreeAxisIdentification) -> Figure:
-    """Draw the condition number of the estimate and of the plant over frequency."""
-    figure, panel = _over_frequency(found, "condition number (1)")
+    """Draw the anisotropy of the estimate and of the plant over frequency."""
+    figure, panel = _over_frequency(found, ANISOTROPY)
     response = found.response
     modelled = np.linalg.cond(found.plant.response(response.frequency, response.rate))
     style: Style = {"color": plots.GREY, "linestyle": "", "marker": ".", "markersize": 3}

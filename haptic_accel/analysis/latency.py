@@ -21,6 +21,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from haptic_accel.bags.delivery import LABELS, Delivery, durations
@@ -68,7 +69,7 @@ def merged(values: Sequence[Any], join: Callable[[Iterable[Any]], Any], name: st
     if name in COUNTS:
         join = sum
     if not isinstance(values[0], Mapping):
-        return max(values) if name in MAXIMA else join(values)
+        return float(np.max(values)) if name in MAXIMA else join(values)
     keys = dict.fromkeys(key for value in values for key in value)
     return {
         key: merged([value[key] for value in values if key in value], join, key) for key in keys
@@ -120,13 +121,18 @@ def _empty(metrics: Row) -> Row:
 
 
 def _missed(name: str, counts: Mapping[str, float]) -> str:
-    longest = f"{counts['longest_us'] * 1e-3:.1f} ms"
-    return f"{name} {counts['missed']} of {counts['due']}, the latest by {longest}"
+    return f"{name} {counts['missed']} of {counts['due']}{latest_words(counts['longest_us'])}"
 
 
-def _latest(deadlines: Mapping[str, Row]) -> float | None:
-    """Return the largest delay of a force after its deadline, ms."""
-    return max((1e-3 * counts["longest_us"] for counts in deadlines.values()), default=None)
+def latest_words(longest: float) -> str:
+    """Return words on the largest lateness, us; none where only an earlier one is known."""
+    return f", the latest by {longest * 1e-3:.1f} ms" * math.isfinite(longest)
+
+
+def _latest(deadlines: Mapping[str, Row]) -> float:
+    """Return the largest delay of a force after its deadline, ms; NaN if one is not known."""
+    longest = [counts["longest_us"] for counts in deadlines.values()]
+    return 1e-3 * float(np.max(longest)) if longest else math.nan
 
 
 RATES = (

@@ -75,6 +75,9 @@ GRANTED_SHIFT, PAPER_SHIFT, MEASURED_SHIFT = "granted", "paper", "measured"
 BEYOND_STOPS = "no travel: its estimate, which is made without stops, lies beyond them"
 """Note on a trial whose estimated travel is impossible."""
 
+SLOPES = ("slope_desired_on_actual", "slope_actual_on_desired")
+"""Metrics that are undefined where the signals have next to nothing in common."""
+
 MOST_SHIFT = 100.0
 """Maximum permitted shift, ms."""
 
@@ -433,6 +436,8 @@ def _compared(
         "delay_correlation": delay.correlation,
         "shift_ms": MILLI * seconds,
     }
+    if not portrait.regressed:
+        metrics |= dict.fromkeys(SLOPES, math.nan)
     if by_axis:
         metrics["direction_error_deg"] = direction_error(desired, actual)
         metrics |= {f"nrmse_{axis}_percent": own.nrmse_percent for axis, own in by_axis.items()}

@@ -360,7 +360,7 @@ def tables(analysis: Analysis) -> Iterator[ResultTable]:
     if not table.rows:
         return
     errors = [
-        (controller, str(table.counts[controller]), *map(_cell, cells))
+        (controller, table.counts[controller], *map(_cell, cells))
         for controller, cells in table.rows.items()
     ]
     bounds = [
@@ -368,7 +368,7 @@ def tables(analysis: Analysis) -> Iterator[ResultTable]:
         for name, values in table.bounds.items()
     ]
     yield ResultTable(
-        ("controller", "trials", *table.columns),
+        ("controller", "trials per surface", *table.columns),
         errors + bounds,
         "Table II: error (NRMSE) of the handle's acceleration, shifted back by"
         f" {analysis.shifted_by}, % (paper's in brackets)",

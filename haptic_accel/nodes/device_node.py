@@ -34,6 +34,7 @@ from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ArmTopics
 from haptic_accel.devices import Device, DeviceError
+from haptic_accel.devices.sound_bench import NoArm
 from haptic_accel.nodes.crtk import MotionCommands, OperatingState, Queries
 from haptic_accel.nodes.emergency_stop import DeviceStop
 from haptic_accel.nodes.graph_node import GraphNode
@@ -138,6 +139,7 @@ class DeviceNode(Managed, GraphNode):
             kinds=tuple(self._inboxes),
             ahead=(ACTUATOR,) if self.device.description.ahead else (),
             framed=p.frame > 1,
+            counted=[kind for kind in self._inboxes if self._kind is not NoArm or kind != ARM],
             servo=self._motions.servo,
             receive=self._receive,
         )
@@ -295,7 +297,7 @@ class DeviceNode(Managed, GraphNode):
                 f"{missed} of {due} forces took effect after their due time: is this machine fit"
                 f" for {self.parameters.rate:g} Hz now? haptic-accel doctor"
             )
-        forces = " and ".join(kind.replace("_", " ") for kind in self._inboxes)
+        forces = " and ".join(kind.replace("_", " ") for kind in self.side.counted)
         return f"{forces} since the last report: {missed} of {due} deadlines missed"
 
     def _build_device(self) -> Device:

@@ -30,6 +30,7 @@ import pytest
 from bag_maker import BagContent, of_trial, write_bag
 from haptic_accel.analysis import bands, compare, groups, load, signals, spectra, trials
 from haptic_accel.analysis.comparison import RUNS
+from haptic_accel.analysis.frames import table_two
 from haptic_accel.analysis.loading import analyse
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.writing import as_json, write_analysis
@@ -263,6 +264,15 @@ def test_coherence_is_that_of_signal_in_noise(tmp_path: Path) -> None:
     assert inside.coherence.mean() == pytest.approx(1 / (1 + 0.5**2), abs=0.03)
 
 
+def test_signals_with_next_to_nothing_in_common_have_no_slope(tmp_path: Path) -> None:
+    write_bag(tmp_path / "bag", copy(noise=4.0))
+    analysis = load(tmp_path, shift="1")
+    found = trials(analysis).iloc[0]
+    assert 0.0 < found["r2"] < 0.09
+    assert math.isnan(found["slope_desired_on_actual"])
+    assert math.isnan(found["slope_actual_on_desired"])
+
+
 def test_trials_are_grouped_and_their_scatter_is_told(tmp_path: Path) -> None:
     for seed, gain in enumerate((0.7, 0.8, 0.9)):
         write_bag(tmp_path / f"run{seed}" / "bag", copy(gain=gain, seed=seed))
@@ -279,6 +289,7 @@ def test_trials_are_grouped_and_their_scatter_is_told(tmp_path: Path) -> None:
     alone = table.loc[("none", "vinyl")]
     assert "1 trial: too few" in alone["interval"]
     assert math.isnan(alone["nrmse_percent_low"])
+    assert table_two(table.reset_index()).counts == {"none": "1", "dynamic": "3"}
     assert len(set(trials(analysis)["trial"])) == 4
     assert set(bands(analysis)["band"]) >= {"30-60 Hz", "250-500 Hz"}
 

@@ -81,8 +81,9 @@ def test_the_parameter_file_names_model_and_axes(result: ThreeAxisResult) -> Non
 def test_the_page_shows_parameters_and_figures(result: ThreeAxisResult, tmp_path: Path) -> None:
     noted = replace(result, doubts=["axis x: doubtful"])
     page = Page(noted.write_report(tmp_path / "report", SWEEP, {"seed": "7"}))
-    for words in ("axis x: doubtful", "multiple coherence: x 0.99", "axis z", "mount frequency"):
-        assert words in page.text
+    words = ["axis x: doubtful", "multiple coherence: x 0.99", "axis z", "mount frequency"]
+    words += ["value of the response): ", "at most; condition number of the coils' directions: 2"]
+    assert [each for each in words if each not in page.text] == [], page.text
     for name in ("response.png", "coherence.png", "condition.png"):
         assert (tmp_path / "report" / name).read_bytes().startswith(b"\x89PNG")
 

@@ -16,13 +16,14 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from statistics import fmean
 
 import pytest
 
-from haptic_accel.analysis.latency import merged
+from haptic_accel.analysis.latency import latest_words, merged
 from haptic_accel.core.topics import SIGNALS
 from running import Command, nodes_of
 
@@ -75,15 +76,23 @@ def test_rates_are_compared_and_drawn(haptic_accel: Start, tmp_path: Path) -> No
     assert "a process for each node; composed:=true" in command.text
 
 
-def test_of_several_runs_counts_are_added_and_the_longest_lateness_stays() -> None:
-    first = {"due": 10, "missed": 1, "past_tick": 0, "longest_us": 300.0, "late_s": 3e-4}
-    second = {"due": 20, "missed": 4, "past_tick": 2, "longest_us": 5000.0, "late_s": 0.01}
+@pytest.mark.parametrize(
+    ("longest", "joined"),
+    [((300.0, 5e3), 5e3), ((math.nan, 5e3), math.nan), ((5e3, math.nan), math.nan)],
+)
+def test_of_several_runs_counts_are_added_and_the_longest_lateness_stays_if_all_are_known(
+    longest: tuple[float, float], joined: float
+) -> None:
+    first = {"due": 10, "missed": 1, "past_tick": 0, "longest_us": longest[0], "late_s": 3e-4}
+    second = {"due": 20, "missed": 4, "past_tick": 2, "longest_us": longest[1], "late_s": 0.01}
     runs = [{"deadlines": {"arm force": counts}} for counts in (first, second)]
-    (joined,) = merged(runs, fmean)["deadlines"].values()
-    assert joined == {
-        **{"due": 30, "missed": 5, "past_tick": 2, "longest_us": 5000.0},
-        "late_s": pytest.approx(0.0103),
-    }
+    (found,) = merged(runs, fmean)["deadlines"].values()
+    longest_us = pytest.approx(joined, nan_ok=True)
+    expected = {"due": 30, "missed": 5, "past_tick": 2, "longest_us": longest_us}
+    assert found == {**expected, "late_s": pytest.approx(0.0103)}
+    assert latest_words(found["longest_us"]) == (
+        "" if math.isnan(joined) else ", the latest by 5.0 ms"
+    )
 
 
 def test_without_its_library_it_says_what_to_install(

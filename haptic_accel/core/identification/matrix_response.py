@@ -100,7 +100,7 @@ class MatrixResponse:
 
     @property
     def condition(self) -> FloatArray:
-        """Condition number at each line, shape (n,)."""
+        """Largest over smallest singular value at each line, shape (n,)."""
         return np.asarray(np.linalg.cond(self.response))
 
 

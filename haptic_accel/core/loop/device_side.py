@@ -131,6 +131,8 @@ class DeviceSide:
     framed : bool
         The device accepts all forces before they are due. A kind that is not in `ahead` has no
         clock of the device: a force that is overdue takes effect when it is given.
+    counted : collection of str, optional
+        Kinds that the device applies, whose ages and deadlines count; default: all.
     servo : PositionServo, optional
         Position control of the arm; replaces commands while it has a set-point.
     receive : callable
@@ -142,6 +144,7 @@ class DeviceSide:
     safety : SafetyLayer
     commands : dict of Commands
         Commands by kind.
+    counted : collection of str
     tick : int
         Newest tick.
     newest : Sample or None
@@ -167,6 +170,7 @@ class DeviceSide:
         kinds: Collection[str] = (ARM, ACTUATOR),
         ahead: Collection[str] = (),
         framed: bool = False,
+        counted: Collection[str] | None = None,
         servo: PositionServo | None = None,
         receive: Callable[[], None] = lambda: None,
     ) -> None:
@@ -182,6 +186,7 @@ class DeviceSide:
         self.commands = {
             kind: Commands(latency, 1 / rate, ahead=framed or kind in ahead) for kind in kinds
         }
+        self.counted = kinds if counted is None else counted
         self._at_tick = [kind for kind, each in self.commands.items() if not each.ahead]
         self._timeout = max(1, round(SAMPLE_TIMEOUT * rate))
         self._waiting: deque[int] = deque()
@@ -301,20 +306,20 @@ class DeviceSide:
     def deadlines(self) -> tuple[int, int]:
         """Numbers of forces with a due time, and of late forces."""
         return (
-            sum(each.forces.due for each in self.commands.values()),
-            sum(map(self._missed, self.commands)),
+            sum(self.commands[kind].forces.due for kind in self.counted),
+            sum(map(self._missed, self.counted)),
         )
 
     @property
     def longest(self) -> float:
         """Maximum delay of a force beyond its due time, s."""
-        return max(each.forces.longest for each in self.commands.values())
+        return max((self.commands[kind].forces.longest for kind in self.counted), default=0.0)
 
     def diagnostics(self) -> dict[str, str]:
         """Return counts and ages of the commands for diagnostics."""
         values = dict[str, str]()
-        for kind, each in self.commands.items():
-            name = kind.replace("_", " ")
+        for kind in self.counted:
+            each, name = self.commands[kind], kind.replace("_", " ")
             values |= {
                 f"{name} count": str(each.age.count),
                 **{f"{name} {key}": value for key, value in each.forces.diagnostics().items()},

@@ -200,9 +200,16 @@ def test_a_sample_is_waited_for_so_long_and_no_longer() -> None:
     assert part.unread == 10
 
 
-def test_a_force_that_comes_after_its_tick_acts_at_once_and_is_late() -> None:
+@pytest.mark.parametrize(
+    ("counted", "deadlines", "longest"),
+    [(None, (2, 1), 0.7e-3), ([ACTUATOR], (0, 0), 0.0)],
+    ids=["arm", "no arm"],
+)
+def test_a_force_that_comes_after_its_tick_acts_at_once_and_is_late(
+    counted: list[str] | None, deadlines: tuple[int, int], longest: float
+) -> None:
     device, clock = Slow(), Clock()
-    part = clocked(device, clock)
+    part = clocked(device, clock, counted=counted)
     part.command(ARM, 9e6, (0.0, 0.0, 0.5))
     clock.now = 0.010
     part.begin(10)
@@ -215,8 +222,8 @@ def test_a_force_that_comes_after_its_tick_acts_at_once_and_is_late() -> None:
     part.command(ARM, 10e6, (0.0, 0.0, 0.6))
     part.apply_late()
     assert device.written[1:] == [(0.0117, {ARM: (0.0, 0.0, 0.6)})]
-    assert part.deadlines == (2, 1)
-    assert part.longest == pytest.approx(0.7e-3)
+    assert (part.deadlines, part.longest) == (deadlines, pytest.approx(longest))
+    assert ("arm force due" in part.diagnostics()) == (counted is None)
 
 
 def test_an_old_force_reaches_no_device() -> None:
