@@ -25,16 +25,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
-from haptic_accel.core.bundles import (
-    DUPLICATE_MEMORY,
-    LARGEST_BUNDLE,
-    LONGEST_BUNDLE,
-    BothWays,
-    Bundle,
-    InOrder,
-    believed,
-    unpack_bundle,
-)
+from haptic_accel.core import bundles
 from haptic_accel.core.topics import BUNDLES
 
 TYPES: Any = get_typestore(Stores.ROS2_JAZZY)
@@ -51,7 +42,7 @@ entries = st.lists(
 
 
 def packed(given: list[tuple[str, int, bytes]]) -> bytes:
-    bundle = Bundle()
+    bundle = bundles.Bundle()
     for topic, time, message in given:
         bundle.put(bundle.index(topic), time, message)
     return bundle.flush()
@@ -59,12 +50,12 @@ def packed(given: list[tuple[str, int, bytes]]) -> bytes:
 
 @given(entries)
 def test_what_is_packed_comes_out_as_it_was_sent(given: list[tuple[str, int, bytes]]) -> None:
-    assert unpack_bundle(packed(given)) == given
+    assert bundles.unpack_bundle(packed(given)) == given
 
 
 def test_a_bundle_that_is_too_long_is_refused() -> None:
     with pytest.raises(ValueError, match="^too long$"):
-        unpack_bundle(packed([("", 0, bytes(LONGEST_BUNDLE))]))
+        bundles.unpack_bundle(packed([("", 0, bytes(bundles.LONGEST_BUNDLE))]))
 
 
 @given(entries)
@@ -78,14 +69,14 @@ def test_a_bundle_is_a_message_of_its_type(given: list[tuple[str, int, bytes]]) 
 @given(st.binary(max_size=200))
 def test_garbage_is_refused(data: bytes) -> None:
     with pytest.raises(ValueError, match=r"^(too short|not|does not|ends)"):
-        unpack_bundle(data)
+        bundles.unpack_bundle(data)
 
 
 @given(entries, st.data())
 def test_what_is_cut_is_refused(given: list[tuple[str, int, bytes]], data: st.DataObject) -> None:
     whole = packed(given)
     with pytest.raises(ValueError, match="too short|not of the length"):
-        unpack_bundle(whole[: data.draw(st.integers(0, len(whole) - 1))])
+        bundles.unpack_bundle(whole[: data.draw(st.integers(0, len(whole) - 1))])
 
 
 @given(entries, st.data())
@@ -96,7 +87,7 @@ def test_a_damaged_bundle_gives_nothing_longer_than_itself_or_is_refused(
     for place in data.draw(st.lists(st.integers(0, len(damaged) - 1), min_size=1, max_size=8)):
         damaged[place] = data.draw(st.integers(0, 255))
     with suppress(ValueError):
-        found = unpack_bundle(bytes(damaged))
+        found = bundles.unpack_bundle(bytes(damaged))
         assert sum(len(message) for _, _, message in found) < len(damaged)
         assert all(0 <= time < 2**63 for _, time, _ in found)
 
@@ -104,7 +95,7 @@ def test_a_damaged_bundle_gives_nothing_longer_than_itself_or_is_refused(
 def test_a_bundle_is_due_after_twenty_milliseconds_when_large_or_when_the_clock_is_set_back() -> (
     None
 ):
-    bundle = Bundle()
+    bundle = bundles.Bundle()
     index = bundle.index("/slave/measured_cp")
     assert [bundle.put(index, t * MILLISECOND, b"") for t in (100, 119, 120)] == [0, 0, 1]
     assert bundle.flush()
@@ -112,7 +103,7 @@ def test_a_bundle_is_due_after_twenty_milliseconds_when_large_or_when_the_clock_
     assert not bundle.put(index, 200 * MILLISECOND, b"")
     assert bundle.put(index, 199 * MILLISECOND, b"")
     bundle.flush()
-    assert not bundle.put(index, 0, bytes(LARGEST_BUNDLE - 100))
+    assert not bundle.put(index, 0, bytes(bundles.LARGEST_BUNDLE - 100))
     assert bundle.put(index, 0, bytes(100))
 
 
@@ -120,7 +111,7 @@ def test_a_bundle_is_due_after_twenty_milliseconds_when_large_or_when_the_clock_
 def test_times_are_believed_within_a_second_before_reception_and_stay_in_order(
     sent: list[int], received: int
 ) -> None:
-    found = [believed(time, received) for time in sent]
+    found = [bundles.believed(time, received) for time in sent]
     assert found == sorted(found)
     assert all(received - 10**9 <= time <= received for time in found)
     for time, result in zip(sent, found, strict=True):
@@ -137,7 +128,7 @@ def test_what_comes_both_ways_counts_once_in_whatever_order(drawn: Any) -> None:
     ways = [(text, True) for text, _ in sent]
     ways += [(text, False) for text, is_direct in sent if is_direct]
     random.shuffle(ways)
-    both_ways = BothWays()
+    both_ways = bundles.BothWays()
     kept = [
         text
         for text, bundled in ways
@@ -147,19 +138,19 @@ def test_what_comes_both_ways_counts_once_in_whatever_order(drawn: Any) -> None:
 
 
 def test_a_second_sender_of_the_same_counts_too_and_nothing_is_remembered_for_ever() -> None:
-    both_ways = BothWays()
+    both_ways = bundles.BothWays()
     direct = [both_ways.repeats(b"same", bundled=False, now=0.0) for _ in range(2)]
     assert [*direct, both_ways.repeats(b"same", bundled=True, now=0.1)] == [False, False, True]
-    for later in (DUPLICATE_MEMORY, 2 * DUPLICATE_MEMORY):
+    for later in (bundles.DUPLICATE_MEMORY, 2 * bundles.DUPLICATE_MEMORY):
         both_ways.repeats(b"other", bundled=False, now=later)
-    assert not both_ways.repeats(b"same", bundled=True, now=2 * DUPLICATE_MEMORY)
+    assert not both_ways.repeats(b"same", bundled=True, now=2 * bundles.DUPLICATE_MEMORY)
 
 
 @given(st.lists(st.lists(st.integers(0, 50)), max_size=10), st.integers(1, 4))
 def test_no_item_is_lost_and_each_waits_for_so_many_rounds_at_most(
     rounds: list[list[int]], number: int
 ) -> None:
-    in_order: InOrder[None] = InOrder(number)
+    in_order: bundles.InOrder[None] = bundles.InOrder(number)
     put: list[int] = []
     done: list[int] = []
     for index, added in enumerate(rounds):
@@ -173,7 +164,7 @@ def test_no_item_is_lost_and_each_waits_for_so_many_rounds_at_most(
 
 @given(st.permutations(range(9)))
 def test_what_is_late_by_less_than_the_rounds_is_put_in_order(shuffled: list[int]) -> None:
-    in_order: InOrder[int] = InOrder(3)
+    in_order: bundles.InOrder[int] = bundles.InOrder(3)
     done: list[tuple[int, int]] = []
     for index in range(12):
         # Items of up to two rounds before come in this one.

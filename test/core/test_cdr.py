@@ -26,17 +26,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
-from haptic_accel.core.cdr import (
-    STAMP_BYTES,
-    StampedVector,
-    pack_diagnostics,
-    unpack_orientation,
-    unpack_stamped_vector,
-    unpack_stamped_vectors,
-    unpack_stamps,
-    unpack_state,
-    unpack_text,
-)
+from haptic_accel.core import cdr
 from haptic_accel.core.model import IDENTITY, Vector
 from haptic_accel.core.topics import MASTER_POSITION, MASTER_WORK, SIGNALS, VECTORS, Topic
 
@@ -62,7 +52,7 @@ def arrays(messages: list[bytes]) -> tuple[list[int], list[list[float]], list[bo
     ends = np.cumsum([len(message) + 1 for message in messages]) - 1
     starts = ends - [len(message) for message in messages]
     block = np.frombuffer(b"!".join(messages), np.uint8)
-    found, values, formed = unpack_stamped_vectors(
+    found, values, formed = cdr.unpack_stamped_vectors(
         block, starts.astype(np.int64), ends.astype(np.int64)
     )
     return found.tolist(), values.tolist(), formed.tolist()
@@ -72,7 +62,7 @@ def arrays(messages: list[bytes]) -> tuple[list[int], list[list[float]], list[bo
 def test_diagnostics_are_the_message_in_the_other_programs_bytes(
     stamp: int, texts: tuple[str, str, str], values: dict[str, str]
 ) -> None:
-    packed = pack_diagnostics(stamp, 1, *texts, values)
+    packed = cdr.pack_diagnostics(stamp, 1, *texts, values)
     read = TYPES.deserialize_cdr(packed, "diagnostic_msgs/msg/DiagnosticArray")
     sec, nanosec = divmod(stamp, 10**9)
     assert (read.header.stamp.sec, read.header.stamp.nanosec) == (sec, nanosec)
@@ -87,7 +77,7 @@ def test_diagnostics_are_the_message_in_the_other_programs_bytes(
 def test_what_is_packed_is_the_message_in_the_other_programs_bytes(
     topic: Topic, stamp: int, vector: Vector
 ) -> None:
-    packed = StampedVector(topic).pack(stamp, vector)
+    packed = cdr.StampedVector(topic).pack(stamp, vector)
     message = TYPES.deserialize_cdr(packed, topic.type)
     assert message.header.frame_id == topic.frame
     assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == stamp
@@ -103,18 +93,18 @@ def test_what_is_packed_is_the_message_in_the_other_programs_bytes(
 def test_what_is_packed_is_unpacked_one_by_one_and_at_once(
     samples: list[tuple[Topic, int, Vector]],
 ) -> None:
-    packed = [StampedVector(topic).pack(stamp, vector) for topic, stamp, vector in samples]
-    assert [unpack_stamped_vector(data) for data in packed] == [each[1:] for each in samples]
+    packed = [cdr.StampedVector(topic).pack(stamp, vector) for topic, stamp, vector in samples]
+    assert [cdr.unpack_stamped_vector(data) for data in packed] == [each[1:] for each in samples]
     found, values, formed = arrays(packed)
     assert all(formed)
     assert found == [stamp for _, stamp, _ in samples]
     assert values == [list(vector) for _, _, vector in samples]
-    assert unpack_stamps(b"".join(data[STAMP_BYTES] for data in packed)).tolist() == found
+    assert cdr.unpack_stamps(b"".join(data[cdr.STAMP_BYTES] for data in packed)).tolist() == found
 
 
 def test_big_endian_senders_are_read_too() -> None:
-    assert unpack_stamped_vector(BIG_ENDIAN) == (1_000_000_002, (1.0, 2.0, 3.0))
-    little = StampedVector(SIGNALS[0]).pack(7, (4.0, 5.0, 6.0))
+    assert cdr.unpack_stamped_vector(BIG_ENDIAN) == (1_000_000_002, (1.0, 2.0, 3.0))
+    little = cdr.StampedVector(SIGNALS[0]).pack(7, (4.0, 5.0, 6.0))
     found, values, formed = arrays([BIG_ENDIAN, little])
     assert formed == [True, True]
     assert found == [1_000_000_002, 7]
@@ -122,28 +112,28 @@ def test_big_endian_senders_are_read_too() -> None:
 
 
 def test_a_pose_has_an_orientation() -> None:
-    assert unpack_orientation(BIG_ENDIAN) == (0.0, 0.0, 0.0, 1.0)
-    pose = StampedVector(MASTER_POSITION)
+    assert cdr.unpack_orientation(BIG_ENDIAN) == (0.0, 0.0, 0.0, 1.0)
+    pose = cdr.StampedVector(MASTER_POSITION)
     half_turn = (1.0, 0.0, 0.0, 0.0)
-    assert unpack_orientation(pose.pack(5, (1.0, 2.0, 3.0))) == IDENTITY
+    assert cdr.unpack_orientation(pose.pack(5, (1.0, 2.0, 3.0))) == IDENTITY
     turned = pose.pack(6, (1.0, 2.0, 3.0), half_turn)
-    assert unpack_orientation(turned) == half_turn
-    assert unpack_stamped_vector(turned) == (6, (1.0, 2.0, 3.0))
-    assert unpack_orientation(pose.pack(7, (1.0, 2.0, 3.0))) == IDENTITY
+    assert cdr.unpack_orientation(turned) == half_turn
+    assert cdr.unpack_stamped_vector(turned) == (6, (1.0, 2.0, 3.0))
+    assert cdr.unpack_orientation(pose.pack(7, (1.0, 2.0, 3.0))) == IDENTITY
     with pytest.raises(ValueError, match="too short"):
-        unpack_orientation(turned[:-1])
+        cdr.unpack_orientation(turned[:-1])
 
 
 def test_no_messages_give_empty_arrays() -> None:
     nothing = np.empty(0, dtype=np.int64)
-    found, values, formed = unpack_stamped_vectors(np.empty(0, np.uint8), nothing, nothing)
+    found, values, formed = cdr.unpack_stamped_vectors(np.empty(0, np.uint8), nothing, nothing)
     assert (found.shape, values.shape, formed.shape) == ((0,), (0, 3), (0,))
 
 
 def malformed(data: bytes) -> str:
     """Return the reason for which a message is refused; empty if it is unpacked."""
     try:
-        unpack_stamped_vector(data)
+        cdr.unpack_stamped_vector(data)
     except ValueError as error:
         return str(error)
     return ""
@@ -183,7 +173,7 @@ def test_any_bytes_are_unpacked_or_refused_alike_one_by_one_and_at_once(data: by
     found, values, formed = arrays([BIG_ENDIAN, data])
     assert formed == [True, not malformed(data)]
     if not malformed(data):
-        stamp, vector = unpack_stamped_vector(data)
+        stamp, vector = cdr.unpack_stamped_vector(data)
         assert found[1] == stamp
         assert np.array_equal(values[1], vector, equal_nan=True)
 
@@ -194,16 +184,16 @@ def test_a_state_of_the_other_program_is_unpacked(state: bool) -> None:
     message = TYPES.types[kind](data=state)
     for little_endian in (True, False):
         data = bytes(TYPES.serialize_cdr(message, kind, little_endian=little_endian))
-        assert unpack_state(data) is state
+        assert cdr.unpack_state(data) is state
 
 
 @given(st.binary(max_size=8))
 def test_any_bytes_are_a_state_or_refused(data: bytes) -> None:
     if len(data) > 4 and data[1] in (0, 1):
-        assert unpack_state(data) == (data[4] != 0)
+        assert cdr.unpack_state(data) == (data[4] != 0)
     else:
         with pytest.raises(ValueError, match=r"^(too short|not plain CDR)$"):
-            unpack_state(data)
+            cdr.unpack_state(data)
 
 
 @given(st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=20))
@@ -212,7 +202,7 @@ def test_a_text_of_the_other_program_is_unpacked(text: str) -> None:
     message = TYPES.types[kind](data=text)
     for little_endian in (True, False):
         data = bytes(TYPES.serialize_cdr(message, kind, little_endian=little_endian))
-        assert unpack_text(data, 4) == text
+        assert cdr.unpack_text(data, 4) == text
         for cut in range(len(data)):
             with pytest.raises(ValueError, match=r"^(too short|not plain CDR)$"):
-                unpack_text(data[:cut], 4)
+                cdr.unpack_text(data[:cut], 4)

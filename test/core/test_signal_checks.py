@@ -23,17 +23,7 @@ import math
 import numpy as np
 import pytest
 
-from haptic_accel.core.signal_checks import (
-    PROBE_FORCES,
-    PROBE_FREQUENCY,
-    current_check,
-    is_tapped,
-    probe_checks,
-    proof_check,
-    quiet_after,
-    response,
-    rest_checks,
-)
+from haptic_accel.core import signal_checks
 
 RATE = 1000.0
 RANDOM = np.random.default_rng(0)
@@ -45,11 +35,11 @@ def at_rest(samples: int = 1000) -> np.ndarray:
 
 
 def failed(signal: np.ndarray) -> list[str]:
-    return [check.text for check in rest_checks(signal) if not check.passed]
+    return [check.text for check in signal_checks.rest_checks(signal) if not check.passed]
 
 
 def test_a_sensor_at_rest_passes_with_its_noise() -> None:
-    counted, noise = rest_checks(at_rest())
+    counted, noise = signal_checks.rest_checks(at_rest())
     assert counted.passed
     assert noise.passed
     assert float(noise.text.split()[3]) == pytest.approx(NOISE, rel=0.1)
@@ -69,44 +59,48 @@ def test_what_is_wrong_with_a_signal_is_named() -> None:
 
 def test_a_tap_is_told_from_noise() -> None:
     signal = at_rest()
-    assert not is_tapped(signal, NOISE)
+    assert not signal_checks.is_tapped(signal, NOISE)
     signal[500:505] += 5.0
-    assert is_tapped(signal, NOISE)
-    assert not is_tapped(np.full(10, np.nan), NOISE)
+    assert signal_checks.is_tapped(signal, NOISE)
+    assert not signal_checks.is_tapped(np.full(10, np.nan), NOISE)
 
 
 @pytest.mark.parametrize("phase", [0.0, -0.5, math.pi])
 def test_the_response_is_that_of_the_probed_system(phase: float) -> None:
     time = np.arange(1000) / RATE
-    omega = 2 * math.pi * PROBE_FREQUENCY
+    omega = 2 * math.pi * signal_checks.PROBE_FREQUENCY
     force = 0.3 * np.cos(omega * time)
     acceleration = 0.3 * 7.0 * np.cos(omega * time + phase) + at_rest()
     acceleration[::50] = np.nan
-    assert response(force, acceleration, RATE) == pytest.approx(cmath.rect(7.0, phase), abs=0.1)
+    assert signal_checks.response(force, acceleration, RATE) == pytest.approx(
+        cmath.rect(7.0, phase), abs=0.1
+    )
 
 
 def test_responses_are_judged() -> None:
     def passed(small: complex, large: complex) -> list[bool]:
-        return [check.passed for check in probe_checks(small, large, noise=0.01)]
+        return [check.passed for check in signal_checks.probe_checks(small, large, noise=0.01)]
 
     assert passed(7.0, 7.0) == [True, True, True]
     assert passed(-7.0, -7.0) == [True, False, True]
     assert passed(3.0, 7.0) == [True, True, False]
-    assert passed(0.0, 0.01 / PROBE_FORCES[1]) == [False]
+    assert passed(0.0, 0.01 / signal_checks.PROBE_FORCES[1]) == [False]
 
 
 def test_the_time_until_a_handle_is_quiet_is_that_of_its_decay() -> None:
     # An amplitude that decays with a time constant of 20 ms is a tenth after 20 ms ln 10 = 46 ms.
     time = np.arange(1000) / RATE
     envelope = np.where(time < 0.5, 1.0, np.exp(-(time - 0.5) / 0.02))
-    signal = 3.0 * envelope * np.cos(2 * math.pi * PROBE_FREQUENCY * time)
-    assert quiet_after(signal, RATE, 500, noise=0.0) == pytest.approx(0.046, abs=0.01)
-    assert quiet_after(np.ones(1000), RATE, 500, noise=0.0) == math.inf
-    assert quiet_after(np.where(time < 0.5, 1.0, 0.0), RATE, 500, noise=0.0) == 0.0
+    signal = 3.0 * envelope * np.cos(2 * math.pi * signal_checks.PROBE_FREQUENCY * time)
+    assert signal_checks.quiet_after(signal, RATE, 500, noise=0.0) == pytest.approx(
+        0.046, abs=0.01
+    )
+    assert signal_checks.quiet_after(np.ones(1000), RATE, 500, noise=0.0) == math.inf
+    assert signal_checks.quiet_after(np.where(time < 0.5, 1.0, 0.0), RATE, 500, noise=0.0) == 0.0
 
 
 def test_current_and_proof_are_judged() -> None:
-    assert current_check(0.095, 0.1).passed
-    assert not current_check(-0.1, 0.1).passed
-    assert proof_check(100.0, 12.0, least=5.0).passed
-    assert not proof_check(100.0, 13.0, least=5.0).passed
+    assert signal_checks.current_check(0.095, 0.1).passed
+    assert not signal_checks.current_check(-0.1, 0.1).passed
+    assert signal_checks.proof_check(100.0, 12.0, least=5.0).passed
+    assert not signal_checks.proof_check(100.0, 13.0, least=5.0).passed

@@ -29,18 +29,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 
+from haptic_accel.core import topics
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import (
-    ACTUATOR_FORCE,
-    DESIRED_ACCELERATION,
-    DIAGNOSTICS,
-    HANDLE_ACCELERATION,
-    MASTER_POSITION,
-    MASTER_STOPPED,
-    TOOL_ACCELERATION,
-    reporter,
-)
 from haptic_accel.nodes.compensator import Compensator
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.topic_node import quality
@@ -70,18 +61,20 @@ class Bench:
         self._other.task = "samples"
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._other)
-        self._tool = self._other.sender(TOOL_ACCELERATION)
-        self._handle = self._other.sender(HANDLE_ACCELERATION)
-        self.position = self._other.sender(MASTER_POSITION)
+        self._tool = self._other.sender(topics.TOOL_ACCELERATION)
+        self._handle = self._other.sender(topics.HANDLE_ACCELERATION)
+        self.position = self._other.sender(topics.MASTER_POSITION)
         self.tool: Iterator[Vector] = cycle([(0.0, 0.0, 1.0)])
         self.felt: Iterator[Vector] = iter(())
-        self.state = self._other.publisher(MASTER_STOPPED)
+        self.state = self._other.publisher(topics.MASTER_STOPPED)
         self._due = 0.0
         self.caused: list[int] = []
         self.forces: list[Vector] = []
         self.desired: list[Vector] = []
-        self._other.listen(ACTUATOR_FORCE, self._keep)
-        self._other.listen(DESIRED_ACCELERATION, lambda _, vector: self.desired.append(vector))
+        self._other.listen(topics.ACTUATOR_FORCE, self._keep)
+        self._other.listen(
+            topics.DESIRED_ACCELERATION, lambda _, vector: self.desired.append(vector)
+        )
 
     def send(self, ahead: int) -> None:
         """Send a sample with a stamp ahead of now, in ns."""
@@ -112,7 +105,7 @@ class Bench:
 
         def take(array: DiagnosticArray) -> None:
             for status in array.status:
-                if reporter(status.name)[1] == "compensator":
+                if topics.reporter(status.name)[1] == "compensator":
                     found[WARNING] = status.message
                     found.update((pair.key, pair.value) for pair in status.values)
 
@@ -121,7 +114,7 @@ class Bench:
             return bool(found) and wanted(found)
 
         subscription = self._other.create_subscription(
-            DiagnosticArray, DIAGNOSTICS.name, take, quality(DIAGNOSTICS)
+            DiagnosticArray, topics.DIAGNOSTICS.name, take, quality(topics.DIAGNOSTICS)
         )
         self.run(0, reached)
         self._other.destroy_subscription(subscription)

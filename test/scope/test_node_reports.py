@@ -19,20 +19,10 @@ from __future__ import annotations
 
 import pytest
 
-from haptic_accel.scope.node_reports import (
-    EXPECTED,
-    LONGEST_TEXT,
-    MOST_NODES,
-    MOST_VALUES,
-    SILENCE,
-    NodeReport,
-    NodeReports,
-    expected_nodes,
-    number,
-)
+from haptic_accel.scope import node_reports
 
 
-def row(reports: NodeReports, node: str, now: float) -> dict[str, str]:
+def row(reports: node_reports.NodeReports, node: str, now: float) -> dict[str, str]:
     (found,) = [row for row in reports.rows(now) if row["name"] == node]
     return found
 
@@ -47,16 +37,16 @@ def row(reports: NodeReports, node: str, now: float) -> dict[str, str]:
     ],
 )
 def test_a_level_becomes_a_word(level: int, message: str, state: str, shown: str) -> None:
-    reports = NodeReports()
-    reports.receive("coupler", NodeReport(level, message, {}, 10.0))
+    reports = node_reports.NodeReports()
+    reports.receive("coupler", node_reports.NodeReport(level, message, {}, 10.0))
     assert row(reports, "coupler", 10.5) == {"name": "coupler", "state": state, "message": shown}
 
 
 def test_who_is_expected_is_shown_before_it_speaks_and_others_after() -> None:
-    reports = NodeReports()
-    reports.receive("identifier", NodeReport(0, "OK", {}, 0.0))
+    reports = node_reports.NodeReports()
+    reports.receive("identifier", node_reports.NodeReport(0, "OK", {}, 0.0))
     rows = reports.rows(0.0)
-    assert [row["name"] for row in rows] == [*EXPECTED, "identifier"]
+    assert [row["name"] for row in rows] == [*node_reports.EXPECTED, "identifier"]
     assert {row["state"] for row in rows[:-1]} == {"absent"}
 
 
@@ -65,8 +55,11 @@ def test_who_is_expected_is_shown_before_it_speaks_and_others_after() -> None:
     [("", set()), ("master", {"slave_device"}), ("slave", {"master_device", "compensator"})],
 )
 def test_nodes_of_the_peers_arm_are_not_expected_here(side: str, elsewhere: set[str]) -> None:
-    names = [row["name"] for row in NodeReports().rows(0.0, expected_nodes(side))]
-    assert names == [name for name in EXPECTED if name not in elsewhere]
+    names = [
+        row["name"]
+        for row in node_reports.NodeReports().rows(0.0, node_reports.expected_nodes(side))
+    ]
+    assert names == [name for name in node_reports.EXPECTED if name not in elsewhere]
 
 
 def test_a_peer_host_is_shown_by_delay_loss_clock_and_energy() -> None:
@@ -76,48 +69,50 @@ def test_a_peer_host_is_shown_by_delay_loss_clock_and_energy() -> None:
         "clock offset (ms)": "-0.120",
         "energy tank (mJ)": "4.800",
     }
-    reports = NodeReports()
-    reports.receive("coupler", NodeReport(0, "OK", values, 0.0))
+    reports = node_reports.NodeReports()
+    reports.receive("coupler", node_reports.NodeReport(0, "OK", values, 0.0))
     shown = "delay 20.10 ms, loss 4.90 %, clock -0.120 ms, energy 4.800 mJ"
     assert row(reports, "coupler", 0.0)["message"] == shown
 
 
 def test_who_falls_silent_is_said_to_be_and_believed_no_more() -> None:
-    reports = NodeReports()
-    reports.receive("coupler", NodeReport(0, "OK", {"engaged": "true"}, 0.0))
-    assert reports.values("coupler", SILENCE - 0.1) == {"engaged": "true"}
-    assert row(reports, "coupler", SILENCE)["state"] == "silent"
-    assert reports.values("coupler", SILENCE) == {}
-    reports.receive("coupler", NodeReport(0, "OK", {"engaged": "false"}, 9.0))
+    reports = node_reports.NodeReports()
+    reports.receive("coupler", node_reports.NodeReport(0, "OK", {"engaged": "true"}, 0.0))
+    assert reports.values("coupler", node_reports.SILENCE - 0.1) == {"engaged": "true"}
+    assert row(reports, "coupler", node_reports.SILENCE)["state"] == "silent"
+    assert reports.values("coupler", node_reports.SILENCE) == {}
+    reports.receive("coupler", node_reports.NodeReport(0, "OK", {"engaged": "false"}, 9.0))
     assert row(reports, "coupler", 9.0)["state"] == "OK"
 
 
 def test_a_peer_host_that_tells_only_its_delay_is_shown_with_that() -> None:
-    reports = NodeReports()
-    reports.receive("coupler", NodeReport(0, "OK", {"one-way delay (ms)": "20.10"}, 0.0))
+    reports = node_reports.NodeReports()
+    reports.receive(
+        "coupler", node_reports.NodeReport(0, "OK", {"one-way delay (ms)": "20.10"}, 0.0)
+    )
     shown = "delay 20.10 ms, loss – %, clock – ms, energy – mJ"
     assert row(reports, "coupler", 0.0)["message"] == shown
 
 
 def test_of_a_flood_of_nodes_the_first_and_those_of_the_graph_are_shown() -> None:
-    reports = NodeReports()
-    report = NodeReport(0, "OK", {}, 0.0)
-    taken = [reports.receive(f"node {k}", report) for k in range(MOST_NODES + 3)]
-    others = MOST_NODES - len(EXPECTED)
-    assert taken == [True] * others + [False] * (MOST_NODES + 3 - others)
-    assert all(reports.receive(name, report) for name in ("node 0", *EXPECTED))
+    reports = node_reports.NodeReports()
+    report = node_reports.NodeReport(0, "OK", {}, 0.0)
+    taken = [reports.receive(f"node {k}", report) for k in range(node_reports.MOST_NODES + 3)]
+    others = node_reports.MOST_NODES - len(node_reports.EXPECTED)
+    assert taken == [True] * others + [False] * (node_reports.MOST_NODES + 3 - others)
+    assert all(reports.receive(name, report) for name in ("node 0", *node_reports.EXPECTED))
     assert not reports.receive("one more", report)
-    assert len(reports.rows(0.0, ())) == MOST_NODES
+    assert len(reports.rows(0.0, ())) == node_reports.MOST_NODES
 
 
 def test_a_report_that_is_too_long_is_cut() -> None:
-    reports = NodeReports()
-    values = {f"{k}": "x" * 10_000 for k in range(10 * MOST_VALUES)}
-    reports.receive("coupler", NodeReport(1, "m" * 10_000, values, 0.0))
-    assert len(row(reports, "coupler", 0.0)["message"]) == LONGEST_TEXT + 1
+    reports = node_reports.NodeReports()
+    values = {f"{k}": "x" * 10_000 for k in range(10 * node_reports.MOST_VALUES)}
+    reports.receive("coupler", node_reports.NodeReport(1, "m" * 10_000, values, 0.0))
+    assert len(row(reports, "coupler", 0.0)["message"]) == node_reports.LONGEST_TEXT + 1
     kept = reports.values("coupler", 0.0)
-    assert len(kept) == MOST_VALUES
-    assert max(map(len, kept.values())) == LONGEST_TEXT + 1
+    assert len(kept) == node_reports.MOST_VALUES
+    assert max(map(len, kept.values())) == node_reports.LONGEST_TEXT + 1
 
 
 @pytest.mark.parametrize(
@@ -127,12 +122,12 @@ def test_a_report_that_is_too_long_is_cut() -> None:
 def test_a_number_that_was_reported_is_finite_or_unknown(
     text: str | None, value: float | None
 ) -> None:
-    assert number(text) == value
+    assert node_reports.number(text) == value
 
 
 def test_the_nodes_of_a_graph_that_has_ended_are_forgotten() -> None:
-    reports = NodeReports()
-    reports.receive("coupler", NodeReport(0, "OK", {"engaged": "true"}, 0.0))
+    reports = node_reports.NodeReports()
+    reports.receive("coupler", node_reports.NodeReport(0, "OK", {"engaged": "true"}, 0.0))
     reports.forget()
     assert reports.values("coupler", 0.0) == {}
     assert row(reports, "coupler", 0.0)["state"] == "absent"

@@ -24,22 +24,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from haptic_accel.core.actuator import safety
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.actuator.safety import (
-    ACTUATOR_TIMEOUT,
-    ARM_PEAK_FORCE,
-    ARM_TIMEOUT,
-    AUTOMATIC,
-    INACTIVE,
-    LASTING,
-    LEAST_PERIODS,
-    MANUAL,
-    MAX_AGE,
-    STOPPED,
-    MasterSafetyParameters,
-    SafetyLayer,
-    SafetyParameters,
-)
 from haptic_accel.core.axes import ACTUATOR_AXIS, ALL_AXES, Axes, along_actuator
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError, from_flat
@@ -57,7 +43,7 @@ class Bench:
 
     def __init__(self, rate: float = RATE, **values: object) -> None:
         dotted = {name.replace("__", "."): value for name, value in values.items()}
-        self.layer = SafetyLayer(from_flat(MasterSafetyParameters, dotted), rate)
+        self.layer = safety.SafetyLayer(from_flat(safety.MasterSafetyParameters, dotted), rate)
         self.layer.enable(0.0, True)
         self.now = 0.0
         self.arm: Vector = ZERO
@@ -106,7 +92,7 @@ steps = st.lists(
         st.sampled_from(["tick", "push", "pull", "stop", "release", "arm", "off", "on"]),
         st.floats(0.0, 0.02),
         st.tuples(numbers, numbers, numbers),
-        st.one_of(st.floats(-MAX_AGE, MAX_AGE), st.floats()),
+        st.one_of(st.floats(-safety.MAX_AGE, safety.MAX_AGE), st.floats()),
     ),
     max_size=60,
 )
@@ -130,15 +116,15 @@ def test_whatever_comes_only_less_of_it_is_applied(
                 assert 0.0 < applied / force[0] <= 1.0
                 assert abs(applied) <= COIL.peak_force
                 assert not layer.refusal
-                assert abs(number) <= MAX_AGE
+                assert abs(number) <= safety.MAX_AGE
         elif what == "pull":
             vector = layer.arm_force(bench.now, number, force)
             if vector and any(vector):
-                assert math.hypot(*vector) <= ARM_PEAK_FORCE * (1 + 1e-12)
+                assert math.hypot(*vector) <= safety.ARM_PEAK_FORCE * (1 + 1e-12)
                 assert math.hypot(*vector) <= math.hypot(*force) * (1 + 1e-12)
                 assert all(v * f >= 0.0 for v, f in zip(vector, force, strict=True))
                 assert not layer.refusal
-                assert abs(number) <= MAX_AGE
+                assert abs(number) <= safety.MAX_AGE
         elif what in ("stop", "release"):
             layer.stop(bench.now, what == "stop")
         elif what == "arm":
@@ -182,7 +168,9 @@ def test_a_force_above_its_peak_is_cut_and_keeps_its_direction() -> None:
     bench.push(-50.0)
     assert bench.actuator == -COIL.peak_force
     bench.pull((30.0, 0.0, 40.0))
-    assert bench.arm == pytest.approx((0.6 * ARM_PEAK_FORCE, 0.0, 0.8 * ARM_PEAK_FORCE))
+    assert bench.arm == pytest.approx(
+        (0.6 * safety.ARM_PEAK_FORCE, 0.0, 0.8 * safety.ARM_PEAK_FORCE)
+    )
     assert bench.value("actuator force limited") == bench.value("arm force limited") == 1
 
 
@@ -192,7 +180,7 @@ def test_what_is_not_finite_is_counted_and_does_not_feed_the_watchdog(wrong: flo
     bench.push(1.0)
     bench.pull((1.0, 0.0, 0.0))
     for _ in range(3):
-        bench.wait(ARM_TIMEOUT / 2)
+        bench.wait(safety.ARM_TIMEOUT / 2)
         bench.push(wrong)
         bench.pull((0.0, wrong, 0.0))
         bench.tick()
@@ -206,21 +194,21 @@ def test_silence_takes_each_force_off_after_its_own_time_and_is_reported_once() 
     bench = Bench()
     bench.push(1.0)
     bench.pull((1.0, 0.0, 0.0))
-    bench.wait(0.9 * ACTUATOR_TIMEOUT)
+    bench.wait(0.9 * safety.ACTUATOR_TIMEOUT)
     bench.tick()
     assert (bench.actuator, bench.arm) == (1.0, (1.0, 0.0, 0.0))
-    bench.wait(0.2 * ACTUATOR_TIMEOUT)
+    bench.wait(0.2 * safety.ACTUATOR_TIMEOUT)
     bench.tick()
     assert (bench.actuator, bench.arm) == (0.0, (1.0, 0.0, 0.0))
     assert bench.layer.warnings() == ["actuator force timed out"]
-    bench.wait(ARM_TIMEOUT)
+    bench.wait(safety.ARM_TIMEOUT)
     for _ in range(10):
         bench.tick()
     assert bench.arm == ZERO
     assert bench.layer.warnings() == ["arm force timed out", "actuator force still missing"]
     assert bench.layer.warnings() == ["arm force still missing", "actuator force still missing"]
     assert bench.layer.news(bench.now) == []
-    bench.wait(2 * LASTING)
+    bench.wait(2 * safety.LASTING)
     (arm, actuator) = bench.layer.news(bench.now)
     assert arm == "arm force: none for 20 ms; no force until the next"
     assert actuator == "actuator force: none for 5 ms; no force until the next"
@@ -233,11 +221,11 @@ def test_silence_takes_each_force_off_after_its_own_time_and_is_reported_once() 
 
 
 def test_silence_after_a_force_of_zero_is_none() -> None:
-    bench = Bench(recovery=MANUAL)
+    bench = Bench(recovery=safety.MANUAL)
     for force in (1.0, 0.0):
         bench.push(force)
         bench.pull((force, 0.0, 0.0))
-    bench.wait(10 * ARM_TIMEOUT)
+    bench.wait(10 * safety.ARM_TIMEOUT)
     bench.tick()
     assert bench.layer.warnings() == []
     bench.push(1.0)
@@ -248,15 +236,15 @@ def test_a_time_out_is_never_shorter_than_some_periods() -> None:
     slow = 50.0
     bench = Bench(rate=slow)
     bench.push(1.0)
-    bench.wait(0.99 * LEAST_PERIODS / slow)
+    bench.wait(0.99 * safety.LEAST_PERIODS / slow)
     bench.tick()
     assert bench.actuator == 1.0
-    bench.wait(0.02 * LEAST_PERIODS / slow)
+    bench.wait(0.02 * safety.LEAST_PERIODS / slow)
     bench.tick()
     assert bench.actuator == 0.0
 
 
-@pytest.mark.parametrize("age", [1.1 * MAX_AGE, -1.1 * MAX_AGE, math.nan, math.inf])
+@pytest.mark.parametrize("age", [1.1 * safety.MAX_AGE, -1.1 * safety.MAX_AGE, math.nan, math.inf])
 def test_a_command_out_of_date_gives_zero_until_one_in_date(age: float) -> None:
     bench = Bench()
     bench.push(1.0)
@@ -269,27 +257,27 @@ def test_a_command_out_of_date_gives_zero_until_one_in_date(age: float) -> None:
     assert bench.actuator == 1.0
 
 
-@pytest.mark.parametrize("recovery", [AUTOMATIC, MANUAL])
+@pytest.mark.parametrize("recovery", [safety.AUTOMATIC, safety.MANUAL])
 def test_arming_while_forces_flow_does_not_hide_the_silence_that_follows(recovery: str) -> None:
     bench = Bench(recovery=recovery)
     bench.push(1.0)
     bench.pull((1.0, 0.0, 0.0))
     assert bench.layer.arm() == ""
-    bench.wait(ARM_TIMEOUT)
+    bench.wait(safety.ARM_TIMEOUT)
     bench.tick()
     assert (bench.actuator, bench.arm) == (0.0, ZERO)
 
 
 @pytest.mark.parametrize("stale", [True, False])
 def test_where_recovery_is_manual_only_arming_gives_forces_again(stale: bool) -> None:
-    bench = Bench(recovery=MANUAL)
-    bench.push(2.0, 2 * MAX_AGE)
+    bench = Bench(recovery=safety.MANUAL)
+    bench.push(2.0, 2 * safety.MAX_AGE)
     assert bench.layer.disarmed == "", "nothing was there to recover from"
     bench.push(1.0)
     if stale:
-        bench.push(1.0, 2 * MAX_AGE)
+        bench.push(1.0, 2 * safety.MAX_AGE)
     else:
-        bench.wait(ACTUATOR_TIMEOUT)
+        bench.wait(safety.ACTUATOR_TIMEOUT)
         bench.tick()
     (line,) = bench.layer.news(bench.now)
     assert line.endswith("no force until armed again")
@@ -307,11 +295,15 @@ def test_where_recovery_is_manual_only_arming_gives_forces_again(stale: bool) ->
 def test_no_force_while_stopped_or_not_active() -> None:
     bench = Bench()
     for refuse, allow, reason in (
-        (lambda: bench.layer.stop(bench.now, True), lambda: bench.layer.stop(0, False), STOPPED),
+        (
+            lambda: bench.layer.stop(bench.now, True),
+            lambda: bench.layer.stop(0, False),
+            safety.STOPPED,
+        ),
         (
             lambda: bench.layer.enable(bench.now, False),
             lambda: bench.layer.enable(0, True),
-            INACTIVE,
+            safety.INACTIVE,
         ),
     ):
         refuse()
@@ -349,18 +341,18 @@ def test_a_held_force_ends_though_neither_of_two_senders_goes_on() -> None:
     bench = Bench()
     bench.push(1.0)
     bench.layer.note_rivals("actuator force", "/a and /b")
-    bench.wait(2 * ACTUATOR_TIMEOUT)
+    bench.wait(2 * safety.ACTUATOR_TIMEOUT)
     bench.tick()
     assert bench.actuator == 0.0
 
 
 def test_a_new_layer_allows_no_force() -> None:
-    layer = SafetyLayer(MasterSafetyParameters(), RATE)
+    layer = safety.SafetyLayer(safety.MasterSafetyParameters(), RATE)
     assert layer.actuator_force(0.0, FRESH, along_actuator(1.0)) is None
 
 
 def test_a_device_without_an_actuator_gets_no_force_for_one() -> None:
-    layer = SafetyLayer(SafetyParameters(), RATE)
+    layer = safety.SafetyLayer(safety.SafetyParameters(), RATE)
     layer.enable(0.0, True)
     assert layer.actuator_force(0.0, FRESH, along_actuator(1.0)) is None
     assert layer.tick(1.0, ZERO) == (None, None)
@@ -491,15 +483,15 @@ def test_what_the_compensator_lets_through_passes_unchanged() -> None:
 )
 def test_a_limit_that_cannot_be_is_refused_by_name(name: str, value: object) -> None:
     with pytest.raises(ParameterError, match=f"^{name} = "):
-        from_flat(MasterSafetyParameters, {name: value})
+        from_flat(safety.MasterSafetyParameters, {name: value})
 
 
 # Three coils
 
 
-def three(**values: object) -> SafetyLayer:
+def three(**values: object) -> safety.SafetyLayer:
     dotted = {name.replace("__", "."): value for name, value in values.items()}
-    layer = SafetyLayer(from_flat(MasterSafetyParameters, dotted), RATE, ALL_AXES)
+    layer = safety.SafetyLayer(from_flat(safety.MasterSafetyParameters, dotted), RATE, ALL_AXES)
     layer.enable(0.0, True)
     return layer
 
@@ -562,7 +554,7 @@ def test_when_commands_of_three_coils_stop_so_do_all() -> None:
     layer = three()
     layer.tick(0.0, ZERO)
     assert layer.actuator_force(0.0, FRESH, (1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0)
-    assert layer.tick(ACTUATOR_TIMEOUT, ZERO) == (None, ZERO)
+    assert layer.tick(safety.ACTUATOR_TIMEOUT, ZERO) == (None, ZERO)
     assert "actuator force timed out" in layer.warnings()
 
 
@@ -577,6 +569,6 @@ def test_a_force_with_a_bad_component_is_rejected_as_a_whole(wrong: float, axis:
 
 
 def test_a_device_applies_no_force_along_axes_that_it_does_not_have() -> None:
-    layer = SafetyLayer(MasterSafetyParameters(), RATE, Axes(("x", "y")))
+    layer = safety.SafetyLayer(safety.MasterSafetyParameters(), RATE, Axes(("x", "y")))
     layer.enable(0.0, True)
     assert layer.actuator_force(0.0, FRESH, (1.0, 2.0, 3.0)) == (1.0, 2.0, 0.0)

@@ -175,7 +175,12 @@ def test_without_coupling_each_axis_is_that_of_a_single_coil(controller: str) ->
     tool = textures(1.0)
     handle = 0.9 * np.roll(tool, 2, axis=0) + REST
     tool += REST
+    changes = {300: ("set_gain", 0.5), 500: ("mute", True), 600: ("mute", False), 800: ("reset",)}
     for index in range(len(tool)):
+        if index in changes:
+            name, *values = changes[index]
+            for each in (stream, *singles):
+                getattr(each, name)(*values)
         # Forces are reduced together, by what the handle measures in all axes.
         unseen = index % 50 == 7 or CONTROLLERS[controller].reducible
         felt = None if unseen else vector(handle[index])
@@ -454,64 +459,6 @@ def test_whatever_comes_in_the_force_is_finite_and_limited(controller: str) -> N
         assert all(map(math.isfinite, desired))
         assert max(map(abs, force)) <= COIL.peak_force
     assert not any("nan" in each or "inf" in each for each in stream.diagnostics()[1].values())
-
-
-@pytest.mark.parametrize("controller", NAMES)
-def test_how_long_it_waited_at_rest_changes_no_bit(controller: str) -> None:
-    waited, started = compensation(controller), compensation(controller)
-    for stream, samples in ((waited, 700), (started, 1)):
-        for _ in range(samples):
-            assert stream.process(REST, REST) == (ZERO, ZERO)
-            stream.adapt()
-    for tool in textures(0.5) + REST:
-        outputs = [stream.process(vector(tool), REST) for stream in (waited, started)]
-        assert outputs[0] == outputs[1]
-        assert np.abs(outputs[0][1]).max() < 3.0  # gravity is no blow
-        for stream in (waited, started):
-            stream.adapt()
-    assert waited.diagnostics() == started.diagnostics()
-
-
-def test_a_reset_is_a_new_beginning() -> None:
-    used, fresh = compensation("adaptive", actuator=WIDE), compensation("adaptive", actuator=WIDE)
-    driven(used, Handle(COUPLED), textures(0.5))
-    used.reset()
-    for stream in (used, fresh):
-        stream.process(REST, REST)
-    # Heat and travel remain.
-    assert used.process((1.0, 2.0, 3.0), REST) == fresh.process((1.0, 2.0, 3.0), REST)
-
-
-def test_while_muted_there_is_no_force() -> None:
-    stream = compensation("inverse")
-    stream.mute(True)
-    assert {stream.process(vector(each), ZERO)[1] for each in textures(0.1)} == {ZERO}
-    assert int(stream.diagnostics()[1]["withheld"]) > 0
-    stream.mute(False)
-    assert stream.process((5.0, 5.0, 5.0), ZERO)[1] != ZERO
-
-
-@pytest.mark.parametrize("controller", ["constant", "inverse"])
-def test_a_gain_scales_all_axes_and_is_exact_at_one(controller: str) -> None:
-    whole, changed, half = (compensation(controller, actuator=WIDE) for _ in range(3))
-    half.set_gain(0.5)
-    tools = textures(0.4) + REST
-    for index, each in enumerate(tools):
-        if index == 100:
-            changed.set_gain(0.0)
-        elif index == 200:
-            changed.set_gain(1.0)
-        desired, force = whole.process(vector(each), None)
-        found = changed.process(vector(each), None)
-        if index < 100:
-            assert found == (desired, force)
-        elif 150 <= index < 200:
-            assert found[0] == ZERO
-        elif index >= 250:
-            assert found[0] == desired
-        if controller == "constant":  # linear, without the supervision's pace
-            halved = half.process(vector(each), None)
-            np.testing.assert_allclose(halved, 0.5 * np.array([desired, force]), atol=1e-9)
 
 
 def test_another_rate_is_refused() -> None:

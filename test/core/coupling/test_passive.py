@@ -27,16 +27,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.coupling.passive import (
-    CEILING,
-    KEPT,
-    LEAD,
-    SMOOTHING,
-    SPEED_MARGIN,
-    PassiveHalf,
-    PassivePair,
-    PassiveParameters,
-)
+from haptic_accel.core.coupling import passive
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.channel import Channel, ChannelParameters
 from haptic_accel.core.two_arms import free, wall
@@ -45,17 +36,17 @@ from two_sides import UNLIMITED, Instant, Packet, Side, run
 RATE = 1000.0
 positions = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
 velocities = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
-RICH = PassiveParameters(energy=1.0)  # the account of which limits nothing
-POOR = PassiveParameters()
+RICH = passive.PassiveParameters(energy=1.0)  # the account of which limits nothing
+POOR = passive.PassiveParameters()
 
 
-def engaged(parameters: PassiveParameters = RICH, latency: int = 0) -> PassiveHalf:
-    half = PassiveHalf(parameters, RATE, latency)
+def engaged(parameters: passive.PassiveParameters = RICH, latency: int = 0) -> passive.PassiveHalf:
+    half = passive.PassiveHalf(parameters, RATE, latency)
     half.engage()
     return half
 
 
-def act(half: PassiveHalf) -> None:
+def act(half: passive.PassiveHalf) -> None:
     """Let a half make a first force, which is zero."""
     half.force(ZERO, ZERO, ZERO, ZERO, 0.0)
 
@@ -115,7 +106,7 @@ def test_arms_that_engage_again_forget_how_late_data_was() -> None:
 
 
 def test_stiffness_and_damping_rise_from_zero_within_the_rise_time() -> None:
-    half = PassiveHalf(RICH, RATE, 0)
+    half = passive.PassiveHalf(RICH, RATE, 0)
     half.engage(rise_time=0.1)
     forces = [
         half.force(ZERO, (0.1, 0.0, 0.0), (0.0, 0.002, 0.0), ZERO, 0.009) for _ in range(150)
@@ -132,13 +123,13 @@ def test_stiffness_and_damping_rise_from_zero_within_the_rise_time() -> None:
 
 def test_the_slaves_half_leads_a_moving_set_point_and_no_other() -> None:
     speed, age = 0.1, 0.05
-    for leads, expected in ((False, 0.0), (True, LEAD)):
-        half = PassiveHalf(RICH, RATE, 0, leads=leads)
+    for leads, expected in ((False, 0.0), (True, passive.LEAD)):
+        half = passive.PassiveHalf(RICH, RATE, 0, leads=leads)
         half.engage()
         for tick in range(1000):  # at its set-point, which moves
             at = (speed * tick / RATE, 0.0, 0.0)
             force = half.force(at, ZERO, at, (speed, 0.0, 0.0), age)
-        led = (expected - SMOOTHING) * (age + 0.001) * speed
+        led = (expected - passive.SMOOTHING) * (age + 0.001) * speed
         assert force[0] == pytest.approx(half.stiffness * led, rel=0.03)
 
 
@@ -190,7 +181,7 @@ def test_samples_that_are_missing_give_no_energy() -> None:
     half = engaged()
     half.force(ZERO, ZERO, (0.004, 0.0, 0.0), ZERO, 0.0)  # 1 N
     half.force((-0.1, 0.0, 0.0), ZERO, ZERO, ZERO, 0.0)  # and 0.1 m against it, in a sample
-    assert half.energy <= 1.0 + 1.0 * SPEED_MARGIN / RATE
+    assert half.energy <= 1.0 + 1.0 * passive.SPEED_MARGIN / RATE
 
 
 def test_part_of_what_damping_takes_is_burnt() -> None:
@@ -198,7 +189,7 @@ def test_part_of_what_damping_takes_is_burnt() -> None:
     half.force(ZERO, (0.1, 0.0, 0.0), ZERO, ZERO, 0.009)  # 1.25 N s/m
     before = half.energy
     half.force((0.0001, 0.0, 0.0), ZERO, ZERO, ZERO, 0.009)
-    assert half.energy - before == pytest.approx(KEPT * 0.125 * 0.0001)
+    assert half.energy - before == pytest.approx(passive.KEPT * 0.125 * 0.0001)
 
 
 def test_energy_above_the_ceiling_is_the_peers() -> None:
@@ -207,10 +198,10 @@ def test_energy_above_the_ceiling_is_the_peers() -> None:
     for step in range(200):  # pushed against its force, then left alone
         at = (-0.0004 * min(step, 100), 0.0, 0.0)
         giver.force(at, ZERO, (0.01, 0.0, 0.0) if step < 100 else at, ZERO, 0.0)
-    assert giver.energy == pytest.approx(POOR.energy * CEILING)
+    assert giver.energy == pytest.approx(POOR.energy * passive.CEILING)
     assert giver.shipped > 0.0
     taker.receive(giver.shipped)
-    assert taker.energy == pytest.approx(min(POOR.energy * CEILING, 2e-3 + giver.shipped))
+    assert taker.energy == pytest.approx(min(POOR.energy * passive.CEILING, 2e-3 + giver.shipped))
     had = taker.energy
     for old in (giver.shipped, 0.0, giver.shipped / 2, math.nan, math.inf):
         taker.receive(old)
@@ -299,7 +290,7 @@ def test_whatever_comes_in_the_force_is_finite_and_limited(
 
 
 def test_the_pair_acts_as_a_spring_between_the_arms() -> None:
-    pair = PassivePair(replace(RICH, scale=2.0), RATE)
+    pair = passive.PassivePair(replace(RICH, scale=2.0), RATE)
     assert pair.forces((0.1, 0.0, 0.0), ZERO) == (ZERO, ZERO)
     pair.engage((0.1, 0.0, 0.0), ZERO)
     assert pair.engaged
@@ -311,7 +302,7 @@ def test_the_pair_acts_as_a_spring_between_the_arms() -> None:
 
 
 def test_another_scale_moves_no_arm() -> None:
-    pair = PassivePair(RICH, RATE)
+    pair = passive.PassivePair(RICH, RATE)
     pair.engage(ZERO, ZERO)
     at = (0.1, 0.0, 0.0)
     pair.forces(at, at)
@@ -330,7 +321,7 @@ class Trial:
 
     def __init__(self, seed: int) -> None:
         self.random = chance = random.Random(seed)
-        self.parameters = PassiveParameters(
+        self.parameters = passive.PassiveParameters(
             stiffness=chance.choice([50.0, 250.0, 2000.0]),
             local_damping=chance.choice([0.3, 3.0, 10.0]),
             max_force=chance.choice([0.5, 3.3, 10.0]),

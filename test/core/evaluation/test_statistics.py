@@ -26,16 +26,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from haptic_accel.core.evaluation.statistics import (
-    CONFIDENCE,
-    FEWEST,
-    FEWEST_RANKED,
-    Alternative,
-    flipped_signs,
-    mean_interval,
-    nrmse_interval,
-    paired_difference,
-)
+from haptic_accel.core.evaluation import statistics
 from haptic_accel.core.model import FloatArray
 
 # Student's own example, 1908: additional hours of sleep from two drugs, ten patients.
@@ -46,7 +37,7 @@ SLEEP = (
 
 
 def test_students_sleep() -> None:
-    found = paired_difference(*SLEEP)
+    found = statistics.paired_difference(*SLEEP)
     assert found.n == 10
     assert found.mean.value == pytest.approx(1.58)
     assert (found.mean.low, found.mean.high) == pytest.approx((0.7001142, 2.4598858))
@@ -58,42 +49,42 @@ def test_students_sleep() -> None:
     assert "10 pairs" in found.verdict
 
 
-@pytest.mark.parametrize("n", range(FEWEST))
+@pytest.mark.parametrize("n", range(statistics.FEWEST))
 def test_few_pairs_have_no_probability(n: int) -> None:
-    found = paired_difference(SLEEP[0][:n], SLEEP[1][:n])
+    found = statistics.paired_difference(SLEEP[0][:n], SLEEP[1][:n])
     assert math.isnan(found.p_t)
     assert math.isnan(found.p_wilcoxon)
     assert "too few" in found.verdict or "no pair" in found.verdict
 
 
 def test_wilcoxon_waits_for_enough_pairs() -> None:
-    fewer = FEWEST_RANKED - 1
-    found = paired_difference(SLEEP[0][:fewer], SLEEP[1][:fewer])
+    fewer = statistics.FEWEST_RANKED - 1
+    found = statistics.paired_difference(SLEEP[0][:fewer], SLEEP[1][:fewer])
     assert math.isfinite(found.p_t)
     assert math.isnan(found.p_wilcoxon)
-    assert f"needs {FEWEST_RANKED} pairs" in found.verdict
+    assert f"needs {statistics.FEWEST_RANKED} pairs" in found.verdict
 
 
 def test_signed_ranks_are_those_of_scipy_without_ties() -> None:
     for n in (6, 9, 15, 30):
         second = np.random.default_rng(n).normal(0.4, 1.0, n)
-        found = paired_difference([0.0] * n, second.tolist())
+        found = statistics.paired_difference([0.0] * n, second.tolist())
         assert found.p_wilcoxon == pytest.approx(stats.wilcoxon(second).pvalue)
 
 
 def test_equal_proportions_are_ties_in_spite_of_rounding() -> None:
     # Ranks 3.5 of all six, all positive but one of the least possible: by hand, 14 of 2^6 flips.
     first, second = [0.3, 0.6, 0.1, 0.7, 0.2, 0.5], [0.4, 0.7, 0.2, 0.8, 0.3, 0.4]
-    assert paired_difference(first, second).p_wilcoxon == pytest.approx(14 / 64)
+    assert statistics.paired_difference(first, second).p_wilcoxon == pytest.approx(14 / 64)
 
 
 @pytest.mark.parametrize(("alternative", "flips"), [("greater", 1), ("less", 8), ("two-sided", 2)])
-def test_flips_of_signs_are_counted(alternative: Alternative, flips: int) -> None:
-    assert flipped_signs(np.array([1.0, 2.0, 4.0]), alternative) == flips / 8
+def test_flips_of_signs_are_counted(alternative: statistics.Alternative, flips: int) -> None:
+    assert statistics.flipped_signs(np.array([1.0, 2.0, 4.0]), alternative) == flips / 8
 
 
 def test_equal_differences_are_not_tested() -> None:
-    found = paired_difference([1.0, 2.0, 3.0], [1.1, 2.1, 3.1])
+    found = statistics.paired_difference([1.0, 2.0, 3.0], [1.1, 2.1, 3.1])
     assert found.mean.value == pytest.approx(0.1)
     assert math.isnan(found.p_t)
     assert "scatter" in found.verdict
@@ -101,12 +92,12 @@ def test_equal_differences_are_not_tested() -> None:
 
 def test_sides_must_be_pairs() -> None:
     with pytest.raises(ValueError, match="pairs"):
-        paired_difference([1.0], [])
+        statistics.paired_difference([1.0], [])
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=30))
 def test_a_mean_lies_within_its_interval(values: list[float]) -> None:
-    found = mean_interval(values)
+    found = statistics.mean_interval(values)
     assert found.low <= found.value <= found.high
     assert found.n == len(values)
 
@@ -115,16 +106,16 @@ def test_a_mean_lies_within_its_interval(values: list[float]) -> None:
 def test_an_interval_stays_within_the_range_of_its_values(
     values: list[float], highest: float
 ) -> None:
-    found = mean_interval(values, within=(0.0, highest))
+    found = statistics.mean_interval(values, within=(0.0, highest))
     assert 0.0 <= found.low <= found.value * (1 + 1e-9)
     assert found.value <= found.high * (1 + 1e-9) <= highest * (1 + 1e-9)
 
 
 def test_far_from_the_ends_of_a_range_an_interval_is_students() -> None:
     values = [100.0, 101.0, 99.0, 100.5]
-    free = mean_interval(values)
+    free = statistics.mean_interval(values)
     for highest in (math.inf, 1000.0):
-        found = mean_interval(values, within=(0.0, highest))
+        found = statistics.mean_interval(values, within=(0.0, highest))
         assert (found.low, found.high) == pytest.approx((free.low, free.high), rel=2e-4)
 
 
@@ -143,21 +134,22 @@ def test_intervals_hold_the_mean_nearly_as_often_as_they_say(
 ) -> None:
     generator, draws = np.random.default_rng(n), 2000
     found = [
-        mean_interval(draw(generator, n).tolist(), within=(0.0, highest)) for _ in range(draws)
+        statistics.mean_interval(draw(generator, n).tolist(), within=(0.0, highest))
+        for _ in range(draws)
     ]
     share = sum(each.low <= mean <= each.high for each in found) / draws
     # Three standard errors of the simulation are 0.015.
-    assert CONFIDENCE - 0.03 - 0.015 <= share <= CONFIDENCE + 0.02
+    assert statistics.CONFIDENCE - 0.03 - 0.015 <= share <= statistics.CONFIDENCE + 0.02
 
 
 def test_a_mean_leaves_out_what_is_no_number() -> None:
-    assert mean_interval([1.0, math.nan, 3.0]).value == 2.0
-    assert mean_interval([math.nan]).n == 0
+    assert statistics.mean_interval([1.0, math.nan, 3.0]).value == 2.0
+    assert statistics.mean_interval([math.nan]).n == 0
 
 
 @pytest.mark.parametrize("values", [[5.0], [1.0, 3.0], [1.0, 3.0, math.nan]])
 def test_below_three_values_there_is_no_interval(values: list[float]) -> None:
-    found = mean_interval(values)
+    found = statistics.mean_interval(values)
     assert found.value == np.nanmean(values)
     assert math.isnan(found.low)
     assert math.isnan(found.high)
@@ -166,7 +158,9 @@ def test_below_three_values_there_is_no_interval(values: list[float]) -> None:
 
 def test_95_of_100_intervals_hold_the_true_mean() -> None:
     generator = np.random.default_rng(3)
-    intervals = [mean_interval(generator.normal(7.0, 2.0, 5).tolist()) for _ in range(2000)]
+    intervals = [
+        statistics.mean_interval(generator.normal(7.0, 2.0, 5).tolist()) for _ in range(2000)
+    ]
     held = np.mean([interval.low <= 7.0 <= interval.high for interval in intervals])
     assert held == pytest.approx(0.95, abs=0.015)
 
@@ -177,7 +171,7 @@ def test_the_bootstrap_holds_the_true_error() -> None:
     for _ in range(40):
         desired = generator.normal(size=4000)
         actual = desired + 0.5 * generator.normal(size=4000)
-        found = nrmse_interval(desired, actual, 200.0)
+        found = statistics.nrmse_interval(desired, actual, 200.0)
         assert found.low <= found.value <= found.high
         assert "20 pieces" in found.method
         held.append(found.low <= 0.5 <= found.high)
@@ -185,8 +179,8 @@ def test_the_bootstrap_holds_the_true_error() -> None:
 
 
 def test_a_short_trial_has_no_interval() -> None:
-    found = nrmse_interval(np.ones(2000), 0.5 * np.ones(2000), 1000.0)
+    found = statistics.nrmse_interval(np.ones(2000), 0.5 * np.ones(2000), 1000.0)
     assert found.value == 0.5
     assert math.isnan(found.low)
     assert "too few" in found.method
-    assert math.isnan(nrmse_interval(np.zeros(10), np.ones(10), 1000.0).value)
+    assert math.isnan(statistics.nrmse_interval(np.zeros(10), np.ones(10), 1000.0).value)

@@ -23,33 +23,22 @@ from typing import Any
 import numpy as np
 import pytest
 
+from haptic_accel.core.evaluation import metrics
 from haptic_accel.core.evaluation.delay import estimate_delay, shift_back
 from haptic_accel.core.evaluation.discrimination import indistinguishable
-from haptic_accel.core.evaluation.metrics import (
-    DIRECTION_SHARE,
-    NO_EVALUATION,
-    band_nrmse,
-    bands,
-    direction_error,
-    evaluate,
-    evaluate_axes,
-    nrmse,
-    regress,
-    spectra,
-)
 from haptic_accel.core.evaluation.statistics import nrmse_interval
 from haptic_accel.core.model import FloatArray
 
 RATE = 1000.0
 EVALUATIONS: Any = [
-    nrmse,
-    regress,
-    lambda d, a: evaluate(d, a, RATE, 0.0),
-    lambda d, a: band_nrmse(d, a, RATE, bands(RATE)),
+    metrics.nrmse,
+    metrics.regress,
+    lambda d, a: metrics.evaluate(d, a, RATE, 0.0),
+    lambda d, a: metrics.band_nrmse(d, a, RATE, metrics.bands(RATE)),
     lambda d, a: indistinguishable(d, a, RATE),
     lambda d, a: nrmse_interval(d, a, RATE).low,
     lambda d, a: estimate_delay(d, a, RATE),
-    lambda d, a: vars(spectra(d, a, RATE)),
+    lambda d, a: vars(metrics.spectra(d, a, RATE)),
     lambda d, a: dict(zip("da", map(np.ravel, shift_back(d, a, RATE, 0.4e-3)), strict=True)),
 ]
 
@@ -91,57 +80,57 @@ def test_components_without_vibration_change_no_metric(metric: Any) -> None:
 def test_a_rotation_has_its_angle_and_its_chord_as_errors(degrees: float) -> None:
     desired = vibration() * [1.0, 0.0, 1.0]
     actual = turned(desired, degrees)
-    assert direction_error(desired, actual) == pytest.approx(degrees, rel=1e-6)
+    assert metrics.direction_error(desired, actual) == pytest.approx(degrees, rel=1e-6)
     chord = 2 * math.sin(math.radians(degrees / 2))
-    assert nrmse(desired, actual) == pytest.approx(chord, rel=1e-9)
+    assert metrics.nrmse(desired, actual) == pytest.approx(chord, rel=1e-9)
 
 
 def test_a_rotation_of_10_degrees_is_an_error_of_17_4_percent() -> None:
     desired = vibration() * [1.0, 0.0, 1.0]
-    evaluation = evaluate(desired, turned(desired, 10.0), RATE, 0.0)
+    evaluation = metrics.evaluate(desired, turned(desired, 10.0), RATE, 0.0)
     assert evaluation.nrmse_percent == pytest.approx(17.43, abs=0.01)
 
 
 def test_vectors_are_not_lines() -> None:
-    assert direction_error(vibration(), -vibration()) == pytest.approx(180.0)
+    assert metrics.direction_error(vibration(), -vibration()) == pytest.approx(180.0)
 
 
 def test_strength_is_no_error_of_direction() -> None:
-    assert direction_error(vibration(), 0.1 * vibration()) == pytest.approx(0.0, abs=1e-9)
+    assert metrics.direction_error(vibration(), 0.1 * vibration()) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_direction_of_weak_vectors_does_not_count() -> None:
     desired = vibration()
     length = np.linalg.norm(desired, axis=1)
-    weak = length < DIRECTION_SHARE * math.sqrt(np.mean(length**2))
+    weak = length < metrics.DIRECTION_SHARE * math.sqrt(np.mean(length**2))
     actual = np.where(weak[:, None], -desired, turned(desired * [1.0, 0.0, 1.0], 5.0))
     assert np.mean(weak) > 0.2
-    assert direction_error(desired * [1.0, 0.0, 1.0], actual) == pytest.approx(5.0)
+    assert metrics.direction_error(desired * [1.0, 0.0, 1.0], actual) == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize("scale", [(0.0, 1.0), (1.0, 0.0)])
 def test_vectors_of_zero_have_no_direction(scale: tuple[float, float]) -> None:
-    assert math.isnan(direction_error(scale[0] * vibration(), scale[1] * vibration()))
+    assert math.isnan(metrics.direction_error(scale[0] * vibration(), scale[1] * vibration()))
 
 
 def test_the_error_of_each_axis_is_its_own() -> None:
     desired = vibration()
-    found = evaluate_axes(desired, desired * [0.9, 0.5, 1.2], RATE)
+    found = metrics.evaluate_axes(desired, desired * [0.9, 0.5, 1.2], RATE)
     assert [each.nrmse_percent for each in found] == pytest.approx([10.0, 50.0, 20.0])
     assert [each.slope_actual_on_desired for each in found] == pytest.approx([0.9, 0.5, 1.2])
 
 
 def test_an_axis_that_is_not_to_vibrate_has_no_error_of_its_own() -> None:
     desired = vibration() * [1.0, 0.0, 1.0]
-    found = evaluate_axes(desired, desired + vibration(1), RATE)
-    assert found[1] is NO_EVALUATION
+    found = metrics.evaluate_axes(desired, desired + vibration(1), RATE)
+    assert found[1] is metrics.NO_EVALUATION
     assert math.isfinite(found[0].nrmse_percent)
 
 
 def test_spectra_add_the_power_of_the_axes() -> None:
     desired = vibration()
-    whole = spectra(desired, desired, RATE)
-    alone = [spectra(one, one, RATE).desired ** 2 for one in desired.T]
+    whole = metrics.spectra(desired, desired, RATE)
+    alone = [metrics.spectra(one, one, RATE).desired ** 2 for one in desired.T]
     assert whole.desired**2 == pytest.approx(np.sum(alone, axis=0))
     assert whole.coherence == pytest.approx(np.ones(len(whole.frequency)))
 

@@ -30,26 +30,9 @@ from haptic_accel.core.coupling.position_position import (
 )
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.devices.can import protocol
 from haptic_accel.devices.can.arm import DrivenArm, State
 from haptic_accel.devices.can.parameters import CanParameters
-from haptic_accel.devices.can.protocol import (
-    WATCHDOG_TIMER_EXPIRED,
-    AxisState,
-    ClearErrors,
-    Command,
-    EmergencyStop,
-    Estimates,
-    EstimatesRequest,
-    Frame,
-    Heartbeat,
-    Message,
-    SetMode,
-    SetState,
-    SetTorque,
-    error_names,
-    parse_order,
-    parse_report,
-)
 from haptic_accel.devices.interface import Device
 from haptic_accel.devices.simulated import (
     SimulatedMaster,
@@ -60,11 +43,11 @@ from haptic_accel.kits.emulators.can_arm import EmulatedArm, EmulatedAxis
 
 RATE = 500.0
 PERIOD = 1 / RATE
-CLOSED = AxisState.CLOSED_LOOP_CONTROL
+CLOSED = protocol.AxisState.CLOSED_LOOP_CONTROL
 
 
-def order(frame: Frame) -> Message:
-    found = parse_order(frame)
+def order(frame: protocol.Frame) -> protocol.Message:
+    found = protocol.parse_order(frame)
     assert found is not None
     return found
 
@@ -75,14 +58,20 @@ def axis(watchdog: float = 0.0) -> EmulatedAxis:
 
 def armed(watchdog: float = 0.0) -> EmulatedAxis:
     found = axis(watchdog)
-    for frame in (SetMode(1).frame(), SetState(1, CLOSED).frame(), SetTorque(1, 0.5).frame()):
+    for frame in (
+        protocol.SetMode(1).frame(),
+        protocol.SetState(1, CLOSED).frame(),
+        protocol.SetTorque(1, 0.5).frame(),
+    ):
         found.execute(order(frame), 0.0)
     return found
 
 
-def heartbeat(of: EmulatedAxis, now: float) -> Heartbeat:
+def heartbeat(of: EmulatedAxis, now: float) -> protocol.Heartbeat:
     beats = [
-        answer for frame in of.due(now) if isinstance(answer := parse_report(frame), Heartbeat)
+        answer
+        for frame in of.due(now)
+        if isinstance(answer := protocol.parse_report(frame), protocol.Heartbeat)
     ]
     assert len(beats) == 1
     return beats[0]
@@ -92,8 +81,8 @@ def test_an_axis_sends_heartbeats_and_estimates_at_their_rates() -> None:
     one = axis()
     sent = [frame for step in range(1000) for frame in one.due(step * 1e-3)]
     commands = [frame.command for frame in sent]
-    assert commands.count(Command.HEARTBEAT) == 10
-    assert commands.count(Command.ENCODER_ESTIMATES) == 100
+    assert commands.count(protocol.Command.HEARTBEAT) == 10
+    assert commands.count(protocol.Command.ENCODER_ESTIMATES) == 100
 
 
 def test_after_a_stall_it_sends_each_once() -> None:
@@ -106,19 +95,19 @@ def test_after_a_stall_it_sends_each_once() -> None:
 def test_it_answers_a_request() -> None:
     one = axis()
     one.turns = 2.5
-    (answer,) = one.execute(order(EstimatesRequest(1).frame()), 0.0)
-    assert parse_report(answer) == Estimates(1, 2.5, 0.0)
+    (answer,) = one.execute(order(protocol.EstimatesRequest(1).frame()), 0.0)
+    assert protocol.parse_report(answer) == protocol.Estimates(1, 2.5, 0.0)
 
 
 def test_it_has_a_torque_only_in_closed_loop_and_torque_control() -> None:
     one = axis()
-    one.execute(order(SetTorque(1, 0.5).frame()), 0.0)
+    one.execute(order(protocol.SetTorque(1, 0.5).frame()), 0.0)
     assert one.torque == 0.0
-    one.execute(order(SetState(1, CLOSED).frame()), 0.0)
+    one.execute(order(protocol.SetState(1, CLOSED).frame()), 0.0)
     assert one.torque == 0.0
-    one.execute(order(SetMode(1).frame()), 0.0)
+    one.execute(order(protocol.SetMode(1).frame()), 0.0)
     assert one.torque == 0.5
-    one.execute(order(SetState(1, AxisState.IDLE).frame()), 0.0)
+    one.execute(order(protocol.SetState(1, protocol.AxisState.IDLE).frame()), 0.0)
     assert one.torque == 0.0
 
 
@@ -126,28 +115,32 @@ def test_silence_makes_it_let_go_with_an_error() -> None:
     one = armed(watchdog=0.05)
     one.due(0.04)
     assert one.torque == 0.5
-    one.execute(order(EstimatesRequest(1).frame()), 0.04)  # anything feeds it
+    one.execute(order(protocol.EstimatesRequest(1).frame()), 0.04)  # anything feeds it
     one.due(0.08)
     assert one.torque == 0.5
     one.due(0.1)
     assert one.torque == 0.0
     beat = heartbeat(one, 0.5)
-    assert beat == Heartbeat(1, WATCHDOG_TIMER_EXPIRED["0.6"], AxisState.IDLE)
+    assert beat == protocol.Heartbeat(
+        1, protocol.WATCHDOG_TIMER_EXPIRED["0.6"], protocol.AxisState.IDLE
+    )
 
 
 def test_with_an_error_it_does_not_go_into_closed_loop_until_cleared() -> None:
     one = armed()
-    one.execute(order(EmergencyStop(1).frame()), 0.0)
+    one.execute(order(protocol.EmergencyStop(1).frame()), 0.0)
     assert one.torque == 0.0
-    assert error_names(heartbeat(one, 0.0).error, "0.6") == "ESTOP_REQUESTED"
-    one.execute(order(SetState(1, CLOSED).frame()), 0.0)
+    assert protocol.error_names(heartbeat(one, 0.0).error, "0.6") == "ESTOP_REQUESTED"
+    one.execute(order(protocol.SetState(1, CLOSED).frame()), 0.0)
     assert not one.armed
-    one.execute(order(ClearErrors(1).frame()), 0.0)
-    one.execute(order(SetState(1, CLOSED).frame()), 0.0)
+    one.execute(order(protocol.ClearErrors(1).frame()), 0.0)
+    one.execute(order(protocol.SetState(1, CLOSED).frame()), 0.0)
     assert one.armed
 
 
-frames = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8), remote=st.booleans())
+frames = st.builds(
+    protocol.Frame, st.integers(0, 0x7FF), st.binary(max_size=8), remote=st.booleans()
+)
 
 
 def new_slave() -> Device:
@@ -160,7 +153,7 @@ def new_master() -> Device:
 
 @given(st.lists(frames, max_size=30))
 @settings(max_examples=25)
-def test_no_frame_is_too_strange_for_an_emulated_arm(noise: list[Frame]) -> None:
+def test_no_frame_is_too_strange_for_an_emulated_arm(noise: list[protocol.Frame]) -> None:
     arm = EmulatedArm(CanParameters(), new_slave(), rate=RATE, watchdog=0.1)
     for step, frame in enumerate(noise):
         arm.receive(frame, step * PERIOD)
@@ -177,7 +170,7 @@ class Rigged:
         self.emulated = EmulatedArm(parameters, new_device(), rate=RATE, watchdog=0.05, seed=seed)
         self.arm = DrivenArm(parameters, self._send)
 
-    def _send(self, frames: Sequence[Frame]) -> bool:
+    def _send(self, frames: Sequence[protocol.Frame]) -> bool:
         for frame in frames:
             for answer in self.emulated.receive(frame, self.now):
                 self.arm.receive(answer, self.now)

@@ -24,47 +24,31 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.core.axes import NAMES
-from haptic_accel.devices.serial.protocol import (
-    CLOCKS,
-    Align,
-    ArmRequest,
-    Configure,
-    Decoder,
-    DisarmRequest,
-    Encoder,
-    FrameType,
-    Identify,
-    Identity,
-    Message,
-    ScheduleCurrent,
-    SetCurrent,
-    Status,
-    encode,
-)
+from haptic_accel.devices.serial import protocol
 from haptic_accel.kits.emulators.serial_board import Board
 from host_firmware import PROCESSORS, Processor, compiled, garbled, random_frames, record, run
 
-HANDLE = Identity((1, 2, 3), 0b101, 10_000, 84.6, (0.0, 0.0, 2.75), "7654321")
-THREE = Identity((1, 2, 3), 0b111, 10_000, 84.6, (2.75, 1.0, 0.5), "three coils")
-TOOL = Identity((1, 0, 0), 0b111, 4000, 49.0, (0.0, 0.0, 0.0), "sixteen letters!")
+HANDLE = protocol.Identity((1, 2, 3), 0b101, 10_000, 84.6, (0.0, 0.0, 2.75), "7654321")
+THREE = protocol.Identity((1, 2, 3), 0b111, 10_000, 84.6, (2.75, 1.0, 0.5), "three coils")
+TOOL = protocol.Identity((1, 0, 0), 0b111, 4000, 49.0, (0.0, 0.0, 0.0), "sixteen letters!")
 STEPS = 5_000
 
 
 class Pair:
     """A board in Python, and the script that makes the one in C++ do the same."""
 
-    def __init__(self, identity: Identity) -> None:
+    def __init__(self, identity: protocol.Identity) -> None:
         self.script: list[bytes] = []
         self.expected: list[bytes] = []
         self.room = True
-        self.status: Status | None = None
+        self.status: protocol.Status | None = None
         self.coils = identity.coils
         self.board = Board(identity, self._send)
 
     def _send(self, wire: bytes) -> bool:
-        (frame,) = Decoder().feed(wire)
-        if frame.type == FrameType.STATUS:
-            self.status = Status.unpack(frame.payload)
+        (frame,) = protocol.Decoder().feed(wire)
+        if frame.type == protocol.FrameType.STATUS:
+            self.status = protocol.Status.unpack(frame.payload)
         if self.room:
             self.expected.append(record(b"F", wire))
         return self.room
@@ -102,21 +86,23 @@ class Pair:
         self.expected.append(record(b"S", state))
 
 
-def random_message(random: random.Random, now: int, coils: int) -> Message:
+def random_message(random: random.Random, now: int, coils: int) -> protocol.Message:
     counts = tuple(random.randrange(-32768, 32768) for _ in range(coils))
     extremes = tuple(random.choice((-32768, -32767, 0, 1, 32767)) for _ in range(coils))
-    near = (now + random.choice((-600_000, -500, 0, 500, 1500, 6000, 600_000))) % CLOCKS
-    period = random.choice((1_000_000, 1_000_100, 100_000, 984_375, 1_015_626, 0, CLOCKS - 1))
+    near = (now + random.choice((-600_000, -500, 0, 500, 1500, 6000, 600_000))) % protocol.CLOCKS
+    period = random.choice(
+        (1_000_000, 1_000_100, 100_000, 984_375, 1_015_626, 0, protocol.CLOCKS - 1)
+    )
     return random.choice(
         [
-            SetCurrent(extremes),
-            *[ScheduleCurrent(counts, near)] * 6,
-            Align(near, period),
-            Align(random.randrange(CLOCKS), period),
-            ArmRequest(),
-            DisarmRequest(),
-            Identify(),
-            Configure(
+            protocol.SetCurrent(extremes),
+            *[protocol.ScheduleCurrent(counts, near)] * 6,
+            protocol.Align(near, period),
+            protocol.Align(random.randrange(protocol.CLOCKS), period),
+            protocol.ArmRequest(),
+            protocol.DisarmRequest(),
+            protocol.Identify(),
+            protocol.Configure(
                 random.choice((0, 49, 50, 1000, 10_000, 10_001)),
                 random.choice((0, 1, 4, 5, 7, 255)),
                 random.choice((0, 1, 2, 4, 58, 59, 255)),
@@ -128,10 +114,10 @@ def random_message(random: random.Random, now: int, coils: int) -> Message:
 @pytest.mark.parametrize("processor", PROCESSORS)
 @pytest.mark.parametrize("identity", [HANDLE, THREE, TOOL], ids=["handle", "three", "tool"])
 def test_both_boards_do_the_same_whatever_comes(
-    tmp_path: Path, identity: Identity, processor: Processor
+    tmp_path: Path, identity: protocol.Identity, processor: Processor
 ) -> None:
     rng = random.Random(2)
-    encoder = Encoder()
+    encoder = protocol.Encoder()
     pair = Pair(identity)
     now = (1 << 32) - 10_000_000  # the clock begins again on the way
     coils = len(identity.coils)
@@ -141,7 +127,10 @@ def test_both_boards_do_the_same_whatever_comes(
         chance = rng.random()
         if chance < 0.01:
             due = [now + rng.randrange(100_000) for _ in range(40)]
-            burst = (ScheduleCurrent((each % 100,) * coils, each % CLOCKS) for each in due)
+            burst = (
+                protocol.ScheduleCurrent((each % 100,) * coils, each % protocol.CLOCKS)
+                for each in due
+            )
             pair.receive(b"".join(encoder.encode(each, now) for each in burst), now)
         elif chance < 0.5:
             # Now and then one coil too many, which is refused.
@@ -149,7 +138,7 @@ def test_both_boards_do_the_same_whatever_comes(
             wire = encoder.encode(random_message(rng, now, most), now)
             pair.receive(wire if rng.random() < 0.8 else garbled(rng, wire), now)
         elif chance < 0.55:
-            pair.receive(encode(next(random_frames(rng, 1))), now)
+            pair.receive(protocol.encode(next(random_frames(rng, 1))), now)
         elif chance < 0.8:
             x, y, z = (rng.randrange(-32768, 32768) for _ in range(3))
             pair.sample((x, y, z), now)

@@ -33,20 +33,7 @@ from haptic_accel.core.coupling.position_position import (
 )
 from haptic_accel.core.model import Vector
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.devices.serial.protocol import (
-    CLOCKS,
-    FULL_SCALE,
-    ArmRequest,
-    Configure,
-    Decoder,
-    Encoder,
-    Identity,
-    Message,
-    Samples,
-    ScheduleCurrent,
-    SetCurrent,
-    read_message,
-)
+from haptic_accel.devices.serial import protocol
 from haptic_accel.devices.simulated import (
     SimulatedMaster,
     SimulatedSlave,
@@ -61,7 +48,7 @@ from haptic_accel.kits.emulators.serial_line import (
 )
 from running import wait_until
 
-HANDLE = Identity((1, 0, 0), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle")
+HANDLE = protocol.Identity((1, 0, 0), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle")
 STEP = 1e-3  # s
 
 
@@ -92,7 +79,7 @@ class Bench:
             os.open(folder / f"port{place}", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
             for place in range(2)
         ]
-        self.encoder = Encoder()
+        self.encoder = protocol.Encoder()
         self.now = 0.0
         self.lines.step(self.now)  # the boards see their hosts
 
@@ -100,7 +87,7 @@ class Bench:
         self.changes.append(time)
         self.currents.append(currents[2])
 
-    def say(self, place: int, *messages: Message) -> None:
+    def say(self, place: int, *messages: protocol.Message) -> None:
         terminal = self.boards[place].terminal
         assert terminal
         data = b"".join(self.encoder.encode(message, 0) for message in messages)
@@ -114,12 +101,12 @@ class Bench:
             self.now += STEP
             self.lines.step(self.now)
 
-    def received(self, place: int) -> list[Samples]:
+    def received(self, place: int) -> list[protocol.Samples]:
         data = b""
         while select.select([self.hosts[place]], [], [], 0.1)[0]:
             data += os.read(self.hosts[place], 1 << 16)
-        messages = map(read_message, Decoder().feed(data))
-        return [message for message in messages if isinstance(message, Samples)]
+        messages = map(protocol.read_message, protocol.Decoder().feed(data))
+        return [message for message in messages if isinstance(message, protocol.Samples)]
 
 
 def waiting(terminal: PseudoTerminal) -> int:
@@ -139,10 +126,10 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 
 def test_arms_are_coupled_once_both_boards_are_sampled(bench: Bench) -> None:
-    bench.say(0, Configure(1000, 4, 1))
+    bench.say(0, protocol.Configure(1000, 4, 1))
     bench.go_on(0.05)
     assert not bench.arms.coupled
-    bench.say(1, Configure(1000, 4, 1))
+    bench.say(1, protocol.Configure(1000, 4, 1))
     bench.go_on(0.01)
     assert bench.arms.coupled
     assert all(board.faults.begun for board in bench.boards)
@@ -162,18 +149,18 @@ def test_arms_are_free_while_a_board_is_not_sampled_and_couple_as_at_first(bench
     start = [device.read(bench.now).position for device in bench.devices]
     for _ in range(2):
         for place in range(2):
-            bench.say(place, Configure(1000, 4, 1))
+            bench.say(place, protocol.Configure(1000, 4, 1))
         bench.go_on(1.0)
         assert bench.arms.coupled
         assert bench.devices[0].read(bench.now).position != start[0]
-        bench.say(1, Configure(0, 4, 1))
+        bench.say(1, protocol.Configure(0, 4, 1))
         bench.go_on(1.0)
         assert not bench.arms.coupled
         assert [device.read(bench.now).position for device in bench.devices] == start
 
 
 def test_samples_are_taken_at_the_rate_of_the_host(bench: Bench) -> None:
-    bench.say(0, Configure(500, 4, 2))
+    bench.say(0, protocol.Configure(500, 4, 2))
     bench.go_on(0.1)
     found = bench.received(0)
     assert [samples.index for samples in found] == list(range(0, 2 * len(found), 2))
@@ -188,7 +175,7 @@ def test_samples_are_taken_at_the_rate_of_the_host(bench: Bench) -> None:
 
 
 def test_the_current_of_a_board_drives_its_actuator(bench: Bench) -> None:
-    bench.say(0, ArmRequest(), SetCurrent((FULL_SCALE,)))
+    bench.say(0, protocol.ArmRequest(), protocol.SetCurrent((protocol.FULL_SCALE,)))
     bench.go_on(0.002)
     assert bench.currents == [2.75]
     bench.go_on(0.01)
@@ -196,12 +183,12 @@ def test_the_current_of_a_board_drives_its_actuator(bench: Bench) -> None:
 
 
 def test_a_late_wake_up_applies_each_set_point_at_its_tick(bench: Bench) -> None:
-    bench.say(0, Configure(1000, 4, 1), ArmRequest())
+    bench.say(0, protocol.Configure(1000, 4, 1), protocol.ArmRequest())
     bench.go_on(0.004)
     stamp = CLOCK_START + 4000
     for place in (1, 2):
-        due = (stamp + 1000 * place) % CLOCKS
-        bench.say(0, ScheduleCurrent((FULL_SCALE // place,), due))
+        due = (stamp + 1000 * place) % protocol.CLOCKS
+        bench.say(0, protocol.ScheduleCurrent((protocol.FULL_SCALE // place,), due))
     bench.now = 0.0085
     bench.go_on(STEP)
     assert bench.changes[:2] == pytest.approx([0.005, 0.006])

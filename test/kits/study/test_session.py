@@ -31,22 +31,12 @@ import pytest
 from kits.study.studies import TEXT, FaultyRig, Scripted, run_session, write_study
 
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits.study import trials
 from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.log import LOG, read_session
 from haptic_accel.kits.study.plan import Plan
 from haptic_accel.kits.study.session import MOST_BROKEN_OFF, NO_CONSENT, Session
 from haptic_accel.kits.study.simulation import SimulatedRig
-from haptic_accel.kits.study.trials import (
-    COMPLETE,
-    MAIN,
-    PRACTICE,
-    Answer,
-    PlannedTrial,
-    Screen,
-    SessionRecord,
-    StoppedError,
-    UndeliveredError,
-)
 
 STOPPED = "stopped by the participant"
 
@@ -56,18 +46,18 @@ def study(tmp_path: Path) -> Study:
     return write_study(tmp_path / "study")
 
 
-def stop_at(number: int) -> Callable[[Screen], str | None]:
+def stop_at(number: int) -> Callable[[trials.Screen], str | None]:
     """Return an act that presses stop the given time that it is called, from 1."""
     calls = iter(range(1, number + 1))
 
-    def act(_: Screen) -> None:
+    def act(_: trials.Screen) -> None:
         if next(calls, number) == number:
-            raise StoppedError(STOPPED)
+            raise trials.StoppedError(STOPPED)
 
     return act
 
 
-def timeless(session: SessionRecord) -> SessionRecord:
+def timeless(session: trials.SessionRecord) -> trials.SessionRecord:
     """Return a session without its times."""
     records = tuple(
         replace(
@@ -83,9 +73,12 @@ def timeless(session: SessionRecord) -> SessionRecord:
 def test_a_session_goes_from_consent_to_its_end(study: Study) -> None:
     participant = Scripted(study)
     session = run_session(study, study.begin("P01"), participant)
-    assert session.ended == COMPLETE
+    assert session.ended == trials.COMPLETE
     assert session.consent == "2026-1"
-    assert Counter(each.trial.kind for each in session.records) == {PRACTICE: 2, MAIN: 12}
+    assert Counter(each.trial.kind for each in session.records) == {
+        trials.PRACTICE: 2,
+        trials.MAIN: 12,
+    }
     assert len(session.counted) == 12
     trial = ["wait", "stimulus", "wait", "stimulus", "question"]
     practice, block = [*trial, "feedback"], trial * 5
@@ -127,7 +120,7 @@ def test_stop_stops_at_once_and_the_session_goes_on_later(study: Study, kind: st
     assert stops
     again = Scripted(study)
     session = run_session(study, study.resume("P01"), again)
-    assert session.ended == COMPLETE
+    assert session.ended == trials.COMPLETE
     assert len(session.counted) == 12
     assert ("consent" in again.kinds) == (kind == "consent")
 
@@ -152,18 +145,18 @@ def test_a_break_is_not_repeated_at_the_begin_of_a_sitting(study: Study) -> None
         ({"lost": float("nan")}, "lost = nan: must be at most 1 %"),
         ({"clipped": 5.5}, "clipped = 5.5: must be at most 5 %"),
         ({"desired_rms": 0.1}, "desired RMS = 0.1: must be at least 0.3 m/s^2"),
-        (UndeliveredError("the graph has gone"), "the graph has gone"),
+        (trials.UndeliveredError("the graph has gone"), "the graph has gone"),
     ],
 )
 def test_a_trial_that_was_not_delivered_is_repeated(
-    study: Study, fault: UndeliveredError | dict[str, float], flaw: str
+    study: Study, fault: trials.UndeliveredError | dict[str, float], flaw: str
 ) -> None:
     rig = FaultyRig(study.protocol, {4: fault})  # the first stimulus after practice
     session = run_session(study, study.begin("P01"), rig=rig)
     flawed, repeated = session.records[2:4]
     assert (flawed.flaw, flawed.attempt, repeated.flaw, repeated.attempt) == (flaw, 0, "", 1)
     assert flawed.trial == repeated.trial
-    assert (flawed.answer is None) == isinstance(fault, UndeliveredError)
+    assert (flawed.answer is None) == isinstance(fault, trials.UndeliveredError)
     assert len(session.counted) == 12
 
 
@@ -173,7 +166,7 @@ def test_an_error_counts_only_with_a_controller(study: Study) -> None:
     for record in session.records:
         controllers = {str(each["controller"]) for each in record.trial.stimuli}
         assert bool(record.flaw) == ("adaptive" in controllers)
-    assert session.ended == COMPLETE
+    assert session.ended == trials.COMPLETE
 
 
 def test_a_gain_of_zero_asks_for_no_vibration(tmp_path: Path) -> None:
@@ -188,7 +181,7 @@ def test_a_gain_of_zero_asks_for_no_vibration(tmp_path: Path) -> None:
 
 
 def test_a_rig_that_delivers_nothing_ends_the_session(study: Study) -> None:
-    faults = {number: UndeliveredError("no graph") for number in range(100)}
+    faults = {number: trials.UndeliveredError("no graph") for number in range(100)}
     participant = Scripted(study)
     session = run_session(
         study, study.begin("P01"), participant, FaultyRig(study.protocol, faults)
@@ -199,30 +192,30 @@ def test_a_rig_that_delivers_nothing_ends_the_session(study: Study) -> None:
 
 
 def test_a_lost_page_breaks_a_trial_off(study: Study) -> None:
-    def lose(screen: Screen) -> None:
+    def lose(screen: trials.Screen) -> None:
         if screen.interval == 2 and not lost:
             lost.append(screen)
-            raise UndeliveredError("no page")
+            raise trials.UndeliveredError("no page")
 
-    lost: list[Screen] = []
+    lost: list[trials.Screen] = []
     session = run_session(study, study.begin("P01"), Scripted(study, {"stimulus": lose}))
     assert session.records[0].flaw == "no page"
     assert len(session.records[0].presented) == 1
-    assert session.ended == COMPLETE
+    assert session.ended == trials.COMPLETE
 
 
 def test_rig_and_page_may_both_fail(study: Study) -> None:
-    def miss(_: Screen) -> None:
+    def miss(_: trials.Screen) -> None:
         before = participant.screens[-2].kind
         if before == "stimulus" and not missed:
             missed.append(before)
-            raise UndeliveredError("no page")
+            raise trials.UndeliveredError("no page")
 
     missed: list[str] = []
     participant = Scripted(study, {"wait": miss, "ready": miss})
-    rig = FaultyRig(study.protocol, {0: UndeliveredError("no graph")})
+    rig = FaultyRig(study.protocol, {0: trials.UndeliveredError("no graph")})
     session = run_session(study, study.begin("P01"), participant, rig)
-    assert (session.records[0].flaw, session.ended) == ("no graph", COMPLETE)
+    assert (session.records[0].flaw, session.ended) == ("no graph", trials.COMPLETE)
     assert missed
 
 
@@ -303,7 +296,9 @@ class Acknowledged(Scripted):
         self._notes = os.open(file, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
         self._given = b""
 
-    def ask(self, screen: Screen, trial: PlannedTrial | None = None) -> Answer:
+    def ask(
+        self, screen: trials.Screen, trial: trials.PlannedTrial | None = None
+    ) -> trials.Answer:
         answer = super().ask(screen, trial)
         if name := {"question": f"{trial and trial.number}"}.get(screen.kind, ""):
             os.write(self._notes, f"asked {name}\n".encode())
@@ -313,7 +308,7 @@ class Acknowledged(Scripted):
             self._given = b"acknowledged consent agree\n"
         return answer
 
-    def _see(self, screen: Screen) -> str | None:
+    def _see(self, screen: trials.Screen) -> str | None:
         os.write(self._notes, self._given)
         self._given = b""
         return super()._see(screen)
@@ -329,7 +324,7 @@ def run_killed(study: Study, notes: Path, seconds: float) -> bool:
             signal.signal(signal.SIGALRM, signal.SIG_DFL)
             signal.setitimer(signal.ITIMER_REAL, seconds)
             begun = [each for each in study.sessions if each.participant == "P01"]
-            if not (begun and begun[0].ended == COMPLETE):
+            if not (begun and begun[0].ended == trials.COMPLETE):
                 log = study.resume("P01") if begun else study.begin("P01", 7)
                 run_session(study, log, Acknowledged(study, notes))
             status = 0

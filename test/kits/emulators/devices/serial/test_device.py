@@ -40,36 +40,14 @@ from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.devices import Device, DeviceError, Sample
 from haptic_accel.devices.interface import LATER
+from haptic_accel.devices.serial import protocol
 from haptic_accel.devices.serial.device import SerialDevice, SerialMaster, SerialSlave
 from haptic_accel.devices.serial.link import ARMED
-from haptic_accel.devices.serial.protocol import (
-    DELIMITER,
-    FULL_SCALE,
-    ONE_COIL,
-    VERSION,
-    ArmRequest,
-    Configuration,
-    Configure,
-    Decoder,
-    Encoder,
-    Error,
-    ErrorCode,
-    Frame,
-    Identify,
-    Identity,
-    Message,
-    Samples,
-    SetCurrent,
-    State,
-    Status,
-    encode,
-    read_message,
-)
 from haptic_accel.kits.emulators.faults import DROP, GARBAGE, STALL, UNPLUG
 from haptic_accel.kits.emulators.pseudo_terminal import PseudoTerminal
 from running import PATIENCE, wait_until
 
-HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle-1")
+HANDLE = protocol.Identity((1, 2, 3), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle-1")
 TOOL = replace(HANDLE, full_scale_currents=ZERO, serial_number="tool-1")
 RATE = 1000.0
 
@@ -139,7 +117,7 @@ def test_samples_come_calibrated(bench: Make, connect: Make) -> None:
     assert sample is None or sample[:2] == (ZERO, ZERO)
     assert "board handle-1, firmware 1.2.3" in nominal.remark
     nominal.close()
-    counts = round(10.0 / 49.0 * FULL_SCALE)
+    counts = round(10.0 / 49.0 * protocol.FULL_SCALE)
     calibrated = connect(board, calibration__gain=-0.001, calibration__offset=87.0)
     wait_until(
         lambda: feel(calibrated) == pytest.approx(-0.001 * (counts - 87)), "calibrated samples"
@@ -264,7 +242,9 @@ def test_silence_takes_the_current_off(bench: Make, connect: Make) -> None:
     device = connect(board)
     push(device, board, 1.2, 0.5)
     wait_until(lambda: board.current == 0.0, "no current")
-    wait_until(lambda: device.counters()["board_state"] == State.TIMED_OUT, "the board saying so")
+    wait_until(
+        lambda: device.counters()["board_state"] == protocol.State.TIMED_OUT, "the board saying so"
+    )
     assert device.counters()["board_timeouts"] >= 1
     push(device, board, 1.2, 0.5)
 
@@ -274,7 +254,7 @@ def test_closing_leaves_no_current_and_no_samples(bench: Make, connect: Make) ->
     device = connect(board)
     push(device, board, 1.2, 0.5)
     device.close()
-    assert board.emulated.board.state is State.DISARMED
+    assert board.emulated.board.state is protocol.State.DISARMED
     assert board.current == 0.0
     assert board.emulated.rate == 0
     device.close()
@@ -294,10 +274,11 @@ def test_a_device_can_be_opened_again(bench: Make, connect: Make) -> None:
 
 
 @pytest.mark.parametrize(
-    ("number", "left"), [(signal.SIGKILL, State.DISARMED), (signal.SIGSTOP, State.TIMED_OUT)]
+    ("number", "left"),
+    [(signal.SIGKILL, protocol.State.DISARMED), (signal.SIGSTOP, protocol.State.TIMED_OUT)],
 )
 def test_a_killed_or_frozen_driver_leaves_no_current(
-    bench: Make, number: signal.Signals, left: State
+    bench: Make, number: signal.Signals, left: protocol.State
 ) -> None:
     board = bench()
     code = (
@@ -340,13 +321,13 @@ class HostileBoard:
         self._thread = threading.Thread(target=self._answer)
         self._thread.start()
 
-    def say_last(self, wire: bytes, state: State, device: SerialDevice) -> None:
+    def say_last(self, wire: bytes, state: protocol.State, device: SerialDevice) -> None:
         """Send any bytes and then a state, and wait until that has arrived."""
         mark = next(self._marks)
-        self._write(wire + DELIMITER)
+        self._write(wire + protocol.DELIMITER)
 
         def arrived() -> bool:
-            self._write(Encoder().encode(status_of(state, mark), 0))
+            self._write(protocol.Encoder().encode(status_of(state, mark), 0))
             self._ending.wait(2e-4)
             return device.counters().get("board_damaged") == mark
 
@@ -359,21 +340,23 @@ class HostileBoard:
         self._port.unplug()
 
     def _answer(self) -> None:
-        decoder, encoder = Decoder(), Encoder()
-        answer: Message
+        decoder, encoder = protocol.Decoder(), protocol.Encoder()
+        answer: protocol.Message
         while not self._ending.wait(1e-3):
-            self._write(encoder.encode(Error(ErrorCode.VALUE, 0, 0), 0))  # is there still
+            self._write(
+                encoder.encode(protocol.Error(protocol.ErrorCode.VALUE, 0, 0), 0)
+            )  # is there still
             for frame in decoder.feed(self._port.read() or b""):
-                match read_message(frame):
-                    case Identify():
+                match protocol.read_message(frame):
+                    case protocol.Identify():
                         answer = HANDLE
-                    case Configure() as wanted:
-                        answer = Configuration(*vars(wanted).values())
-                    case ArmRequest():
-                        answer = status_of(State.ARMED, 0)
+                    case protocol.Configure() as wanted:
+                        answer = protocol.Configuration(*vars(wanted).values())
+                    case protocol.ArmRequest():
+                        answer = status_of(protocol.State.ARMED, 0)
                         if self._lets_go:
                             self._write(encoder.encode(answer, 0))
-                            answer = status_of(State.TIMED_OUT, 0)
+                            answer = status_of(protocol.State.TIMED_OUT, 0)
                     case _:
                         continue
                 self._write(encoder.encode(answer, 0))
@@ -406,29 +389,31 @@ def test_a_board_that_would_hold_a_current_for_ever_is_refused(
     board.end()
 
 
-def status_of(state: State, mark: int) -> Status:
+def status_of(state: protocol.State, mark: int) -> protocol.Status:
     """Return a status that its count of damaged frames tells from others."""
-    return Status(state, (0,), 0, mark, 0, 0, 0, 0, 0, 0)
+    return protocol.Status(state, (0,), 0, mark, 0, 0, 0, 0, 0, 0)
 
 
 byte = st.integers(0, 255)
 count = st.integers(0, 2**32 - 1)
-counts16 = st.integers(-FULL_SCALE - 1, FULL_SCALE)
+counts16 = st.integers(-protocol.FULL_SCALE - 1, protocol.FULL_SCALE)
 said = st.one_of(
-    st.builds(Samples, count, st.just(0b100), st.tuples(counts16, counts16)),
-    st.builds(Samples, st.integers(0, 99), st.sampled_from([0b100, 0b10]), st.tuples(counts16)),
-    st.builds(Status, st.sampled_from(State), st.tuples(counts16), *[count] * 8),
-    st.builds(Error, st.sampled_from(ErrorCode), byte, byte),
-    st.builds(Configuration, st.integers(0, 2**16 - 1), byte, byte),
+    st.builds(protocol.Samples, count, st.just(0b100), st.tuples(counts16, counts16)),
+    st.builds(
+        protocol.Samples, st.integers(0, 99), st.sampled_from([0b100, 0b10]), st.tuples(counts16)
+    ),
+    st.builds(protocol.Status, st.sampled_from(protocol.State), st.tuples(counts16), *[count] * 8),
+    st.builds(protocol.Error, st.sampled_from(protocol.ErrorCode), byte, byte),
+    st.builds(protocol.Configuration, st.integers(0, 2**16 - 1), byte, byte),
     st.just(replace(HANDLE, full_scale_currents=(0.0, 0.0, 1e-40), serial_number="other")),
-    st.sampled_from([ArmRequest(), SetCurrent((7,))]),
+    st.sampled_from([protocol.ArmRequest(), protocol.SetCurrent((7,))]),
 )
 said_frames = st.builds(
-    lambda message, version, sequence, clock: encode(
-        Frame(version, message.TYPE, sequence, clock, message.pack())
+    lambda message, version, sequence, clock: protocol.encode(
+        protocol.Frame(version, message.TYPE, sequence, clock, message.pack())
     ),
     said,
-    st.sampled_from([VERSION, VERSION, ONE_COIL, 1]),
+    st.sampled_from([protocol.VERSION, protocol.VERSION, protocol.ONE_COIL, 1]),
     st.integers(0, 2**16 - 1),
     count,
 )
@@ -436,9 +421,9 @@ said_wire = mutated(st.lists(said_frames, max_size=6).map(b"".join), st.binary(m
 
 
 @fuzz
-@given(said_wire, st.sampled_from(State), st.floats())
+@given(said_wire, st.sampled_from(protocol.State), st.floats())
 def test_whatever_a_board_sends_is_borne(
-    hostile: tuple[HostileBoard, SerialDevice], wire: bytes, state: State, force: float
+    hostile: tuple[HostileBoard, SerialDevice], wire: bytes, state: protocol.State, force: float
 ) -> None:
     board, device = hostile
     board.say_last(wire, state, device)
@@ -550,7 +535,7 @@ def test_a_board_that_does_not_fit_is_refused(
     bench: Make,
     connect: Make,
     kind: type[SerialDevice],
-    identity: Identity,
+    identity: protocol.Identity,
     values: Any,
     told: str,
 ) -> None:
