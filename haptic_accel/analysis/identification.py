@@ -30,9 +30,9 @@ from haptic_accel.analysis.identification_one_axis import OneAxisResult
 from haptic_accel.analysis.identification_result import Result
 from haptic_accel.analysis.identification_three_axes import ThreeAxisResult
 from haptic_accel.bags.delivery import AGE_OF, durations
-from haptic_accel.bags.reading import Bag, Signal, read_bag_with_warnings
+from haptic_accel.bags.reading import Bag, read_bag_with_warnings
 from haptic_accel.core import topics
-from haptic_accel.core.axes import ACTUATOR_AXIS, Axes
+from haptic_accel.core.axes import ACTUATOR_AXIS, ALL_AXES, Axes
 from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification import three_axes
 from haptic_accel.core.identification.estimate import RecordingError
@@ -55,7 +55,7 @@ from haptic_accel.core.identification.three_axes import (
 )
 from haptic_accel.core.model import ACTUATOR, FloatArray, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS, BoolArray, grid_indices, on_grid, same_rate
+from haptic_accel.core.sampling import NANOSECONDS, BoolArray, same_rate
 from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.materials.columns import ACCELERATION, FORCE, Column, Wording
@@ -350,18 +350,11 @@ def _read_excited(bag: Bag, rate: float) -> tuple[FloatArray, FloatArray, BoolAr
         )
     start = int(stamps[0])
     length = round((int(stamps[-1]) - start) / (NANOSECONDS / rate)) + 1
-    force, _ = _on_grid(signals[topics.ACTUATOR_FORCE.name], start, rate, length)
-    acceleration, seen = _on_grid(signals[topics.HANDLE_ACCELERATION.name], start, rate, length)
+    (force, _), (acceleration, seen) = (
+        signals[topic.name].on_grid(start, rate, length, ALL_AXES)
+        for topic in (topics.ACTUATOR_FORCE, topics.HANDLE_ACCELERATION)
+    )
     return force, acceleration, ~seen
-
-
-def _on_grid(
-    recorded: Signal, start: int, rate: float, length: int
-) -> tuple[FloatArray, BoolArray]:
-    """Return the vectors of a signal on a grid, and a mask of its samples."""
-    where = grid_indices(recorded.stamps, start, rate)
-    columns = [on_grid(where, column, length) for column in recorded.values.T]
-    return np.stack([values for values, _ in columns], axis=1), columns[0][1]
 
 
 def _force_age(bag: Bag) -> float:

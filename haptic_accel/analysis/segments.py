@@ -228,6 +228,13 @@ class _Divider:
             name: recorded.signals[name] for name in _NAMES if name in recorded.signals
         }
         self.problems = list(recorded.problems)
+        for name, signal in self._signals.items():
+            finite = np.isfinite(signal.values[:, recorded.axes.indices]).all(axis=1)
+            if lost := np.count_nonzero(~finite):
+                self.problems.append(
+                    f"{name}: {lost} of {len(signal.stamps)} samples are not finite numbers, and"
+                    " count as missing"
+                )
 
     def segments(self, rig: RigParameters | None, asked: float | None) -> list[Segment]:
         """Return the segments; parameters as for `cut`."""
@@ -416,13 +423,9 @@ def _complete(signals: dict[str, FloatArray], known: Description) -> list[str]:
     """Compute a missing desired acceleration from the tool's; remove damaged signals."""
     notes = []
     for name, values in list(signals.items()):
-        if not np.isfinite(values).all():
-            notes.append(f"{name} is not used: it holds values that are no numbers")
-        elif not (np.abs(values) < IMPLAUSIBLE).all():
+        if not (np.abs(values) < IMPLAUSIBLE).all():
             notes.append(f"{name} is not used: it holds values beyond {IMPLAUSIBLE:g}")
-        else:
-            continue
-        del signals[name]
+            del signals[name]
     tool, desired = topics.TOOL_ACCELERATION.name, topics.DESIRED_ACCELERATION.name
     if tool in signals and desired not in signals and known.rate > 2 * known.high_pass_frequency:
         passed = partial(high_passed, corner=known.high_pass_frequency, rate=known.rate)

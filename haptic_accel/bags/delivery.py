@@ -34,7 +34,7 @@ from haptic_accel.core.due_forces import LATE_TIME, LONGEST, PAST_TICK
 from haptic_accel.core.evaluation.histogram import QUANTILES
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS, RELEASED, SAME_RATE, grid_indices
+from haptic_accel.core.sampling import NANOSECONDS, RELEASED, SAME_RATE, grid_indices, on_grid
 
 AGE_OF = "actuator force"
 """Command whose age is reported, as users feel its force."""
@@ -113,14 +113,15 @@ def delivery(recorded: Bag, start: int, length: int, rate: float) -> Delivery:
         Samples per second of the grid.
     """
     seen: dict[str, Any] = {}
+    along = list(recorded.axes.indices)
     for topic in topics.SIGNALS:
         signal = recorded.signals.get(topic.name)
         if signal is None:
             continue
-        where = grid_indices(signal.stamps, start, rate)
-        within = (where >= 0) & (where < length)
-        if within.any():
-            seen[topic.name] = np.bincount(where[within], minlength=length) > 0
+        where, values = grid_indices(signal.stamps, start, rate), signal.values[:, along]
+        _, there = on_grid(where, values if len(values) else np.zeros(len(where)), length)
+        if there.any():
+            seen[topic.name] = there
     known = [topic for topic in topics.SIGNALS if topic.name in seen]
     # A sample was taken if any of its messages exists.
     taken = {

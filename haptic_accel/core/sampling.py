@@ -165,14 +165,14 @@ def grid_indices(stamps: IntArray, start: int, rate: float) -> IntArray:
 
 
 def on_grid(where: IntArray, values: FloatArray, length: int) -> tuple[FloatArray, BoolArray]:
-    """Arrange samples on a grid; a missing sample repeats the previous one.
+    """Arrange samples on a grid; one that is missing or not finite repeats the previous one.
 
     Parameters
     ----------
     where : ndarray of int64, shape (n,)
         Grid index of each sample; samples outside the grid are ignored.
     values : ndarray, shape (n, ...)
-        Samples, at least one of them on the grid.
+        Samples, at least one of them on the grid and finite.
     length : int
         Number of grid points.
 
@@ -181,7 +181,7 @@ def on_grid(where: IntArray, values: FloatArray, length: int) -> tuple[FloatArra
     held : ndarray, shape (length, ...)
         Values; before the first sample, the value of that sample.
     seen : ndarray of bool, shape (length,)
-        True at grid points with a sample.
+        True at grid points with a finite sample.
 
     Examples
     --------
@@ -191,12 +191,12 @@ def on_grid(where: IntArray, values: FloatArray, length: int) -> tuple[FloatArra
     >>> seen
     array([ True,  True, False,  True])
     """
-    within = (where >= 0) & (where < length)
+    finite = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
+    within = finite & (where >= 0) & (where < length)
     source = np.full(length, -1)
     source[where[within]] = np.flatnonzero(within)
-    seen = source >= 0
-    source = np.maximum(np.maximum.accumulate(source), int(np.argmax(within)))
-    return np.asarray(values[source]), seen
+    held = np.maximum(np.maximum.accumulate(source), int(np.argmax(within)))
+    return np.asarray(values[held]), source >= 0
 
 
 def missing_samples(stamps: IntArray) -> int:

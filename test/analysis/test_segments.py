@@ -211,12 +211,23 @@ def test_of_another_rig_nothing_is_said(tmp_path: Path) -> None:
     assert any("another rig" in problem for problem in found.problems)
 
 
-def test_values_that_are_no_numbers_are_not_used(tmp_path: Path) -> None:
+@pytest.mark.parametrize("count", [1, 3300, 4000])
+@pytest.mark.parametrize("value", [np.nan, -np.inf])
+def test_samples_that_are_not_finite_are_missing_and_counted(
+    tmp_path: Path, count: int, value: float
+) -> None:
     written = content()
-    written.signals[NAMES["handle"]][7] = np.nan
-    (segment,) = cut_of(tmp_path, written).segments
-    assert NAMES["handle"] not in segment.signals
-    assert any("no numbers" in note for note in segment.notes)
+    name = NAMES["handle"]
+    first = (4000 - count) // 2
+    written.signals[name][first : first + count] = value
+    found = cut_of(tmp_path, written)
+    said = f"{name}: {count} of 4000 samples are not finite numbers, and count as missing"
+    assert said in found.problems
+    (segment,) = found.segments
+    assert (name in segment.signals) == (count < 4000)
+    assert np.isfinite([*segment.signals.values()]).all()
+    lost = segment.delivery.lost.get(name, 0) + segment.delivery.missed.get("master", 0)
+    assert lost == count or count == 4000
 
 
 def test_ages_and_warnings_are_those_of_the_segment(tmp_path: Path) -> None:

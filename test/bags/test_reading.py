@@ -71,7 +71,7 @@ samples = st.lists(
     st.tuples(
         st.sampled_from(SIGNALS),
         st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9),
-        st.tuples(*[st.floats(allow_nan=False)] * 3),
+        st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3),
     ),
     min_size=1,
     max_size=40,
