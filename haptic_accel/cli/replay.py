@@ -104,7 +104,7 @@ def replay(
         shown = " ".join(f"{name}:={value}" for name, value in asked.inherited.items())
         print(f"as in the bag: {shown}", flush=True)
     if asked.graph.slave == PLAYED_TOPICS:
-        print(f"in another terminal, once it is ready: {play_command(asked)}", flush=True)
+        print(f"once it is ready, where ROS 2's tools are: {play_command(asked)}", flush=True)
     run_shown(processes, expected=expected_seconds(asked) if sys.stdout.isatty() else 0.0)
 
 

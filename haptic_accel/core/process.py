@@ -22,15 +22,15 @@ import signal
 import sys
 from typing import Any
 
-DONE, FAILED, WRONG_ARGUMENTS = 0, 1, 2
-"""Exit statuses of all executables and of ``haptic-accel``."""
+DONE, FAILED, WRONG_ARGUMENTS, INTERRUPTED = 0, 1, 2, 130
+"""Exit statuses of all executables and of ``haptic-accel``; after Ctrl-C as in shells."""
 
-CUT_SHORT = (6, 11)
-"""Exit statuses of a node whose middleware aborted or crashed during shutdown, after all other
-work: the numbers of the corresponding signals."""
+CUT_SHORT = (6, 11, 14)
+"""Exit statuses of a node whose middleware aborted, crashed or hung during shutdown, after all
+other work: the numbers of the corresponding signals."""
 
-INTERRUPTED = 130
-"""Exit status of ``haptic-accel`` after Ctrl-C, as in shells."""
+WELL = frozenset((DONE, *CUT_SHORT))
+"""Exit statuses of a node that has done all its work."""
 
 
 def signals(*names: str) -> tuple[signal.Signals, ...]:

@@ -21,7 +21,7 @@ import atexit
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -39,10 +39,11 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from haptic_accel.core.parameters import suggestion
-from haptic_accel.core.process import EMERGENCY
+from haptic_accel.core.process import EMERGENCY, WELL
 from haptic_accel.core.topics import JOINT_STATE_RATE
 from haptic_accel.graph.frames import Frame, description, frames_at_rest
 from haptic_accel.graph.locks import sole_graph
+from haptic_accel.graph.supervisor import KILLING, LAST_END, LATE_END, QUIET_END
 from haptic_accel.setup.namespaces import NamespaceArguments
 from haptic_accel.setup.processes import RESPAWN_DELAY, Process, arrangement
 from haptic_accel.setup.words import MOVED, given_keys, unknown_key
@@ -75,12 +76,12 @@ def launched(
     """
 
     def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-        _check_spelling([name for name, _, _ in arguments], context)
+        typed = given_keys(sys.argv) if _is_started(context) else ()
+        _check_spelling([name for name, _, _ in arguments], typed)
         defaults = {name: default for name, default, _ in arguments}
         given = {name: LaunchConfiguration(name).perform(context) for name in defaults}
         NamespaceArguments(given["namespace"])  # refuses it as it was typed
         given["namespace"] = _pushed(given["namespace"], context)
-        typed = given_keys(sys.argv) if _is_started(context) else ()
         given = {
             name: value
             for name, value in given.items()
@@ -89,15 +90,15 @@ def launched(
         found = processes([f"{name}:={value}" for name, value in given.items()])
         lock = ExitStack()
         lock.enter_context(sole_graph(found[0].namespace))
+        leave = RegisterEventHandler(OnShutdown(on_shutdown=lambda *_: lock.close()))
         if line := arrangement(found):
             get_logger("haptic_accel").info(line)
-        leave = OnShutdown(on_shutdown=lambda *_: lock.close())
         # Removed at exit, as starting and restarted nodes read their parameters.
         folder = TemporaryDirectory(prefix="haptic_accel-")
         atexit.register(folder.cleanup)
         prefix = " ".join([context.launch_configurations.get(PREFIX, ""), *blocking_words()])
         nodes = [_node(process, Path(folder.name), prefix) for process in found]
-        return [RegisterEventHandler(leave), *nodes, *_frame_publishers(found[0].namespace or "/")]
+        return [leave, *nodes, *_frame_publishers(found[0].namespace or "/")]
 
     declared = [
         DeclareLaunchArgument(name, default_value=default, description=text)
@@ -106,11 +107,9 @@ def launched(
     return LaunchDescription([*declared, OpaqueFunction(function=start)])
 
 
-def _check_spelling(names: Sequence[str], context: LaunchContext) -> None:
+def _check_spelling(names: Sequence[str], typed: Iterable[str]) -> None:
     """Refuse a misspelt argument, since ``ros2 launch`` silently accepts any word."""
-    if not _is_started(context):
-        return
-    for key in given_keys(sys.argv):
+    for key in typed:
         if key not in names and (key in MOVED or suggestion(key, names)):
             raise unknown_key(key, names)
 
@@ -152,6 +151,8 @@ def _node(process: Process, folder: Path, prefix: str) -> Node:
         on_exit=None if process.optional else partial(_end, process),
         respawn=process.respawn,
         respawn_delay=RESPAWN_DELAY,
+        sigterm_timeout=str(QUIET_END + (LAST_END if process.last else LATE_END)),
+        sigkill_timeout=str(KILLING),
     )
 
 
@@ -205,6 +206,6 @@ def _end(
     """End the graph after a node's end; a failure becomes launch's exit status."""
     if context.is_shutdown or process.comes_back(event.returncode):
         return []
-    if event.returncode != 0:
+    if event.returncode not in WELL:
         raise RuntimeError(f"{event.process_name} ended with status {event.returncode}")
     return [Shutdown(reason=f"{event.process_name} ended")]

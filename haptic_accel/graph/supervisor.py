@@ -27,7 +27,7 @@ import subprocess
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -35,10 +35,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from haptic_accel.core.process import (
-    CUT_SHORT,
-    DONE,
     EMERGENCY,
     SUPERVISOR,
+    WELL,
     module_command,
     read_event,
     signals,
@@ -60,13 +59,13 @@ LAST_WORDS = 1.0
 KILL = 9
 """Number of SIGKILL, which not every system has."""
 
-STOP_TIMEOUTS = ((signal.SIGTERM, 10.0), (KILL, 5.0))
-"""Signals that ask a process to end, each with the time in s before the next. No SIGINT: a process
-that still imports would answer with a traceback."""
+QUIET_END, LATE_END, LAST_END, KILLING = 3.0, 7.0, 60.0, 5.0
+"""Times that a process has to end, s: before its lateness is said; then before it is killed, and
+the same for one that ends last, as it may write to a slow disk; and after that."""
 
-_ENDS = (DONE, *(-number for number in signals("SIGTERM", "SIGALRM")), *CUT_SHORT)
-"""Statuses of a process that has done nothing wrong: after one of our signals, too, and where its
-middleware did not come to an end (SIGALRM), aborted or faulted."""
+_STOPPED = {*WELL, *(-number for number in signals("SIGTERM", "SIGALRM"))}
+"""Statuses of a process that has done nothing wrong when it was stopped: after our signal, and
+where its middleware hung after a failure (SIGALRM), too."""
 
 END_CHECK_PERIOD = 0.1
 """Interval between checks for the end of a process and a request to stop, s."""
@@ -83,7 +82,8 @@ class Outcome:
     status : int
         That exit status, negative for a signal; 0 if stopped from outside.
     statuses : dict
-        Exit status of each process that is not optional, by `Process.name`.
+        Exit status of each process by `Process.name`, without the optional ones and those that had
+        to be killed after the processes that end last had kept all that was to be kept.
     last_lines : dict
         Last lines of output of each process.
     unread : OSError, SystemExit or None
@@ -105,8 +105,8 @@ class Outcome:
         whose middleware was aborted.
         """
         statuses = self.statuses.items()
-        if self.status in (DONE, *CUT_SHORT):
-            return {name: status for name, status in statuses if status not in _ENDS}
+        if self.status in WELL:
+            return {name: status for name, status in statuses if status not in _STOPPED}
         return {n: s for n, s in statuses if n == self.first or s == -KILL}
 
 
@@ -209,6 +209,7 @@ class Supervisor:
         self._due: dict[str, float] = {}
         self._running: dict[str, subprocess.Popen[str]] = {}
         self._stopped = False
+        self._killed: set[str] = set()
         self._readers: list[threading.Thread] = []
         self._last_lines: dict[str, deque[str]] = {}
         # Not SimpleQueue: in CPython up to 3.11 at least, a signal at the instant of the time-out
@@ -251,11 +252,11 @@ class Supervisor:
             finally:
                 self._stop_all()
                 self._lines.end()
-        statuses = {
-            name: child.returncode
-            for name, child in self._running.items()
-            if not self._named[name].optional
-        }
+        statuses = {name: child.returncode for name, child in self._running.items()}
+        last = [statuses[process.name] for process in self.processes if process.last]
+        spared = self._killed if last and WELL.issuperset(last) else set()
+        for name in spared | {process.name for process in self.processes if process.optional}:
+            statuses.pop(name)
         lines = {name: list(last) for name, last in self._last_lines.items()}
         return Outcome(first, statuses.get(first, 0), statuses, lines, self._lines.error)
 
@@ -333,23 +334,77 @@ class Supervisor:
             self.on_line(name, line)
 
     def _stop_all(self) -> None:
-        patient = {process.name for process in self.processes if process.last}
-        self._stop([child for name, child in self._running.items() if name not in patient])
-        self._stop(list(self._running.values()))
+        last = {process.name for process in self.processes if process.last}
+        self._stop(self._running.keys() - last, LATE_END)
+        self._stop(self._running.keys() & last, LAST_END)
         for reader in self._readers:
             reader.join(timeout=1.0)
 
-    def _stop(self, children: Sequence[subprocess.Popen[str]]) -> None:
-        for number, timeout in STOP_TIMEOUTS:
-            for child in children:
-                if child.poll() is None:
-                    child.send_signal(number)
+    def _stop(self, names: Collection[str], patience: float) -> None:
+        """End processes; kill those that still run some time, s, after that was said."""
+        steps = (
+            # No SIGINT: a process that still imports would answer with a traceback.
+            (signal.SIGTERM, QUIET_END, ""),
+            (0, patience, "has not ended yet, and is waited for"),
+            (KILL, KILLING, "does not end, and is killed"),
+        )
+        for number, timeout, said in steps:
+            late = [name for name in names if self._running[name].poll() is None]
             deadline = time.monotonic() + timeout
-            for child in children:
+            for name in late:
+                self._running[name].send_signal(number)
+                if said:
+                    self._lines.say(name, said)
+            for name in late:
                 with suppress(subprocess.TimeoutExpired):
-                    child.wait(timeout=max(0.0, deadline - time.monotonic()))
-            if all(child.poll() is not None for child in children):
-                return
+                    self._running[name].wait(timeout=max(0.0, deadline - time.monotonic()))
+        self._killed.update(late)
+
+
+class BackgroundGraph:
+    """Graph on a separate thread, until it ends or is closed.
+
+    Parameters
+    ----------
+    processes : sequence of Process
+    log : Path
+        File to which its output is added.
+    """
+
+    def __init__(self, processes: Sequence[Process], log: Path) -> None:
+        self._log = log.open("a", encoding="utf-8")
+        self._supervisor = Supervisor(processes, on_line=self._write)
+        self._stop = threading.Event()
+        self._outcome: Outcome | Exception | None = None
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    @property
+    def ended(self) -> str:
+        """Reason for which the graph has ended; empty while it runs."""
+        outcome = self._outcome
+        if isinstance(outcome, Outcome):
+            return f"graph: {outcome.first or 'it'} ended with status {outcome.status}"
+        return f"graph: {outcome}" if outcome else ""
+
+    def stop_forces(self) -> None:
+        """Remove all forces; they stay off until the graph is closed."""
+        self._supervisor.stop_forces()
+
+    def close(self) -> None:
+        """End all processes."""
+        self._stop.set()
+        self._thread.join()
+        self._log.close()
+
+    def _run(self) -> None:
+        try:
+            self._outcome = self._supervisor.run(self._stop.is_set)
+        except Exception as error:
+            self._outcome = error
+
+    def _write(self, name: str, line: str) -> None:
+        print(f"[{name}] {line}", file=self._log, flush=True)
 
 
 def command(process: Process, folder: Path) -> list[str]:

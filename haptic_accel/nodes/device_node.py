@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import suppress
 from typing import Any
 
 from rclpy.lifecycle import LifecycleState
@@ -101,14 +102,14 @@ class DeviceNode(Managed, GraphNode):
         self._kind = devices[p.device]
         self._owner = self._kind.description.owners(p.device)[0]
         self._parameters_kind = devices[self._owner].Parameters
-        self.device = self._build_device()
+        self.device = build_device(self._executable, self.parameters, self.options)
         self.safety = SafetyLayer(self.options[SAFETY], p.rate, self.device.axes)
         self.arm = arm.position.source
         self.offset = 0
         self._used = self._starting = self._warned = self._settled = False
         self._failure: Exception | None = None
-        self._reported_unread = self._reported_contested = self._crossed = 0
-        self._reported_unlocated = 0
+        self._crossed = 0
+        self._reported_unread = self._reported_contested = self._reported_unlocated = 0
         self._reported_deadlines = 0, 0
         self._acceleration, self._position, self._velocity = (
             # The input of the felt force is first.
@@ -217,6 +218,12 @@ class DeviceNode(Managed, GraphNode):
         """Remove all forces and refuse commands until the emergency stop is released."""
         self._stop.stop()
 
+    def take_forces_off(self) -> None:
+        """Remove all forces while the device is open: another may hang while it is closed."""
+        with suppress(DeviceError, OSError):
+            if self.side.sampling:
+                self.side.take_off()
+
     def close(self) -> None:
         """Leave the device without force."""
         self.device.close()
@@ -280,8 +287,8 @@ class DeviceNode(Managed, GraphNode):
         if self.side.unlocated == before:
             return ""
         if not before:
-            driver = self.parameters.device
-            self.get_logger().error(f"{driver}: position is not finite: the arm gets no force")
+            line = "position is not finite: the arm gets no force"
+            self.get_logger().error(f"{self.parameters.device}: {line}")
         return "position is not finite"
 
     def _missed_deadlines(self) -> str:
@@ -300,9 +307,6 @@ class DeviceNode(Managed, GraphNode):
         forces = " and ".join(kind.replace("_", " ") for kind in self.side.counted)
         return f"{forces} since the last report: {missed} of {due} deadlines missed"
 
-    def _build_device(self) -> Device:
-        return build_device(self._executable, self.parameters, self.options)
-
     def _autostart(self) -> None:
         """Configure and activate; raise the error that prevents it."""
         self._starting = True
@@ -316,7 +320,7 @@ class DeviceNode(Managed, GraphNode):
     def _renew(self) -> None:
         """Replace a used device by a new one."""
         if self._used:
-            self.device = self._build_device()
+            self.device = build_device(self._executable, self.parameters, self.options)
         self._used = True
 
     def _release(self) -> None:
@@ -333,10 +337,9 @@ class DeviceNode(Managed, GraphNode):
 
     def fail(self, error: Exception) -> None:
         """Close a device that failed: no force, no samples, until configured again."""
-        name = self.get_fully_qualified_name()
         self.get_logger().error(
-            f"{self.parameters.device}: {error}: device closed, no force; to open it again:"
-            f" ros2 lifecycle set {name} configure, then activate"
+            f"{self.parameters.device}: {error}: device closed, no force; to open it again, start"
+            " the graph again, or configure and activate this node"
         )
         self._failure = error
         if self.state == ACTIVE:
@@ -468,18 +471,14 @@ class DeviceNode(Managed, GraphNode):
 
     def _serve_arm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         refused = self._arm_again()
-        response.message = refused or "armed"
-        response.success = not refused
+        response.success, response.message = not refused, refused or "armed"
         self.report()
         return response
 
-    def _serve_report(
-        self, request: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
+    def _serve_report(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Publish diagnostics now, and return those of the forces as JSON."""
         self.report()
-        response.message = json.dumps(self.side.diagnostics())
-        response.success = True
+        response.success, response.message = True, json.dumps(self.side.diagnostics())
         return response
 
     def _arm_again(self) -> str:

@@ -87,8 +87,12 @@ LONGEST_BUSY, BREAK = 0.2, 1e-3
 """Longest time without a sleep while a polling node is behind, and the sleep that then follows, s:
 a slow machine is no fault in a node, and other programs need it, too."""
 
-TEARDOWN = 3
+TEARDOWN = 6
 """Time allowed for shutting the middleware down, s."""
+
+ORPHANED, PR_SET_PDEATHSIG = 5, 1
+"""Signal by which the kernel tells the end of the parent, SIGTRAP, whose number is also the time
+in s after which an orphan is killed. Option of prctl (linux/prctl.h)."""
 
 SUSPENDING = (signal.SIGTSTP, signal.SIGTTOU)
 """Signals by which a terminal suspends a program (Ctrl-Z), with its forces held. Of a launch only
@@ -113,10 +117,15 @@ class Signals:
         signal.signal(EMERGENCY, lambda number, _: self._stops.append(number))
         # A supervisor blocks the signal, so that an earlier stop has waited until here.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {EMERGENCY})
+        # A device's library may hang, as PortAudio's once its server is gone. No handler of Python
+        # runs then: the signal calls alarm() itself, with its own number.
+        libc = ctypes.CDLL(None)
+        libc.signal(ORPHANED, libc.alarm)
+        if hasattr(libc, "prctl"):  # Linux
+            libc.prctl(PR_SET_PDEATHSIG, ORPHANED)
         # The parent may have ended by now; a supervisor therefore passes its process id.
         self._parent = int(os.environ.get(SUPERVISOR, os.getppid()))
-        self._look_due = 0.0
-        self._orphaned = False
+        self._look_due, self._orphaned = 0.0, False
 
     def ended(self) -> bool:
         """Return whether the process has to end."""
@@ -297,19 +306,21 @@ def take_arguments(domain: int | None = None) -> None:
 
 
 def close_nodes(nodes: Sequence[SupervisedNode], well: bool) -> None:
-    """Close every node, even if another fails, and then the middleware."""
+    """Close every node, even if another fails or hangs, and then the middleware."""
     with ExitStack() as stack:
         for node in nodes:
             stack.callback(node.close)
+        for node in nodes:
+            node.take_forces_off()
     # Nothing is urgent now, and the middleware may spin too long for a real-time thread.
     if hasattr(os, "sched_setscheduler"):
         schedule(os.SCHED_OTHER, 0)
     # Under load, in about one of some hundred ends, the middleware's shutdown hung or aborted
     # ("pure virtual method called") while other nodes left. By now nothing can be lost.
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    signal.alarm(TEARDOWN)
+    signal.alarm(min(TEARDOWN, signal.alarm(0) or TEARDOWN))  # an orphan has less time
     if well:  # an abort must not hide a failure
-        # Python's handlers run too late for an abort: C's _exit gets the signal as the status.
+        # Python's handlers run too late: C's _exit gets the signal as the status.
         libc = ctypes.CDLL(None)
         for number in CUT_SHORT:
             libc.signal(number, libc._exit)
@@ -323,8 +334,8 @@ def _spin(nodes: Sequence[SupervisedNode], workers: Sequence[Worker], signals: S
     executor = EventsExecutor()
     for node in nodes:
         executor.add_node(node)
-    polls, served, slept = all(node.polls for node in nodes), 0.0, time.monotonic()
-    usual = SERVING_TIME
+    polls, usual = all(node.polls for node in nodes), SERVING_TIME
+    served, slept = 0.0, time.monotonic()
     serving_period = SERVING_PERIOD / len(nodes)
     stop_poll = StopPoll(workers)
 

@@ -101,6 +101,9 @@ class SupervisedNode(Node):
     def stop_forces(self) -> None:
         """Execute the emergency stop; do nothing in a node without forces."""
 
+    def take_forces_off(self) -> None:
+        """Remove all forces, before any node of the process is closed."""
+
     def close(self) -> None:
         """Release all resources; called once, however the node ended."""
 

@@ -119,7 +119,7 @@ class DeviceNodeParameters(SampledParameters):
         choices=("device", AUDIO),
     )
     autostart: bool = parameter(
-        True, "configure and activate at the start; otherwise wait for `ros2 lifecycle`"
+        True, "configure and activate at the start; otherwise wait for a lifecycle client"
     )
 
 

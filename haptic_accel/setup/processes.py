@@ -32,7 +32,7 @@ from haptic_accel.core.bounded_files import located
 from haptic_accel.core.control.compensation import check_axes
 from haptic_accel.core.identification.sweep import repeat_samples
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import CUT_SHORT, DONE, WRONG_ARGUMENTS
+from haptic_accel.core.process import WELL, WRONG_ARGUMENTS
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.devices.simulated import played
@@ -98,7 +98,7 @@ class Process:
 
     def comes_back(self, status: int) -> bool:
         """Return whether it is restarted after an end with an exit status."""
-        return self.respawn and status not in (DONE, WRONG_ARGUMENTS, *CUT_SHORT)
+        return self.respawn and status not in (WRONG_ARGUMENTS, *WELL)
 
     def ros_arguments(self, folder: Path) -> list[str]:
         """Write the parameters to a file in a folder; return ROS words without the namespace.

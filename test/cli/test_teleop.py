@@ -287,7 +287,7 @@ def test_nodes_end_when_their_supervisor_is_killed(haptic_accel: Start, domain: 
 
 
 ABORTING = """
-import os
+import ctypes, os
 from haptic_accel.nodes.coupler import Coupler
 from haptic_accel.nodes.scheduling import run
 
@@ -298,14 +298,18 @@ class Aborting(Coupler):
         return super().work()
 
     def destroy_node(self):
-        os.abort()
+        lock, take = ctypes.create_string_buffer(64), ctypes.PyDLL(None).pthread_mutex_lock
+        {}
 
 run("coupler", Aborting)
 """
 
 
-def test_middleware_that_aborts_when_all_is_done_is_told_from_a_fault(start: Start) -> None:
-    command = start("-c", ABORTING)
+@pytest.mark.parametrize("end", ["os.abort()", "take(lock), take(lock)"])
+def test_middleware_that_does_not_end_when_all_is_done_is_told_from_a_fault(
+    start: Callable[..., Command], end: str
+) -> None:
+    command = start("-c", ABORTING.format(end))
     command.wait_for("waiting for the position of master and slave")
     assert command.end(signal.SIGINT) in CUT_SHORT, command.text
 
@@ -314,7 +318,7 @@ def test_middleware_that_aborts_after_a_failure_hides_none(
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("fail", "once")
-    command = start("-c", ABORTING)
+    command = start("-c", ABORTING.format("os.abort()"))
     assert command.end() == -signal.SIGABRT, command.text
 
 

@@ -32,10 +32,12 @@ import pytest
 from ament_index_python.packages import PackageNotFoundError
 
 from haptic_accel.core.parameters import Checked, ParameterError
+from haptic_accel.core.process import WELL
 from haptic_accel.core.topics import SIGNALS
 from haptic_accel.graph.frames import description as description_text
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.materials.folders import share_folder
+from haptic_accel.nodes.scheduling import TEARDOWN
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments, parse_arguments
 from haptic_accel.setup.files import parameter_text, read_parameter_file
 from haptic_accel.setup.processes import Process, graph, identification_graph
@@ -240,9 +242,15 @@ def test_the_first_line_tells_which_nodes_share_a_process(
     assert each.startswith("a process for each node")
 
 
-def test_the_end_of_a_process_ends_all(start: Start) -> None:
-    (action,) = ended(start("teleop")["composed"], 0)
+@pytest.mark.parametrize("status", WELL)
+def test_the_end_of_a_process_ends_all_and_the_recorder_is_waited_for(
+    start: Start, status: int
+) -> None:
+    nodes = start("teleop")
+    (action,) = ended(nodes["composed"], status)
     assert isinstance(action, Shutdown)
+    patience = {name: float(node.sigterm_timeout) for name, node in nodes.items()}
+    assert patience["recorder"] > patience["composed"] > TEARDOWN
 
 
 def test_a_process_that_fails_fails_the_launch(start: Start) -> None:

@@ -27,11 +27,11 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.process import CUT_SHORT
+from haptic_accel.core.process import WELL
 from haptic_accel.graph import supervisor
 from haptic_accel.graph.supervisor import Supervisor, command
 from haptic_accel.setup.processes import Process
-from running import wait_until
+from running import PATIENCE, wait_until
 
 
 @pytest.fixture
@@ -64,18 +64,22 @@ def test_the_first_end_ends_all_with_its_status_and_last_lines() -> None:
 
 
 @pytest.mark.usefixtures("scripts")
-@pytest.mark.parametrize("status", CUT_SHORT)
-def test_a_node_whose_middleware_aborted_at_its_end_has_not_failed(status: int) -> None:
-    ended = script("ended", f"raise SystemExit({status})")
-    outcome = Supervisor([ended]).run()
-    assert outcome.statuses == {"ended": status}
-    assert outcome.failed == {}
-
-
-@pytest.mark.usefixtures("scripts")
-def test_a_node_that_ends_by_itself_with_an_alarm_has_failed() -> None:
-    ended = script("ended", "import signal; signal.raise_signal(signal.SIGALRM)")
-    assert Supervisor([ended]).run().failed == {"ended": -signal.SIGALRM}
+@pytest.mark.parametrize(
+    ("text", "respawn", "failed"),
+    [
+        *((f"raise SystemExit({status})", True, {}) for status in WELL),
+        ("raise SystemExit(2)", True, {"ended": 2}),
+        (
+            "import signal; signal.raise_signal(signal.SIGALRM)",
+            False,
+            {"ended": -signal.SIGALRM},
+        ),
+    ],
+)
+def test_a_node_whose_middleware_did_not_end_has_not_failed_unless_its_work_did(
+    text: str, respawn: bool, failed: dict[str, int]
+) -> None:
+    assert Supervisor([replace(script("ended", text), respawn=respawn)]).run().failed == failed
 
 
 @pytest.mark.usefixtures("scripts")
@@ -118,12 +122,6 @@ def test_a_process_that_fails_is_started_again_until_it_ends_well(
     ).run()
     assert said == ["ended with status 3; it is started again"] * 2
     assert (outcome.first, outcome.status, outcome.failed) == ("failing", 0, {})
-
-
-@pytest.mark.usefixtures("scripts")
-def test_wrong_arguments_are_so_the_next_time_too() -> None:
-    wrong = replace(script("wrong", "raise SystemExit(2)"), respawn=True)
-    assert Supervisor([wrong]).run().failed == {"wrong": 2}
 
 
 @pytest.mark.usefixtures("scripts")
@@ -188,19 +186,42 @@ def test_a_signal_at_any_instant_leaves_it_looking(monkeypatch: pytest.MonkeyPat
     assert outcome.first == ""
 
 
+DEAF = (
+    "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('up', flush=True)\n"
+    "while True: signal.pause()"
+)
+SLOW = (
+    "import os, signal, time\n"
+    "signal.signal(signal.SIGTERM, lambda *_: (time.sleep(0.5), os._exit(0)))\n"
+    "print('up', flush=True); signal.pause()"
+)
+CUT_BAG = PATIENT.replace("sys.exit(0)", "sys.exit(1)")
+
+
 @pytest.mark.usefixtures("scripts")
-def test_who_does_not_listen_is_killed_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    patience = ((signal.SIGTERM, 0.2), (signal.SIGKILL, 20.0))
-    monkeypatch.setattr(supervisor, "STOP_TIMEOUTS", patience)
-    deaf = (
-        "import signal\n"
-        "signal.signal(signal.SIGTERM, signal.SIG_IGN)\n"
-        "print('up', flush=True)\n"
-        "while True: signal.pause()"
+@pytest.mark.parametrize(
+    ("late", "recorder", "failed", "said"),
+    [
+        (DEAF, "", {"late": -signal.SIGKILL}, "does not end, and is killed"),
+        (DEAF, CUT_BAG, {"late": -signal.SIGKILL, "recorder": 1}, "does not end, and is killed"),
+        (DEAF, PATIENT, {}, "does not end, and is killed"),
+        (SLOW, PATIENT, {}, "has not ended yet, and is waited for"),
+    ],
+    ids=["no bag", "bag not whole", "bag whole", "slow"],
+)
+def test_who_ends_late_is_waited_for_and_said_and_has_not_failed_if_the_bag_is_whole(
+    late: str, recorder: str, failed: dict[str, int], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervisor, "QUIET_END", 0.1)
+    monkeypatch.setattr(supervisor, "LATE_END", 0.1 if late == DEAF else PATIENCE)
+    processes = [script("late", late)]
+    processes += [replace(script("recorder", recorder), last=True)] if recorder else []
+    heard: list[tuple[str, str]] = []
+    outcome = Supervisor(processes, on_line=lambda *line: heard.append(line)).run(
+        lambda: [line for _, line in heard].count("up") == len(processes)
     )
-    up = threading.Event()
-    outcome = Supervisor([script("deaf", deaf)], on_line=lambda *_: up.set()).run(up.is_set)
-    assert outcome.failed == {"deaf": -signal.SIGKILL}
+    assert outcome.failed == failed
+    assert heard[-1] == ("late", said), "the recorder is the last to be ended"
 
 
 @pytest.mark.usefixtures("scripts")

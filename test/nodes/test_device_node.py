@@ -257,6 +257,13 @@ def test_the_first_command_after_a_stop_is_zero_and_there_is_no_other(bench: Ben
     bench.driven()
 
 
+def test_forces_are_taken_off_without_a_stop_while_the_device_is_open(bench: Bench) -> None:
+    bench.driven()
+    bench.node.take_forces_off()
+    assert bench.written[-1] == STOP
+    bench.driven()
+
+
 def test_a_display_gets_positions_as_joints_of_the_description(bench: Bench) -> None:
     states: list[JointState] = []
     positions: dict[int, Vector] = {}

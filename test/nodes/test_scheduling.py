@@ -18,13 +18,15 @@
 from __future__ import annotations
 
 import math
+import os
+import select
 from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
 
 from haptic_accel.nodes.scheduling import STOP_PERIOD, StopPoll
-from running import Command
+from running import PATIENCE, Command
 
 ALWAYS_BEHIND = """
 import time
@@ -52,6 +54,58 @@ def test_a_node_that_is_always_behind_is_not_ended_as_one_that_hangs(
 ) -> None:
     command = start("-c", ALWAYS_BEHIND)
     assert command.end() == 0, command.text
+
+
+ORPHAN = """
+import ctypes, os, subprocess, sys
+from haptic_accel.core.process import SUPERVISOR
+from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.supervised_node import SupervisedNode
+
+class Hanging(SupervisedNode):
+    def work(self):
+        print("hangs", os.getpid(), flush=True)
+        lock, take = ctypes.create_string_buffer(64), ctypes.PyDLL(None).pthread_mutex_lock
+        take(lock), take(lock)  # for ever, with Python's own lock
+
+if SUPERVISOR in os.environ:
+    run("hanging", lambda: Hanging("hanging"))
+os.environ[SUPERVISOR] = str(os.getpid())
+subprocess.run([sys.executable, *sys.orig_argv[1:]])
+"""
+
+
+def test_a_node_that_hangs_does_not_outlive_its_supervisor(start: Callable[..., Command]) -> None:
+    command = start("-c", ORPHAN)
+    node = os.pidfd_open(int(command.wait_for("hangs").split()[1]))
+    command.process.kill()
+    assert select.select([node], [], [], PATIENCE)[0] == [node]
+    os.close(node)
+
+
+PARTS = """
+from functools import partial
+from haptic_accel.nodes.scheduling import run
+from haptic_accel.nodes.supervised_node import SupervisedNode
+
+class Part(SupervisedNode):
+    def begin(self):
+        self.finish()
+
+    def take_forces_off(self):
+        print("off", flush=True)
+
+    def close(self):
+        print("closed", flush=True)
+
+run("parts", partial(Part, "one"), partial(Part, "two"))
+"""
+
+
+def test_all_forces_are_off_before_a_node_is_closed(start: Callable[..., Command]) -> None:
+    command = start("-c", PARTS)
+    assert command.end() == 0, command.text
+    assert command.lines == ["off", "off", "closed", "closed"]
 
 
 WORK = 5e-5

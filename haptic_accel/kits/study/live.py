@@ -28,9 +28,9 @@ from haptic_accel.core.control.fallback import NONE
 from haptic_accel.core.control.gain import RAMP
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.background import BackgroundGraph
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.networked import RelayError, RelayProcess, networked_graph
+from haptic_accel.graph.supervisor import BackgroundGraph
 from haptic_accel.kits.study.conditions import arguments, channel, live
 from haptic_accel.kits.study.exposure import WeightedDose
 from haptic_accel.kits.study.protocol import Condition, Protocol, Value
