@@ -31,19 +31,7 @@ from haptic_accel.analysis.plots import FittedCurve, Strip
 from haptic_accel.core.evaluation.statistics import Interval, mean_interval
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.tables import DASH, ResultTable, Row
-from haptic_accel.kits.study.planned_tests import (
-    NAMES,
-    CountedTrial,
-    PlannedResult,
-    Trials,
-    by_participant,
-    chance,
-    distance_name,
-    grouped,
-    preference,
-    psychometric_function,
-    sensitivity,
-)
+from haptic_accel.kits.study import planned_tests
 from haptic_accel.kits.study.protocol import Condition, Levels, Protocol
 from haptic_accel.kits.study.psychophysics.choices import (
     bradley_terry,
@@ -146,7 +134,7 @@ def _plain(row: Row) -> Row:
     return found
 
 
-def planned_results(planned: Sequence[PlannedResult]) -> Iterator[Result]:
+def planned_results(planned: Sequence[planned_tests.PlannedResult]) -> Iterator[Result]:
     """Yield the results of planned tests: those of one measure against one number together."""
     groups = groupby(planned, lambda each: (each.measured, each.against))
     for number, ((measured, against), group) in enumerate(groups, 1):
@@ -164,7 +152,7 @@ def planned_results(planned: Sequence[PlannedResult]) -> Iterator[Result]:
         )
 
 
-def _tested(result: PlannedResult) -> Row:
+def _tested(result: planned_tests.PlannedResult) -> Row:
     test, outcome = result.test, result.outcome
     within = f" within {test.margin:g}" if test.margin else ""
     return {
@@ -182,20 +170,22 @@ def _tested(result: PlannedResult) -> Row:
     }
 
 
-def exploratory_results(protocol: Protocol, trials: Trials) -> Iterator[Result]:
+def exploratory_results(protocol: Protocol, trials: planned_tests.Trials) -> Iterator[Result]:
     """Yield the results of a task that no test was planned for."""
     for results in _EXPLORED[protocol.task] if trials else ():
         yield from results(protocol, trials)
 
 
 def _by_both(
-    trials: Trials, value: Callable[[list[CountedTrial]], Row], name: str
+    trials: planned_tests.Trials,
+    value: Callable[[list[planned_tests.CountedTrial]], Row],
+    name: str,
 ) -> tuple[list[Row], dict[str, Strip]]:
     """Return a row for each comparison or condition and participant, and strips of a value."""
     rows = [
         {"analysed": family, "participant": participant, "trials": len(one), **value(one)}
-        for family, own in grouped(trials, lambda each: each.family).items()
-        for participant, one in by_participant(own).items()
+        for family, own in planned_tests.grouped(trials, lambda each: each.family).items()
+        for participant, one in planned_tests.by_participant(own).items()
     ]
     return rows, _strips(rows, name)
 
@@ -210,15 +200,15 @@ def _strips(rows: Sequence[Row], name: str) -> dict[str, Strip]:
     return {each: Strip(own, mean_interval(own, within=within)) for each, own in found.items()}
 
 
-def _sensitivities(protocol: Protocol, trials: Trials) -> Iterator[Result]:
+def _sensitivities(protocol: Protocol, trials: planned_tests.Trials) -> Iterator[Result]:
     if protocol.levels and protocol.task in CHANCE:
         yield _thresholds(protocol, protocol.levels, trials)
         return
 
-    def found(own: list[CountedTrial]) -> Row:
+    def found(own: list[planned_tests.CountedTrial]) -> Row:
         right = sum(bool(each.record.correct) for each in own)
-        tested = exact_binomial(right, len(own), chance(protocol, "correct"))
-        d_prime = sensitivity(protocol, own)
+        tested = exact_binomial(right, len(own), planned_tests.chance(protocol, "correct"))
+        d_prime = planned_tests.sensitivity(protocol, own)
         return {"proportion_correct": tested.interval, "p": tested.p, "d'": d_prime}
 
     rows, strips = _by_both(trials, found, "d'")
@@ -228,16 +218,16 @@ def _sensitivities(protocol: Protocol, trials: Trials) -> Iterator[Result]:
         "Proportion of right answers with its exact binomial interval and its probability under"
         " guessing, and d' of the task. A dot is a participant.",
         rows,
-        plots.strips(strips, NAMES["d_prime"], 0.0),
+        plots.strips(strips, planned_tests.NAMES["d_prime"], 0.0),
     )
 
 
-def _thresholds(protocol: Protocol, levels: Levels, trials: Trials) -> Result:
+def _thresholds(protocol: Protocol, levels: Levels, trials: planned_tests.Trials) -> Result:
     curves = {}
     several = len({each.family for each in trials}) > 1
 
-    def found(own: list[CountedTrial]) -> Row:
-        fitted = psychometric_function(levels, protocol.task, own)
+    def found(own: list[planned_tests.CountedTrial]) -> Row:
+        fitted = planned_tests.psychometric_function(levels, protocol.task, own)
         distances = [distance(levels, each.condition) for each in own]
         points = pd.Series([float(each.record.correct or 0) for each in own]).groupby(distances)
         x = np.geomspace(min(distances) / 1.5, max(distances) * 1.2, 200)
@@ -252,12 +242,12 @@ def _thresholds(protocol: Protocol, levels: Levels, trials: Trials) -> Result:
         "Psychometric function of each participant: distance from the reference at which d' is 1"
         " (dashed), with the interval of its posterior. The area of a dot grows with its trials.",
         _by_both(trials, found, "threshold")[0],
-        plots.fitted_curves(curves, distance_name(levels), levels.scale == "log"),
+        plots.fitted_curves(curves, planned_tests.distance_name(levels), levels.scale == "log"),
     )
 
 
-def _ratings(protocol: Protocol, trials: Trials) -> Iterator[Result]:
-    def found(own: list[CountedTrial]) -> Row:
+def _ratings(protocol: Protocol, trials: planned_tests.Trials) -> Iterator[Result]:
+    def found(own: list[planned_tests.CountedTrial]) -> Row:
         return {"mean_rating": float(np.mean([float(each.answer) for each in own]))}
 
     rows, strips = _by_both(trials, found, "mean_rating")
@@ -266,28 +256,30 @@ def _ratings(protocol: Protocol, trials: Trials) -> Iterator[Result]:
         "Ratings",
         "Mean rating of each participant, a dot; the diamond is their mean with its interval.",
         rows,
-        plots.strips(strips, NAMES["rating"]),
+        plots.strips(strips, planned_tests.NAMES["rating"]),
     )
 
 
-def _preferences(protocol: Protocol, trials: Trials) -> Iterator[Result]:
+def _preferences(protocol: Protocol, trials: planned_tests.Trials) -> Iterator[Result]:
     names = labels(protocol)
     shares = [
         {"analysed": name, "participant": participant, "share_of_preference": share}
         for condition, name in names.items()
-        for participant, own in by_participant(trials).items()
-        if math.isfinite(share := preference(own, str(condition)))
+        for participant, own in planned_tests.by_participant(trials).items()
+        if math.isfinite(share := planned_tests.preference(own, str(condition)))
     ]
     yield Result(
         "preferences",
         "Share of preference",
         "Share of the trials with a condition in which each participant preferred it.",
         shares,
-        plots.strips(_strips(shares, "share_of_preference"), NAMES["preferred"], 0.5),
+        plots.strips(
+            _strips(shares, "share_of_preference"), planned_tests.NAMES["preferred"], 0.5
+        ),
     )
     try:
         worths = bradley_terry(
-            [_wins(list(names), own) for own in by_participant(trials).values()]
+            [_wins(list(names), own) for own in planned_tests.by_participant(trials).values()]
         )
     except ValueError:  # the pairs do not connect all conditions
         return
@@ -309,7 +301,7 @@ def _preferences(protocol: Protocol, trials: Trials) -> Iterator[Result]:
     )
 
 
-def _wins(conditions: Sequence[Condition], trials: Trials) -> FloatArray:
+def _wins(conditions: Sequence[Condition], trials: planned_tests.Trials) -> FloatArray:
     """Return the number of preferences of each row's condition over each column's."""
     wins = np.zeros((len(conditions), len(conditions)))
     for each in trials:
@@ -318,11 +310,11 @@ def _wins(conditions: Sequence[Condition], trials: Trials) -> FloatArray:
     return wins
 
 
-def _confusions(protocol: Protocol, trials: Trials) -> Iterator[Result]:
+def _confusions(protocol: Protocol, trials: planned_tests.Trials) -> Iterator[Result]:
     names = labels(protocol)
     shown = list(names.values())
 
-    def confused(own: Trials) -> FloatArray:
+    def confused(own: planned_tests.Trials) -> FloatArray:
         presented = [names[each.condition] for each in own]
         return confusion_matrix(presented, [each.answer for each in own], shown)
 
@@ -335,7 +327,7 @@ def _confusions(protocol: Protocol, trials: Trials) -> Iterator[Result]:
         plots.matrix(counts, ("answer", "presented", "answers")),
     )
     rows: list[Row] = []
-    for participant, own in by_participant(trials).items():
+    for participant, own in planned_tests.by_participant(trials).items():
         found = information_transfer(confused(own))
         row = {"analysed": "all conditions", "participant": participant, **asdict(found)}
         rows.append({name: row[name] for name in _TRANSFER})
@@ -352,17 +344,17 @@ def _confusions(protocol: Protocol, trials: Trials) -> Iterator[Result]:
 _TRANSFER = ("analysed", "participant", "trials", "bits", "uncorrected", "categories")
 
 
-def _dissimilarities(protocol: Protocol, trials: Trials) -> Iterator[Result]:
+def _dissimilarities(protocol: Protocol, trials: planned_tests.Trials) -> Iterator[Result]:
     names, highest = labels(protocol), protocol.scale[1]
     shown = list(names.values())
     means = pd.DataFrame(math.nan, shown, shown)
     for name in shown:
         means.loc[name, name] = 0.0
-    for own in grouped(trials, lambda each: each.family).values():
+    for own in planned_tests.grouped(trials, lambda each: each.family).values():
         first, second = (names[each] for each in own[0].record.trial.stimuli)
         ratings = [
             np.mean([highest - float(each.answer) for each in one])
-            for one in by_participant(own).values()
+            for one in planned_tests.by_participant(own).values()
         ]
         means.loc[first, second] = means.loc[second, first] = np.mean(ratings)
     yield Result(
@@ -389,7 +381,9 @@ def _dissimilarities(protocol: Protocol, trials: Trials) -> Iterator[Result]:
     )
 
 
-_EXPLORED: Mapping[str, tuple[Callable[[Protocol, Trials], Iterator[Result]], ...]] = {
+_EXPLORED: Mapping[
+    str, tuple[Callable[[Protocol, planned_tests.Trials], Iterator[Result]], ...]
+] = {
     **dict.fromkeys(("2ifc", "odd_one_out", "abx", "same_different"), (_sensitivities,)),
     "identification": (_confusions,),
     "rating": (_ratings,),

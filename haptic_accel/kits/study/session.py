@@ -31,23 +31,11 @@ from typing import Any
 from haptic_accel import __version__
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.kits.study import trials
 from haptic_accel.kits.study.exposure import DAY, daily_exposure
 from haptic_accel.kits.study.log import CONSENT, END, SITTING, TRIAL, Entries, trial_entry
 from haptic_accel.kits.study.plan import Plan
 from haptic_accel.kits.study.protocol import Bounds, Condition, Protocol
-from haptic_accel.kits.study.trials import (
-    COMPLETE,
-    PRACTICE,
-    Participant,
-    PlannedTrial,
-    PresentedStimulus,
-    Rig,
-    Screen,
-    SessionRecord,
-    StoppedError,
-    TrialRecord,
-    UndeliveredError,
-)
 
 NO_CONSENT = "no consent"
 """End of a session to which the participant does not agree."""
@@ -85,11 +73,11 @@ class Session:
     protocol: Protocol
     plan: Plan
     log: Entries
-    rig: Rig
-    participant: Participant
+    rig: trials.Rig
+    participant: trials.Participant
     watch: Callable[[Session], None] = lambda _: None
     sleep: Callable[[float], None] = time.sleep
-    records: list[TrialRecord] = field(default_factory=list)
+    records: list[trials.TrialRecord] = field(default_factory=list)
     _screens: int = 0
     _dose: float = 0.0
 
@@ -104,7 +92,7 @@ class Session:
                 f"participant {session.participant}: the log is not of this plan: {error}"
             ) from None
 
-    def run(self) -> SessionRecord:
+    def run(self) -> trials.SessionRecord:
         """Run the session to its end or a stop; return all that the log has.
 
         Raises
@@ -117,15 +105,17 @@ class Session:
             self.log.add(SITTING, version=__version__)
             self._welcome()
             self._run_trials()
-            reason = COMPLETE
-        except StoppedError as stopped:
+            reason = trials.COMPLETE
+        except trials.StoppedError as stopped:
             reason = str(stopped)
         finally:
             self.rig.stop()
-            with suppress(StoppedError, UndeliveredError):
+            with suppress(trials.StoppedError, trials.UndeliveredError):
                 if reason:
                     self.log.add(END, reason=reason, dose=self._new_dose())
-                self.participant.show(self._screen("end" if reason == COMPLETE else "stopped"))
+                self.participant.show(
+                    self._screen("end" if reason == trials.COMPLETE else "stopped")
+                )
         return self.log.record
 
     @property
@@ -152,15 +142,15 @@ class Session:
             answer = self._ask("consent", AGREE, DISAGREE, text=consent.text)
             self.log.add(CONSENT, version=consent.version, agreed=answer == AGREE)
             if answer != AGREE:
-                raise StoppedError(NO_CONSENT)
+                raise trials.StoppedError(NO_CONSENT)
         self._ask("instructions", CONTINUE, text=self.protocol.instructions)
 
     def _run_trials(self) -> None:
         practice: bool | None = None
         paused = -1  # trial before which the participant has paused
         while (trial := self.plan.next()) is not None:
-            if practice is not (practice := trial.kind == PRACTICE):
-                self._ask("ready", BEGIN, text=PRACTICE if practice else BEGIN)
+            if practice is not (practice := trial.kind == trials.PRACTICE):
+                self._ask("ready", BEGIN, text=trials.PRACTICE if practice else BEGIN)
                 paused = trial.number
             if self.plan.break_due and paused != trial.number:
                 paused = trial.number
@@ -176,13 +166,15 @@ class Session:
     def _check_limits(self) -> None:
         limits = self.protocol.limits
         if self.exposure >= limits.exposure:
-            raise StoppedError(f"limit of exposure: A(8) has reached {limits.exposure:g} m/s^2")
+            raise trials.StoppedError(
+                f"limit of exposure: A(8) has reached {limits.exposure:g} m/s^2"
+            )
         if self.minutes >= limits.minutes:
-            raise StoppedError(f"limit of time: trials have taken {limits.minutes:g} min")
+            raise trials.StoppedError(f"limit of time: trials have taken {limits.minutes:g} min")
 
-    def _run_trial(self, trial: PlannedTrial) -> TrialRecord:
+    def _run_trial(self, trial: trials.PlannedTrial) -> trials.TrialRecord:
         """Present a trial's stimuli, and ask for the answer."""
-        presented: list[PresentedStimulus] = []
+        presented: list[trials.PresentedStimulus] = []
         answer, flaw = None, ""
         asked, asked_steady = time.time_ns(), time.monotonic_ns()
         try:
@@ -192,21 +184,23 @@ class Session:
             question = self.protocol.question
             screen = self._screen("question", answers=trial.answers, text=question)
             answer = self.participant.ask(screen, trial)
-        except UndeliveredError as error:
+        except trials.UndeliveredError as error:
             flaw = str(error)
-            with suppress(UndeliveredError):  # the page may have missed the stimulus, too
+            with suppress(trials.UndeliveredError):  # the page may have missed the stimulus, too
                 self._show("wait")
         times = asked, time.time_ns(), asked_steady, time.monotonic_ns()
-        return TrialRecord(trial, self.plan.attempt, tuple(presented), answer, *times, flaw)
+        return trials.TrialRecord(trial, self.plan.attempt, tuple(presented), answer, *times, flaw)
 
-    def _present(self, interval: int, condition: Condition) -> PresentedStimulus:
+    def _present(self, interval: int, condition: Condition) -> trials.PresentedStimulus:
         seconds = self.protocol.timing.seconds
         self._show("wait")
         self.sleep(self.protocol.timing.gap)
         show = partial(self._show, "stimulus", interval=interval, seconds=seconds)
         return self.rig.present(condition, seconds, show)
 
-    def _flaws(self, trial: PlannedTrial, presented: list[PresentedStimulus]) -> Iterator[str]:
+    def _flaws(
+        self, trial: trials.PlannedTrial, presented: list[trials.PresentedStimulus]
+    ) -> Iterator[str]:
         """Yield the measures of stimuli that are outside the protocol's bounds."""
         bounds, units = self.protocol.bounds, schema(Bounds)
         for condition, stimulus in zip(trial.stimuli, presented, strict=True):
@@ -222,19 +216,19 @@ class Session:
             if not stimulus.desired_rms >= least:
                 yield f"desired RMS = {stimulus.desired_rms:.3g}: must be at least {least:g} m/s^2"
 
-    def _take(self, record: TrialRecord) -> None:
+    def _take(self, record: trials.TrialRecord) -> None:
         self.records.append(record)
         self.plan.record(record)
 
-    def _respond(self, record: TrialRecord) -> None:
+    def _respond(self, record: trials.TrialRecord) -> None:
         """Show feedback in practice; after an interrupted trial, wait for the participant."""
         if record.answer is None:
             last = self.records[-MOST_BROKEN_OFF:]
             if len(last) == MOST_BROKEN_OFF and all(each.answer is None for each in last):
-                raise StoppedError(f"{MOST_BROKEN_OFF} trials in succession broke off")
+                raise trials.StoppedError(f"{MOST_BROKEN_OFF} trials in succession broke off")
             self._ask("ready", BEGIN, text=BEGIN)
             return
-        told = record.trial.kind == PRACTICE and self.protocol.extras.feedback
+        told = record.trial.kind == trials.PRACTICE and self.protocol.extras.feedback
         if told and record.correct is not None:
             self._show("feedback", text=RIGHT if record.correct else WRONG, seconds=FEEDBACK)
             self.sleep(FEEDBACK)
@@ -250,8 +244,8 @@ class Session:
     def _ask(self, kind: str, *answers: str, **content: Any) -> str:
         return self.participant.ask(self._screen(kind, answers=answers, **content)).value
 
-    def _screen(self, kind: str, **content: Any) -> Screen:
+    def _screen(self, kind: str, **content: Any) -> trials.Screen:
         """Return a screen with the progress, and a name that no other one has."""
         self._screens += 1
         name = f"{len(self.log.entries)}.{self._screens}"
-        return Screen(name, kind, progress=self.plan.progress, **content)
+        return trials.Screen(name, kind, progress=self.plan.progress, **content)
