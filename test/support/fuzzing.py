@@ -20,6 +20,7 @@ from __future__ import annotations
 import os
 import resource
 import signal
+import sys
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -152,6 +153,24 @@ def measured(seconds: float = SECONDS, megabytes: float = MEGABYTES) -> Iterator
         signal.setitimer(signal.ITIMER_VIRTUAL, 0)
         resource.setrlimit(resource.RLIMIT_DATA, before)
         signal.signal(signal.SIGVTALRM, handler)
+
+
+@contextmanager
+def without_programs() -> Iterator[None]:
+    """Fail if the body starts a program, also where the body handles the error."""
+    _started.clear()
+    yield
+    assert not _started
+
+
+_started: list[str] = []
+"""Programs started since the last `without_programs`."""
+
+
+@sys.addaudithook
+def _note_program(event: str, arguments: tuple[object, ...]) -> None:
+    if event in ("subprocess.Popen", "os.system", "os.posix_spawn", "os.exec", "os.fork"):
+        _started.append(f"{event}: {arguments}")
 
 
 def accepted(read: Callable[[], object]) -> bool:

@@ -197,18 +197,14 @@ def _writer(
             from haptic_accel.kits.export.hdf5 import Hdf5Writer
 
             return partial(Hdf5Writer, fps=fps, rate=rate)
-        return partial(_Folders, write=_function(form))
+        if form in ("parquet", "csv"):
+            from haptic_accel.kits.export.tables import write_csv, write_parquet
+
+            return partial(_Folders, write=write_csv if form == "csv" else write_parquet)
+        from haptic_accel.kits.export.sound import write_audio, write_wav
+
+        return partial(_Folders, write=write_wav if form == "wav" else write_audio)
     except ModuleNotFoundError as error:
         raise StoppedError(
             f"format = {form}: needs {error.name}: pip install 'haptic_accel[{EXTRAS[form]}]'"
         ) from None
-
-
-def _function(form: str) -> Callable[[Bag, Path], None]:
-    if form in ("parquet", "csv"):
-        from haptic_accel.kits.export.tables import write_csv, write_parquet
-
-        return write_csv if form == "csv" else write_parquet
-    from haptic_accel.kits.export.sound import write_audio, write_wav
-
-    return write_wav if form == "wav" else write_audio

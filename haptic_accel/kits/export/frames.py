@@ -33,7 +33,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import look_ahead, resampled
-from haptic_accel.core.sampling import NANOSECONDS, IntArray
+from haptic_accel.core.sampling import NANOSECONDS, SPARSE, IntArray
 from haptic_accel.kits.export.signals import (
     HANDLE,
     MASTER_POSITION,
@@ -55,6 +55,9 @@ STATE, ACTION = (SLAVE_POSITION, SLAVE_VELOCITY), (MASTER_POSITION, MASTER_VELOC
 
 SETTLING = 1
 """Time before and after an engagement that the resampling's filter may use, s."""
+
+CLOCKS = "do the clocks of both hosts agree?"
+"""Question where samples that belong together lie far apart."""
 
 MOST_HELD = 0.5
 """Largest share of missing samples or states; with more, the clocks of the arms disagree."""
@@ -184,6 +187,8 @@ def frames_of(bag: Bag, begin: int, end: int, rate: FrameRate, axes: Axes) -> Fr
         A signal is missing, or has hardly any samples in the period.
     """
     count = int((end - begin) * rate.fps / NANOSECONDS)
+    if count > SPARSE * (samples := len(signal_of(bag, TOOL).stamps)):
+        raise ParameterError(f"{bag.path}: {samples} samples for {count} frames: {CLOCKS}")
     times = begin + np.round(np.arange(1, count + 1) * (NANOSECONDS / rate.fps)).astype(np.int64)
     notes: list[str] = []
     state, action = (
@@ -241,7 +246,7 @@ def _note(
     if held > MOST_HELD * count:
         raise ParameterError(
             f"{bag.path}: {exported.name}: {held} of {count} {text} while the arms were coupled;"
-            " do the clocks of both hosts agree?"
+            f" {CLOCKS}"
         )
     if held:
         notes.append(f"{exported.name}: {held} of {count} {text}")

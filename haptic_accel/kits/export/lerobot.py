@@ -47,7 +47,7 @@ from haptic_accel.kits.export.frames import (
 )
 from haptic_accel.kits.export.images import CameraFrames, camera_frames
 from haptic_accel.kits.export.signals import write_json
-from haptic_accel.kits.export.statistics import Statistics, by_name, combined, statistics
+from haptic_accel.kits.export.statistics import Statistics, combined, statistics
 from haptic_accel.kits.export.tables import write_parquet
 
 VERSION = "v3.0"
@@ -213,7 +213,12 @@ class LeRobotWriter:
         tasks = pd.DataFrame({"task_index": range(len(self._tasks))})
         tasks.set_index(pd.Index(self._tasks, name="task")).to_parquet(meta / "tasks.parquet")
         rows = [
-            episode | {f"stats/{name}": value for name, value in by_name(found)}
+            episode
+            | {
+                f"stats/{key}/{name}": each.tolist()
+                for key, own in found.items()
+                for name, each in own.items()
+            }
             for episode, found in zip(self._episodes, self._statistics, strict=True)
         ]
         parquet.write_table(pa.Table.from_pylist(rows), meta / "episodes" / CHUNK)

@@ -38,6 +38,10 @@ from haptic_accel.core.topics import Topic
 PART = 250_000
 """Number of samples that are converted at a time: 8 MB."""
 
+LARGEST = 1e30
+"""Largest magnitude of a value in SI units that counts as measured. No sensor reaches it, and the
+differences, sums and filters of 32-bit numbers (3.4e38) stay finite."""
+
 UNITS = {
     topics.MASTER_POSITION.type: "m",
     topics.MASTER_VELOCITY.type: "m/s",
@@ -69,31 +73,23 @@ class ExportedSignal:
         return UNITS[self.topic.type]
 
 
-MASTER_POSITION, MASTER_VELOCITY, SLAVE_POSITION, SLAVE_VELOCITY, TOOL, HANDLE, *_ = SIGNALS = (
-    ExportedSignal("master_position", topics.MASTER_POSITION, "position of the master's handle"),
-    ExportedSignal("master_velocity", topics.MASTER_VELOCITY, "velocity of the master's handle"),
-    ExportedSignal("slave_position", topics.SLAVE_POSITION, "position of the slave's tool"),
-    ExportedSignal("slave_velocity", topics.SLAVE_VELOCITY, "velocity of the slave's tool"),
-    ExportedSignal("tool_acceleration", topics.TOOL_ACCELERATION, "acceleration of the tool"),
-    ExportedSignal(
-        "handle_acceleration", topics.HANDLE_ACCELERATION, "acceleration of the handle"
-    ),
-    ExportedSignal(
-        "desired_acceleration",
-        topics.DESIRED_ACCELERATION,
-        "acceleration that the handle should have: that of the tool, high-passed",
-    ),
-    ExportedSignal(
-        "actuator_force", topics.ACTUATOR_FORCE, "force of the voice coil on the handle"
-    ),
-    ExportedSignal(
-        "master_arm_force", topics.MASTER_ARM_FORCE, "force of the master's motors on the handle"
-    ),
-    ExportedSignal(
-        "slave_arm_force", topics.SLAVE_ARM_FORCE, "force of the slave's motors on the tool"
-    ),
-    ExportedSignal("contact_force", topics.CONTACT_FORCE, "force of the surface on the tool"),
-)
+MASTER_POSITION, MASTER_VELOCITY, SLAVE_POSITION, SLAVE_VELOCITY, TOOL, HANDLE, *_ = SIGNALS = [
+    ExportedSignal(name, getattr(topics, name.upper()), meaning)
+    for name, meaning in {
+        "master_position": "position of the master's handle",
+        "master_velocity": "velocity of the master's handle",
+        "slave_position": "position of the slave's tool",
+        "slave_velocity": "velocity of the slave's tool",
+        "tool_acceleration": "acceleration of the tool",
+        "handle_acceleration": "acceleration of the handle",
+        "desired_acceleration": "acceleration that the handle should have: that of the tool,"
+        " high-passed",
+        "actuator_force": "force of the voice coil on the handle",
+        "master_arm_force": "force of the master's motors on the handle",
+        "slave_arm_force": "force of the slave's motors on the tool",
+        "contact_force": "force of the surface on the tool",
+    }.items()
+]
 """Exported signals; a bag has some of them."""
 
 
@@ -137,7 +133,7 @@ def on_grid(
 ) -> tuple[FloatArray, BoolArray]:
     """Return a component on a grid, and a mask of samples; others repeat the one before.
 
-    A component that is not finite counts as missing. Parameters as for `Signal.on_grid`.
+    A sample that `finite` leaves out counts as missing. Parameters as for `Signal.on_grid`.
 
     Raises
     ------
@@ -152,8 +148,8 @@ def on_grid(
 
 
 def finite(signal: Signal) -> Signal:
-    """Return the samples whose components are all finite."""
-    known = np.isfinite(signal.values).all(axis=1)
+    """Return the samples whose components are all finite, and at most `LARGEST`."""
+    known = (np.abs(signal.values) <= LARGEST).all(axis=1)  # false for NaN
     if known.all():
         return signal
     return Signal(signal.stamps[known], signal.received, signal.values[known])

@@ -21,7 +21,7 @@ import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -34,8 +34,8 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.reduction import REDUCTIONS
 from haptic_accel.core.resampling import resampled
-from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.kits.export.frames import recorded_rate
+from haptic_accel.core.sampling import NANOSECONDS, SPARSE
+from haptic_accel.kits.export.frames import CLOCKS, recorded_rate
 from haptic_accel.kits.export.signals import (
     HANDLE,
     TOOL,
@@ -46,12 +46,10 @@ from haptic_accel.kits.export.signals import (
 )
 
 RAW_AUDIO = "foxglove_msgs/msg/RawAudio"
-FIELDS = """builtin_interfaces/Time timestamp
-uint8[] data
-string format
-uint32 sample_rate
-uint32 number_of_channels
-"""
+FIELDS = (
+    "builtin_interfaces/Time timestamp\nuint8[] data\nstring format\nuint32 sample_rate\n"
+    "uint32 number_of_channels\n"
+)
 """Type of a block of sound, and its fields, after https://docs.foxglove.dev (RawAudio)."""
 
 PCM = "pcm-s16"
@@ -70,29 +68,6 @@ FULL = 32767
 """Largest sample of 16 bits."""
 
 
-class _Sound(NamedTuple):
-    """Vibration on one grid: start, ns, rate, Hz, full scale, m/s^2, and channels by name."""
-
-    start: int
-    rate: float
-    full_scale: float
-    channels: dict[str, FloatArray]
-    missing: dict[str, int]
-
-    def about(self, bag: Bag) -> dict[str, Any]:
-        """Return the description of the bag and of its sound, for JSON."""
-        return {
-            **descriptions(bag),
-            "sound": {
-                "start_ns": self.start,
-                "rate_hz": self.rate,
-                "full_scale_m_s2": self.full_scale,
-                "channels": list(self.channels),
-                "missing_samples_that_repeat_the_one_before": self.missing,
-            },
-        }
-
-
 def write_wav(bag: Bag, folder: Path) -> None:
     """Write ``vibration.wav``, with tool and handle aligned as its channels, and ``signals.json``.
 
@@ -104,13 +79,13 @@ def write_wav(bag: Bag, folder: Path) -> None:
     ParameterError
         Tool and handle have no common rate, or not a whole one.
     """
-    sound = _sound(bag)
-    if sound.rate != (rate := round(sound.rate)):
-        raise ParameterError(f"{bag.path}: {sound.rate} Hz: must be a whole number for WAV")
-    samples = np.column_stack(list(sound.channels.values()))
-    samples /= sound.full_scale
+    channels, about = _sound(bag)
+    if about["rate_hz"] != (rate := round(about["rate_hz"])):
+        raise ParameterError(f"{bag.path}: {about['rate_hz']} Hz: must be a whole number for WAV")
+    samples = np.column_stack(list(channels.values()))
+    samples /= about["full_scale_m_s2"]
     wavfile.write(folder / "vibration.wav", rate, samples)
-    write_json(folder / "signals.json", sound.about(bag))
+    write_json(folder / "signals.json", descriptions(bag) | {"sound": about})
 
 
 def write_audio(bag: Bag, folder: Path) -> None:
@@ -123,30 +98,31 @@ def write_audio(bag: Bag, folder: Path) -> None:
     ParameterError
         Tool and handle have no common rate.
     """
-    sound = _sound(bag)
+    channels, about = _sound(bag)
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(get_types_from_msg(FIELDS, RAW_AUDIO))
     kind, moment = store.types[RAW_AUDIO], store.types["builtin_interfaces/msg/Time"]
-    about = sound.about(bag)
     with Writer(folder / "audio", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        writer.set_custom_data("haptic_accel.sound", json.dumps(about["sound"]))
+        writer.set_custom_data("haptic_accel.sound", json.dumps(about))
         for part in ("tool", "handle"):
             topic = writer.add_connection(f"/audio/{part}", RAW_AUDIO, typestore=store)
-            samples = _played(sound, part)
+            samples = _played(channels, about, part)
             for begin in range(0, len(samples), BLOCK):
                 block = samples[begin : begin + BLOCK].view(np.uint8)
-                stamp = sound.start + begin * NANOSECONDS // SOUND_RATE
+                stamp = about["start_ns"] + begin * NANOSECONDS // SOUND_RATE
                 message = kind(moment(*divmod(stamp, NANOSECONDS)), block, PCM, SOUND_RATE, 1)
                 writer.write(topic, stamp, store.serialize_cdr(message, RAW_AUDIO))
-    write_json(folder / "signals.json", about)
+    write_json(folder / "signals.json", descriptions(bag) | {"sound": about})
 
 
-def _sound(bag: Bag) -> _Sound:
-    """Return the vibration of tool and handle from the first sample to the last."""
+def _sound(bag: Bag) -> tuple[dict[str, FloatArray], dict[str, Any]]:
+    """Return tool and handle on one grid, m/s^2, by channel, and their description for JSON."""
     rate = recorded_rate(bag)
     stamps = [signal_of(bag, each).stamps for each in (TOOL, HANDLE)]
     start = int(min(each[0] for each in stamps))
     length = round((int(max(each[-1] for each in stamps)) - start) * rate / NANOSECONDS) + 1
+    if length > SPARSE * min(map(len, stamps)):
+        raise ParameterError(f"{bag.path}: tool and handle have few of {length} samples: {CLOCKS}")
     channels, missing = {}, {}
     for part, exported in (("tool", TOOL), ("handle", HANDLE)):
         for axis in bag.axes.names:
@@ -154,15 +130,21 @@ def _sound(bag: Bag) -> _Sound:
             channels[f"{part}.{axis}"] = held
             missing[part] = int((~seen).sum())
     peak = max(float(np.abs(each).max()) for each in channels.values())
-    full_scale = 2.0 ** math.ceil(math.log2(peak)) if peak else 1.0
-    return _Sound(start, rate, full_scale, channels, missing)
+    return channels, {
+        "start_ns": start,
+        "rate_hz": rate,
+        "full_scale_m_s2": 2.0 ** math.ceil(math.log2(peak)) if peak else 1.0,
+        "channels": list(channels),
+        "missing_samples_that_repeat_the_one_before": missing,
+    }
 
 
-def _played(sound: _Sound, part: str) -> Any:
+def _played(channels: dict[str, FloatArray], about: dict[str, Any], part: str) -> Any:
     """Return the sound of tool or handle, 16 bits at `SOUND_RATE`."""
-    own = [each for name, each in sound.channels.items() if name.startswith(f"{part}.")]
+    own = [each for name, each in channels.items() if name.startswith(f"{part}.")]
     one = own[0] if len(own) == 1 else REDUCTIONS["dft321"](np.column_stack(own))
-    return np.concatenate(list(_resampled_parts(one * (FULL / sound.full_scale), sound.rate)))
+    scaled = one * (FULL / about["full_scale_m_s2"])
+    return np.concatenate(list(_resampled_parts(scaled, about["rate_hz"])))
 
 
 def _resampled_parts(signal: FloatArray, rate: float) -> Iterator[npt.NDArray[np.int16]]:

@@ -17,13 +17,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
+
+_REDUCTIONS: dict[str, Any] = {"min": np.min, "max": np.max, "count": np.sum}
 
 Statistics = dict[str, npt.NDArray[Any]]
 """Values of one feature by name, in the shape of the feature; ``count`` has shape (1,)."""
@@ -64,19 +66,10 @@ def combined(episodes: Sequence[Mapping[str, Statistics]]) -> dict[str, Statisti
 def _combined(name: str, each: Sequence[Statistics]) -> npt.NDArray[Any]:
     values = np.array([own[name] for own in each])
     weights = [float(own["count"][0]) for own in each]
-    if name in ("min", "max"):
-        return np.asarray(getattr(values, name)(axis=0))
-    if name == "count":
-        return np.asarray(values.sum(axis=0))
+    if name in _REDUCTIONS:
+        return np.asarray(_REDUCTIONS[name](values, axis=0))
     if name != "std":
         return np.asarray(np.average(values, axis=0, weights=weights))
     means = np.array([own["mean"] for own in each])
     spread = means - np.average(means, axis=0, weights=weights)
     return np.asarray(np.sqrt(np.average(values**2 + spread**2, axis=0, weights=weights)))
-
-
-def by_name(found: Mapping[str, Statistics]) -> Iterator[tuple[str, Any]]:
-    """Yield the values of all features as lists, by ``feature/name``."""
-    for key, own in found.items():
-        for name, value in own.items():
-            yield f"{key}/{name}", value.tolist()

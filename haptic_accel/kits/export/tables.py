@@ -31,9 +31,8 @@ from haptic_accel.kits.export.signals import PART, descriptions, signals_of, wri
 METADATA_KEY = b"haptic_accel"
 """Key of the JSON text about a signal in a Parquet file's metadata."""
 
-COMPRESSION = "zstd"
-"""Compression of Parquet files, which all readers know."""
-
+OPTIONS = {"compression": "zstd", "use_dictionary": False}
+"""Options of Parquet files, which all readers know."""
 
 _ROWS_ALONE = csv.WriteOptions(include_header=False)
 
@@ -47,18 +46,11 @@ def write_parquet(bag: Bag, folder: Path) -> None:
     for exported, signal in signals_of(bag):
         own = {**about, "signals": {exported.name: about["signals"][exported.name]}}
         unit = {"unit": exported.unit}
-        schema = pa.schema(
-            [
-                pa.field("stamp", pa.timestamp("ns", "UTC")),
-                *(pa.field(axis, pa.float64(), metadata=unit) for axis in NAMES),
-            ],
-            metadata={METADATA_KEY: json.dumps(own)},
-        )
+        fields = [pa.field(axis, pa.float64(), metadata=unit) for axis in NAMES]
+        fields.insert(0, pa.field("stamp", pa.timestamp("ns", "UTC")))
+        schema = pa.schema(fields, metadata={METADATA_KEY: json.dumps(own)})
         with parquet.ParquetWriter(
-            folder / f"{exported.name}.parquet",
-            schema,
-            compression=COMPRESSION,
-            use_dictionary=False,
+            folder / f"{exported.name}.parquet", schema, **OPTIONS
         ) as writer:
             for stamps, columns in _parts(signal):
                 moments = pa.array(stamps).cast(schema.field("stamp").type)

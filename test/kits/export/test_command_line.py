@@ -17,6 +17,8 @@
 
 from __future__ import annotations
 
+import copy
+import re
 import shlex
 import shutil
 import signal
@@ -25,9 +27,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from exported import Recorded
+from exported import START, Recorded
 
 from bag_maker import Message, vector_bytes, write_messages
+from haptic_accel.bags.trial_bag import write_trial
 from haptic_accel.core.topics import TOOL_ACCELERATION
 from running import Command, wait_until
 from verbs import ODD_NAMES, output_of, refusal, status_of, tells
@@ -82,6 +85,19 @@ def test_damage_of_a_bag_is_told(tmp_path: Path, recorded: Recorded) -> None:
     file.write_bytes(data[: len(data) // 2])
     words = ("--format", "parquet", "--out", tmp_path / "out")
     assert "was cut off" in output_of("export", tmp_path / "bag", *words)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_value_that_no_sensor_has_counts_as_missing(
+    tmp_path: Path, recorded: Recorded, form: str
+) -> None:
+    trial = copy.deepcopy(recorded.trial)
+    trial.tool_acceleration[1000:1002] = 1e308, -1e38
+    write_trial(tmp_path / "bag", trial, {}, START)
+    text = output_of("export", tmp_path / "bag", "--format", form, "--out", tmp_path / "out")
+    assert ("2 of 2967 samples repeat the one before" in text) == (form in ("lerobot", "hdf5"))
+    for file in (tmp_path / "out").rglob("*.json"):
+        assert not re.search("NaN|Infinity", file.read_text())
 
 
 @pytest.mark.parametrize("library", ["pyarrow", "h5py"])

@@ -25,6 +25,7 @@ from exported import START, Recorded, write_bag
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fuzzing import measured
 from haptic_accel.bags.reading import Bag, Signal, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.axes import ACTUATOR_AXES
@@ -33,6 +34,7 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import resampled
 from haptic_accel.kits.export.frames import FrameRate, engagements, frames_of, recorded_rate
+from haptic_accel.kits.export.sound import write_wav
 
 SECONDS, RATE = 4.0, 1000.0
 TIME = np.arange(int(SECONDS * RATE)) / RATE
@@ -106,6 +108,16 @@ def test_clocks_that_disagree_are_refused(late: float) -> None:
         frames_of(
             bag(TIME, slave_late=late), BEGIN, END, FrameRate.of(30, 0.0, RATE), ACTUATOR_AXES
         )
+
+
+def test_years_without_samples_are_refused_before_they_take_memory(tmp_path: Path) -> None:
+    years = 40 * 365 * 86_400
+    with measured(), pytest.raises(ParameterError, match="clocks"):
+        frames_of(
+            bag(TIME), BEGIN, END + years * 10**9, FrameRate.of(30, 0.0, RATE), ACTUATOR_AXES
+        )
+    with measured(), pytest.raises(ParameterError, match="clocks"):
+        write_wav(bag(TIME, slave_late=years), tmp_path)
 
 
 @given(st.integers(1, 1000), st.floats(10.0, 20_000.0))
