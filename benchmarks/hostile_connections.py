@@ -125,7 +125,7 @@ async def slow_body(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) 
 async def slow_reader(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
     """Ask for a script many times, and read hardly anything of it."""
     for _ in range(50):
-        writer.write(request("GET /uPlot.js HTTP/1.1"))
+        writer.write(request("GET /scope.js HTTP/1.1"))
     await writer.drain()
     while await reader.read(1):
         await asyncio.sleep(WRITING_PAUSE)

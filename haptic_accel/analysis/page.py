@@ -45,7 +45,7 @@ from haptic_accel.core.evaluation.metrics import REGRESSION
 from haptic_accel.core.evaluation.statistics import CONFIDENCE
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.tables import ResultTable, number
-from haptic_accel.pages import asset, write
+from haptic_accel.pages import write
 
 POINTS = 100_000
 """Number of points for the time traces of a page, shared by its trials: about a megabyte for five
@@ -154,7 +154,6 @@ def write_page(
         files=files,
         figure=number,
         finite=math.isfinite,
-        asset=asset,
         data=_embedded(_data(found)),
     )
 

@@ -82,7 +82,7 @@ def template(name: str) -> jinja2.Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals["script"] = script
+    environment.globals |= {"asset": asset, "script": script}
     # Autoescape leaves # and %, which mean something else in an address.
     environment.filters["link"] = lambda name: quote(os.fsencode(name))
     return environment.get_template(name)

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import gc
 import hashlib
 import json
@@ -41,7 +42,7 @@ from aiohttp.typedefs import Handler
 
 from haptic_accel.core.decimals import defined
 from haptic_accel.core.parameters import ParameterError, shown
-from haptic_accel.pages import asset, modules, template
+from haptic_accel.pages import template
 from haptic_accel.scope.access import TOKEN_LETTERS, Access, is_token
 from haptic_accel.scope.connections import Connections
 from haptic_accel.scope.frames import EVERYTHING, ON_DEMAND, SCENE, SOUND, Cursor, plots_frame
@@ -80,13 +81,14 @@ STARTING_TIME = 10.0
 """Time that binding the address may take, s."""
 
 POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "default-src 'none'; script-src 'self'{script}; style-src 'self'{style}; connect-src 'self'; "
+    "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""Content-Security-Policy: nothing from other servers, and no embedding in another's page."""
+"""Content-Security-Policy: nothing from other servers, no embedding in another's page, and inline
+only what a page is served with."""
 
 HEADERS = {
-    "Content-Security-Policy": POLICY,
+    "Content-Security-Policy": POLICY.format(script="", style=""),
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
@@ -126,14 +128,11 @@ class PageKind:
         False for a page that receives the rate of the samples alone.
     period : float
         Interval between states, s.
-    styles : tuple of str
-        Style sheets besides those of every page.
     """
 
     admitted: frozenset[str] = EVERYTHING
     metrics: bool = True
     period: float = METRICS_PERIOD
-    styles: tuple[str, ...] = ()
 
 
 PAGES = {
@@ -144,7 +143,6 @@ PAGES = {
         frozenset({"actual", "handle", SOUND, SCENE}),
         metrics=False,
         period=0.05,  # so that the screen of a stimulus appears with it
-        styles=("study.css",),
     ),
 }
 """Kinds of pages by the names of their templates and scripts."""
@@ -366,7 +364,7 @@ class ScopeServer:
             self._note_failure(request.path, error)
             response = _message(500, FAILURE)
         if not response.prepared:
-            response.headers.update(HEADERS)
+            response.headers.update({**HEADERS, **response.headers})
         return response
 
     def _refusal(self, request: web.Request) -> web.StreamResponse | None:
@@ -397,8 +395,8 @@ class ScopeServer:
         return None
 
     async def _page(self, request: web.Request) -> web.Response:
-        content, kind = self._pages[request.path]
-        return web.Response(body=content, content_type=kind, charset="utf-8")
+        content, headers = self._pages[request.path]
+        return web.Response(body=content, headers=headers)
 
     async def _scene(self, request: web.Request) -> web.Response:
         try:
@@ -573,18 +571,24 @@ def _is_point(value: Any) -> bool:
     )
 
 
-def _pages(name: str, content: Mapping[str, Any]) -> dict[str, tuple[bytes, str]]:
-    """Return content and type of a page and its assets by their paths."""
+def _pages(name: str, content: Mapping[str, Any]) -> dict[str, tuple[bytes, dict[str, str]]]:
+    """Return content and headers of a page and its script by their paths."""
     page = template(f"{name}.html.j2").render(content)
-    own = map(asset, ("scope.css", *PAGES[name].styles))
-    styles = (asset("uPlot.min.css"), template("page.css.j2").render(), *own)
+    bundle = template("bundle.js.j2").render(name=f"{name}.js")
+    policy = {"Content-Type": "text/html; charset=utf-8", "Content-Security-Policy": _policy(page)}
     return {
-        "/": (page.encode(), "text/html"),
-        "/scope.css": ("\n".join(styles).encode(), "text/css"),
-        "/uPlot.js": (asset("uPlot.iife.min.js").encode(), "text/javascript"),
-        "/stop_request.js": (asset("stop_request.js").encode(), "text/javascript"),
-        **{f"/{k}": (v.encode(), "text/javascript") for k, v in modules(f"{name}.js").items()},
+        "/": (page.encode(), policy),
+        f"/{name}.js": (bundle.encode(), {"Content-Type": "text/javascript; charset=utf-8"}),
     }
+
+
+def _policy(page: str) -> str:
+    """Return the policy of a page, with digests of its inline scripts and styles (CSP 3, 2.3)."""
+    allowed = {"script": "", "style": ""}
+    for kind, text in re.findall(r"<(script|style)[^>]*>(.*?)</", page, re.DOTALL):
+        digest = base64.b64encode(hashlib.sha256(text.encode()).digest())
+        allowed[kind] += f" 'sha256-{digest.decode()}'"
+    return POLICY.format(**allowed)
 
 
 def _reason(error: OSError) -> str:

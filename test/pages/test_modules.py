@@ -29,8 +29,8 @@ from haptic_accel.pages import modules, script
 ASSETS = Path(haptic_accel.pages.__file__).parent / "assets"
 SCRIPTS = sorted(file.name for file in ASSETS.glob("*.js") if not file.name.startswith("uPlot"))
 PAGES = ("analysis.js", "bring_up.js", "scope.js", "study.js")
-CLASSIC = "stop_request.js"
-"""Script of a page that runs before its modules."""
+INLINE = {"page_script.js", "stop_request.js"}
+"""Scripts that stand in a page itself."""
 DECLARED = r"^(?:export )?(?:async )?(?:class|const|function|let) (\w+|\[[^\]]+\])"
 
 
@@ -39,7 +39,7 @@ def exported(text: str) -> set[str]:
 
 
 def test_every_script_belongs_to_a_page() -> None:
-    assert {name for page in PAGES for name in modules(page)} == {*SCRIPTS} - {CLASSIC}
+    assert {name for page in PAGES for name in modules(page)} == {*SCRIPTS} - INLINE
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
@@ -65,10 +65,11 @@ def test_modules_come_after_those_that_they_import(page: str) -> None:
             assert found.index(source) < found.index(name)
 
 
-def test_one_script_holds_every_module_and_no_name_twice() -> None:
-    whole = script("analysis.js")
+@pytest.mark.parametrize("page", PAGES)
+def test_one_script_holds_every_module_and_no_name_twice(page: str) -> None:
+    whole = script(page)
     assert not re.findall(r"^(?:import|export)\b.*", whole, re.MULTILINE)
     declared = Counter(re.findall(DECLARED, whole, re.MULTILINE))
     assert [name for name, count in declared.items() if count > 1] == []
-    for text in modules("analysis.js").values():
+    for text in modules(page).values():
         assert exported(text) <= set(declared)

@@ -28,7 +28,7 @@ from haptic_accel.scope.server import CommandError, ScopeServer
 from running import wait_until
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page, Route
+    from playwright.sync_api import Browser, Page
 
 STOP = ("estop", True)
 
@@ -78,29 +78,6 @@ def connected(page: Page) -> None:
 
 def told(page: Page, text: str) -> None:
     wait_until(lambda: text in page.locator("#message").inner_text(), f"the page tells: {text}")
-
-
-@pytest.mark.parametrize("key", [False, True], ids=["button", "Escape"])
-def test_a_stop_before_the_modules_have_come_is_given(
-    browser: Browser, server: ScopeServer, devices: Devices, key: bool
-) -> None:
-    page, held = browser.new_page(), list[Any]()
-
-    def hold(route: Route) -> None:
-        held.append(route)  # neither answered nor refused
-
-    page.route("**/scope.js", hold)
-    page.goto(server.start(), wait_until="commit")
-    if key:
-        page.wait_for_selector("#stop")
-        page.keyboard.press("Escape")
-    else:
-        page.click("#stop")
-    told(page, "without force")
-    assert devices.asked == [STOP]
-    for route in held:
-        route.abort()
-    page.close()
 
 
 def test_a_stop_that_is_not_confirmed_is_shown_and_repeated(page: Page, devices: Devices) -> None:

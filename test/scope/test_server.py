@@ -20,6 +20,7 @@ from __future__ import annotations
 import asyncio
 import base64
 import json
+import re
 import socket
 import struct
 import threading
@@ -37,7 +38,6 @@ from yarl import URL
 
 from fuzzing import fuzz, mutated
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.pages import modules
 from haptic_accel.scope import connections
 from haptic_accel.scope import server as served
 from haptic_accel.scope.access import Access
@@ -52,12 +52,6 @@ from running import wait_until
 
 START = 1_800_000_000 * NANOSECONDS
 TOKEN = "a-token_of.a~test"
-ASSETS = (
-    "/scope.css",
-    "/uPlot.js",
-    "/stop_request.js",
-    *(f"/{name}" for name in modules("scope.js")),
-)
 
 
 class Source:
@@ -196,18 +190,16 @@ def test_everything_the_page_needs_comes_from_here(started: Started) -> None:
     assert "http" not in policy
     assert "unsafe" not in policy
 
-    async def use(session: aiohttp.ClientSession) -> list[tuple[str, int, str]]:
-        found = []
-        for path in ASSETS:
-            async with session.get(url.with_path(path)) as answer:
-                found.append((answer.content_type, answer.status, await answer.text()))
-        return found
+    async def use(session: aiohttp.ClientSession) -> tuple[str, str]:
+        async with session.get(url) as answer:
+            html = await answer.text()
+        async with session.get(url.with_path("/scope.js")) as answer:
+            assert (answer.status, answer.content_type) == (200, "text/javascript")
+            return html, await answer.text()
 
-    for kind, status, text in visit(use):
-        assert status == 200
-        assert kind in ("text/javascript", "text/css")
-        assert "@import" not in text
-        assert "url(" not in text
+    html, script = visit(use)
+    assert re.findall(r"(?:src|href)=.?([^\"'> ]+)", html) == ["data:,"]
+    assert not re.search(r"@import|url\(", html + script)
 
 
 def test_read_only_has_no_controls_and_refuses_commands(started: Started) -> None:
@@ -298,7 +290,7 @@ def test_a_token_is_asked_for_everywhere_and_moves_into_a_cookie(started: Starte
     _, printed = started(acting, host="0.0.0.0", token=TOKEN)
     assert printed.query["token"] == TOKEN
     bare = URL.build(scheme="http", host="127.0.0.1", port=printed.port or 0, path="/")
-    for path in ("/", "/scope.js", "/sound.js", "/scope.css", "/uPlot.js"):
+    for path in ("/", "/scope.js", "/scene"):
         assert get(bare.with_path(path)).status == 403
     assert get(bare.with_query(token="wrong")).status == 403
     assert get(bare, Cookie=f"haptic_accel_scope_{bare.port}=wrong").status == 403
@@ -573,7 +565,7 @@ def test_who_has_access_and_does_not_finish_a_request_is_disconnected(
 ) -> None:
     monkeypatch.setattr(served, "REQUEST_TIME", 0.1)
     _, url = started()
-    asked = f"GET /scope.css HTTP/1.1\r\nHost: {url.authority}\r\n\r\n".encode()
+    asked = f"GET /scope.js HTTP/1.1\r\nHost: {url.authority}\r\n\r\n".encode()
     with connected(url, asked) as opened:
         opened.sendall(b"GET / HTTP/1.1\r\nHost: local")
         while opened.recv(2**16):

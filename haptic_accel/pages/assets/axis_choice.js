@@ -6,12 +6,12 @@ import { want } from "./connection.js";
 import { byId, press } from "./elements.js";
 
 const buttons = [...document.querySelectorAll("#axes [data-axis]")];
-let shown = null; // axis of the samples that came last
+let shownAxis = null; // axis of the samples that came last
 
 /** Note the axis of new samples; return whether it is another one than before. */
 export function isOtherAxis(axis) {
-  const other = shown !== null && axis !== shown;
-  shown = axis;
+  const other = shownAxis !== null && axis !== shownAxis;
+  shownAxis = axis;
   for (const button of buttons) press(button, button.dataset.axis === axis);
   return other;
 }

@@ -10,7 +10,7 @@ const SHARE = 0.97; // of the values that the scale is chosen for
 const ROOM = 1.5; // margin of the scale beyond these values
 
 const limit = new Limit(1); // m/s²
-let shown = null;
+let cloud = null;
 
 /** The plot itself. */
 export const cloudPlot = livePlot(
@@ -22,13 +22,13 @@ export const cloudPlot = livePlot(
     },
     series: [{}, {}],
     axes: [axis("actual (m/s²)"), axis("desired (m/s²)", { size: 52 })],
-    hooks: { draw: [draw] },
+    hooks: { draw: [drawLine] },
   },
   [[-1, 1], [null, null]],
 );
 
-function draw({ ctx, bbox: box }) {
-  if (!shown) return;
+function drawLine({ ctx, bbox: box }) {
+  if (!cloud) return;
   clipped(ctx, box, () => {
     const most = limit.value;
     const x = (value) => box.left + (0.5 + value / (2 * most)) * box.width;
@@ -42,7 +42,7 @@ function draw({ ctx, bbox: box }) {
       ctx.lineWidth = width * devicePixelRatio;
       ctx.stroke();
     };
-    const { desired, actual, slope } = shown;
+    const { desired, actual, slope } = cloud;
     const size = 2 * devicePixelRatio;
     ctx.fillStyle = colour("desired");
     ctx.globalAlpha = 0.55;
@@ -57,7 +57,7 @@ function draw({ ctx, bbox: box }) {
 
 /** Show accelerations in m/s², and the slope of desired on actual if there is one. */
 export function showCloud({ desired, actual }, slope) {
-  shown = { desired, actual, slope };
+  cloud = { desired, actual, slope };
   const sizes = Float32Array.of(...actual, ...desired).map(Math.abs).sort();
   const usual = sizes.length ? sizes[Math.floor(SHARE * sizes.length)] : 0;
   if (limit.meet(ROOM * usual)) cloudPlot.setData(cloudPlot.data);

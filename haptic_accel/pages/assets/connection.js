@@ -9,8 +9,8 @@ const INTERNAL_ERROR = 1011; // WebSocket's code: the server failed
 const FIRST_RETRY = 250; // ms
 const LAST_RETRY = 2000; // ms
 
-const wanted = new Set();
-let on = {};
+const onDemand = new Set();
+let handling = {};
 let socket = null;
 let openedAt = -Infinity; // ms, when a connection was tried last
 let retry = FIRST_RETRY;
@@ -22,9 +22,9 @@ export function send(value) {
 
 /** Ask the scope for what it sends on demand only, by its name, or for it no more. */
 export function want(name, yes) {
-  if (yes) wanted.add(name);
-  else wanted.delete(name);
-  send([...wanted]);
+  if (yes) onDemand.add(name);
+  else onDemand.delete(name);
+  send([...onDemand]);
 }
 
 /**
@@ -33,8 +33,8 @@ export function want(name, yes) {
  * @param {object} [handlers] - `opened()`, `frame(buffer)`, `state(object)` and `failed(reason)`; each
  *   is called for the newest connection only. Without them those given before are called.
  */
-export function connect(handlers = on) {
-  on = handlers;
+export function connect(handlers = handling) {
+  handling = handlers;
   const scheme = location.protocol === "https:" ? "wss" : "ws";
   const opened = new WebSocket(`${scheme}://${location.host}/live`);
   socket = opened;
@@ -44,24 +44,24 @@ export function connect(handlers = on) {
   const listen = (event, act) =>
     opened.addEventListener(event, (given) => socket === opened && act(given));
   listen("open", () => {
-    on.opened();
-    send([...wanted]);
+    handlers.opened();
+    send([...onDemand]);
   });
   listen("message", ({ data }) => {
     if (typeof data !== "string") {
-      on.frame(data);
+      handlers.frame(data);
       return;
     }
     try {
-      on.state(JSON.parse(data));
+      handlers.state(JSON.parse(data));
       retry = FIRST_RETRY;
     } catch (fault) {
-      on.failed("this page failed");
+      handlers.failed("this page failed");
       console.error(fault);
     }
   });
   listen("close", ({ code }) => {
-    on.failed(code === INTERNAL_ERROR ? "the scope failed, see its log" : "scope not reached");
+    handlers.failed(code === INTERNAL_ERROR ? "the scope failed, see its log" : "scope not reached");
     setTimeout(connect, retry);
     if (retry === LAST_RETRY) checkToken();
     retry = Math.min(2 * retry, LAST_RETRY);

@@ -49,7 +49,7 @@ function plots(reader) {
   return { kind: "plots", frequency, spectra, desired, actual };
 }
 
-function places(reader) {
+function placesOf(reader) {
   const found = PLACES.map((name) => [name, [...reader.floats(2)]]);
   return { kind: "places", places: Object.fromEntries(found) };
 }
@@ -66,5 +66,5 @@ function places(reader) {
 export function decode(buffer) {
   const reader = new Reader(buffer);
   const [number] = reader.counts(1);
-  return { 1: samples, 2: plots, 3: places }[number]?.(reader) ?? {};
+  return { 1: samples, 2: plots, 3: placesOf }[number]?.(reader) ?? {};
 }

@@ -12,32 +12,32 @@ const KEY_TIME = 200; // ms for which a key leads the hand, so that it arrives
 const KEYS = "keys"; // in place of a pointer's number
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
-let drawing = null; // in which the hand may be led; null if it may not
+let ledScene = null; // in which the hand may be led; null if it may not
 let ending = 0; // timer that ends the lead of keys
 let grip = null; // the pointer that leads, and where the hand is to be
 
 /** Let the hand be led within a drawing of the scene, or with null not at all. */
 export function leadWithin(given) {
-  drawing = given;
+  ledScene = given;
 }
 
 /** Return true while a pointer leads the hand. */
 export const isGripped = () => grip !== null;
 
-const mayBegin = () => drawing && !grip && isKnown(here.handle);
+const mayBegin = () => ledScene && !grip && isKnown(here.handle);
 
-const reached = (place) => place.map((value, axis) => clamp(value, drawing.view[axis]));
+const reached = (place) => place.map((value, axis) => clamp(value, ledScene.view[axis]));
 
 /** Where a pointer wants the hand, m in the master's base frame: its ring at the pointer. */
-function wanted(event) {
-  const [x, z] = pointAt(drawing, event).map((value, axis) => value - drawing.offset[axis]);
+function pointed(event) {
+  const [x, z] = pointAt(ledScene, event).map((value, axis) => value - ledScene.offset[axis]);
   return reached([x, z - (event.pointerType === "pen" ? PRESSED * event.pressure : 0)]);
 }
 
 function grab(event) {
   if (!mayBegin() || event.button) return;
   view.setPointerCapture(event.pointerId);
-  grip = { id: event.pointerId, point: wanted(event) };
+  grip = { id: event.pointerId, point: pointed(event) };
   lead();
 }
 
@@ -76,7 +76,7 @@ function step(event) {
 export function listenToPointers() {
   view.addEventListener("pointerdown", grab);
   view.addEventListener("pointermove", (event) => {
-    if (grip?.id === event.pointerId) grip.point = wanted(event);
+    if (grip?.id === event.pointerId) grip.point = pointed(event);
   });
   for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
     view.addEventListener(end, (event) => grip?.id === event.pointerId && letGo());

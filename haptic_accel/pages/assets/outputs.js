@@ -10,7 +10,7 @@ const LOOK = 500; // ms between two looks at the outputs: Chromium may tell of a
 const LEAST = 4; // channels of an output with grips: the first two are a loudspeaker's
 
 const names = byId("sound-output");
-const places = byId("sound-channels");
+const channels = byId("sound-channels");
 const ask = byId("sound-outputs");
 const note = byId("sound-output-note");
 let whenGone = () => {};
@@ -18,13 +18,13 @@ let whenGone = () => {};
 /** What is chosen: an output by its identifier, empty for the default, and its channels, from 0. */
 export const chosenOutput = () => ({
   sinkId: names.value,
-  channels: places.hidden || !places.value ? [] : places.value.split(",").map(Number),
+  channels: channels.hidden || !channels.value ? [] : channels.value.split(",").map(Number),
 });
 
 /** Offer the grips where an output has enough channels. */
 export function offerChannels(count) {
-  places.hidden = count < LEAST;
-  const few = names.value && places.hidden;
+  channels.hidden = count < LEAST;
+  const few = names.value && channels.hidden;
   setText(note, few ? `${count} channels reach this output, of which grips are the third
     and fourth. See "Feel it in ten minutes" in the documentation: on Linux the sound server decides.` : "");
 }
@@ -42,7 +42,7 @@ async function list() {
   names.replaceChildren(options[0], ...found.map((one) => new Option(one.label, one.deviceId)));
   names.value = isGone ? "" : value;
   if (isGone) {
-    places.value = "";
+    channels.value = "";
     whenGone();
     tell(`The output ${name} is gone, and sound is off: plug it in, and choose it again.`, "error");
   }
@@ -76,10 +76,10 @@ export function lookForOutput() {
  */
 export function startOutputs(changed, gone) {
   names.addEventListener("change", () => {
-    places.value = "";
+    channels.value = "";
     changed();
   });
-  places.addEventListener("change", changed);
+  channels.addEventListener("change", changed);
   if (!("setSinkId" in AudioContext.prototype)) {
     ask.hidden = true;
     setText(note, `To feel it in a game controller, open this page in Chromium, Chrome or Edge on the

@@ -9,13 +9,15 @@ import { counters, forgetPlaces, here, isKnown } from "./places.js";
 import { drawSideView, view } from "./side_view.js";
 import { drawPlane, followContact, forgetContact, makePlane, redrawPlane } from "./speed_force_plane.js";
 
+const REQUEST_TIME = 4000; // ms after which the scene is asked for again
+
 const cards = [byId("scene-card"), byId("contact-card")];
 const inSight = new Set(); // of these cards
 let drawing = null; // as the scope serves it
 let name = null; // of the scene that is drawn
 let led = false;
 
-function forget() {
+function forgetScene() {
   forgetPlaces();
   forgetContact();
 }
@@ -24,7 +26,7 @@ function forget() {
 export const scene = {
   counters,
   here,
-  forget,
+  forget: forgetScene,
   letGo,
   redraw: redrawPlane,
   isGripped,
@@ -62,7 +64,7 @@ export const scene = {
     if (led && document.activeElement === document.body) view.focus({ preventScroll: true });
     makePlane();
     try {
-      const answer = await fetch("/scene");
+      const answer = await fetch("/scene", { signal: AbortSignal.timeout(REQUEST_TIME) });
       drawing = answer.ok ? await answer.json() : null;
       leadWithin(led ? drawing : null);
     } catch {
@@ -72,14 +74,14 @@ export const scene = {
 
   /** Ask for places while they are in sight, and let pointers lead the hand. */
   start() {
-    forget();
+    forgetScene();
     listenToPointers();
     const observer = new IntersectionObserver((entries) => {
       for (const { target, isIntersecting } of entries) {
         if (isIntersecting) inSight.add(target);
         else inSight.delete(target);
       }
-      if (!inSight.size) forget(); // places come only while they are seen
+      if (!inSight.size) forgetScene(); // places come only while they are seen
       want("scene", inSight.size > 0);
     });
     for (const card of cards) observer.observe(card);

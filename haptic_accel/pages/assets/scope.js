@@ -30,7 +30,7 @@ const DESCRIBE = 5000; // ms between two descriptions of a plot for screen reade
 
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 const dark = matchMedia("(prefers-color-scheme: dark)");
-const counters = { drawn: 0, frames: 0, bytes: 0, states: 0 };
+const tally = { drawn: 0, frames: 0, bytes: 0, states: 0 };
 let state = null; // of the graph, as it came last
 
 function forget() {
@@ -40,8 +40,8 @@ function forget() {
 }
 
 function takeFrame(buffer) {
-  counters.frames++;
-  counters.bytes += buffer.byteLength;
+  tally.frames++;
+  tally.bytes += buffer.byteLength;
   const frame = decode(buffer);
   if (frame.kind === "samples") takeSamples(frame);
   else if (frame.kind === "places") scene.take(frame.places);
@@ -72,7 +72,7 @@ function takeState(received) {
     return;
   }
   state = received;
-  counters.states++;
+  tally.states++;
   if (held === null) showNumbers(state.metrics);
   showAxes(state.axes);
   showActuator(state.actuator, state.limits);
@@ -99,7 +99,7 @@ function draw(moment) {
   drawnAt = moment;
   scene.draw();
   if (serverClock.offset === null || held !== null) return;
-  counters.drawn++;
+  tally.drawn++;
   if (moment - plottedAt < plotsRest) return;
   plottedAt = moment;
   for (const one of timePlots) one.draw();
@@ -127,7 +127,7 @@ Object.assign(window, {
   hapticScene: scene,
   hapticSound: sound,
   hapticScope: {
-    counters,
+    counters: tally,
     get state() {
       return state;
     },

@@ -14,11 +14,11 @@ const SHOW = 500; // ms between two displays of the delay
 const LOW = 30; // volume at which coils begin, %
 const RISE = 0.7; // s in which coils come to 63 % of their loudness, and in three times that to 95 %
 
-const on = byId("sound-on");
+const listen = byId("sound-on");
 const mute = byId("sound-mute");
 const volume = byId("sound-volume");
 const choices = document.querySelectorAll("[data-sound]");
-let chosen = "actual";
+let played = "actual";
 
 /** What is played, if sound was ever on. */
 export const sound = {
@@ -30,14 +30,14 @@ export const sound = {
 
   /** Play samples of a signal: stamps in s after an origin, values in m/s², rate in Hz if known. */
   take(name, origin, offsets, values, rate) {
-    if (name !== chosen || !rate || !values.length || sound.context?.state !== "running") return;
+    if (name !== played || !rate || !values.length || sound.context?.state !== "running") return;
     if (sound.context.currentTime < sound.from) return; // what waits now would wait for seconds
     sound.stream.take(Float64Array.from(offsets, (offset) => origin + offset), values, rate);
   },
 
   /** Whether the page draws so much that sound comes late. */
   get heldUp() {
-    return isPressed(on) && sound.stream.delay > HELD_UP;
+    return isPressed(listen) && sound.stream.delay > HELD_UP;
   },
 
   /** Play from now on. */
@@ -45,7 +45,7 @@ export const sound = {
 
   /** Let the card's controls act. */
   start() {
-    on.addEventListener("click", () => turn(!isPressed(on)));
+    listen.addEventListener("click", () => turn(!isPressed(listen)));
     mute.addEventListener("click", () => {
       press(mute, !isPressed(mute));
       follow();
@@ -53,12 +53,12 @@ export const sound = {
     volume.addEventListener("input", () => follow());
     setInterval(show, SHOW);
     startOutputs(reopen, () => {
-      press(on, false);
+      press(listen, false);
       reopen();
     });
     for (const button of choices) {
       button.addEventListener("click", () => {
-        chosen = button.dataset.sound;
+        played = button.dataset.sound;
         for (const one of choices) press(one, one === button);
         sound.stream?.reset();
       });
@@ -80,7 +80,7 @@ function open() {
 async function reopen() {
   await sound.context?.close(); // first, so that never two play
   open();
-  await turn(isPressed(on));
+  await turn(isPressed(listen));
 }
 
 /** Follow the card's volume; on coils that begin, from silence on. */
@@ -97,11 +97,11 @@ function show() {
   const ms = (seconds) => `${Math.round(1e3 * seconds)} ms`;
   const played = `buffer ${ms(stream.delay)}, output ${ms(context.outputLatency || context.baseLatency)}`;
   const text = stream.rate ? `delay: ${played}; underruns: ${stream.underruns}` : "no samples yet";
-  byId("sound-delay").textContent = isPressed(on) ? text : "off";
+  byId("sound-delay").textContent = isPressed(listen) ? text : "off";
 }
 
 async function turn(state) {
-  press(on, state);
+  press(listen, state);
   if (state && !sound.context) open();
   sound.stream.reset();
   if (state) follow(true);

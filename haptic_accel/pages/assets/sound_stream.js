@@ -11,7 +11,7 @@ const RESERVE = 0.008; // s that shall be left to play whenever samples arrive
 const MEMORY = 10; // s of which all but one shall be without underrun
 const BEND = 0.02; // largest change of speed, by which the reserve is corrected: a third of a semitone
 const STALE = 0.25; // s by which samples may come late, or wait, before playing begins again
-const GAP = 0.02; // s of lost samples across which a line is drawn, beyond which is silence
+const BRIDGED = 0.02; // s of lost samples across which a line is drawn, beyond which is silence
 
 /** Time in which sound begins, and ends where samples are late, s. */
 export const FADE = 0.005;
@@ -38,9 +38,9 @@ export class Stream {
     const lost = stamps[0] - this.newest;
     const other = Math.abs(rate / this.rate - 1) > BEND; // less is a better estimate
     if (other || !(Math.abs(lost) < STALE) || Math.abs(left) > STALE) {
-      this.begin(now, stamps.at(-1) - GAP);
+      this.begin(now, stamps.at(-1) - BRIDGED);
     } else {
-      if (lost > GAP) this.skip(lost - 1 / rate);
+      if (lost > BRIDGED) this.skip(lost - 1 / rate);
       this.follow(now, this.next / sampleRate - now);
     }
     this.rate = rate;

@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: 2026 haptic_accel maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The request for an emergency stop: sent again until it is confirmed, also after a reload. No module, so
-// that it runs before the button is shown: modules run when the whole page is there.
+// The request for a stop: sent again until it is confirmed, also after a reload. Inline in the page's head, so
+// that it needs no other load and runs before the button is shown. Its element states command and words.
 window.hapticStop = (() => {
   const REQUEST_TIME = 2000; // ms after which an attempt has failed: the scope answers within 1.9 s
   const RETRY = 300; // ms between two attempts
   const KEPT = "hapticStop"; // name of a request that is not confirmed, in the tab's storage
-  const UNREACHED =
-    "The stop has not reached the scope, and is sent until it does. Use the hardware, or haptic-accel estop.";
+
+  const { command, waiting, unreached, again } = document.currentScript.dataset;
 
   const stop = {
     /** True from a request until it is confirmed or dropped. */
@@ -18,13 +18,13 @@ window.hapticStop = (() => {
     show(text, kind) {
       const message = document.getElementById("message");
       if (!message) return;
-      Object.assign(message, { hidden: false, textContent: text });
+      Object.assign(message, { hidden: !text, textContent: text });
       message.dataset.state = kind;
     },
 
     /** Request the stop; a request that is pending goes on. */
     ask() {
-      stop.show("stopping", "waiting");
+      stop.show(waiting, "waiting");
       if (stop.pending) return;
       keep(true);
       repeat();
@@ -49,7 +49,7 @@ window.hapticStop = (() => {
       const [text, confirmed] = await attempt();
       if (!stop.pending) return;
       if (confirmed) stop.drop();
-      stop.show(confirmed ? text : `${text} – asking again until the stop is confirmed`, confirmed ? "OK" : "error");
+      stop.show(confirmed ? text : `${text}${again}`, confirmed ? "OK" : "error");
       if (!confirmed) await new Promise((resolve) => setTimeout(resolve, RETRY));
     }
   }
@@ -60,13 +60,13 @@ window.hapticStop = (() => {
       const answer = await fetch("/command", {
         method: "POST",
         headers: { "Content-Type": "application/json" },
-        body: JSON.stringify({ action: "estop", value: true }),
+        body: command,
         signal: AbortSignal.timeout(REQUEST_TIME),
       });
       const text = await answer.text();
       return [answer.headers.get("Content-Type").includes("json") ? JSON.parse(text).message : text, answer.ok];
     } catch {
-      return [UNREACHED, false];
+      return [unreached, false];
     }
   }
 

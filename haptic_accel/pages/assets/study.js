@@ -8,14 +8,13 @@ import { decode } from "./frames.js";
 import { letGo } from "./hand.js";
 import { OWN, post, postOnce } from "./study_post.js";
 import { readScene, showPad, startPad, takePlaces } from "./study_pad.js";
-import { askAgain, showScreen, startScreen } from "./study_screen.js";
+import { askAgain, showScreen, startScreen, texts } from "./study_screen.js";
 import { beginSound, isAudible, play, sound, takeSamples } from "./study_sound.js";
 
 const LOST = 2000; // ms without a state after which the connection counts as lost
 const WATCH = 250; // ms between two looks for that, and between two signs that a stimulus is seen
 const TRIAL = new Set(["ready", "stimulus", "question", "feedback", "wait"]);
 
-const texts = JSON.parse(document.body.dataset.texts);
 let state = null; // as it came last
 let shownAt = performance.now(); // ms, when it came
 let trouble = false; // the connection was closed
@@ -111,14 +110,6 @@ function watch() {
   renew(silence);
 }
 
-async function stop() {
-  byId("stop").setAttribute("aria-busy", "true");
-  await post("stop", []);
-  byId("stop").removeAttribute("aria-busy");
-}
-
-byId("stop").addEventListener("click", stop);
-document.addEventListener("keydown", (event) => event.key === "Escape" && !event.repeat && stop());
 startScreen(give);
 startPad();
 setInterval(() => {

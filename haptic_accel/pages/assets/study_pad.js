@@ -8,6 +8,7 @@ import { want } from "./connection.js";
 import { byId } from "./elements.js";
 import { leadWithin, listenToPointers } from "./hand.js";
 import { forgetPlaces, here } from "./places.js";
+import { REQUEST_TIME, RETRY } from "./study_post.js";
 import { drawSideView, view } from "./side_view.js";
 
 const pad = byId("pad");
@@ -23,9 +24,10 @@ export async function showPad({ shown, led }) {
   else leadWithin(null);
 }
 
-/** Read what can be touched now. */
+/** Read what can be touched now, again until it has come or the pad is hidden. */
 export async function readScene() {
-  const answer = await fetch("/scene").catch(() => null);
+  const answer = await fetch("/scene", { signal: AbortSignal.timeout(REQUEST_TIME) }).catch(() => null);
+  if (!answer?.ok && !pad.hidden) setTimeout(readScene, RETRY);
   drawing = answer?.ok ? await answer.json() : drawing;
   leadWithin(pad.hidden ? null : drawing);
 }

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // What the participant's page tells the session: each message until it is acknowledged.
-const REQUEST_TIME = 4000; // ms after which a request has failed
-const RETRY = 300; // ms between two attempts
+export const REQUEST_TIME = 4000; // ms after which a request has failed
+export const RETRY = 300; // ms between two attempts
 const FAILED = 500; // HTTP status from which on the server may do better next time
 
 /** Name of this page among those that are open. */

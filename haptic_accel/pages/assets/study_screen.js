@@ -10,13 +10,13 @@ const LOADING = 1; // s that a page may take to show a screen: if it began longe
 const LONG = 90; // characters beyond which a text is no heading
 const DOUBLE = 500; // ms for which another press is part of a double click
 const LOOK = 200; // ms between two looks at the countdown
-const PLACES = { 1: "first", 2: "second", 3: "third" }; // words of answers that name an interval
+const INTERVALS = { 1: "first", 2: "second", 3: "third" }; // words of answers that name an interval
 const NEXT = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
 
-const texts = JSON.parse(document.body.dataset.texts);
+export const texts = JSON.parse(document.body.dataset.texts);
 const [box, group, rating, scale] = ["screen", "answers", "rating", "rate"].map(byId);
 let screen = { id: null, answers: [] };
-let shownAt = 0; // ms by the page's clock
+let screenShownAt = 0; // ms by the page's clock
 let endsAt = 0; // ms, when the screen may be left
 let pressedAt = -Infinity; // ms, when an answer was given last
 let answered = false;
@@ -28,7 +28,7 @@ const translated = (text) => (Object.hasOwn(texts, text) ? texts[text] : text);
 
 /** Return an answer with its label: a word, an interval, or the values of a condition. */
 function labelled(value, _, values) {
-  if (values.every((each) => each in PLACES)) return { value, label: texts[PLACES[value]] };
+  if (values.every((each) => each in INTERVALS)) return { value, label: texts[INTERVALS[value]] };
   return { value, label: translated(value.replaceAll(/\S+=/g, "")) };
 }
 
@@ -50,18 +50,18 @@ function button(answer, index) {
   made.append(answer.label);
   made.querySelector("kbd")?.setAttribute("aria-hidden", "true");
   if (key) made.setAttribute("aria-keyshortcuts", key);
-  made.addEventListener("click", (event) => give(answer.value, event, made));
+  made.addEventListener("click", (event) => giveOnce(answer.value, event, made));
   return made;
 }
 
 /** Give an answer, unless there is one, or this press belongs to the one before. */
-function give(value, { timeStamp }, pressed) {
+function giveOnce(value, { timeStamp }, pressed) {
   const [at, waits] = [performance.now(), performance.now() < endsAt];
-  if (answered || waits || timeStamp < shownAt || at - pressedAt < DOUBLE) return;
+  if (answered || waits || timeStamp < screenShownAt || at - pressedAt < DOUBLE) return;
   [pressedAt, answered] = [at, true];
   if (pressed) press(pressed, true);
   lock();
-  choose(screen.id, value, (timeStamp - shownAt) / 1000);
+  choose(screen.id, value, (timeStamp - screenShownAt) / 1000);
 }
 
 /** Take an answer again: the one given was refused. */
@@ -106,7 +106,7 @@ function rate() {
   scale.setAttribute("aria-valuetext", label);
 }
 
-const submit = (event) => scale.dataset.touched && give(screen.answers[scale.value].value, event);
+const submit = (event) => scale.dataset.touched && giveOnce(screen.answers[scale.value].value, event);
 
 /** Begin the times of a screen: of answers by this page's clock, also if it was loaded meanwhile. */
 function beginTimes({ answers, kind, seconds }, elapsed) {
@@ -114,8 +114,8 @@ function beginTimes({ answers, kind, seconds }, elapsed) {
   const old = isFirst && answers.length > 0 && elapsed > LOADING;
   isFirst &&= elapsed === 0; // as it is in screens of the page itself
   endsAt = waits ? performance.now() + 1000 * Math.max(0, seconds - elapsed) : 0;
-  shownAt = performance.now() - (old ? 1000 * elapsed : 0);
-  if (!old) requestAnimationFrame(() => (shownAt = performance.now()));
+  screenShownAt = performance.now() - (old ? 1000 * elapsed : 0);
+  if (!old) requestAnimationFrame(() => (screenShownAt = performance.now()));
 }
 
 /** Show what a screen says; return its heading. */
@@ -173,14 +173,14 @@ function takeKey(event) {
   if (target === scale) {
     if (key === "Enter") submit(event);
   } else if (found >= 0 && all[found]) {
-    give(screen.answers[found].value, event, all[found]);
+    giveOnce(screen.answers[found].value, event, all[found]);
   } else if (NEXT[key] && target.id !== "scene" && all.length) {
     event.preventDefault();
     const at = all.indexOf(document.activeElement);
     const next = at < 0 ? (NEXT[key] > 0 ? 0 : -1) : (at + NEXT[key] + all.length) % all.length;
     all.at(next).focus();
   } else if (key === "Enter" && all.length === 1 && target.tagName !== "BUTTON") {
-    give(screen.answers[0].value, event, all[0]);
+    giveOnce(screen.answers[0].value, event, all[0]);
   } else if (NEXT[key] && isRated() && target.id !== "scene") {
     scale.focus();
   }

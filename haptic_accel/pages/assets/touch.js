@@ -4,7 +4,7 @@
 // The panel beside a hand that this page leads: what drives the motor, and how well.
 import { byId, digits, setText } from "./elements.js";
 
-const FULL = 0.98; // of the largest force, from which on the motor cannot do more
+const SATURATED = 0.98; // of the largest force, from which on the motor cannot do more
 
 const parts = document.querySelectorAll(".touching");
 let told = null; // controller whose error screen readers were told
@@ -14,7 +14,7 @@ function hint(metrics, limits) {
   const share = metrics.indistinguishable_percent;
   if (metrics.rms_desired === undefined) return "Measuring…";
   if (metrics.nrmse_percent === undefined) return "Press the tool on the surface and stroke along it.";
-  if (metrics.peak_force >= FULL * limits.force) return "The motor is at its largest force: stroke more gently.";
+  if (metrics.peak_force >= SATURATED * limits.force) return "The motor is at its largest force: stroke more gently.";
   if (share === undefined) return "Measuring…";
   return `A hand could not tell ${digits(share, 0)} % of it from the tool's.`;
 }
