@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
@@ -44,10 +45,10 @@ from haptic_accel.analysis.loading import analyse
 from haptic_accel.analysis.metrics import MILLI
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.output import results_folder, save
+from haptic_accel.cli.output import next_command, results_folder, save
 from haptic_accel.cli.report import print_analysis
 from haptic_accel.cli.running import run_to_end, stop_on_signal
-from haptic_accel.cli.studies import Journal, Show, run_study
+from haptic_accel.cli.studies import Journal, Show, run_side_by_side, run_study
 from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Stop, Workers
 from haptic_accel.core.control.controllers import CONTROLLERS
@@ -152,16 +153,13 @@ def experiment(
         if not lockstep:
             click.echo(arrangement(processes[0]))
         conditions = recorded_conditions(plan, folder / "bags", channel, lockstep)
-
-        def start(
-            left: Sequence[RecordedCondition], stop: Stop, show: Show
-        ) -> Iterator[tuple[int, str]]:
-            if lockstep:
-                return workers.completed(run_lockstep, left, stop)
-            return _run_live(left, stop, show)
-
-        journal = Journal(folder / UNFINISHED)
-        found, end = run_study(start, conditions, "conditions", str, journal)
+        (folder / UNFINISHED).touch()  # by which the folder is known when the study goes on
+        again = () if out else (next_command(*sys.argv[1:], "--out", str(folder)),)
+        study = (conditions, "conditions", str, Journal(folder / UNFINISHED, *again))
+        if lockstep:
+            found, end = run_side_by_side(workers, run_lockstep, *study)
+        else:
+            found, end = run_study(_run_live, *study)
     done = {conditions[index].bag: conditions[index].arguments for index in found}
     run = Run(arguments, done, channel, lockstep, {})
     whole = not done or _report(run, folder, json_file, workers)

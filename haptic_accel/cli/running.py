@@ -58,6 +58,10 @@ STOPPED_BY_KEY = (
 )
 
 
+NOTHING = "nothing to analyse, as the graph failed before the arms were coupled"
+"""Words on a bag that ends with a failed start."""
+
+
 @contextmanager
 def stop_on_signal(act: Callable[[], None] = lambda: None) -> Iterator[Callable[[], bool]]:
     """Handle the signals that end a verb; yield a function that is true after a signal.
@@ -214,10 +218,11 @@ def run_shown(
             supervisor.say(hint)
         with progress:
             outcome = supervisor.run(stopped)
+    beside = ["PEERS_BAG"] * any(each.executable == LINK for each in processes)
     for bag in bags:
-        beside = ["PEERS_BAG"] * any(each.executable == LINK for each in processes)
+        started = engaged or not outcome.failed
         with suppress(OSError):
-            print_line(next_command("analyze", bag, *beside))
+            print_line(next_command("analyze", bag, *beside) if started else f"{NOTHING}: {bag}")
     _conclude(outcome)
     if endless and outcome.first:
         print(f"{outcome.first} ended", file=sys.stderr)

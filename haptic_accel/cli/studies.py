@@ -51,10 +51,12 @@ class Journal:
     ----------
     file : Path
         The file need not exist.
+    again : str
+        What continues the study after an early end.
     """
 
-    def __init__(self, file: Path) -> None:
-        self.file = file
+    def __init__(self, file: Path, again: str = "the same command goes on") -> None:
+        self.file, self.again = file, again
         self._known: dict[bytes, bytes] = {}
         with located(file), suppress(FileNotFoundError), opened(file, LARGEST_RESULTS) as lines:
             for line in lines:
@@ -157,11 +159,11 @@ def run_study(
                     progress.update(bar, completed=len(done))
         except StoppedError as error:
             end = error
-        if stop() and len(done) < len(items):
-            again = "; the same command goes on" if journal else ""
-            end = StoppedError(
-                f"interrupted after {len(done)} of {len(items)} {unit}{again}", INTERRUPTED
-            )
+        if (end or stop()) and len(done) < len(items):
+            cut = end if end and not stop() else StoppedError("interrupted", INTERRUPTED)
+            again = f"; {journal.again}" if journal else ""
+            told = f"{str(cut) or 'failed'} after {len(done)} of {len(items)} {unit}{again}"
+            end = StoppedError(told, cut.status)
     if journal and len(done) == len(items):
         journal.remove()
     return dict(sorted(done.items())), end

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -182,20 +183,25 @@ def test_live_gives_the_same_figures_and_how_samples_travelled(
 
 
 @pytest.mark.quiet
-def test_ctrl_c_reports_what_was_done_and_the_same_command_goes_on(
-    haptic_accel: Start, tmp_path: Path, domain: int
+@pytest.mark.parametrize("out", [(), ("--out", "report")], ids=["new folder", "named folder"])
+def test_ctrl_c_reports_what_was_done_and_how_to_go_on(
+    haptic_accel: Start, tmp_path: Path, out: tuple[str, ...]
 ) -> None:
-    command = haptic_accel(*FOUR, "--out", "report")
+    command = haptic_accel(*FOUR, *out)
     command.wait_for("1 of 4")
     assert command.end(signal.SIGINT) == 130, command.text
     assert "Traceback" not in command.text
-    assert "interrupted after" in command.text
-    assert (tmp_path / "report" / "index.html").is_file()
-    again = haptic_accel(*FOUR, "--out", "report")
+    told = command.wait_for("interrupted after [1-3] of 4 conditions; ").partition("; ")[2]
+    _, _, advised = told.partition("next: haptic-accel ")
+    words = shlex.split(advised) or [*FOUR, *out]
+    assert ("the same command goes on" in told) == bool(out)
+    folder = tmp_path / words[-1]
+    assert (folder / "index.html").is_file()
+    again = haptic_accel(*words)
     assert again.end() == 0, again.text
-    assert "of 4 conditions are taken from report/unfinished.part" in again.text
-    assert not (tmp_path / "report" / "unfinished.part").exists()
-    assert len(list((tmp_path / "report" / "bags").iterdir())) == 4
+    assert f"of 4 conditions are taken from {words[-1]}/unfinished.part" in again.text
+    assert not (folder / "unfinished.part").exists()
+    assert len(list((folder / "bags").iterdir())) == 4
 
 
 @pytest.mark.quiet

@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+import ast
 import io
 import itertools
 import re
@@ -24,6 +25,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import haptic_accel
 from fuzzing import ODD_TEXTS, fuzz
 from haptic_accel import __version__
 from haptic_accel.analysis.metrics import Shift
@@ -48,6 +51,33 @@ from running import reserved_domain, use_domain
 from verbs import output_of, status_of
 
 DATA = Path(__file__).parents[1] / "data"
+
+
+def texts() -> Iterator[str]:
+    """Yield the texts of the package: of its modules without docstrings, of pages and scripts."""
+    for file in Path(haptic_accel.__file__).parent.rglob("*"):
+        if file.suffix in (".j2", ".js"):
+            yield file.read_text()
+        elif file.suffix == ".py":
+            nodes = list(ast.walk(ast.parse(file.read_text())))
+            alone = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+            found = (n for n in nodes if isinstance(n, ast.Constant) and id(n) not in alone)
+            yield from (str(node.value) for node in found)
+
+
+def test_every_command_that_is_advised_exists() -> None:
+    advised = "\n".join(texts())
+    verbs = set(re.findall(r"haptic-accel ([a-z]+)", advised))
+    extras = {
+        word
+        for words in re.findall(r"haptic[-_]accel\[(.*?)\]", advised)
+        for word in words.split(",")
+    }
+    assert len(verbs) > 10
+    assert verbs <= set(command_line.verbs)
+    assert extras <= set(metadata.metadata("haptic_accel").get_all("Provides-Extra", []))
+    # Wheels have no such command; that which plays a bag's topics is for those who have it.
+    assert "ros2 " not in advised.replace("ros2 bag", "")
 
 
 def every_verb() -> Iterator[tuple[str, ...]]:

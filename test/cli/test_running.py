@@ -69,12 +69,14 @@ class Verb:
         Where the graph notes how many lines it said, and that it ended in order.
     output : int
         Descriptor of its standard output.
+    graph : str
+        Program of the process.
     """
 
-    def __init__(self, folder: Path, output: int) -> None:
+    def __init__(self, folder: Path, output: int, graph: str = TALKING) -> None:
         self._folder = folder
         self.process = subprocess.Popen(
-            [sys.executable, "-c", VERB, TALKING],
+            [sys.executable, "-c", VERB, graph],
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=output,
@@ -132,6 +134,30 @@ def test_a_terminal_that_is_closed_ends_the_graph_in_order(verb: Callable[[int],
     wait_until(lambda: running.lines > 0, "its graph talks")
     os.close(here)
     assert running.end() == (0, "", True)
+
+
+FAILING = """
+from haptic_accel.core.process import tell_supervisor
+{}
+tell_supervisor("recorded", path="bag")
+raise SystemExit(1)
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "said"),
+    [
+        ("", "nothing to analyse, as the graph failed before the arms were coupled: bag"),
+        ("tell_supervisor('engaged')", "next: haptic-accel analyze bag"),
+    ],
+)
+def test_the_bag_of_a_failed_start_is_not_to_be_analysed(
+    tmp_path: Path, domain: int, before: str, said: str
+) -> None:
+    output = tmp_path / "output"
+    with output.open("w") as written:
+        assert Verb(tmp_path, written.fileno(), FAILING.format(before)).end()[0] == 1
+    assert output.read_text().splitlines()[-1] == said
 
 
 def test_a_full_disk_ends_the_graph_with_one_line(verb: Callable[[int], Verb]) -> None:

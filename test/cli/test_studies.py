@@ -68,7 +68,7 @@ def test_an_interrupted_study_goes_on_with_the_same_digits(
 ) -> None:
     file = tmp_path / "study.part"
     (first, end), _ = run(file, 3)
-    assert end is not None
+    assert str(end) == "a graph failed after 3 of 5 conditions; the same command goes on"
     assert len(first) == 3
     (found, end), begun = run(file, 9)
     assert end is None
