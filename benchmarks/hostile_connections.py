@@ -13,18 +13,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Time of a stop beside hostile connections: ``python benchmarks/hostile_connections.py``."""
+"""Time of a stop beside whoever would hold it up: ``python benchmarks/hostile_connections.py``."""
 
 from __future__ import annotations
 
 import asyncio
 import http.client
 import multiprocessing
+import os
 import resource
+import signal
+import socket
+import subprocess
 import sys
+import threading
 import time
 from collections.abc import Awaitable, Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from statistics import median
@@ -46,8 +52,14 @@ from haptic_accel.scope.windows import Windows
 HOST = "127.0.0.1"
 TOKEN = "a-token-of-the-benchmark"
 
-LONGEST = 0.2
-"""Time in which a stop must be confirmed on an idle machine, s."""
+LONGEST = 0.3
+"""Time in which a stop must be confirmed, or signalled by the command, on an idle machine, s."""
+
+STALL = 2.0
+"""Time for which the page's process is stopped while a stop waits, s."""
+
+DOMAIN = 101
+"""ROS domain of the command's trials, in which nothing else runs."""
 
 STOP_TIME = 10.0
 """Time after which a stop has failed, s."""
@@ -122,6 +134,15 @@ async def slow_body(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) 
         await asyncio.sleep(WRITING_PAUSE)
 
 
+async def whole_command(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Send commands that do nothing, as often as they are answered."""
+    asked = request("POST /command HTTP/1.1", BODY[0], "Content-Length: 2") + b"{}"
+    while not reader.at_eof() and not writer.is_closing():
+        writer.write(asked)
+        if not await reader.read(2**16):
+            return
+
+
 async def slow_reader(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
     """Ask for a script many times, and read hardly anything of it."""
     for _ in range(50):
@@ -151,7 +172,15 @@ async def flood(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> N
 
 KINDS: dict[str, Hostile] = {
     each.__name__: each
-    for each in (half_header, slow_body, slow_reader, silent_websocket, idler, flood)
+    for each in (
+        half_header,
+        slow_body,
+        whole_command,
+        slow_reader,
+        silent_websocket,
+        idler,
+        flood,
+    )
 }
 """Hostile uses of a connection, by name; each connection is renewed when it ends."""
 
@@ -184,23 +213,23 @@ def _run_server(token: str, sending: Connection) -> None:
 
 
 @contextmanager
-def process(target: Callable[..., None], *arguments: Any) -> Iterator[None]:
-    """Run a function in a process of its own, which is killed at the end."""
+def process(target: Callable[..., None], *arguments: Any) -> Iterator[int]:
+    """Run a function in a process of its own, which is killed at the end; yield its number."""
     running = multiprocessing.get_context("spawn").Process(target=target, args=arguments)
     running.start()
     try:
-        yield
+        yield running.pid or 0
     finally:
         running.kill()
         running.join()
 
 
 @contextmanager
-def served(token: str) -> Iterator[int]:
-    """Serve a page in a process of its own; yield its port."""
+def served(token: str) -> Iterator[tuple[int, int]]:
+    """Serve a page in a process of its own; yield its port and the process' number."""
     receiving, sending = multiprocessing.get_context("spawn").Pipe(duplex=False)
-    with process(_run_server, token, sending):
-        yield int(receiving.recv().split(":")[2].split("/")[0])
+    with process(_run_server, token, sending) as number:
+        yield int(receiving.recv().split(":")[2].split("/")[0]), number
 
 
 def stop(port: int, token: str) -> float:
@@ -225,17 +254,76 @@ def stop(port: int, token: str) -> float:
     return time.monotonic() - begun
 
 
-def times(port: int, token: str, trials: int) -> list[float]:
+def times(trials: int, give: Callable[[], float]) -> list[float]:
     """Return the time of each stop, s; infinity for one that failed."""
     found = []
     for _ in range(trials):
         try:
-            found.append(stop(port, token))
-        except (OSError, http.client.HTTPException) as error:
+            found.append(give())
+        except (OSError, http.client.HTTPException, subprocess.SubprocessError) as error:
             print(f"stop: {error or type(error).__name__}", file=sys.stderr)
             found.append(float("inf"))
         time.sleep(PAUSE)
     return found
+
+
+def stop_in_a_stall(port: int, token: str, server: int) -> float:
+    """Give the stop while a server is stopped; return the time from there, s, as `stop` does."""
+    os.kill(server, signal.SIGSTOP)
+    ending = threading.Timer(STALL, os.kill, (server, signal.SIGCONT))
+    ending.start()
+    try:
+        return stop(port, token) - STALL
+    finally:
+        ending.join()
+
+
+def _run_node(sending: Connection) -> None:
+    """Send a signal of a graph, and tell when the stop is signalled."""
+    from haptic_accel.core.process import EMERGENCY
+    from haptic_accel.graph.locks import lock_signal
+
+    signal.signal(EMERGENCY, lambda *_: sending.send(time.monotonic()))
+    with lock_signal(DOMAIN, "/master/servo_cf"):
+        sending.send(0.0)
+        while True:
+            signal.pause()
+
+
+@contextmanager
+def signalled(odd: int) -> Iterator[Callable[[], float]]:
+    """Yield a function that stops a node by the command and returns the time until its signal, s.
+
+    Beside the node there are a FIFO where the pending stop is left, and sockets with odd names.
+    """
+    from haptic_accel.graph.stop_signal import PENDING
+
+    place = f"{PENDING}-{os.stat('/proc/self/ns/net').st_ino}-{DOMAIN}"
+    receiving, sending = multiprocessing.get_context("spawn").Pipe(duplex=False)
+    command = [sys.executable, "-m", "haptic_accel.cli.main", "estop"]
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)}
+
+    def give() -> float:
+        begun = time.monotonic()
+        with subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL) as giving:
+            try:
+                if not receiving.poll(STOP_TIME):
+                    raise subprocess.TimeoutExpired(command, STOP_TIME)
+                return float(receiving.recv()) - begun
+            finally:
+                giving.kill()
+
+    with ExitStack() as closing:
+        os.mkfifo(place)
+        closing.callback(os.unlink, place)
+        for number in range(odd):
+            stranger = closing.enter_context(socket.socket(socket.AF_UNIX))
+            kind = (b"evil\n\nname", b"haptic_accel/%d/sender/" % DOMAIN)[number % 2]
+            stranger.bind(b"\0%s%d" % (kind, number))
+            stranger.listen()
+        closing.enter_context(process(_run_node, sending))
+        receiving.recv()
+        yield give
 
 
 @click.command(cls=Verb)
@@ -246,22 +334,34 @@ def times(port: int, token: str, trials: int) -> list[float]:
 def hostile_connections(
     *, connections: int, trials: int, guarded: bool, json_file: Path | None
 ) -> int:
-    """Measure the time of a stop from a page beside hostile connections.
+    """Measure the time of a stop from a page and from the command beside whoever would hold it up.
 
-    Connections without the token send half headers and slow bodies, read slowly, ask for signals,
-    stay idle, or come and go. Each is renewed when the page closes it. Each stop uses a connection
-    of its own. Exit status 1: a stop took longer than 0.2 s.
+    Connections without the token send half headers, slow bodies and whole commands, read slowly,
+    ask for signals, stay idle, or come and go. Each is renewed when the page closes it. Each stop
+    uses a connection of its own. The page's process is stopped for 2 s while a stop waits. The
+    command signals a node beside sockets with odd names and a FIFO. Exit status 1: a stop took
+    longer than 0.3 s.
     """
     token = TOKEN if guarded else ""
     rows: list[Row] = []
-    for name, kinds in {"none": [], **{kind: [kind] for kind in KINDS}, "all": [*KINDS]}.items():
-        count = connections if kinds else 0
-        with served(token) as port, process(_run_attack, port, kinds, count):
-            time.sleep(SETTLING_TIME)
-            found = times(port, token, trials)
+
+    def note(name: str, give: Callable[[], float]) -> None:
+        found = times(trials, give)
         late = sum(each > LONGEST for each in found)
         typical, longest = median(found), max(found)
         rows.append({"hostile": name, "median_s": typical, "max_s": longest, "late": late})
+
+    for name, kinds in {"none": [], **{kind: [kind] for kind in KINDS}, "all": [*KINDS]}.items():
+        count = connections if kinds else 0
+        with served(token) as (port, _), process(_run_attack, port, kinds, count):
+            time.sleep(SETTLING_TIME)
+            note(name, partial(stop, port, token))
+    with served(token) as (port, server):
+        note("stall", partial(stop_in_a_stall, port, token, server))
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(max(soft, 2 * connections), hard), hard))
+    with signalled(connections) as give:
+        note("command", give)
     table = Table("hostile", "median, ms", "longest, ms", f"beyond {LONGEST} s")
     for row in rows:
         milliseconds = (f"{1e3 * float(row[key]):.1f}" for key in ("median_s", "max_s"))

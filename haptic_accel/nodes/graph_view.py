@@ -110,11 +110,8 @@ class GraphView(GraphNode):
             name: RemoteParameters(self, name, parameter_names, self._update_settings, refuse)
             for name, parameter_names in WANTED.items()
         }
-        self._scene = ScopeScene(
-            self,
-            self.windows.places,
-            lambda: self._remotes["master_device"].values,
-        )
+        master = self._remotes["master_device"]
+        self._scene = ScopeScene(self, self.windows.places, lambda: master.values)
         self._signals: dict[str, tuple[Topic, _Put]] = {
             "desired": (topics.DESIRED_ACCELERATION, _only("desired")),
             "actual": (topics.HANDLE_ACCELERATION, _only("handle")),

@@ -216,9 +216,9 @@ def run(
     join : callable, optional
         Returns the nodes' loop, which works in place of the nodes.
     niceness : int
-        Niceness where real-time priority is not requested or not granted.
+        Niceness where real-time priority is not granted.
     priority : int
-        Real-time priority to request; 0 for none.
+        Real-time priority to request.
     """
     # Before the middleware's threads, which inherit the niceness.
     os.nice(niceness)
@@ -277,8 +277,7 @@ def _run(builds: Sequence[Build], join: Join | None, priority: int, signals: Sig
             if any(word in str(error) for word in ("ROS arguments", "param")):
                 raise ParameterError(str(error)) from error
             raise
-        if priority:
-            ask_for_realtime(priority)
+        ask_for_realtime(priority)
         _spin(nodes, workers, signals)
         well = True
     finally:

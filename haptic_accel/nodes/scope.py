@@ -22,16 +22,15 @@ import time
 from typing import Any
 
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.graph.stop_signal import PRIORITY
 from haptic_accel.nodes.graph_view import GraphView
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.scope_commands import Commands, choices
 from haptic_accel.scope.access import TOKEN_VARIABLE, Access
+from haptic_accel.scope.connections import Rest
 from haptic_accel.scope.node_reports import expected_nodes
 from haptic_accel.scope.server import ScopeServer
 from haptic_accel.scope.state import state_of
-
-NICENESS = 10
-"""Niceness of the scope's process: lower priority than the nodes that compute the force."""
 
 CLIENT_PERIOD = 0.2
 """Interval between checks for connected pages, s."""
@@ -53,6 +52,7 @@ class Scope(GraphView):
         self._reported = (time.monotonic(), 0, 0, 0)
         devices = [f"{arm}_device" for arm in self.arms]
         self._commands = Commands(self, devices) if p.control else None
+        self._rest = Rest()
         self.create_timer(CLIENT_PERIOD, lambda: self.receive(self._server.shown))
         try:
             access = Access(p.host, os.environ.get(TOKEN_VARIABLE, ""))
@@ -63,6 +63,11 @@ class Scope(GraphView):
             self.destroy_node()
             raise
         print(f"{address} ({'control allowed' if p.control else 'read-only'})", flush=True)
+
+    def work(self) -> float:
+        """Rest if more messages come than this process may receive with its priority."""
+        self._rest()
+        return super().work()
 
     def close(self) -> None:
         """Disconnect the pages."""
@@ -99,8 +104,8 @@ class Scope(GraphView):
 
 
 def main() -> None:
-    """Run the node."""
-    run("scope", Scope, niceness=NICENESS, priority=0)
+    """Run the node, whose page can stop a graph as the command does: with the same priority."""
+    run("scope", Scope, priority=PRIORITY)
 
 
 if __name__ == "__main__":

@@ -65,7 +65,6 @@ class Commands:
 
     def __init__(self, node: GraphNode, devices: Collection[str]) -> None:
         self._devices = devices
-        self._choices = choices()
         # Created before they are needed, because discovery takes the middleware a while.
         self._client = ServiceClient(node, asyncio.sleep, FINDING_TIME, ANSWERING_TIME)
         for request in (
@@ -98,7 +97,7 @@ class Commands:
             answer = await self._client.send(requests.engage(value))
             return answer or f"arms: {'engaged' if value else 'disengaged'}"
         check_choice("action", action, (*REQUESTS, *SWITCHES))
-        check_choice(action, value, self._choices[action])
+        check_choice(action, value, choices()[action])
         return f"{action}: {await self._client.send(REQUESTS[action](value)) or value}"
 
     async def _stop(self) -> str:

@@ -18,10 +18,14 @@
 from __future__ import annotations
 
 import asyncio
+import json
+import math
 import re
 import socket
+import time
 from collections import deque
 from collections.abc import Callable
+from typing import Any
 
 from aiohttp import web
 
@@ -30,9 +34,16 @@ MOST_CONNECTIONS = 256
 far below a process' usual limit of 1024 open files, and far above the 64 of `server.MOST_CLIENTS`
 browsers, which open up to seven each."""
 
-STRANGER_TIME = 1.0
-"""Time that a connection may stay without access to the page, s: a request that a browser sends is
-complete in one or two packets, and a packet that is lost once comes 0.2 s later."""
+STRANGER_TIME, TURNS = 1.0, 50
+"""Time that a connection may stay without a whole request, s: a request that a browser sends is
+complete in one or two packets, and a packet that is lost once comes 0.2 s later. Number of parts
+in which it is counted: all that has come is read between two of them, and a stall of the server,
+however long, counts as one."""
+
+BUSY, BREAK = 0.6, 0.01
+"""Part of a core from which on a thread rests, and for how long, s. The kernel suspends real-time
+processes that take all of a core, and with them those that make forces on it (sched(7),
+sched_rt_runtime_us)."""
 
 LONGEST_HEADER = 2**14
 """Most bytes of a stranger's request that are kept: twice aiohttp's limit for a header's field."""
@@ -47,14 +58,19 @@ turns later, thus before `MOST_CONNECTIONS` others have come."""
 
 
 OTHERS_AT_ONCE = 2
-"""First requests, other than commands, that are passed on in a turn: each costs as much as ten
+"""First requests, other than stops, that are passed on in a turn: each costs as much as ten
 accepted connections."""
 
 COMMAND = b"POST /command "
-"""Start of a request that is passed on before all others, once it is complete."""
+"""Start of a request whose body is awaited."""
+
+STOP = {"action": "estop", "value": True}
+"""Command that is passed on before all other requests."""
 
 LENGTH_OF_BODY = re.compile(rb"\r\ncontent-length: *(\d{1,5}) *(?:\r\n|$)", re.IGNORECASE)
 """Field of a header: a body longer than `LONGEST_HEADER` is not waited for (RFC 9110, 8.6)."""
+
+Pass = Callable[[], None]
 
 
 class Connections:
@@ -75,12 +91,11 @@ class Connections:
     """
 
     def __init__(self, server: web.Server, token: str, refusal: bytes) -> None:
-        self.server, self.refusal = server, refusal
-        self._token = token.encode()
-        self._strangers: dict[asyncio.BaseTransport, None] = {}
-        self._admitted: dict[asyncio.BaseTransport, None] = {}
+        self.server, self.refusal, self.token = server, refusal, token.encode()
+        self._strangers: dict[asyncio.Transport, float] = {}  # with parts of STRANGER_TIME
+        self._admitted: dict[asyncio.Transport, float] = {}
         # More than strangers have connections would be of connections closed already.
-        self._waiting = deque[Callable[[], None]](maxlen=MOST_CONNECTIONS)
+        self._waiting = deque[Pass](maxlen=MOST_CONNECTIONS)
 
     async def listen(self, host: str, port: int) -> asyncio.Server:
         """Accept connections at an address.
@@ -98,40 +113,43 @@ class Connections:
         for each in listener.sockets:
             with socket.fromfd(each.fileno(), each.family, each.type) as same:
                 same.listen(QUEUE)
+        self._counting = asyncio.create_task(self._count_time())
         return listener
 
     def meet(self, transport: asyncio.Transport) -> None:
         """Count a new connection as a stranger's for `STRANGER_TIME`."""
         _add(self._strangers, transport)
-        asyncio.get_running_loop().call_later(STRANGER_TIME, self._expire, transport)
 
-    def forget(self, transport: asyncio.BaseTransport) -> None:
+    def forget(self, transport: asyncio.Transport) -> None:
         """Remove a closed connection of a stranger from the count."""
         self._strangers.pop(transport, None)
 
-    def admit(self, transport: asyncio.BaseTransport | None) -> None:
+    def admit(self, transport: asyncio.Transport | None) -> None:
         """Count an open connection as the newest of those with access."""
         if transport:
             self._strangers.pop(transport, None)
             self._admitted.pop(transport, None)
             _add(self._admitted, transport)
 
-    def keep(self, transport: asyncio.BaseTransport | None) -> None:
+    def keep(self, transport: asyncio.Transport | None) -> None:
         """Keep a connection with access however many others come."""
         if transport:
             self._admitted.pop(transport, None)
 
     def close(self) -> None:
         """Close the connections of strangers."""
+        self._counting.cancel()
         for transport in list(self._strangers):
-            self._expire(transport)
+            transport.abort()
 
-    def enter(self, header: bytes, passes: Callable[[], None]) -> None:
-        """Pass a command on at once, and other requests by turns.
+    def enter(self, transport: asyncio.Transport, command: bytes, passes: Pass) -> None:
+        """Pass a stop on at once, and other requests by turns; what takes time now is the server.
 
         The latest is first, whose sender is the most likely to wait still.
         """
-        if header.startswith(COMMAND):
+        if transport in self._strangers:
+            self._strangers[transport] = -math.inf
+        if parsed(command) == STOP:
             passes()
             return
         if not self._waiting:
@@ -144,25 +162,41 @@ class Connections:
         if self._waiting:
             asyncio.get_running_loop().call_soon(self._pass_others)
 
-    def may_enter(self, header: bytes) -> bool:
-        """Return true unless a header lacks the token."""
-        return self._token in header
-
     def awaits(self, header: bytes, body: bytes) -> bool:
         """Return true for a stranger's command of which a part of the body is still to come.
 
         Here it costs a small part of what it costs in the server. Who has shown the token is no
         stranger.
         """
-        if self._token or not header.startswith(COMMAND):
+        if self.token or not header.startswith(COMMAND):
             return False
         length = LENGTH_OF_BODY.search(header)
         return length is not None and len(body) < int(length[1])
 
-    def _expire(self, transport: asyncio.BaseTransport) -> None:
-        if transport in self._strangers:
-            del self._strangers[transport]
-            _abort(transport)
+    async def _count_time(self) -> None:
+        """Close the connections of strangers whose time is over, and rest between if busy."""
+        rest = Rest()
+        while True:
+            await asyncio.sleep(STRANGER_TIME / TURNS)
+            for transport, parts in list(self._strangers.items()):
+                self._strangers[transport] = parts + 1
+                if parts >= TURNS:
+                    transport.abort()
+            rest()
+
+
+class Rest:
+    """Rest of the calling thread while its process takes too much of a core."""
+
+    def __init__(self) -> None:
+        self._begun, self._used = time.monotonic(), time.process_time()
+
+    def __call__(self) -> None:
+        """Sleep if the process was busy since the last call; call it ever again."""
+        passed, used = time.monotonic() - self._begun, time.process_time() - self._used
+        if passed >= BREAK:
+            time.sleep(BREAK if used > BUSY * passed else 0.0)
+            self._begun, self._used = time.monotonic(), time.process_time()
 
 
 class _Stranger(asyncio.Protocol):
@@ -184,7 +218,7 @@ class _Stranger(asyncio.Protocol):
         header, end, body = self._header.partition(b"\r\n\r\n")
         if not end and len(self._header) <= LONGEST_HEADER:
             return
-        if not self._connections.may_enter(header):
+        if self._connections.token not in header:
             answer, _, text = self._connections.refusal.partition(b"\r\n\r\n")
             self._transport.write(answer + b"\r\n\r\n" + (b"" if header[:5] == b"HEAD " else text))
             self._transport.close()
@@ -192,7 +226,8 @@ class _Stranger(asyncio.Protocol):
         if len(self._header) <= LONGEST_HEADER and self._connections.awaits(header, body):
             return
         self._transport.pause_reading()
-        self._connections.enter(header, self._pass)
+        command = body if header.startswith(COMMAND) else b""
+        self._connections.enter(self._transport, command, self._pass)
 
     def _pass(self) -> None:
         """Let the server have the connection, unless it was closed meanwhile."""
@@ -209,15 +244,18 @@ class _Stranger(asyncio.Protocol):
         self._connections.forget(self._transport)
 
 
-def _add(kept: dict[asyncio.BaseTransport, None], transport: asyncio.BaseTransport) -> None:
+def parsed(text: Any) -> Any:
+    """Return the value of a JSON text or UTF-8 bytes; None if invalid."""
+    try:
+        return json.loads(text)
+    except (TypeError, ValueError, RecursionError):
+        return None
+
+
+def _add(kept: dict[asyncio.Transport, float], transport: asyncio.Transport) -> None:
     """Add the newest connection, and close the oldest if there are too many."""
-    kept[transport] = None
+    kept[transport] = 0.0
     if len(kept) > MOST_CONNECTIONS:
         oldest = next(iter(kept))
         del kept[oldest]
-        _abort(oldest)
-
-
-def _abort(transport: asyncio.BaseTransport) -> None:
-    assert isinstance(transport, asyncio.Transport)
-    transport.abort()
+        oldest.abort()

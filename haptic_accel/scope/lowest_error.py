@@ -18,13 +18,10 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.control.inversion.bound import limited_bound
-from haptic_accel.core.handle.plant import Dynamics
-from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 
 PERIOD = 2.0
@@ -53,23 +50,13 @@ class LowestError:
         """Drop the error of an input that has ended."""
         self._computed, self._value = None, None
 
-    def follow(
-        self,
-        desired: FloatArray,
-        rate: float,
-        plant: Dynamics,
-        actuator: ActuatorParameters,
-        noise: float,
-        granted_delay: int,
-    ) -> float | None:
+    def follow(self, bound: Callable[[], float]) -> float | None:
         """Return the last result; if it is time, have that of the latest input computed.
 
         Parameters
         ----------
-        desired : ndarray, shape (n,)
-            Desired acceleration, m/s^2.
-        rate, plant, actuator, noise, granted_delay
-            As for `limited_bound`.
+        bound : callable
+            Returns `limited_bound` of the latest input, %, or raises ValueError.
 
         Returns
         -------
@@ -81,29 +68,14 @@ class LowestError:
             self._due = time.monotonic() + max(PERIOD, taken / SHARE)
             self._computed = None
         if self._computed is None and time.monotonic() >= self._due:
-            self._computed = _beside.submit(
-                _lowest, desired, rate, plant, actuator, noise, granted_delay
-            )
+            self._computed = _beside.submit(_timed, bound)
         return self._value
 
 
-def _lowest(
-    desired: FloatArray,
-    rate: float,
-    plant: Dynamics,
-    actuator: ActuatorParameters,
-    noise: float,
-    granted_delay: int,
-) -> tuple[float | None, float]:
+def _timed(bound: Callable[[], float]) -> tuple[float | None, float]:
     """Return the bound, percent, and the CPU time that it took, s."""
     begun = time.thread_time()
     found = None
     with suppress(ParameterError, ValueError):  # an input that is not finite, or too short
-        found = limited_bound(
-            *(plant, rate, desired),
-            granted_delay=granted_delay,
-            noise=noise,
-            high_pass_frequency=LOWEST_CORNER,
-            actuator=actuator,
-        )
+        found = bound()
     return found, time.thread_time() - begun

@@ -44,7 +44,7 @@ from haptic_accel.core.decimals import defined
 from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.pages import template
 from haptic_accel.scope.access import TOKEN_LETTERS, Access, is_token
-from haptic_accel.scope.connections import Connections
+from haptic_accel.scope.connections import STOP, Connections, parsed
 from haptic_accel.scope.frames import EVERYTHING, ON_DEMAND, SCENE, SOUND, Cursor, plots_frame
 from haptic_accel.scope.windows import Windows, live_rate
 
@@ -195,6 +195,8 @@ class Source(Touched, Protocol):
         """Return the state of the graph, ready for JSON."""
 
 
+Page = web.WebSocketResponse
+
 Act = Callable[[str, Any], Awaitable[str]]
 """Function that carries out an action with a value; returns a line, or raises CommandError."""
 
@@ -258,8 +260,8 @@ class ScopeServer:
         content = {"choices": source.choices(), "control": act is not None, "texts": texts or {}}
         self._pages = _pages(page, content)
         self._version = hashlib.sha256(b"".join(b for b, _ in self._pages.values())).hexdigest()
-        self._clients: dict[web.WebSocketResponse, Cursor] = {}
-        self._leader: tuple[web.WebSocketResponse | None, float] = None, 0.0
+        self._clients: dict[Page, Cursor] = {}
+        self._leader: tuple[Page | None, float] = None, 0.0
         self._updates: dict[Windows, tuple[str | bytes, ...]] = {}
         self._updated = float("-inf")
         self._logged: set[str] = set()
@@ -365,6 +367,8 @@ class ScopeServer:
             response = _message(500, FAILURE)
         if not response.prepared:
             response.headers.update({**HEADERS, **response.headers})
+            if not self._access.token:  # whoever comes here again waits with all others
+                response.force_close()
         return response
 
     def _refusal(self, request: web.Request) -> web.StreamResponse | None:
@@ -412,9 +416,11 @@ class ScopeServer:
         # A foreign page's form cannot send this type without a preflight request.
         if request.content_type != "application/json":
             return _message(415, "Content-Type: must be application/json")
-        command = _parsed(await _body(request))
+        command = parsed(await _body(request))
         if not isinstance(command, dict) or not isinstance(command.get("action"), str):
             return _message(400, "command: must be a JSON object with an action")
+        if command == STOP:  # however many others come while the devices are asked
+            self._connections.keep(request.transport)
         value = command.get("value")
         if not isinstance(value, str | bool | None):
             return _message(400, "value: must be a text, true or false")
@@ -428,15 +434,21 @@ class ScopeServer:
         if len(self._clients) >= MOST_CLIENTS:
             return _text(503, f"{MOST_CLIENTS} pages are open already, no more are served")
         # Not compressed: float32 noise hardly shrinks, and compression costs processor time.
-        page = web.WebSocketResponse(
-            heartbeat=HEARTBEAT, compress=False, max_msg_size=LONGEST_COMMAND
-        )
+        page = Page(heartbeat=HEARTBEAT, compress=False, max_msg_size=LONGEST_COMMAND)
+        # Before anything is awaited, as others come meanwhile.
+        self._clients[page] = Cursor(self._source.windows, self._kind.admitted)
+        try:
+            return await self._show(page, request)
+        finally:
+            del self._clients[page]
+
+    async def _show(self, page: Page, request: web.Request) -> web.StreamResponse:
+        cursor = self._clients[page]
         try:
             await page.prepare(request)
         except ValueError:
             return _text(400, "Sec-WebSocket-Key, Sec-WebSocket-Protocol: must be ASCII")
         self._connections.keep(request.transport)
-        cursor = self._clients[page] = Cursor(self._source.windows, self._kind.admitted)
         acts = self._send(page, cursor), self._receive(page, cursor)
         tasks = [asyncio.create_task(act) for act in acts]
         try:
@@ -445,7 +457,6 @@ class ScopeServer:
             for task in tasks:
                 task.cancel()
             self._lead(page, None)
-            del self._clients[page]
         for error in await asyncio.gather(*tasks, return_exceptions=True):
             # With or without a ConnectionError, the page has disconnected.
             if isinstance(error, Exception) and not isinstance(error, ConnectionError):
@@ -454,10 +465,10 @@ class ScopeServer:
                 await page.close(code=WSCloseCode.INTERNAL_ERROR, message=FAILURE.encode())
         return page
 
-    async def _receive(self, page: web.WebSocketResponse, cursor: Cursor) -> None:
+    async def _receive(self, page: Page, cursor: Cursor) -> None:
         """Serve a page's requests until it disconnects."""
         async for message in page:
-            asked = _parsed(message.data)
+            asked = parsed(message.data)
             if isinstance(asked, list) and all(name in ON_DEMAND for name in asked):
                 cursor.choose(asked)
             elif isinstance(asked, dict) and _is_point(asked.get("point", ())):
@@ -467,7 +478,7 @@ class ScopeServer:
                 await page.close(code=WSCloseCode.UNSUPPORTED_DATA)
                 return
 
-    def _lead(self, page: web.WebSocketResponse, point: list[float] | None) -> str:
+    def _lead(self, page: Page, point: list[float] | None) -> str:
         """Lead the hand for a page, or release it; return a refusal, or nothing."""
         now = asyncio.get_running_loop().time()
         leader, until = self._leader
@@ -481,7 +492,7 @@ class ScopeServer:
             self._leader = page, now + LEAD_TIME
         return refusal
 
-    async def _send(self, page: web.WebSocketResponse, cursor: Cursor) -> None:
+    async def _send(self, page: Page, cursor: Cursor) -> None:
         """Send new data, no more often than the screen or the sound needs.
 
         Only this task waits for a slow page: no frames are made meanwhile, so that nothing queues
@@ -512,7 +523,7 @@ class ScopeServer:
             self._logged.add(kind)
             _LOG.error("%s: %s", kind, shown(str(error)))
 
-    async def _give(self, page: web.WebSocketResponse, data: str | bytes) -> None:
+    async def _give(self, page: Page, data: str | bytes) -> None:
         if isinstance(data, str):
             await page.send_str(data)
         else:
@@ -552,14 +563,6 @@ async def _body(request: web.Request) -> bytes:
 def as_json(value: Any) -> str:
     """Return a value as JSON, with null for numbers that are not finite."""
     return json.dumps(defined(value), allow_nan=False)
-
-
-def _parsed(text: Any) -> Any:
-    """Return the value of a JSON text or UTF-8 bytes; None if invalid."""
-    try:
-        return json.loads(text)
-    except (TypeError, ValueError, RecursionError):
-        return None
 
 
 def _is_point(value: Any) -> bool:

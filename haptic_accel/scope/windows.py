@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -28,12 +29,13 @@ from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.axes import ACTUATOR_AXIS, NAMES, Axes
 from haptic_accel.core.control import filters
 from haptic_accel.core.control.channel import FADING, LISTENING
+from haptic_accel.core.control.inversion.bound import limited_bound
 from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import Spectra, evaluate, spectra
 from haptic_accel.core.handle.plant import Dynamics
 from haptic_accel.core.model import FloatArray, Vector
 from haptic_accel.core.sampling import LATENCY, NANOSECONDS, IntArray, grid_indices, half_period
-from haptic_accel.scope.lowest_error import LowestError
+from haptic_accel.scope.lowest_error import LOWEST_CORNER, LowestError
 
 LONGEST_WINDOW = 5.0
 """Longest time that a page can show, s."""
@@ -319,13 +321,16 @@ class Windows:
             values["slope"] = evaluation.slope_desired_on_actual
             values["r2"] = evaluation.r2
             settings = self.settings
-            if settings.plant and (
-                lowest := self._lowest.follow(
-                    *(desired, rate, settings.plant, settings.actuator, settings.noise),
-                    settings.granted_delay,
+            if settings.plant:
+                bound = partial(
+                    limited_bound,
+                    *(settings.plant, rate, desired),
+                    granted_delay=settings.granted_delay,
+                    noise=settings.noise,
+                    high_pass_frequency=LOWEST_CORNER,
+                    actuator=settings.actuator,
                 )
-            ):
-                values["lowest_percent"] = lowest
+                values["lowest_percent"] = self._lowest.follow(bound) or math.nan
         else:
             self._lowest.forget()
         step = len(desired) // CLOUD_POINTS + 1

@@ -37,8 +37,9 @@ from rclpy.parameter import Parameter
 from browsing import LISTEN, chromium, received
 from haptic_accel.core.process import REALTIME
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
+from haptic_accel.graph.stop_signal import PRIORITY
 from haptic_accel.scope.server import METRICS_PERIOD
-from running import Command, free_port, nodes_of, wait_until
+from running import Command, free_port, nodes_of, realtime_is_allowed, wait_until
 from sharing import own_domain
 
 if TYPE_CHECKING:
@@ -441,6 +442,7 @@ import time
 import rclpy
 from haptic_accel.core import topics
 from haptic_accel.core.cdr import StampedVector
+from haptic_accel.graph.stop_signal import PRIORITY
 from haptic_accel.nodes.topic_node import message_type, offered_quality
 
 rclpy.init()
@@ -460,9 +462,12 @@ while True:
 """Sends all signals of a page as quickly as it can: some thousand of each in a second."""
 
 
-def test_a_flood_of_signals_does_not_silence_the_scope(start: Callable[..., Command]) -> None:
-    line = start("-m", "haptic_accel.nodes.scope", "--ros-args", "-p", "port:=0").wait_for("http")
-    address = line.split()[0]
+def test_a_flood_of_signals_does_not_silence_the_scope(
+    start: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(REALTIME, raising=False)
+    scope = start("-m", "haptic_accel.nodes.scope", "--ros-args", "-p", "port:=0")
+    address = scope.wait_for("http").split()[0]
     start("-c", FLOOD)
 
     async def states() -> list[str]:
@@ -483,3 +488,6 @@ def test_a_flood_of_signals_does_not_silence_the_scope(start: Callable[..., Comm
     # A browser of another test has an event loop in this thread.
     with ThreadPoolExecutor(1) as thread:
         assert set(thread.submit(asyncio.run, states()).result()) == {"OK"}
+    # Its stop does not wait for other programs, also beside this.
+    priority = os.sched_getparam(scope.process.pid).sched_priority
+    assert priority == (PRIORITY if realtime_is_allowed() else 0)

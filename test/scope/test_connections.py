@@ -18,9 +18,14 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import socket
+import threading
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
+from typing import Any
 
 import pytest
 from hostile_connections import HOST, KINDS, TOKEN, UPGRADE, Nothing, confirm, request, stop
@@ -28,7 +33,7 @@ from hostile_connections import HOST, KINDS, TOKEN, UPGRADE, Nothing, confirm, r
 from haptic_accel.scope import connections
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
-from running import wait_until
+from running import PATIENCE, wait_until
 
 STOPS = 5
 
@@ -168,14 +173,58 @@ def test_of_too_many_idle_connections_with_access_the_oldest_is_closed(
         rest(opened[1])  # ends only when closed
 
 
-def test_commands_pass_before_other_requests(port: int, token: str) -> None:
-    others = [connected(port, b"") for _ in range(30)]
-    for each in others:
-        each.sendall(request("GET /scene HTTP/1.1", bearer))
-    stop(port, token)
-    for each in others:
-        assert each.recv(12) == b"HTTP/1.1 200"
-        each.close()
+def test_a_stop_that_waits_while_the_server_stands_still_is_answered_first(
+    token: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "STRANGER_TIME", 0.2)
+    done: list[str] = []
+
+    async def act(action: str, value: Any) -> str:
+        done.append(action)
+        if action == "stand still":
+            time.sleep(0.5)  # of the whole server, as if it was stopped
+        return action
+
+    def give(opened: socket.socket, action: str) -> None:
+        body = json.dumps({"action": action, "value": True}).encode()
+        fields = bearer, "Content-Type: application/json", f"Content-Length: {len(body)}"
+        opened.sendall(request("POST /command HTTP/1.1", *fields) + body)
+
+    serving = ScopeServer(Nothing(), Access(HOST, token), HOST, 0, act)
+    port = int(serving.start().split(":")[2].split("/")[0])
+    with ExitStack() as closing:
+        closing.callback(serving.stop)
+        opened = [closing.enter_context(connected(port, b"")) for _ in range(32)]
+        for each, action in zip(opened, ["stand still", *["record"] * 30, "estop"], strict=True):
+            give(each, action)
+            wait_until(lambda: done, "the server stands still")
+        assert all(each.recv(12) == b"HTTP/1.1 200" for each in opened)
+    assert (done[1], len(done)) == ("estop", 32)
+
+
+def test_a_stop_is_answered_however_many_come_meanwhile(
+    token: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "MOST_CONNECTIONS", 2)
+    asked, confirmed = threading.Event(), threading.Event()
+
+    async def act(action: str, value: Any) -> str:
+        asked.set()
+        await asyncio.to_thread(confirmed.wait)
+        return action
+
+    serving = ScopeServer(Nothing(), Access(HOST, token), HOST, 0, act)
+    port = int(serving.start().split(":")[2].split("/")[0])
+    with ThreadPoolExecutor() as pool, ExitStack() as closing:
+        closing.callback(serving.stop)
+        closing.callback(confirmed.set)
+        stopping = pool.submit(stop, port, token)
+        assert asked.wait(PATIENCE)
+        for _ in range(5):
+            other = connected(port, request("GET /scene HTTP/1.1", bearer))
+            assert closing.enter_context(other).recv(12) == b"HTTP/1.1 200"
+        confirmed.set()
+        stopping.result(PATIENCE)  # raises an error unless confirmed
 
 
 def test_a_server_that_stops_closes_strangers(server: ScopeServer, port: int, token: str) -> None:
