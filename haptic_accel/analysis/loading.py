@@ -31,7 +31,7 @@ from haptic_accel.analysis.metrics import MILLI, AnalysedTrial, Shift, measure
 from haptic_accel.analysis.segments import VECTORS, Segment, cut, read_segment
 from haptic_accel.analysis.two_hosts import Across, Host, compare_across, host_of, pairs
 from haptic_accel.bags.folder import find_bags
-from haptic_accel.bags.reading import read_bag
+from haptic_accel.bags.reading import read_bags
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import shortage
@@ -179,7 +179,7 @@ def _measured(task: _Task) -> _Measured:
     A robot's bag contains no handle, and thus no trial.
     """
     try:
-        recorded = read_bag(task.bag, VECTORS)
+        recorded, *others = read_bags(task.bag, VECTORS)
     except ParameterError as error:
         return _Measured([], [str(error)], has_failed=True)
     host = host_of(recorded)
@@ -187,7 +187,7 @@ def _measured(task: _Task) -> _Measured:
         return _Measured([], list(recorded.problems), host)
     measured = []
     try:
-        parts = cut(recorded, task.rig, task.rate)
+        parts = cut(recorded, *others, rig=task.rig, asked=task.rate)
         for segment in parts.segments:
             name = task.name if segment.number == 1 else f"{task.name} #{segment.number}"
             trial = measure(segment, name, task.source, task.shift)

@@ -20,7 +20,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -34,7 +34,7 @@ from haptic_accel.analysis.description import (
     sections,
 )
 from haptic_accel.bags.delivery import Delivery, delivery
-from haptic_accel.bags.reading import Bag, read_bag
+from haptic_accel.bags.reading import Bag, read_bags
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
@@ -83,8 +83,6 @@ class Segment:
     Attributes
     ----------
     bag : Path
-    number : int
-        Number among the segments of its bag, from 1.
     condition : Condition
     rate : float
         Samples per second.
@@ -97,6 +95,8 @@ class Segment:
     signals : dict of ndarray, shape (n,) for one axis or (n, k) for several
         Samples along the axes, by topic, if present in the bag.
     delivery : Delivery
+    number : int
+        Number among the segments of its bag, from 1.
     actuator : ActuatorParameters
         Actuator of the handle, for its travel.
     pair : tuple of str
@@ -127,7 +127,6 @@ class Segment:
     """
 
     bag: Path
-    number: int
     condition: Condition
     rate: float
     high_pass_frequency: float
@@ -135,6 +134,7 @@ class Segment:
     begin: float
     signals: Mapping[str, FloatArray]
     delivery: Delivery
+    number: int = 1
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
     pair: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -163,7 +163,7 @@ def read_segment(path: Path, number: int = 1) -> Segment:
     ParameterError
         The path is no bag, or the bag has no such segment.
     """
-    segments = cut(read_bag(path, VECTORS)).segments
+    segments = cut(*read_bags(path, VECTORS)).segments
     if not 1 <= number <= len(segments):
         raise ParameterError(f"number = {number}: must be from 1 to {len(segments)} in {path}")
     return segments[number - 1]
@@ -171,7 +171,7 @@ def read_segment(path: Path, number: int = 1) -> Segment:
 
 @dataclass(frozen=True)
 class Division:
-    """Result of dividing a bag.
+    """Result of dividing recordings.
 
     Attributes
     ----------
@@ -184,12 +184,14 @@ class Division:
     problems: list[str]
 
 
-def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = None) -> Division:
-    """Divide a bag at changes of the condition and at disengagements.
+def cut(
+    *recordings: Bag, rig: RigParameters | None = None, asked: float | None = None
+) -> Division:
+    """Divide the recordings in a bag's folder at changes of the condition and at disengagements.
 
     Parameters
     ----------
-    recorded : Bag
+    recordings : Bag
     rig : RigParameters, optional
         Rig with the handle, for a bag without its own description.
     asked : float, optional
@@ -205,9 +207,10 @@ def cut(recorded: Bag, rig: RigParameters | None = None, asked: float | None = N
     ParameterError
         The bag already states the given rig or rate.
     """
-    divider = _Divider(recorded)
-    segments = divider.segments(rig, asked)
-    return Division(segments, divider.problems)
+    dividers = [_Divider(recorded) for recorded in recordings]
+    found = [segment for divider in dividers for segment in divider.segments(rig, asked)]
+    segments = [replace(segment, number=number) for number, segment in enumerate(found, 1)]
+    return Division(segments, list(dict.fromkeys(p for each in dividers for p in each.problems)))
 
 
 Period = tuple[int, int]
@@ -257,7 +260,7 @@ class _Divider:
         segments: list[Segment] = []
         for known, period in self._parts(start, (begin, end)):
             if self._is_long(known, period, begin):
-                segments.append(self._segment(known, len(segments) + 1, period))
+                segments.append(self._segment(known, period))
         if not segments:
             self.problems.append(
                 f"has no trial: record at least {SHORTEST:g} s with the arms engaged, without a"
@@ -358,7 +361,7 @@ class _Divider:
                 )
         return found
 
-    def _segment(self, known: Description, number: int, period: Period) -> Segment:
+    def _segment(self, known: Description, period: Period) -> Segment:
         """Return one segment on its grid."""
         low, high = period
         rate, axes = known.rate, self._bag.axes
@@ -373,7 +376,6 @@ class _Divider:
                 signals[name] = values
         return Segment(
             bag=self._bag.path,
-            number=number,
             condition=known.condition,
             rate=rate,
             high_pass_frequency=known.high_pass_frequency,

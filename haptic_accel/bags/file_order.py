@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -24,7 +25,8 @@ import numpy as np
 
 from haptic_accel.bags.facts import ARGUMENTS, PARAMETERS, PREFIX
 from haptic_accel.bags.folder import METADATA
-from haptic_accel.bags.metadata import Metadata
+from haptic_accel.bags.mcap_format import NEVER
+from haptic_accel.bags.metadata import FileEntry, Metadata
 from haptic_accel.bags.timeline import Arrivals, continuous
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, IntArray
@@ -57,25 +59,28 @@ class FileContent:
     name : str
     custom : dict
         Custom data of the bag, repeated in the file.
-    messages : int
+    counts : Counter
+        Number of messages by topic.
     start, end : int
         First and last recording time, ns.
-    is_whole : bool
-        True if all of the file was read.
     """
 
     name: str
     custom: dict[str, str] = field(default_factory=dict)
-    messages: int = 0
-    start: int = 2**63 - 1
+    counts: Counter[str] = field(default_factory=Counter)
+    start: int = NEVER
     end: int = 0
-    is_whole: bool = False
     _samples: dict[str, list[Arrivals]] = field(default_factory=dict)
 
-    def count(self, received: IntArray) -> None:
-        """Add recording times of messages."""
+    @property
+    def messages(self) -> int:
+        """Number of messages."""
+        return self.counts.total()
+
+    def count(self, topic: str, received: IntArray) -> None:
+        """Add recording times of a topic's messages."""
         if len(received):
-            self.messages += len(received)
+            self.counts[topic] += len(received)
             self.start = min(self.start, int(received.min()))
             self.end = max(self.end, int(received.max()))
 
@@ -94,25 +99,28 @@ class FileContent:
 
 
 @dataclass(frozen=True)
-class UsedFiles:
-    """Files of the recording.
+class Recording:
+    """Files of one recording.
 
     Attributes
     ----------
+    files : list of FileContent
+        In order.
     ranks : ndarray of int64
-        Rank of each file in the recording; -1 for a file that is not used.
+        Rank of each file of the folder in the recording; -1 for a file of another one.
     custom : dict
         Custom data of the recording.
     notes : list of str
-        Files that are not used, and other orders, one line each.
+        Files of other recordings, and other orders, one line each.
     """
 
+    files: list[FileContent]
     ranks: IntArray
     custom: dict[str, str]
     notes: list[str]
 
     def moved(self, offsets: IntArray) -> IntArray:
-        """Return the offsets of messages in the recording; -1 for messages of unused files."""
+        """Return the offsets of messages in the recording; -1 for those of other recordings."""
         ranks = self.ranks[offsets >> FILE_BITS] if len(offsets) else offsets
         within = offsets & ((1 << FILE_BITS) - 1)
         return np.where(ranks < 0, -1, (ranks << FILE_BITS) + within)
@@ -130,10 +138,10 @@ class _Span:
     keys: IntArray
 
 
-def used_files(
+def recordings(
     files: Sequence[FileContent], listed: Sequence[str], custom: Mapping[str, str]
-) -> UsedFiles:
-    """Find the files of one recording, and their order.
+) -> Iterator[Recording]:
+    """Yield the recordings in a folder, that of metadata.yaml first, usually the only one.
 
     Parameters
     ----------
@@ -145,34 +153,41 @@ def used_files(
         Custom data of metadata.yaml.
     """
     spans = {number: span for number, file in enumerate(files) if (span := _span(file))}
-    order = _order(files, spans, listed)
-    notes: list[str] = []
-    used: list[int] = []
-    own = dict(custom)
-    for number in order:
-        file = files[number]
-        reason = _foreign(file, own) or _conflict(files, spans, used, number)
-        if reason:
-            notes.append(f"{file.name} is not used: {reason}")
-            continue
-        own = own or file.custom
-        used.append(number)
-    names = [files[number].name for number in used]
-    if [name for name in names if name in listed] != [name for name in listed if name in names]:
-        notes.append(f"{METADATA} lists its files in another order than that of their content")
-    ranks = np.full(len(files), -1, np.int64)
-    ranks[used] = np.arange(len(used))
-    return UsedFiles(ranks, own, notes)
+    left, own = _order(files, spans, listed), dict(custom)
+    while left:
+        notes: list[str] = []
+        used: list[int] = []
+        for number in left:
+            file = files[number]
+            reason = _foreign(file, own) or _conflict(files, spans, used, number)
+            if reason:
+                notes.append(f"{file.name} is of another recording: {reason}")
+                continue
+            own = own or file.custom
+            used.append(number)
+        names = [files[number].name for number in used]
+        if [n for n in names if n in listed] != [n for n in listed if n in names]:
+            notes.append(f"{METADATA} lists its files in another order than that of their content")
+        ranks = np.full(len(files), -1, np.int64)
+        ranks[used] = np.arange(len(used))
+        if used:
+            yield Recording([files[number] for number in used], ranks, own, notes)
+        left, own = [number for number in left if number not in used], {}
 
 
-def contradictions(metadata: Metadata, files: Sequence[FileContent]) -> Iterator[str]:
-    """Yield the differences between metadata.yaml and the files that were read completely."""
+def contradictions(
+    metadata: Metadata, files: Sequence[FileContent] | Sequence[FileEntry]
+) -> Iterator[str]:
+    """Yield the differences between metadata.yaml and all its files, which are undamaged.
+
+    Metadata of old versions of rosbag2 have counts and times of the bag, but not of each file.
+    """
     if not metadata.files:
         return
     listed = {file.name: file for file in metadata.files}
     yield from (f"{f.name} is not listed in {METADATA}" for f in files if f.name not in listed)
     both = [file for file in files if file.name in listed]
-    if not all(file.is_whole for file in files) or len(both) < len(listed):
+    if len(both) < len(listed):
         return
     messages = sum(file.messages for file in both)
     if messages != metadata.messages:

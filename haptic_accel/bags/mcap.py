@@ -221,8 +221,7 @@ class McapFile:
             for number, (times, starts) in chunk.entries.items():
                 if not len(times) or number not in self.channels:
                     continue
-                lengths = _heads(chunk.records, starts)["length"].astype(np.int64)
-                ends = starts + RECORD.size + lengths
+                ends = starts + _sizes(chunk.records, starts)
                 channel = self.channels[number]
                 offsets = before + starts
                 starts = starts + DATA
@@ -378,10 +377,13 @@ class McapFile:
         entries = chunk.entries
         if not entries or not entries.keys() <= self.channels.keys():
             return self._walked(chunk)
-        if all(_is_right(chunk.records, number, *rows) for number, rows in entries.items()):
-            return chunk
-        self._report("the index of a chunk is wrong")
-        return self._walked(chunk)
+        if not all(_is_right(chunk.records, number, *rows) for number, rows in entries.items()):
+            self._report("the index of a chunk is wrong")
+            return self._walked(chunk)
+        # Other records declare topics, whose messages may be in later chunks only.
+        starts = np.concatenate([starts for _, starts in entries.values()])
+        is_all = len(starts) and _sizes(chunk.records, starts).sum() == len(chunk.records)
+        return chunk if is_all else self._walked(chunk)
 
     def _walked(self, chunk: Chunk) -> Chunk:
         """Return a chunk, cut to its valid records, with the offsets of its messages.
@@ -569,6 +571,11 @@ def _heads(records: bytes, starts: IntArray) -> npt.NDArray[np.void]:
     """Return the headers before the data of messages."""
     anywhere = np.ndarray((len(records) - DATA + 1,), _HEAD, records, strides=(1,))
     return anywhere[starts]
+
+
+def _sizes(records: bytes, starts: IntArray) -> IntArray:
+    """Return the sizes of messages, with the headers of their records, bytes."""
+    return _heads(records, starts)["length"].astype(np.int64) + RECORD.size
 
 
 def _moment(nanoseconds: int) -> str:

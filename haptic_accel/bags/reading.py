@@ -25,7 +25,7 @@ import math
 import os
 import sqlite3
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -42,10 +42,10 @@ from haptic_accel.bags.facts import PARAMETERS, facts_of, read_description
 from haptic_accel.bags.file_order import (
     FILE_BITS,
     FileContent,
-    UsedFiles,
+    Recording,
     contradictions,
     marks_of,
-    used_files,
+    recordings,
 )
 from haptic_accel.bags.folder import (
     COMPRESSED,
@@ -192,6 +192,8 @@ class Bag:
         Number of messages by full topic name.
     problems : list of str
         Unreadable parts, one line each.
+    files : list of str
+        Names of the recording's files in order.
     """
 
     path: Path
@@ -201,6 +203,7 @@ class Bag:
     facts: dict[str, Any] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
     problems: list[str] = field(default_factory=list)
+    files: list[str] = field(default_factory=list)
 
     @property
     def arguments(self) -> dict[str, Any]:
@@ -265,7 +268,7 @@ class Bag:
 
 
 def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
-    """Read a bag.
+    """Read a bag; of several recordings in its folder, the first.
 
     Parameters
     ----------
@@ -280,34 +283,37 @@ def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
     ParameterError
         The path is no bag, or the bag is unreadable.
     """
+    return read_bags(path, vectors)[0]
+
+
+def read_bags(path: Path | str, vectors: Collection[str] | None = None) -> list[Bag]:
+    """Read each recording in the folder of a bag, usually one, as `read_bag` does."""
     path = Path(path)
-    bag = Bag(path)
-    metadata, sources = _contents(bag)
-    collected, failures, files = _Collected(bag, vectors), [], []
+    whole = Bag(path)
+    problems = whole.problems
+    metadata, sources = _contents(whole)
+    collected, failures, files = _Collected(whole, vectors), [], []
+    before = len(problems)
     for source in sources:
         files.append(collected.begin(source.name, is_alone=len(sources) == 1))
-        problems = len(bag.problems)
         try:
-            for block in _blocks(source, bag.problems, files[-1].custom):
+            for block in _blocks(source, problems, files[-1].custom):
                 collected.add(block)
         except DAMAGE_ERRORS as error:
             failures.append(f"{source.name} cannot be read: {error}")
-        files[-1].is_whole = not failures and len(bag.problems) == problems
-    if len(failures) == len(sources) and not bag.counts:
+    if len(failures) == len(sources) and not any(file.messages for file in files):
         raise ParameterError(f"{path}: must be a bag: {failures[0]}")
-    bag.problems.extend(failures)
-    used = used_files(files, [file.name for file in metadata.files], dict(metadata.custom))
-    bag.problems.extend([*contradictions(metadata, files), *used.notes])
-    bag.facts.update(collected.facts(used) | facts_of(used.custom))
-    collected.arrange(used)
-    return bag
+    is_whole = len(problems) == before and not failures
+    problems += contradictions(metadata, files) if is_whole else failures
+    listed = [file.name for file in metadata.files]
+    return [collected.arranged(each) for each in recordings(files, listed, metadata.custom)]
 
 
 def read_parts(path: Path, most: int = MOST_MESSAGES) -> Iterator[Bag]:
     """Yield a bag's contents in parts of bounded memory, each in order of time by itself.
 
     The order of files is that of their names. Whether parts follow each other in time, and are of
-    one recording, is for the caller to check; `read_bag` decides it for the bag as a whole.
+    one recording, is for the caller to check; `read_bags` decides it for the folder as a whole.
 
     Parameters
     ----------
@@ -328,33 +334,15 @@ def read_parts(path: Path, most: int = MOST_MESSAGES) -> Iterator[Bag]:
     namespace: str | None = None
     for source in sources:
         custom = dict(metadata.custom)
-        part = _Part(path, namespace)
+        part = _Collected(whole, None, namespace)
         for block in _blocks(source, whole.problems, custom):
-            part.collected.add(block)
-            if part.bag.counts.total() >= most:
-                yield part.arranged(whole.problems, custom)
-                namespace = part.collected.namespace
-                part = _Part(path, namespace)
-        yield part.arranged(whole.problems, custom)
-        namespace = part.collected.namespace
-
-
-class _Part:
-    """Bag with some of the messages of one file."""
-
-    def __init__(self, path: Path, namespace: str | None) -> None:
-        self.bag = Bag(path)
-        self.collected = _Collected(self.bag, None)
-        self.collected.namespace = namespace
-        self._file = self.collected.begin("", is_alone=True)
-
-    def arranged(self, problems: Sequence[str], custom: Mapping[str, str]) -> Bag:
-        """Return the bag, with problems and custom data of its file as far as read."""
-        used = used_files([self._file], (), custom)
-        self.bag.problems.extend(problems)
-        self.bag.facts.update(self.collected.facts(used) | facts_of(custom))
-        self.collected.arrange(used)
-        return self.bag
+            part.add(block)
+            if part.file.messages >= most:
+                yield part.arranged(*recordings([part.file], (), custom))
+                namespace = part.namespace
+                part = _Collected(whole, None, namespace)
+        yield part.arranged(*recordings([part.file], (), custom))
+        namespace = part.namespace
 
 
 def messages_of(path: Path, kinds: Collection[str]) -> Iterator[tuple[str, int, Any]]:
@@ -528,7 +516,7 @@ def _joined(
     return Block(topic, kind, received, joined, ends - lengths, ends, offsets)
 
 
-def _news(changes: Sequence[Change]) -> Iterator[Change]:
+def news(changes: Sequence[Change]) -> Iterator[Change]:
     """Yield the changes that are not there already, as nodes also repeat their parameters."""
     known: dict[tuple[str, str], str] = {}
     for change in changes:
@@ -539,12 +527,23 @@ def _news(changes: Sequence[Change]) -> Iterator[Change]:
 
 
 class _Collected:
-    """Messages read so far."""
+    """Messages read so far.
 
-    def __init__(self, bag: Bag, vectors: Collection[str] | None) -> None:
+    Attributes
+    ----------
+    file : FileContent
+        File that is being read.
+    namespace : str or None
+        Namespace of the first graph found; others are ignored.
+    """
+
+    def __init__(
+        self, bag: Bag, vectors: Collection[str] | None, namespace: str | None = None
+    ) -> None:
         self._bag = bag
         self._vectors = vectors
-        self._file = FileContent("")
+        self.file = FileContent("")
+        self.namespace = namespace
         self._before = 0  # offset of the file's beginning
         # Stamps, offsets, marks, times and values of each topic, as bytes, which grow in place;
         # arrays would need a copy.
@@ -554,23 +553,20 @@ class _Collected:
         self._changes: list[tuple[str, int, Change]] = []
         self._stated: list[tuple[str, int, Change]] = []
         self._described: list[tuple[str, int, dict[str, Any]]] = []
-        # That of the first graph found; others are ignored.
-        self.namespace: str | None = None
         self._files, self._is_alone = 0, True
 
     def begin(self, name: str, *, is_alone: bool) -> FileContent:
         """Return a file's content, to which the next blocks are added."""
         self._before = self._files << FILE_BITS
         self._files += 1
-        self._file = FileContent(name)
+        self.file = FileContent(name)
         self._is_alone = is_alone
-        return self._file
+        return self.file
 
     def add(self, block: Block) -> None:
         """Add a block of messages."""
         topic = block.topic
-        self._bag.counts[topic] += len(block.received)
-        self._file.count(block.received)
+        self.file.count(topic, block.received)
         namespace, name = _split(topic)
         if topic.endswith(f"/{_EVENTS}") and block.type == _EVENTS_TYPE:
             self._add_changes(block)
@@ -581,18 +577,25 @@ class _Collected:
         elif name and self._is_ours(namespace):
             self._add_signal(name, block)
 
-    def arrange(self, used: UsedFiles) -> None:
-        """Add the collected messages of the used files to the bag, in order of time."""
-        bag = self._bag
+    def arranged(self, used: Recording) -> Bag:
+        """Return the collected messages of a recording, in order of time."""
+        counts = sum((file.counts for file in used.files), Counter[str]())
+        names = [file.name for file in used.files]
+        bag = Bag(self._bag.path, counts=counts, files=names)
+        bag.problems.extend([*self._bag.problems, *used.notes])
+        bag.facts.update(self._stated_facts(used) | facts_of(used.custom))
         given, of_files = {}, {}
         for name, (stamps, arrivals, marks, *_) in self._columns.items():
             moved = used.moved(np.frombuffer(arrivals, np.int64))
+            if not (moved >= 0).any():
+                continue
             of_files[name] = np.flatnonzero(moved >= 0)
             columns = np.frombuffer(stamps, np.int64), moved, np.frombuffer(marks, np.int64)
             given[name] = Arrivals(*columns)[of_files[name]]
         found = timeline(given, bag.stated_rate)
         bag.problems.extend(found.notes)
-        for name, (*_, received, values) in self._columns.items():
+        for name in given:
+            *_, received, values = self._columns[name]
             if not len(found.stamps[name]):
                 continue
             chosen = of_files[name][found.chosen[name]]
@@ -603,9 +606,10 @@ class _Collected:
                 vectors = vectors.reshape(-1, 3)[chosen]
             bag.signals[name] = Signal(found.stamps[name], times, vectors.reshape(-1, 3))
         bag.diagnostics.extend(self._in_time(self._diagnostics, used, found))
-        bag.changes.extend(_news(self._in_time(self._changes, used, found)))
+        bag.changes.extend(news(self._in_time(self._changes, used, found)))
+        return bag
 
-    def facts(self, used: UsedFiles) -> dict[str, Any]:
+    def _stated_facts(self, used: Recording) -> dict[str, Any]:
         """Return the graph's metadata as its nodes first described or declared them."""
         nodes: dict[str, dict[str, Any]] = {}
         for said in self._of_graph(self._stated, used)[0]:
@@ -616,7 +620,7 @@ class _Collected:
         return facts
 
     def _of_graph(
-        self, items: Sequence[tuple[str, int, _Kind]], used: UsedFiles
+        self, items: Sequence[tuple[str, int, _Kind]], used: Recording
     ) -> tuple[list[_Kind], IntArray]:
         """Return the graph's items of the used files in order of arrival, and their offsets."""
         ours = [rest for below, *rest in items if self.namespace in (None, below)]
@@ -626,7 +630,7 @@ class _Collected:
         return [ours[index][1] for index in order.tolist()], offsets[order]
 
     def _in_time(
-        self, items: Sequence[tuple[str, int, _Item]], used: UsedFiles, found: Timeline
+        self, items: Sequence[tuple[str, int, _Item]], used: Recording, found: Timeline
     ) -> list[_Item]:
         """Return the graph's reports or changes in order of time, each once."""
         ours, offsets = self._of_graph(items, used)
@@ -664,7 +668,7 @@ class _Collected:
         if self._vectors is None or name in self._vectors:
             columns[4].extend(values.tobytes())
         if not self._is_alone:
-            self._file.add(name, Arrivals(stamps, offsets, marks))
+            self.file.add(name, Arrivals(stamps, offsets, marks))
 
     def _add_diagnostics(self, block: Block) -> None:
         # Before 0.2.0, a topic in the graph's namespace, with the node's name only.

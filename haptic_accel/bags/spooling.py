@@ -27,7 +27,7 @@ import numpy as np
 from haptic_accel.bags.facts import PARAMETERS
 from haptic_accel.bags.mcap import DAMAGE_ERRORS
 from haptic_accel.bags.metadata import MetadataError, read_metadata
-from haptic_accel.bags.reading import MOST_MESSAGES, Bag, Signal, read_bag, read_parts
+from haptic_accel.bags.reading import MOST_MESSAGES, Bag, Signal, news, read_bags, read_parts
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, IntArray, sampling_rate
 
@@ -65,16 +65,16 @@ class _Column:
         )
 
 
-def spooled_bag(
+def spooled_bags(
     path: Path,
     folder: Path,
     progress: Callable[[float], None] = lambda share: None,
     most: int = MOST_MESSAGES,
-) -> Bag:
-    """Read a bag whose signals are mapped from files in a folder.
+) -> list[Bag]:
+    """Read the recordings of a bag, whose signals are mapped from files in a folder.
 
-    The signals are those of `read_bag`, without recording times; diagnostics and changes are left
-    out. A bag in order of time is read in parts; any other one needs as much memory as `read_bag`.
+    They are those of `read_bags`, without recording times and diagnostics. A bag in order of time
+    is read in parts; any other one needs as much memory as `read_bags`.
 
     Parameters
     ----------
@@ -96,10 +96,10 @@ def spooled_bag(
     """
     parts = _in_order(read_parts(path, most))
     try:
-        return _spooled(Bag(path), _counted(parts, _messages(path), progress), folder)
-    except (_DisorderError, *DAMAGE_ERRORS):  # which read_bag puts right as far as it can
-        whole = read_bag(path)
-        return _spooled(whole, iter([whole]), folder)
+        return [_spooled(Bag(path), _counted(parts, _messages(path), progress), folder, "")]
+    except (_DisorderError, *DAMAGE_ERRORS):  # which read_bags puts right as far as it can
+        whole = enumerate(read_bags(path))
+        return [_spooled(each, iter([each]), folder, f"{n}-") for n, each in whole]
 
 
 def _messages(path: Path) -> int:
@@ -121,17 +121,18 @@ def _counted(
         raise _DisorderError
 
 
-def _spooled(bag: Bag, parts: Iterator[Bag], folder: Path) -> Bag:
-    """Return a bag with the signals of its parts."""
+def _spooled(bag: Bag, parts: Iterator[Bag], folder: Path, prefix: str) -> Bag:
+    """Return a bag with the signals of its parts, in files that begin with a prefix."""
     columns: dict[str, _Column] = {}
     for part in parts:
         for name, signal in part.signals.items():
             if name not in columns:
-                columns[name] = _Column(folder, name)
+                columns[name] = _Column(folder, prefix + name)
             columns[name].add(signal)
         if part is not bag:
             bag.counts.update(part.counts)
             bag.facts.update(part.facts | bag.facts)
+            bag.changes[:] = news([*bag.changes, *part.changes])
     bag.signals.update({name: column.close() for name, column in columns.items()})
     return bag
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -27,9 +28,12 @@ from typing import Any
 import click
 
 from haptic_accel.bags.facts import ARGUMENTS, HOST, PARAMETERS, VERSION, facts_of
+from haptic_accel.bags.file_order import contradictions
 from haptic_accel.bags.folder import MCAP, MUST_BE, is_being_written, storage_files
-from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
+from haptic_accel.bags.metadata import FileEntry, Metadata, MetadataError, read_metadata
+from haptic_accel.bags.reading import read_bags
 from haptic_accel.bags.repair import DamagedError, Repair, inspect, repair
+from haptic_accel.bags.timeline import continuous
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, json_option, verb
 from haptic_accel.cli.output import next_command, save
@@ -50,7 +54,9 @@ def info(path: Path, json_file: Path | None) -> None:
     size = sum(file.stat().st_size for file in files)
     seconds = metadata.seconds
     writing = [f"{f.name}: is still being written" for f in files if is_being_written(f)]
-    problems = writing or list(_problems(path, files, metadata))
+    others = [] if writing else _other_recordings(path, files, metadata)
+    own = [file for file in files if all(file.name not in names for names in others)]
+    problems = writing or list(_problems(path, own, metadata))
     facts = facts_of(metadata.custom)
     when = "no messages"
     if metadata.messages:
@@ -67,6 +73,8 @@ def info(path: Path, json_file: Path | None) -> None:
     print_table(ResultTable(("topic", "type", "messages", "per s"), rows, left=2))
     for problem in problems:
         print(problem if writing else f"{problem}: {REPAIR}")
+    for names in others:
+        print(f"{', '.join(names)}: another recording, which is read as a bag of its own")
     metrics = {
         "path": str(path),
         "start_ns": metadata.start if metadata.messages else None,
@@ -79,6 +87,7 @@ def info(path: Path, json_file: Path | None) -> None:
         "topics": {topic.name: topic.messages for topic in metadata.topics},
         "facts": facts,
         "problems": problems,
+        "other_recordings": others,
     }
     save(metrics, json_file)
 
@@ -125,18 +134,28 @@ def _contents(path: Path) -> tuple[list[Path], Metadata]:
 
 
 def _problems(path: Path, files: Sequence[Path], metadata: Metadata) -> Iterator[str]:
-    """Yield differences of metadata and files; files of another form are not read."""
-    for entry in metadata.files:
-        file = path / entry.name
+    """Yield damage, and differences of metadata and files; files of another form are not read."""
+    listed = [file.name for file in metadata.files]
+    yield from (f"{name}: is missing" for name in listed if not os.path.exists(path / name))
+    found: list[FileEntry] = []
+    for file in files:
         try:
-            if not os.path.exists(file):
-                yield f"{file.name}: is missing"
-            elif file.suffix == MCAP and (found := inspect(file).messages) != entry.messages:
-                yield f"{file.name}: has {found} messages, not {entry.messages}"
+            found += inspect(file).files if file.suffix == MCAP else ()
         except DamagedError as error:
             yield str(error)
-    listed = {entry.name for entry in metadata.files}
-    yield from (f"{file.name}: is not listed" for file in files if file.name not in listed)
+    if len(found) == len(files):
+        yield from contradictions(metadata, found)
+
+
+def _other_recordings(path: Path, files: Sequence[Path], metadata: Metadata) -> list[list[str]]:
+    """Return the files of each recording beside that of metadata.yaml."""
+    if not {file.name for file in files} - {file.name for file in metadata.files}:
+        spans = [(file.start, file.end) for file in metadata.files if file.messages]
+        if not continuous(spans):
+            return []
+    with suppress(ParameterError):
+        return [each.files for each in read_bags(path, ())[1:]]
+    return []
 
 
 def _fact_lines(facts: Mapping[str, Any]) -> Iterator[str]:

@@ -25,8 +25,10 @@ import numpy as np
 import pytest
 
 from bag_maker import BagContent, facts, write_bag
+from haptic_accel.analysis import load
 from haptic_accel.bags.metadata import read_metadata
-from haptic_accel.bags.reading import read_bag
+from haptic_accel.bags.reading import read_bag, read_bags
+from haptic_accel.bags.spooling import spooled_bags
 from haptic_accel.core.topics import TOOL_ACCELERATION
 
 TOOL = TOOL_ACCELERATION.name
@@ -90,14 +92,21 @@ def test_metadata_with_another_order_or_count_is_named(tmp_path: Path) -> None:
     )
 
 
-def test_a_file_of_another_recording_is_left_out_by_name(tmp_path: Path) -> None:
+def test_a_second_recording_in_the_folder_is_a_bag_of_its_own(tmp_path: Path) -> None:
     values = write_files(tmp_path / "bag", ["a_0.mcap", "a_1.mcap"])
-    write_files(tmp_path / "other", ["b_0.mcap"], seed=2)
+    more = write_files(tmp_path / "other", ["b_0.mcap"], seed=2)
     shutil.copy(tmp_path / "other" / "b_0.mcap", tmp_path / "bag")
-    found = read_bag(tmp_path / "bag")
-    assert found.signals[TOOL].values[:, 2].tolist() == values
-    told = "b_0.mcap is not used: it has other samples at the times of a_0.mcap"
-    assert told in found.problems
+    first, second = read_bags(tmp_path / "bag")
+    assert first.signals[TOOL].values[:, 2].tolist() == values
+    assert second.signals[TOOL].values[:, 2].tolist() == more
+    assert (first.files, second.files) == (["a_0.mcap", "a_1.mcap"], ["b_0.mcap"])
+    told = "b_0.mcap is of another recording: it has other samples at the times of a_0.mcap"
+    assert told in first.problems
+    assert read_bag(tmp_path / "bag").files == first.files
+    (tmp_path / "spool").mkdir()
+    spooled = spooled_bags(tmp_path / "bag", tmp_path / "spool")
+    assert [each.signals[TOOL].values[:, 2].tolist() for each in spooled] == [values, more]
+    assert len(load(tmp_path / "bag").trials) == 2
 
 
 def test_a_copy_of_a_file_counts_once(tmp_path: Path) -> None:

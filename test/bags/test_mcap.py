@@ -26,6 +26,7 @@ from backports import zstd
 from lz4 import frame as lz4
 from mcap.stream_reader import StreamReader
 
+from bag_maker import START, STRING
 from damaged import (
     CHUNK,
     CHUNKS,
@@ -38,8 +39,12 @@ from damaged import (
     without_checksums,
     write_small_bag,
 )
+from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.expanding import LARGEST_RECORD
+from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.reading import read_bag
+from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.core.cdr import pack_text
 from haptic_accel.core.topics import SIGNALS
 from reading import with_mcap
 
@@ -104,6 +109,21 @@ def test_an_index_of_messages_that_is_wrong_is_not_used(tmp_path: Path) -> None:
     bag = read_bag(tmp_path / "bag")
     assert bag.problems == ["bag_0.mcap: the index of a chunk is wrong"]
     assert {len(signal.stamps) for signal in bag.signals.values()} == {SAMPLES}
+
+
+def test_a_topic_that_is_declared_chunks_before_its_first_message_is_read(tmp_path: Path) -> None:
+    files = BagFiles(tmp_path / "bag", RecordingOptions(), {})
+    early, late = (connection(n, f"/{n}", STRING, []) for n in (1, 2))
+    files.add(early)
+    files.write(early, START, pack_text("a"))
+    files.flush()
+    files.add(late)
+    for each in (early, late):
+        files.write(each, START, pack_text("b"))
+        files.flush()
+    files.close()
+    assert len(with_mcap(tmp_path / "bag")) == 3
+    assert read_bag(tmp_path / "bag").counts == {"/1": 2, "/2": 1}
 
 
 def test_others_find_the_checksums_right(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ from hypothesis import strategies as st
 from bag_maker import Message, vector_bytes, write_messages
 from haptic_accel.bags.facts import PREFIX
 from haptic_accel.bags.reading import Bag, read_bag
-from haptic_accel.bags.spooling import spooled_bag
+from haptic_accel.bags.spooling import spooled_bags
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import HANDLE_ACCELERATION, TOOL_ACCELERATION, Topic
 
@@ -67,7 +67,7 @@ def test_any_bag_has_the_content_that_it_has_in_memory(
     with TemporaryDirectory() as folder:
         path = write_messages(Path(folder) / "bag", rows)
         (spool := Path(folder) / "spool").mkdir()
-        assert_same(spooled_bag(path, spool, most=most), read_bag(path))
+        assert_same(spooled_bags(path, spool, most=most)[0], read_bag(path))
 
 
 def spooled(tmp_path: Path, stamps: list[int], *, most: int = 400) -> tuple[Bag, Bag]:
@@ -76,7 +76,7 @@ def spooled(tmp_path: Path, stamps: list[int], *, most: int = 400) -> tuple[Bag,
     custom = {f"{PREFIX}arguments": '{"rate": 1000.0}'}
     path = write_messages(tmp_path / "bag", rows, custom=custom)
     (tmp_path / "spool").mkdir()
-    return spooled_bag(path, tmp_path / "spool", most=most), read_bag(path)
+    return spooled_bags(path, tmp_path / "spool", most=most)[0], read_bag(path)
 
 
 def test_a_clock_that_was_set_back_between_two_parts_is_put_right(tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_progress_reaches_the_end(tmp_path: Path) -> None:
     path = write_messages(tmp_path / "bag", rows)
     shares: list[float] = []
     (tmp_path / "spool").mkdir()
-    spooled_bag(path, tmp_path / "spool", shares.append, most=30)
+    spooled_bags(path, tmp_path / "spool", shares.append, most=30)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
     assert len(shares) > 1
@@ -117,11 +117,11 @@ def test_a_bag_that_was_cut_off_is_read_as_far_as_it_is_intact(tmp_path: Path, c
     data = file.read_bytes()
     file.write_bytes(data[: int(cut * len(data))])
     (tmp_path / "spool").mkdir()
-    found, whole = spooled_bag(path, tmp_path / "spool", most=500), read_bag(path)
+    (found,), whole = spooled_bags(path, tmp_path / "spool", most=500), read_bag(path)
     assert whole.problems
     assert_same(found, whole)
 
 
 def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="must be a bag"):
-        spooled_bag(tmp_path / "none", tmp_path)
+        spooled_bags(tmp_path / "none", tmp_path)

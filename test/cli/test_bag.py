@@ -16,9 +16,11 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
+import yaml
 
 from bag_maker import NANOSECONDS, START, STRING, Message, record_messages
 from damaged import write_cut_off_bag
@@ -73,3 +75,26 @@ def test_a_bag_without_a_word_that_can_be_read_is_a_failure(
     (bag / "bag_0.mcap").write_bytes(b"")
     assert status_of("bag", "repair", bag) == 1
     assert "nothing in it can be read" in capsys.readouterr().out
+
+
+def test_metadata_without_counts_of_each_file_is_no_damage(bag: Path) -> None:
+    metadata = bag / "metadata.yaml"
+    old = yaml.safe_load(metadata.read_text())
+    del old["rosbag2_bagfile_information"]["files"]  # as before version 5
+    metadata.write_text(yaml.dump(old))
+    shutil.copy(bag / "bag_0.mcap", bag / "bag_1.mcap")
+    old["rosbag2_bagfile_information"]["relative_file_paths"].append("bag_1.mcap")
+    old["rosbag2_bagfile_information"]["message_count"] = 4
+    metadata.write_text(yaml.dump(old))
+    assert "repair" not in output_of("bag", "info", bag)
+
+
+def test_a_second_recording_in_the_folder_is_named_and_no_damage(tmp_path: Path) -> None:
+    for number, name in enumerate(("bag", "other")):
+        messages = [Message("/said", STRING, START + n, b"one") for n in range(2)]
+        custom = custom_data(facts_text({"seed": number}, {}))
+        record_messages(tmp_path / name, messages, custom=custom).close()
+    shutil.copy(tmp_path / "other" / "other_0.mcap", tmp_path / "bag")
+    shown = output_of("bag", "info", tmp_path / "bag")
+    assert "other_0.mcap: another recording, which is read as a bag of its own" in shown
+    assert "repair" not in shown

@@ -17,7 +17,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -28,7 +29,7 @@ import click
 from rich.progress import Progress, TaskID
 
 from haptic_accel.bags.reading import Bag
-from haptic_accel.bags.spooling import spooled_bag
+from haptic_accel.bags.spooling import spooled_bags
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, verb
 from haptic_accel.cli.running import interrupted_by_signals, progress_bar
@@ -150,15 +151,16 @@ def export(
 
 def _write(writer: Writing, bags: Sequence[Path], beside: Path) -> None:
     """Write bags one after the other; their signals lie in a folder beside the result."""
+    taken: set[str] = set()
     with progress_bar() as progress:
-        for name, path in zip(_names(bags), bags, strict=True):
-            task = progress.add_task(f"reading {name}", total=1.0)
+        for path in bags:
+            task = progress.add_task(f"reading {name_of(path)}", total=1.0)
             with TemporaryDirectory(dir=beside) as spool:
-                bag = spooled_bag(path, Path(spool), partial(_advance, progress, task))
-                writer.notes.extend(f"{name}: {problem}" for problem in bag.problems)
-                progress.update(task, description=f"writing {name}", completed=1.0)
-                writer.add(name, bag)
-            progress.update(task, description=name)
+                for bag in spooled_bags(path, Path(spool), partial(_advance, progress, task)):
+                    name = _free_name(name_of(path), taken)
+                    writer.notes.extend(f"{name}: {problem}" for problem in bag.problems)
+                    progress.update(task, description=f"writing {name}", completed=1.0)
+                    writer.add(name, bag)
         writer.close()
 
 
@@ -166,16 +168,12 @@ def _advance(progress: Progress, task: TaskID, share: float) -> None:
     progress.update(task, completed=share)
 
 
-def _names(bags: Sequence[Path]) -> Iterator[str]:
-    """Yield a name for each bag, different from those before."""
-    taken: set[str] = set()
-    for base in map(name_of, bags):
-        name, number = base, 1
-        while name in taken:
-            number += 1
-            name = f"{base}_{number}"
-        taken.add(name)
-        yield name
+def _free_name(base: str, taken: set[str]) -> str:
+    """Return a name for a recording, different from those before, and add it to these."""
+    others = (f"{base}_{number}" for number in itertools.count(2))
+    name = next(each for each in itertools.chain([base], others) if each not in taken)
+    taken.add(name)
+    return name
 
 
 def _writer(
