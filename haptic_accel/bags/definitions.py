@@ -59,7 +59,7 @@ def connection(number: int, topic: str, kind: str, offered: Sequence[Qos]) -> Co
 @cache
 def _definition(kind: str) -> tuple[str, str]:
     """Return the text of a type, with nested types, and its hash (REP 2016)."""
-    types = _types()
+    types = types_store()
     try:
         _add_installed(types, kind)
         text, _ = types.generate_msgdef(kind, ros_version=2)
@@ -69,7 +69,8 @@ def _definition(kind: str) -> tuple[str, str]:
 
 
 @cache
-def _types() -> Typestore:
+def types_store() -> Typestore:
+    """Return the known types, whose readers are compiled once."""
     return get_typestore(Stores.ROS2_JAZZY)
 
 

@@ -44,11 +44,6 @@ def storage_files(folder: Path) -> list[Path]:
     return sorted(found, key=_numbers)
 
 
-def is_bag(folder: Path) -> bool:
-    """Return whether a folder contains a bag."""
-    return os.path.isfile(folder / METADATA) or bool(storage_files(folder))
-
-
 def find_bags(path: Path) -> list[Path]:
     """Return the bags at a path, sorted by name.
 
@@ -68,7 +63,9 @@ def find_bags(path: Path) -> list[Path]:
         return [path]
     # Links are not followed, as they may form a cycle.
     folders = sorted(f for f in path.rglob("*") if f.is_dir() and not f.is_symlink())
-    found = [folder for folder in (path, *folders) if is_bag(folder)]
+    found = [
+        each for each in (path, *folders) if os.path.isfile(each / METADATA) or storage_files(each)
+    ]
     if not found:
         raise ParameterError(f"{path}: must be a bag, or a folder with bags in it")
     return found
@@ -112,5 +109,5 @@ def listed_name(name: str) -> str:
 
 def _numbers(path: Path) -> list[tuple[int, str]]:
     """Return the parts of a name with their numbers, wherever the counter is."""
-    parts = re.split("([0-9]+)", path.name)
-    return [(int(part) if index % 2 else 0, part) for index, part in enumerate(parts)]
+    parts = enumerate(re.split("([0-9]+)", path.name))
+    return [(int(part) if index % 2 else 0, part) for index, part in parts]

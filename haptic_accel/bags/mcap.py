@@ -197,9 +197,9 @@ class McapFile:
             self._declare(kind, content)
         if self.problems:
             raise ValueError("its index is damaged")
-        if any(
-            kind == mcap.CHUNK_INDEX and not _is_indexed(chunk) for kind, chunk in index.records
-        ):
+        chunks = [content for kind, content in index.records if kind == mcap.CHUNK_INDEX]
+        # The last number of an index is that of the channels with messages.
+        if not all(mcap.CHUNK_INDEX_HEADER.unpack_from(chunk)[-1] for chunk in chunks):
             raise ValueError(
                 "a chunk has no index of messages, so that ros2 bag play plays nothing"
             )
@@ -503,12 +503,6 @@ def _index_records(content: bytes) -> Iterator[tuple[int, bytes]]:
         offset += RECORD.size
         yield kind, content[offset : offset + length]
         offset += length
-
-
-def _is_indexed(chunk_index: bytes) -> bool:
-    """Return whether a chunk contains messages and a message index."""
-    *_, channels = mcap.CHUNK_INDEX_HEADER.unpack_from(chunk_index)
-    return bool(channels)
 
 
 def _data_are_intact(file: BinaryIO, end: int) -> bool:

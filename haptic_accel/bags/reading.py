@@ -28,15 +28,13 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
-from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import numpy as np
-from rosbags.typesys import Stores, get_typestore
-from rosbags.typesys.store import Typestore
 
+from haptic_accel.bags.definitions import types_store
 from haptic_accel.bags.expanding import ZSTD, Allowance, decompressed_file, decompressed_message
 from haptic_accel.bags.facts import PARAMETERS, facts_of, read_description
 from haptic_accel.bags.file_order import (
@@ -369,7 +367,7 @@ def messages_of(path: Path, kinds: Collection[str]) -> Iterator[tuple[str, int, 
             for received, start, end in rows:
                 data = block.bytes[start:end].tobytes()
                 try:
-                    message = _types().deserialize_cdr(data, block.type)
+                    message = types_store().deserialize_cdr(data, block.type)
                 except Exception as error:  # of any kind, as for `_Collected`
                     raise ParameterError(
                         f"{path}: {block.topic}: a message cannot be read: {one_line(error)}"
@@ -716,7 +714,7 @@ class _Collected:
         for received, offset, start, end in zip(*rows, strict=True):
             try:
                 data = block.bytes[start:end].tobytes()
-                yield received, offset, _types().deserialize_cdr(data, block.type)
+                yield received, offset, types_store().deserialize_cdr(data, block.type)
             except Exception as error:
                 # Bytes of other messages cause arbitrary errors.
                 self._once(f"{block.topic}: a message cannot be read: {error}")
@@ -725,12 +723,6 @@ class _Collected:
         problem = " ".join(text.split())
         if problem not in self._bag.problems and len(self._bag.problems) < MOST_PROBLEMS:
             self._bag.problems.append(problem)
-
-
-@cache
-def _types() -> Typestore:
-    # The store compiles a reader for each type, once.
-    return get_typestore(Stores.ROS2_JAZZY)
 
 
 def _split(topic: str) -> tuple[str, str]:

@@ -94,8 +94,7 @@ def analyze(
     Takes any number of bags, or folders with bags. Prints Table II, and writes a page, plots
     for a paper, and tables.
     """
-    for path in paths:
-        find_bags(path)
+    bags = [bag for path in paths for bag in find_bags(path)]
     # Its libraries take a second to import, for which a path without bags need not wait.
     from haptic_accel.analysis.comparison import RUNS, check_comparison, compared
     from haptic_accel.analysis.loading import analyse
@@ -124,7 +123,6 @@ def analyze(
                 spread=spread,
                 ended=print_trials,
             )
-            bags = [bag for path in paths for bag in find_bags(path)]
             if not analysis.trials and len(bags) == 1:
                 read_bag(bags[0])  # or says in one line why it cannot be read
         except ParameterError:

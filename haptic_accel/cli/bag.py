@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -51,8 +50,7 @@ REPAIR = "haptic-accel bag repair makes it whole"
 def info(path: Path, json_file: Path | None) -> None:
     """Show a bag's topics, the settings it was recorded with, and any damage."""
     files, metadata = _contents(path)
-    size = sum(file.stat().st_size for file in files)
-    seconds = metadata.seconds
+    size, seconds = sum(file.stat().st_size for file in files), metadata.seconds
     writing = [f"{f.name}: is still being written" for f in files if is_being_written(f)]
     others = [] if writing else _other_recordings(path, files, metadata)
     own = [file for file in files if all(file.name not in names for names in others)]
@@ -66,10 +64,9 @@ def info(path: Path, json_file: Path | None) -> None:
     if metadata.compression_mode:
         form += f", {metadata.compression_format} by {metadata.compression_mode}"
     print(f"{path}: {when}", form, *_fact_lines(facts), sep="\n")
-    rows = []
-    for topic in metadata.topics:
-        rate = f"{topic.messages / seconds:.1f}" if seconds else ""
-        rows.append((topic.name, topic.type, str(topic.messages), rate))
+    rates = (f"{topic.messages / seconds:.1f}" if seconds else "" for topic in metadata.topics)
+    counted = zip(metadata.topics, rates, strict=True)
+    rows = [(topic.name, topic.type, str(topic.messages), rate) for topic, rate in counted]
     print_table(ResultTable(("topic", "type", "messages", "per s"), rows, left=2))
     for problem in problems:
         print(problem if writing else f"{problem}: {REPAIR}")
@@ -129,14 +126,13 @@ def _contents(path: Path) -> tuple[list[Path], Metadata]:
     try:
         return files, read_metadata(path)
     except MetadataError as error:
-        line = f"{error}: {REPAIR}" if files else f"{path}: {MUST_BE}"
-        raise ParameterError(line) from None
+        raise ParameterError(f"{error}: {REPAIR}" if files else f"{path}: {MUST_BE}") from None
 
 
 def _problems(path: Path, files: Sequence[Path], metadata: Metadata) -> Iterator[str]:
     """Yield damage, and differences of metadata and files; files of another form are not read."""
-    listed = [file.name for file in metadata.files]
-    yield from (f"{name}: is missing" for name in listed if not os.path.exists(path / name))
+    missing = (each.name for each in metadata.files if not os.path.exists(path / each.name))
+    yield from (f"{name}: is missing" for name in missing)
     found: list[FileEntry] = []
     for file in files:
         try:
@@ -149,13 +145,10 @@ def _problems(path: Path, files: Sequence[Path], metadata: Metadata) -> Iterator
 
 def _other_recordings(path: Path, files: Sequence[Path], metadata: Metadata) -> list[list[str]]:
     """Return the files of each recording beside that of metadata.yaml."""
-    if not {file.name for file in files} - {file.name for file in metadata.files}:
-        spans = [(file.start, file.end) for file in metadata.files if file.messages]
-        if not continuous(spans):
-            return []
-    with suppress(ParameterError):
-        return [each.files for each in read_bags(path, ())[1:]]
-    return []
+    is_listed = {file.name for file in files} <= {file.name for file in metadata.files}
+    if is_listed and not continuous((f.start, f.end) for f in metadata.files if f.messages):
+        return []
+    return [each.files for each in read_bags(path, ())[1:]]
 
 
 def _fact_lines(facts: Mapping[str, Any]) -> Iterator[str]:

@@ -30,11 +30,7 @@ HOST = "127.0.0.1"
 def show_page(address: str, *, opened: bool = True) -> None:
     """Print the address of a page, and open it in a browser where there is a screen."""
     print_line(f"{address} (Ctrl-C ends)")
-    if opened and _has_screen():
+    # Elsewhere a browser would be one of text, in this terminal.
+    screens = map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY"))
+    if opened and (sys.platform in ("darwin", "win32") or any(screens)):
         webbrowser.open(address)
-
-
-def _has_screen() -> bool:
-    """Return False where a browser would be one of text, in this terminal."""
-    screens = ("DISPLAY", "WAYLAND_DISPLAY")
-    return sys.platform in ("darwin", "win32") or any(map(os.environ.get, screens))

@@ -147,13 +147,9 @@ def _answer(error: Exception) -> tuple[str, int] | None:
         return str(error), WRONG_ARGUMENTS
     if isinstance(error, StoppedError):
         return str(error), error.status
-    if isinstance(error, ModuleNotFoundError) and _top(error) in OF_ROSBAGS:
+    if isinstance(error, ModuleNotFoundError) and f"{error.name}".partition(".")[0] in OF_ROSBAGS:
         return NO_ROSBAGS, FAILED
     return None
-
-
-def _top(missing: ModuleNotFoundError) -> str:
-    return (missing.name or "").partition(".")[0]
 
 
 def _of_system(error: OSError) -> str:

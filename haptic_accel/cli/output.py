@@ -68,7 +68,7 @@ def printable_output() -> Iterator[None]:
                 write = _dropping(stream, stream.write, lost)
                 # By this name rich looks for the stream behind another.
                 setattr(stream, "rich_proxied_file", _Unescaped(stream, write))  # noqa: B010
-                setattr(stream, "write", _escaping(write))  # noqa: B010
+                setattr(stream, "write", lambda t, to=write: to(printable(t, LINE_ENDS)))  # noqa: B010
                 setattr(stream, "flush", _dropping(stream, stream.flush, lost))  # noqa: B010
                 for name in ("rich_proxied_file", "write", "flush"):
                     stack.callback(delattr, stream, name)
@@ -100,10 +100,6 @@ def drop_output(stream: Any) -> None:
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, stream.fileno())
     os.close(null)
-
-
-def _escaping(write: Callable[[str], int]) -> Callable[[str], int]:
-    return lambda text: write(printable(text, LINE_ENDS))
 
 
 class _Unescaped:

@@ -25,7 +25,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
-from typing import Any, NoReturn, TextIO
+from functools import partial
+from typing import Any, TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -92,11 +93,7 @@ def stop_on_signal(act: Callable[[], None] = lambda: None) -> Iterator[Callable[
 
 def interrupted_by_signals() -> AbstractContextManager[object]:
     """Let all signals that end a verb interrupt it as Ctrl-C does, so that it cleans up."""
-    return stop_on_signal(_interrupt)
-
-
-def _interrupt() -> NoReturn:
-    raise KeyboardInterrupt
+    return stop_on_signal(partial(signal.default_int_handler, signal.SIGINT, None))
 
 
 def print_line(line: str) -> None:
