@@ -25,7 +25,7 @@ from contextlib import suppress
 from haptic_accel.core.parameters import ParameterError
 
 PERIOD = 2.0
-"""Shortest time between two computations, s: the length of the inputs."""
+"""Shortest time to the first computation and between two, s: the length of the inputs."""
 
 SHARE = 0.05
 """Part of a core that the computations may take: one takes 0.15 s at 1 kHz, and longer at a higher
@@ -39,16 +39,12 @@ _beside = ThreadPoolExecutor(1, "lowest error")  # the page's server must not wa
 
 
 class LowestError:
-    """Lowest error for an input that goes on, computed now and then on a thread of its own."""
+    """Lowest error for one input that goes on, computed now and then on a thread of its own."""
 
     def __init__(self) -> None:
         self._computed: Future[tuple[float | None, float]] | None = None
         self._value: float | None = None
-        self._due = 0.0
-
-    def forget(self) -> None:
-        """Drop the error of an input that has ended."""
-        self._computed, self._value = None, None
+        self._due = time.monotonic() + PERIOD
 
     def follow(self, bound: Callable[[], float]) -> float | None:
         """Return the last result; if it is time, have that of the latest input computed.

@@ -257,15 +257,15 @@ class PacedRig:
             except ParameterError as error:
                 answer.set_exception(error)
             else:
+                for _, windows in self._axes:
+                    windows.compare_anew()
                 answer.set_result(f"{action}: {value}")
 
     def _set_controller(self, name: str) -> None:
         self._compensation.select(name)
         self._values["compensator"]["controller"] = name
-        granted = self._granted(name)
         for _, windows in self._axes:
-            windows.settings = replace(windows.settings, granted_delay=granted)
-            windows.compare_anew()
+            windows.settings = replace(windows.settings, granted_delay=self._granted(name))
 
     def _granted(self, controller: str) -> int:
         """Return a controller's granted delay, in samples."""

@@ -260,13 +260,14 @@ class Windows:
         }
 
     def compare_anew(self) -> None:
-        """Restrict the comparison to samples after a change of controller that begins now."""
+        """Restrict the comparison to samples after a change that begins now."""
+        self._lowest = LowestError()
         self._compared_from = self.handle.newest + int(CHANGING * NANOSECONDS)
 
     def leave_out(self, duration: int) -> None:
-        """Postpone a comparison that has not begun by a time that the stamps leave out, ns."""
-        if self._compared_from > self.handle.newest:
-            self._compared_from += duration
+        """Begin the comparison anew after a time that the stamps leave out, ns."""
+        self.compare_anew()
+        self._compared_from += duration
 
     def advance(self) -> None:
         """Derive signals from the newest handle samples."""
@@ -332,7 +333,7 @@ class Windows:
                 )
                 values["lowest_percent"] = self._lowest.follow(bound) or math.nan
         else:
-            self._lowest.forget()
+            self._lowest = LowestError()
         step = len(desired) // CLOUD_POINTS + 1
         return Metrics(_finite(values), found, desired[::step], actual[::step])
 
