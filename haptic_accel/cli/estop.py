@@ -68,14 +68,17 @@ def estop(signalled: Signalled | None, arguments: StopArguments) -> None:
     """
     domain, namespace = own_domain(), arguments.namespace
     if arguments.release:
-        from haptic_accel.nodes.emergency_stop import release
+        line, silent = "", f"this {NEEDS_ROS}"  # LeRobot's fast path does not
+        if has_ros():
+            from haptic_accel.nodes.emergency_stop import release
 
-        line, missing = _answer(namespace, release, REASON_TIME)
+            line, missing = _answer(namespace, release, REASON_TIME)
+            silent = f"{_silent(missing)}; is the graph running?" if missing else ""
         was_pending = PendingStop(domain, namespace).withdraw()
-        if missing and was_pending:
+        if silent and was_pending:
             line = "released for graphs that start; none answers"
-        elif missing:
-            raise StoppedError(f"{_silent(missing)}; is the graph running?")
+        elif silent:
+            raise StoppedError(silent)
         print(f"emergency stop {line}")
         return
     # By signals first: ROS takes a while to import, and to join the graph.

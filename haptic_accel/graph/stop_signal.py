@@ -128,6 +128,10 @@ class PendingStop:
         before, self._known = self._known, set(map(_identity, self._files)) - {(0, 0)}
         return not self._known <= before
 
+    def holds(self) -> bool:
+        """Return whether there is a stop."""
+        return any(map(os.path.lexists, self._files))
+
 
 def own_domain() -> int:
     """Return the ROS domain of the environment.
@@ -302,8 +306,7 @@ def _addresses() -> list[bytes]:
 
 def used_domains() -> set[int]:
     """Return the ROS domains in which nodes of this machine send signals, or links run."""
-    numbers = [name.split(b"/")[1] for name in _addresses()]
-    return {int(number) for number in numbers if number.isdigit()}  # any program chooses its names
+    return {int(n) for n in (name.split(b"/")[1] for name in _addresses()) if n.isdigit()}
 
 
 def _handles_emergency(process: int) -> bool:

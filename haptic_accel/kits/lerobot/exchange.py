@@ -26,8 +26,8 @@ from haptic_accel.core.model import FloatArray, Vector
 
 WRITTEN, TICKS, LATE, LOST, FELT = range(5)
 """Places in `Ring.counts`: samples so far; ticks, and those that were late by half a period or
-more; samples that did not come and are held from the one before; 1 while the coil may move, which
-the reader sets."""
+more; samples that did not come and are held from the one before; steady time of the
+last request to let the coil move, ns, which the reader sets."""
 
 SLOTS = 8192
 """Samples that are kept: 8 s at 960 Hz, so that no reader is overtaken."""

@@ -181,9 +181,9 @@ class FastPath:
         age = time.monotonic() - newest[0] / self.arguments.rate if newest else 0.0
         return f"no sample for {age:.1f} s" if age > STALE else ""
 
-    def feel(self, felt: bool) -> None:
-        """Let the coil move, or silence it, from the next tick on."""
-        self.ring.counts[FELT] = felt
+    def feel(self) -> None:
+        """Let the coil move for half a second, from the next tick on."""
+        self.ring.counts[FELT] = time.monotonic_ns()
 
     def window(self, size: int) -> FloatArray | None:
         """Return the newest samples, which are awaited at the start; None with a `problem`.

@@ -39,6 +39,7 @@ from haptic_accel.core.process import DONE, ENDING, FAILED
 from haptic_accel.core.simulated_rig import build_loop
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import Device, DeviceError
+from haptic_accel.graph.stop_signal import PendingStop, own_domain
 from haptic_accel.kits.lerobot.exchange import FELT, LATE, TICKS, WRITTEN, Ring
 from haptic_accel.kits.lerobot.fast_path import RUNNING
 from haptic_accel.nodes.priority import ask_for_realtime, scheduling_class, sharpen_timers
@@ -46,6 +47,10 @@ from haptic_accel.nodes.timing import CATCH_UP, ArrivalKeeper, RateKeeper, wake_
 from haptic_accel.setup.arguments import GraphArguments, parse_arguments
 from haptic_accel.setup.node_parameters import SAFETY, build_device
 from haptic_accel.setup.setup import Setup
+
+FELT_TIME, LOOKING_PERIOD = 500_000_000, 100_000_000
+"""Time for which a request lets the coil move, ns: much longer than a frame of LeRobot, and short
+for a process that hangs. Interval between looks for a pending emergency stop, ns: the nodes'."""
 
 REST = 20e-6
 """Shortest sleep between two looks at the clock, s. A real-time process that never sleeps is ended
@@ -81,6 +86,7 @@ class FeltLoop:
         self._devices = [device for device, _ in built.values()]
         self._sides = {arm: side for arm, (_, side) in built.items()}
         self._loop = build_loop(setup.rig(), self._sides, part, longest=longest)
+        self._pending, self._looked, self._stopped = PendingStop(own_domain(), ""), 0, True
 
     def open(self) -> str:
         """Open the devices, with a silent coil; return their remarks."""
@@ -103,7 +109,7 @@ class FeltLoop:
 
     def work(self) -> float:
         """Do the work that is due; return the steady time of the next, s."""
-        if self._ring.counts[FELT] != self._felt:
+        if self._may_feel(time.monotonic_ns()) != self._felt:
             self._feel(not self._felt)
         tick = self._keeper.due()
         if tick is not None:
@@ -120,6 +126,12 @@ class FeltLoop:
                 look = self._arrivals[arm].polled(found=side.complete)
                 wake = wake if side.complete else min(wake, look)
         return wake
+
+    def _may_feel(self, now: int) -> bool:
+        """Return whether the coil is asked for, and no emergency stop is pending."""
+        if now - self._looked >= LOOKING_PERIOD:
+            self._looked, self._stopped = now, self._pending.holds()
+        return not self._stopped and bool(now - self._ring.counts[FELT] < FELT_TIME)
 
     def _feel(self, felt: bool) -> None:
         """Let the coil move, or silence it."""

@@ -26,14 +26,14 @@ from haptic_accel.kits.lerobot.wrapping import Wrapping
 class FeltTeleoperator(Wrapping, WrappedTeleoperator):
     """Teleoperator of LeRobot with a coil in its handle, to be joined with LeRobot's base class.
 
-    The coil moves while it is connected, and is silent before and after. If the fast path ends
-    meanwhile, the arm goes on. Parameters as for `Wrapping`.
+    The coil moves while actions are asked for. If the fast path ends meanwhile, the arm goes on.
+    Parameters as for `Wrapping`.
     """
 
-    feels = True
-
     def get_action(self) -> dict[str, Any]:
-        """Return the leader's action."""
+        """Return the leader's action, and let the coil move until the next."""
         self.tell_problem()
+        if self._path:
+            self._path.feel()
         action: dict[str, Any] = self.wrapped.get_action()
         return action

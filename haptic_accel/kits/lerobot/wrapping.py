@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import logging
 from contextlib import ExitStack
-from typing import Any, ClassVar
+from typing import Any
 
 from haptic_accel.kits.lerobot.fast_path import FastPath, join, leave, read_arguments
 from haptic_accel.kits.lerobot.interface import WrappedArm
@@ -43,9 +43,6 @@ class Wrapping(WrappedArm):
     ParameterError
         An argument is not allowed.
     """
-
-    feels: ClassVar[bool] = False
-    """The coil moves while the device is connected."""
 
     def __init__(self, wrapped: Any, arguments: str) -> None:
         self.wrapped = wrapped
@@ -81,8 +78,6 @@ class Wrapping(WrappedArm):
         LOG.info("fast path: %s", path.remarks)
         if SIMULATED in (self._arguments.master, self._arguments.slave):
             LOG.warning("fast path: simulated; a sound card needs master:=none slave:=none")
-        if self.feels:
-            path.feel(True)
 
     def disconnect(self) -> None:
         """Leave the fast path and disconnect the wrapped device, even if one of them fails."""
@@ -91,8 +86,6 @@ class Wrapping(WrappedArm):
             closing.callback(self.wrapped.disconnect)
             if path:
                 closing.callback(leave, path)
-            if path and self.feels:
-                path.feel(False)
 
     def tell_problem(self) -> None:
         """Log once that the fast path has failed, if it has: an arm must not stop for it."""

@@ -33,6 +33,7 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import DeviceError
+from haptic_accel.graph.stop_signal import PendingStop
 from haptic_accel.kits.lerobot.exchange import LATE, TICKS
 from haptic_accel.kits.lerobot.fast_path import (
     FastPath,
@@ -132,7 +133,7 @@ import os, signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)
 from haptic_accel.kits.lerobot.fast_path import join, read_arguments
 path = join(read_arguments(""))
-path.feel(True)
+path.feel()
 if sys.argv[1] == "forked" and os.fork() == 0:
     time.sleep(60)
     os._exit(0)
@@ -173,7 +174,7 @@ def test_an_end_is_known_with_its_reason(start: Start, number: signal.Signals) -
     assert wait_until(lambda: path.problem.startswith("ended"), "end"), problem
     assert path.problem == f"ended with status {expected}"
     assert path.window(32) is None
-    path.feel(True)  # is of no use, and no error
+    path.feel()  # is of no use, and no error
 
 
 def test_a_process_that_hangs_is_noticed(start: Start) -> None:
@@ -216,34 +217,38 @@ def card(tmp_path: Path) -> Iterator[SimpleNamespace]:
         yield SimpleNamespace(folder=tmp_path, words=f"params_file:={file} latency:=15")
 
 
-@pytest.mark.parametrize("felt", [False, True])
-def test_the_coil_moves_only_while_it_is_felt(card: SimpleNamespace, felt: bool) -> None:
-    path = join(read_arguments(card.words))
-    ticks = int(path.ring.counts[TICKS])
-    try:
-        path.feel(felt)
-        wait_until(lambda: path.ring.counts[TICKS] > ticks + 1.5 * RATE, "strokes")
-    finally:
-        leave(path)
-    played = received(card.folder)
-    assert len(played) > 0
-    assert bool(np.any(played)) is felt
+@pytest.mark.parametrize("stopped", [False, True])
+def test_the_coil_moves_while_it_is_asked_for_and_no_stop_is_pending(
+    card: SimpleNamespace, domain: int, stopped: bool
+) -> None:
+    path, pending = join(read_arguments(card.words)), PendingStop(domain, "")
+    asked = iter([False, True, stopped, stopped])
 
+    def play() -> None:
+        ticks, asks = int(path.ring.counts[TICKS]), next(asked)
 
-def test_a_coil_that_was_felt_is_silent_again(card: SimpleNamespace) -> None:
-    path = join(read_arguments(card.words))
+        def is_over() -> bool:
+            if asks:
+                path.feel()
+            return bool(path.ring.counts[TICKS] > ticks + 1.5 * RATE)
+
+        wait_until(is_over, "strokes")
+
     try:
-        for felt in (True, False):
-            path.feel(felt)
-            ticks = int(path.ring.counts[TICKS])
-            wait_until(lambda ticks=ticks: path.ring.counts[TICKS] > ticks + 1.5 * RATE, "strokes")
+        play()
+        play()
+        if stopped:
+            assert pending.leave()
+        play()
+        play()
     finally:
+        pending.withdraw()
         leave(path)
     played = received(card.folder)
     loud = np.flatnonzero(played.any(axis=1))
-    assert len(loud) > 0
-    # The last third at least, as both parts are of the same length.
-    assert loud.max() < 0.8 * len(played)
+    # Four parts of the same length, after the card's start; a request holds for a third of one.
+    assert loud.min() > 0.15 * len(played)
+    assert 0.4 * len(played) < loud.max() < 0.7 * len(played)
 
 
 @pytest.mark.parametrize(
