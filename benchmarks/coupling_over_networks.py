@@ -26,6 +26,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from two_arms import ENGAGING, RATE, Instant, TwoArms, free, press, stroke, wall
+
 from haptic_accel.cli.main import run
 from haptic_accel.cli.options import json_option, verb, workers_options
 from haptic_accel.cli.output import save
@@ -36,7 +38,6 @@ from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import Vector
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.tables import Column, ResultTable, Row
-from haptic_accel.core.two_arms import ENGAGING, RATE, Instant, TwoArms, free, press, stroke, wall
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial
 from haptic_accel.setup.setup import Setup

@@ -19,7 +19,7 @@ the error of the vector, the median error of its direction, and the share that a
 tell, beside the bound of any causal linear controller. With one coil, the same handle moves by the
 coil along z only, whose signal is one of the live reductions of the tool's three axes
 (``reduction:=axis``, ``sum`` or ``principal``). With pulses, a device plays without error one sine
-a frame, as `haptic_accel.core.pulses` reduces the tool's vibration to them.
+a frame, as `pulses.py` reduces the tool's vibration to them.
 
 ``--turned`` prints the error, and the time from contact to the first warning, with the handle's
 accelerometer turned by ten degrees that nobody has told.
@@ -36,6 +36,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from pulses import played, pulses
 
 from haptic_accel.analysis.plots import BLACK, BLUE, VERMILION
 from haptic_accel.core.control.compensation import matrix_plant
@@ -45,7 +46,6 @@ from haptic_accel.core.evaluation.delay import aligned
 from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import direction_error, evaluate
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.pulses import played, pulses
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import SURFACES, GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial

@@ -24,9 +24,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from haptic_accel.cli.options import arguments, verb
-from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.model import POSTURES
-from haptic_accel.core.parameters import ParameterError, parameter, schema
+from haptic_accel.core.parameters import ParameterError, like, parameter, schema
 from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.topics import DEVICES
 from haptic_accel.setup.namespaces import NamespaceArguments
@@ -47,7 +47,7 @@ def _switch(text: str) -> Any:
 class ControlArguments(NamespaceArguments):
     """Settings that can be changed."""
 
-    controller: str = parameter(KEEP, "controller that takes over", choices=(KEEP, *CONTROLLERS))
+    controller: str = like(CompensationParameters, "controller", KEEP)
     reduction: str = parameter(
         KEEP,
         "reduction of the tool's three axes to one along z, or none for all axes of the handle",

@@ -17,7 +17,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -28,7 +28,9 @@ from typing import Any
 import click
 
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.core.parameters import one_line, suggestion
+from haptic_accel.core.outside import OutsideError, declared, guard, load
+from haptic_accel.core.parameters import suggestion
+from haptic_accel.core.warning import warn_once
 
 COMMANDS_GROUP = "haptic_accel.commands"
 """Group of entry points: verbs of kits, of this package and of others."""
@@ -102,16 +104,16 @@ class LazyGroup(click.Group):
 
     @cached_property
     def kits(self) -> Mapping[str, KitVerb]:
-        """Verbs of kits by name; a name of this group's own keeps its meaning."""
-        return _kit_verbs(self._entry_points) if self._entry_points else {}
+        """Verbs of kits by name; none has a name of this group's own."""
+        own = [name for verbs in self._own.values() for name in verbs]
+        return _kit_verbs(self._entry_points, own) if self._entry_points else {}
 
     @cached_property
     def sections(self) -> Mapping[str, Mapping[str, str]]:
         """Summaries of all verbs, by heading and name."""
         found = {heading: dict(verbs) for heading, verbs in self._own.items()}
         for name, kit in self.kits.items():
-            if not self._has(name):
-                found.setdefault(kit.heading, {})[name] = kit.summary
+            found.setdefault(kit.heading, {})[name] = kit.summary
         return {heading: verbs for heading, verbs in found.items() if verbs}
 
     @property
@@ -150,18 +152,17 @@ class LazyGroup(click.Group):
     def _imported(self, module: str, verb: str) -> click.Command:
         """Return the command of a verb from a module, or from a package of modules."""
         try:
-            modules = [import_module(module)]
-        except ImportError as error:
-            if module.startswith("haptic_accel."):
-                raise
-            raise StoppedError(f"{verb}: {module}: {one_line(error)}") from None
-        if hasattr(modules[0], "__path__"):
-            within = (f"{module}.{name}" for name in (self.name, verb))
-            modules = [import_module(each) for each in within if find_spec(each)]
-        commands = (each for here in modules for each in vars(here).values())
-        for each in commands:
-            if isinstance(each, click.Command) and each.name == verb:
-                return each
+            with guard(module):
+                modules = [import_module(module)]
+                if hasattr(modules[0], "__path__"):
+                    within = (f"{module}.{name}" for name in (self.name, verb))
+                    modules = [import_module(each) for each in within if find_spec(each)]
+                commands = (each for here in modules for each in vars(here).values())
+                for each in commands:
+                    if isinstance(each, click.Command) and each.name == verb:
+                        return each
+        except OutsideError as error:
+            raise StoppedError(f"{verb}: {error}") from None
         raise StoppedError(f"{verb}: {module} has no click command of this name")
 
     def resolve_command(
@@ -187,27 +188,29 @@ class LazyGroup(click.Group):
         write_examples(formatter, self.examples)
 
 
-def _kit_verbs(group: str) -> dict[str, KitVerb]:
+def _kit_verbs(group: str, own: Collection[str]) -> dict[str, KitVerb]:
     """Return the verbs of a group of entry points, sorted by name.
 
     An entry that is no verb, or whose package cannot be imported, is left out with a warning: it
     must not take the other verbs away.
     """
-    from importlib.metadata import entry_points  # takes as long as the rest of the help text
-
     found: dict[str, KitVerb] = {}
-    for entry in sorted(entry_points(group=group)):
+    for name, entry in declared(group, own).items():
         try:
-            verb = entry.load()
-        except Exception as error:  # a foreign module may raise anything
-            verb, reason = None, f"{type(error).__name__}: {one_line(error)}"
-        else:
-            reason = "must be a KitVerb"
-        if isinstance(verb, KitVerb):
-            found[entry.name] = verb
-        else:
-            click.echo(f"haptic-accel: {entry.name}: {entry.value}: {reason}", err=True)
+            found[name] = load(entry, _verb_problem)
+        except OutsideError as error:
+            warn_once(f"haptic-accel: {name}: {error}")
     return found
+
+
+def _verb_problem(verb: Any) -> str:
+    """Return the reason to refuse a loaded object as a verb; empty if there is none."""
+    if not isinstance(verb, KitVerb):
+        return "must be a KitVerb"
+    texts = (verb.heading, verb.summary, verb.module)
+    if not (all(isinstance(each, str) for each in texts) and texts[0]):
+        return "heading, summary and module must be text"
+    return "" if isinstance(verb.group, LazyGroup | None) else "group must be a LazyGroup"
 
 
 def write_examples(formatter: click.HelpFormatter, examples: Sequence[str]) -> None:

@@ -103,6 +103,8 @@ class Specification:
         True if `low` itself is excluded.
     choices : tuple of str
         Allowed words of a string parameter, in addition to its default; empty if any is allowed.
+    group : str
+        Group of entry points by which other packages add choices; empty if they cannot.
     block : str
         Block of the node that contains the parameter, wherever its dataclass is nested. Empty for
         a parameter of its dataclass only.
@@ -120,6 +122,7 @@ class Specification:
     high: float | None = None
     above: bool = False
     choices: tuple[str, ...] = ()
+    group: str = ""
     block: str = ""
     sets: tuple[str, ...] = ()
     yields: bool = False
@@ -129,7 +132,8 @@ class Specification:
     def allowed(self) -> str:
         """Description of the allowed values."""
         if self.choices:
-            return "one of " + ", ".join(self.choices)
+            more = f"; packages add more by the entry point {self.group}" if self.group else ""
+            return f"one of {', '.join(self.choices)}{more}"
         unit = f" {self.unit}" if self.unit else ""
         if self.low is None:
             return (

@@ -20,12 +20,13 @@ To add a device to this package, add a file with its class, and a line here.
 
 from __future__ import annotations
 
+from haptic_accel.core.outside import with_outside
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.devices.can.device import CanMaster, CanSlave
 from haptic_accel.devices.combined import CombinedDevice, CombinedTool, combined
 from haptic_accel.devices.crtk.device import CrtkMaster, CrtkSlave
 from haptic_accel.devices.interface import Device, DeviceDescription, DeviceError, Sample
-from haptic_accel.devices.outside import MASTERS_GROUP, SLAVES_GROUP, with_outside
+from haptic_accel.devices.outside import MASTERS_GROUP, SLAVES_GROUP, driver_problem
 from haptic_accel.devices.playback import ReplayMaster, ReplaySlave
 from haptic_accel.devices.serial.device import SerialMaster, SerialSlave
 from haptic_accel.devices.simulated import PointerMaster, SimulatedMaster, SimulatedSlave
@@ -57,7 +58,7 @@ for _devices, _kind in ((_MASTERS, CombinedDevice), (_SLAVES, CombinedTool)):
     _devices["can_serial"] = combined(_devices, "can", "serial", _kind)
     _devices["crtk_serial"] = combined(_devices, "crtk", "serial", _kind)
 
-MASTERS = with_outside(_MASTERS, MASTERS_GROUP, RESERVED)
-SLAVES = with_outside(_SLAVES, SLAVES_GROUP, RESERVED)
+MASTERS = with_outside(_MASTERS, MASTERS_GROUP, Device, driver_problem, RESERVED)
+SLAVES = with_outside(_SLAVES, SLAVES_GROUP, Device, driver_problem, RESERVED)
 
 __all__ = ["MASTERS", "RESERVED", "SLAVES", "Device", "DeviceDescription", "DeviceError", "Sample"]

@@ -24,7 +24,8 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.model import LATER, Reading, Sample, Vector
-from haptic_accel.core.parameters import Checked
+from haptic_accel.core.outside import OutsideError, guard
+from haptic_accel.core.parameters import Checked, ParameterError
 
 __all__ = ["LATER", "Device", "DeviceDescription", "DeviceError", "Joints", "Reading", "Sample"]
 
@@ -129,9 +130,18 @@ class Device(ABC):
             Parameters by device.
         rate : float
         seed : int
+
+        Raises
+        ------
+        DeviceError
+            Its library is missing, or it is another package's and cannot be built.
         """
         own = [options[each] for each in cls.description.owners(name)]
-        return cls(*[*own, rate, seed])
+        try:
+            with guard(cls.__module__, passing=(DeviceError, ParameterError, OSError)):
+                return cls(*[*own, rate, seed])
+        except OutsideError as error:
+            raise DeviceError(str(error)) from None
 
     @abstractmethod
     def open(self) -> None:

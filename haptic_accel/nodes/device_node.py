@@ -33,8 +33,7 @@ from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, TickSa
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import ArmTopics
-from haptic_accel.devices import Device, DeviceError
+from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.sound_bench import NoArm
 from haptic_accel.nodes.crtk import MotionCommands, OperatingState, Queries
 from haptic_accel.nodes.emergency_stop import DeviceStop
@@ -70,9 +69,7 @@ class DeviceNode(Managed, GraphNode):
     Parameters
     ----------
     executable : str
-    devices : dict
-        Device classes by name.
-    arm : ArmTopics
+        ``master_device`` or ``slave_device``.
 
     Attributes
     ----------
@@ -89,7 +86,9 @@ class DeviceNode(Managed, GraphNode):
 
     polls = True
 
-    def __init__(self, executable: str, devices: dict[str, type[Device]], arm: ArmTopics) -> None:
+    def __init__(self, executable: str) -> None:
+        is_master = executable == "master_device"
+        devices, arm = (MASTERS, topics.MASTER) if is_master else (SLAVES, topics.SLAVE)
         changeable = [
             f"{kind.description.owners(name)[0]}.{field}"
             for name, kind in devices.items()

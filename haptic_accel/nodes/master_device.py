@@ -17,8 +17,6 @@
 
 from __future__ import annotations
 
-from haptic_accel.core.topics import MASTER
-from haptic_accel.devices import MASTERS
 from haptic_accel.nodes.device_node import DeviceNode
 from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.scheduling import run
@@ -26,7 +24,7 @@ from haptic_accel.nodes.scheduling import run
 
 def master_device() -> DeviceNode:
     """Return the device node of the master, which also applies the actuator's force."""
-    return DeviceNode("master_device", MASTERS, MASTER)
+    return DeviceNode("master_device")
 
 
 def main() -> None:

@@ -17,8 +17,6 @@
 
 from __future__ import annotations
 
-from haptic_accel.core.topics import SLAVE
-from haptic_accel.devices import SLAVES
 from haptic_accel.nodes.device_node import DeviceNode
 from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.scheduling import run
@@ -26,7 +24,7 @@ from haptic_accel.nodes.scheduling import run
 
 def slave_device() -> DeviceNode:
     """Return the device node of the slave."""
-    return DeviceNode("slave_device", SLAVES, SLAVE)
+    return DeviceNode("slave_device")
 
 
 def main() -> None:

@@ -22,9 +22,9 @@ import signal
 import sys
 from collections.abc import Callable
 from functools import partial
-from importlib import import_module
 
-from haptic_accel.core.process import DONE, FAILED
+from haptic_accel.core.outside import OutsideError, main_of
+from haptic_accel.core.process import DONE
 from haptic_accel.graph.ros_packages import NEEDS_ROS, has_ros
 from haptic_accel.setup.executables import node_module
 
@@ -36,11 +36,14 @@ def __getattr__(node: str) -> Callable[[], None]:
 
 def _start(node: str) -> None:
     if not has_ros():
-        print(f"{node} {NEEDS_ROS}", file=sys.stderr)
-        sys.exit(FAILED)
+        sys.exit(f"{node} {NEEDS_ROS}")
     # Libraries take a second to load. Meanwhile a signal ends the node silently, as Python's own
     # handler would print a traceback. There is nothing to undo.
     signal.signal(signal.SIGINT, lambda *_: os._exit(DONE))
     # A launch blocks the signal, which thus cannot interrupt Python's start.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    import_module(node_module(node)).main()
+    try:
+        main = main_of(node_module(node))
+    except OutsideError as error:
+        sys.exit(f"{node}: {error}")
+    main()

@@ -18,20 +18,28 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from importlib.metadata import entry_points
 from importlib.util import find_spec
+
+from haptic_accel.core.outside import declared, guard
 
 NODES_GROUP = "haptic_accel.nodes"
 """Group of entry points for executables outside the folder of the nodes."""
 
 
 def node_module(executable: str) -> str:
-    """Return the module with the function `main` of an executable; empty for a missing one."""
+    """Return the module with the function `main` of an executable; empty for a missing one.
+
+    Raises
+    ------
+    OutsideError
+        Another package declares the executable, and its folder cannot be searched.
+    """
     own = f"haptic_accel.nodes.{executable}"
     if find_spec(own):
+        declared(NODES_GROUP, [executable])  # says which package tries to take the name
         return own
-    for entry in entry_points(group=NODES_GROUP, name=executable):
-        with suppress(ModuleNotFoundError):  # a folder may have been taken away
-            if find_spec(entry.value):
-                return entry.value
+    with guard(), suppress(ModuleNotFoundError):  # a folder may have been taken away
+        entry = declared(NODES_GROUP).get(executable)
+        if entry and find_spec(entry.value):
+            return entry.value
     return ""

@@ -61,6 +61,7 @@ from haptic_accel.devices.audio import (
     InputParameters,
     SoundCard,
 )
+from haptic_accel.devices.outside import MASTERS_GROUP, SLAVES_GROUP
 from haptic_accel.devices.sound_bench import NO_ARM, BenchOutput, CardAccelerometer
 from haptic_accel.links.parameters import LinkNodeParameters
 
@@ -127,7 +128,7 @@ class DeviceNodeParameters(SampledParameters):
 class MasterNodeParameters(DeviceNodeParameters):
     """Parameters of the node `master_device`."""
 
-    device: str = parameter("simulated", "driver of the device", choices=tuple(MASTERS))
+    device: str = parameter("simulated", "driver", choices=tuple(MASTERS), group=MASTERS_GROUP)
     actuator_device: str = parameter(
         "device",
         "driver of the actuator: the master device, or a sound card with an amplifier",
@@ -139,7 +140,7 @@ class MasterNodeParameters(DeviceNodeParameters):
 class SlaveNodeParameters(DeviceNodeParameters):
     """Parameters of the node `slave_device`."""
 
-    device: str = parameter("simulated", "driver of the device", choices=tuple(SLAVES))
+    device: str = parameter("simulated", "driver", choices=tuple(SLAVES), group=SLAVES_GROUP)
 
 
 @dataclass(frozen=True)

@@ -24,11 +24,12 @@ from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeAlias
+from typing import Any
 
 from haptic_accel.bags import NO_ROSBAGS
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.bounded_files import located
+from haptic_accel.core.control.channel import check_controller
 from haptic_accel.core.control.compensation import check_axes
 from haptic_accel.core.identification.sweep import repeat_samples
 from haptic_accel.core.parameters import ParameterError
@@ -52,10 +53,6 @@ HALF_COUPLER = "half_coupler"
 COMPOSED = "composed"
 """Executable that runs the nodes that make forces in one process; with the name of the side behind
 it, those of one of two hosts."""
-
-
-Options: TypeAlias = dict[str, dict[str, Any]]
-"""Parameters of the options of each node by name."""
 
 
 @dataclass(frozen=True)
@@ -129,6 +126,7 @@ def graph(arguments: GraphArguments) -> list[Process]:
     _check_devices(setup)
     around, plant = setup.node("compensator")
     check_axes(around, plant, around.rate)
+    check_controller(around.controller, around.rate, plant)
     if arguments.record:
         _check_bag(arguments)
     return _processes(setup, composed=arguments.composed, respawn=arguments.respawn)
@@ -208,7 +206,7 @@ def _listed(words: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
-def _checked_options(setup: Parameters) -> Options:
+def _checked_options(setup: Parameters) -> dict[str, dict[str, Any]]:
     """Check every parameter of every node; return their options by executable and name."""
     return {executable: setup.node(executable)[1] for executable in NODES}
 

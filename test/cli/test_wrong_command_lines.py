@@ -22,11 +22,11 @@ import numpy as np
 import pytest
 
 from bag_maker import BagContent, write_bag
-from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.control.controllers import CONTROLLERS, CONTROLLERS_GROUP
 from haptic_accel.core.topics import MASTER_POSITION
 from refusals import assert_refused, rows, written
 
-CONTROLLED = ", ".join(CONTROLLERS)
+CONTROLLED = f"{', '.join(CONTROLLERS)}; packages add more by the entry point {CONTROLLERS_GROUP}"
 
 SAMPLES = "".join(f"{index},60,1,{index % 7}\n" for index in range(2000))
 
@@ -91,7 +91,7 @@ REFUSED = {
     "control engage:=perhaps": "engage = 'perhaps': must be one of keep, true, false",
     "control frozen:=perhaps": "frozen = 'perhaps': must be one of keep, true, false",
     "control controler:=adaptive": "controler: no such argument (did you mean controller?); ...",
-    "control controller:=magic": f"controller = 'magic': must be one of keep, {CONTROLLED}",
+    "control controller:=magic": f"controller = 'magic': must be one of {CONTROLLED}",
     "design controller:=none": "controller = 'none': must be one of inverse, feedback, adaptive",
     "design rig:=mine": "rig = 'mine': must be one of ideal, ..., or a .yaml file",
     "design --json no/such.json": "json = 'no/such.json': No such file or directory",

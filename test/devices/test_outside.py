@@ -29,6 +29,7 @@ import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
+from foreign_packages import declare
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.process import module_command
 from haptic_accel.core.topics import (
@@ -136,6 +137,10 @@ class OfNobody(LabMaster):
 
 class Unchangeable(LabMaster):
     description = DeviceDescription(changeable=("gain",))
+
+class Exiting(LabMaster):
+    def __init__(self, parameters, rate, seed):
+        raise SystemExit(3)
 """
 
 Install = Callable[..., None]
@@ -151,12 +156,9 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
     monkeypatch.setenv("PYTHONPATH", path)
 
     def installed(
-        name: str, target: str, package: str = "lab_arm", group: str = "haptic_accel.masters"
+        name: str, target: str, package: str = "lab_arm", group: str = "masters"
     ) -> None:
-        folder = site / f"{package}-1.0.dist-info"
-        folder.mkdir()
-        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
-        (folder / "entry_points.txt").write_text(f"[{group}]\n{name} = {target}\n")
+        declare(site, package, {name: target}, group)
 
     return installed
 
@@ -187,7 +189,7 @@ def test_drivers_have_the_parameters_that_they_are_described_to_have_and_to_chan
         return float(found[-1].accel.linear.z)
 
     install("lab", "lab_arm:Described")
-    install("borrowing", "lab_arm:Borrowing", "lab_tool", "haptic_accel.slaves")
+    install("borrowing", "lab_arm:Borrowing", "lab_tool", "slaves")
     (tmp_path / "lab.yaml").write_text(
         "master_device: {ros__parameters: {lab.bias: 7.0}}\n"
         "slave_device: {ros__parameters: {serial.calibration.gain: 4.0, can.start_timeout: 3.0}}"
@@ -210,7 +212,7 @@ def test_a_handle_turned_like_the_tool_has_its_vibration_in_the_same_axes(
     install: Install, haptic_accel: Callable[..., Command], tmp_path: Path, composed: str
 ) -> None:
     install("turned", "lab_arm:TurnedMaster")
-    install("tilted", "lab_arm:TurnedTool", "lab_tool", "haptic_accel.slaves")
+    install("tilted", "lab_arm:TurnedTool", "lab_tool", "slaves")
     (tmp_path / "lab.yaml").write_text("compensator: {ros__parameters: {axes: 'x, y, z'}}")
     arms = "master:=turned", "slave:=tilted", "params_file:=lab.yaml"
     graph = haptic_accel("teleop", *arms, f"composed:={composed}", "duration:=1", "bag:=bag")
@@ -242,6 +244,7 @@ def test_a_handle_turned_like_the_tool_has_its_vibration_in_the_same_axes(
             "lab_arm:Unchangeable",
             "lab_arm:Unchangeable: description.changeable: gain: must be one of bias",
         ),
+        ("lab_arm:Exiting", "lab_arm: SystemExit: 3"),
     ],
 )
 def test_a_broken_driver_is_named_where_it_is_asked_for(
@@ -251,7 +254,8 @@ def test_a_broken_driver_is_named_where_it_is_asked_for(
     status, text = run("teleop", "master:=lab")
     assert status == 2
     (line,) = text.strip().splitlines()
-    assert f"master = 'lab': package lab_arm: {reason}" in line
+    assert line.startswith("haptic-accel: master = 'lab': ")
+    assert reason in line
     status, text = run("teleop", "master:=simulated", "rate:=0")
     assert "rate = 0" in text, "the others work"
 
@@ -261,7 +265,7 @@ def test_a_name_that_cannot_be_used_is_told(install: Install, name: str) -> None
     install(name, "lab_arm:LabMaster")
     status, text = run("teleop", "--help")
     assert status == 0
-    assert f"driver '{name}' of package lab_arm: not used: its name" in text
+    assert f"haptic_accel.masters: '{name}' of package lab_arm: not used: its name" in text
 
 
 def test_the_first_of_two_packages_has_the_name(install: Install) -> None:

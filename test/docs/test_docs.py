@@ -18,9 +18,13 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import re
+import signal
+import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -28,11 +32,10 @@ from typing import Any
 import pytest
 from matplotlib import pyplot
 
-from haptic_accel.cli.lazy import KitVerb
-from haptic_accel.core.control.controllers.interface import Controller, Loop
+from haptic_accel.core.process import module_command
 from haptic_accel.core.topics import ASKED, HAND_SET_POINT, JOINT_STATES, TOPICS
-from haptic_accel.devices.interface import Device
 from haptic_accel.setup.node_parameters import NODES, node_schema
+from running import Command
 
 SOURCE = Path(__file__).resolve().parents[2]
 DOCS = sorted((SOURCE / "docs").glob("*.md"))
@@ -140,36 +143,73 @@ def test_every_page_is_in_the_index() -> None:
     assert {page.name for page in DOCS} - {"README.md"} <= listed
 
 
-def recipe(number: int, name: str) -> Any:
-    """Return a module with one of the blocks of Python in CONTRIBUTING.md."""
-    code = PYTHON.findall((SOURCE / "CONTRIBUTING.md").read_text())[number]
-    module = ModuleType(name)
-    sys.modules[name] = module  # where dataclasses look for annotations
-    try:
-        exec(code, module.__dict__)
-    finally:
-        del sys.modules[name]
-    return module
+@pytest.fixture(scope="module")
+def recipes(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Make the packages that CONTRIBUTING.md shows, in an empty folder; return Python's path."""
+    text = (SOURCE / "CONTRIBUTING.md").read_text()
+    half, arm, verb = PYTHON.findall(text)
+    control, device, kit = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    kit = device.partition("[project.entry")[0].replace("lab_arm", "lab_kit") + kit
+    weighing = "import click\n\n@click.command()\ndef weigh():\n    click.echo('0.064 kg')\n"
+    made = tmp_path_factory.mktemp("made")
+    written = {
+        "lab_control": {"pyproject.toml": control, "lab_control/half.py": half},
+        "lab_arm": {"pyproject.toml": device, "lab_arm/device.py": arm},
+        "lab_kit": {
+            "pyproject.toml": kit,
+            "lab_kit/commands.py": verb,
+            "lab_kit/weighing.py": weighing,
+        },
+    }
+    for package, files in written.items():
+        for name, content in files.items():
+            (made / package / name).parent.mkdir(parents=True, exist_ok=True)
+            (made / package / name).write_text(content)
+        install = [sys.executable, "-c", "from setuptools import setup; setup()", "-q", "egg_info"]
+        subprocess.run(install, cwd=made / package, check=True, capture_output=True)
+    return os.pathsep.join(str(made / package) for package in written)
 
 
-def test_the_controller_that_contributing_shows_is_one() -> None:
-    module = recipe(0, "half")
-    controller = module.HalfController(module.HalfParameters(), Loop(1000.0))
-    assert controller.force(2.0, 0.0) == 0.128
-    assert isinstance(controller, Controller)
+def run_with(recipes: str, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, *module_command("haptic_accel.cli.main")[1:], *words],
+        env=os.environ | {"PYTHONPATH": recipes},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
 
 
-def test_the_verb_that_contributing_shows_is_one() -> None:
-    assert isinstance(recipe(2, "weigh").VERB, KitVerb)
+def test_the_controller_that_contributing_shows_runs(recipes: str, here: Path) -> None:
+    (here / "twice.yaml").write_text("compensator: {ros__parameters: {half.mass: 0.128}}")
+    words = "duration:=1", "surface:=text", "params_file:=twice.yaml", "--out", "trials"
+    done = run_with(recipes, "experiment", "--lockstep", "--controllers", "constant,half", *words)
+    assert (done.returncode, done.stderr) == (0, "")
+    errors = dict(re.findall(r"text / (\w+) / seed 0: (.*) %", done.stdout))
+    assert errors["half"] == errors["constant"]  # with twice its mass
 
 
-def test_the_device_that_contributing_shows_is_one() -> None:
-    module = recipe(1, "lab_arm")
-    device = module.LabMaster(module.LabParameters(), 1000.0, 0)
-    assert isinstance(device, Device)
-    device.open()
-    assert device.read(0.0).position == (0.0, 0.0, 0.0)
-    device.close()
+def test_the_driver_that_contributing_shows_is_one(recipes: str) -> None:
+    done = run_with(recipes, "teleop", "master:=lab_arm", "rate:=0")
+    assert done.stderr.startswith("haptic-accel: rate = 0")
+    done = run_with(recipes, "teleop", "master:=lab_leg")
+    more = "packages add more by the entry point haptic_accel.masters"
+    assert f"crtk_serial, lab_arm; {more}" in done.stderr
+
+
+def test_the_verb_that_contributing_shows_runs(recipes: str) -> None:
+    done = run_with(recipes, "weigh")
+    assert (done.stdout, done.stderr) == ("0.064 kg\n", "")
+
+
+@pytest.mark.live
+def test_a_graph_runs_with_the_controller_and_the_driver_of_packages(
+    recipes: str, haptic_accel: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", recipes)
+    graph = haptic_accel("teleop", "master:=lab_arm", "controller:=half", "record:=false")
+    graph.wait_for("engaged")
+    assert graph.end(signal.SIGINT) == 0, graph.text
 
 
 def test_the_notebook_of_the_tutorial_runs() -> None:

@@ -28,6 +28,7 @@ from pathlib import Path
 
 import pytest
 
+from foreign_packages import declare
 from running import Command
 
 SOURCE = Path(__file__).resolve().parents[2]
@@ -75,15 +76,6 @@ def house(folder: Path, removed: Collection[str]) -> Path:
     kept = {verb: place for verb, place in verbs.items() if verb not in map(VERBS.get, removed)}
     declare(folder, "haptic_accel", kept)
     return folder
-
-
-def declare(folder: Path, package: str, verbs: dict[str, str]) -> None:
-    """Write what an installer writes of a package and its verbs."""
-    about = folder / f"{package}-9.0.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 9.0.0\n")
-    lines = "".join(f"{verb} = {place}\n" for verb, place in verbs.items())
-    (about / "entry_points.txt").write_text(f"[haptic_accel.commands]\n{lines}")
 
 
 def ended(folder: Path, *words: str, beside: str = "") -> subprocess.CompletedProcess[str]:
@@ -198,15 +190,20 @@ def test_another_package_adds_a_verb(bare: Path, tmp_path: Path) -> None:
     )
     declare(tmp_path, "lab_kit", {"weigh": "lab_kit:VERB", "teleop": "lab_kit:VERB"})
     found = command(bare, "weigh", beside=str(tmp_path))
-    assert (found.stdout, found.stderr) == ("0.064 kg\n", "")
-    said = command(bare, "--help", beside=str(tmp_path)).stdout
-    assert said.count("weigh a handle") == 1  # teleop keeps its meaning
+    assert found.stdout == "0.064 kg\n"
+    (line,) = found.stderr.splitlines()  # teleop keeps its meaning
+    assert line.endswith("'teleop' of package lab_kit: not used: its name is taken")
+    assert command(bare, "--help", beside=str(tmp_path)).stdout.count("weigh a handle") == 1
 
 
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("import no_such_module", "weigh: lab_weighing: No module named 'no_such_module'"),
+        (
+            "import no_such_module",
+            "weigh: lab_weighing: ModuleNotFoundError: No module named 'no_such_module'",
+        ),
+        ("raise SystemExit(3)", "weigh: lab_weighing: SystemExit: 3"),
         ("", "weigh: lab_weighing has no click command of this name"),
     ],
 )
@@ -229,4 +226,4 @@ def test_a_verb_that_cannot_be_loaded_takes_no_other_away(bare: Path, tmp_path: 
     found = command(bare, "--help", beside=str(tmp_path))
     assert "teleop" in found.stdout
     assert len(found.stderr.splitlines()) == 1
-    assert "weigh: no_such_module:VERB: ModuleNotFoundError" in found.stderr
+    assert "weigh: package broken_kit: ModuleNotFoundError" in found.stderr

@@ -21,6 +21,7 @@ from pathlib import Path
 
 import pytest
 
+from foreign_packages import declare
 from haptic_accel.setup.executables import node_module
 from haptic_accel.setup.node_parameters import NODES
 
@@ -33,12 +34,7 @@ def test_every_executable_of_a_graph_has_its_module(executable: str) -> None:
 def test_a_module_of_another_package_is_found_unless_it_is_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    about = tmp_path / "lab-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: lab\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text(
-        "[haptic_accel.nodes]\nstage = lab_stage.node\nlost = lab_lost.node\n"
-    )
+    declare(tmp_path, "lab", {"stage": "lab_stage.node", "lost": "lab_lost.node"}, "nodes")
     (tmp_path / "lab_stage").mkdir()
     (tmp_path / "lab_stage" / "node.py").write_text("")
     monkeypatch.syspath_prepend(tmp_path)

@@ -27,13 +27,14 @@ import random
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
+from two_arms import HAND_DAMPING, RATE, Around, Hand, Path, PointMass
+
 from haptic_accel.core.actuator.safety import ArmLimits, SafetyParameters
 from haptic_accel.core.coupling.passive import PassiveHalf, PassiveParameters
 from haptic_accel.core.loop.device_side import ARM, rig_side
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.channel import Channel
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.two_arms import HAND_DAMPING, RATE, Around, Hand, Path, PointMass
 
 PACKETS = 2
 """Samples from packet to packet."""

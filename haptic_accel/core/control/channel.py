@@ -19,17 +19,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 
 from haptic_accel.core.actuator.guard import ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.arm_cancellation import ArmCancellation
 from haptic_accel.core.control.authority import Authority
-from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop, granted_delay
+from haptic_accel.core.control.controllers import (
+    CONTROLLERS,
+    OWN_CONTROLLERS,
+    Controller,
+    Loop,
+    granted_delay,
+)
 from haptic_accel.core.control.fallback import DYNAMIC, Fallback
 from haptic_accel.core.control.filters import MOTION_SHARE, SampleFilter, high_pass
 from haptic_accel.core.control.gain import Gain
 from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.model import ACTUATOR, ApproximateModel
+from haptic_accel.core.outside import OutsideError, guard
 from haptic_accel.core.parameters import Checked, ParameterError
 
 LISTENING = 0.5
@@ -57,13 +65,23 @@ def build_controller(name: str, loop: Loop, parameters: Checked | None = None) -
     Raises
     ------
     ParameterError
-        The controller does not exist.
+        The controller does not exist, or is another package's and cannot be built.
     """
     if name not in CONTROLLERS:
         raise ParameterError(f"controller = {name!r}: must be one of {', '.join(CONTROLLERS)}")
     controller = CONTROLLERS[name]
     own = parameters if parameters is not None else controller.Parameters()
-    return controller(own, loop)
+    try:
+        with guard(controller.__module__, passing=(ParameterError,)):
+            return controller(own, loop)
+    except OutsideError as error:
+        raise OutsideError(f"controller = {name!r}: {error}") from None
+
+
+def check_controller(name: str, rate: float, options: Mapping[str, Checked]) -> None:
+    """Build a controller of another package once, so that it refuses what is wrong."""
+    if name not in OWN_CONTROLLERS:
+        build_controller(name, Loop(rate), options.get(name))
 
 
 class Channel:
@@ -115,8 +133,10 @@ class Channel:
         assert isinstance(approximate, ApproximateModel)
         self.guard = ActuatorGuard(actuator, rate)
         self._built: dict[str, _Stage] = {}
-        for name in (controller, *prepared):
-            self._build(name)
+        self._build(controller)
+        for name in prepared:
+            with suppress(OutsideError):  # said when the controller is selected
+                self._build(name)
         self._active = self._built[controller]
         self._fallback = Fallback(loop, approximate, authority)
         self._start_judging()

@@ -29,7 +29,8 @@ from haptic_accel.core.axes import ACTUATOR_AXES, ACTUATOR_AXIS, ALL_AXES, Axes
 from haptic_accel.core.control.alignment import Alignment
 from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.channel import Channel
-from haptic_accel.core.control.controllers import CONTROLLERS, Loop
+from haptic_accel.core.control.controllers import CONTROLLERS, CONTROLLERS_GROUP, Loop
+from haptic_accel.core.control.controllers import PLANT as PLANT
 from haptic_accel.core.control.decoupling import (
     VectorConvolution,
     full_decoupling,
@@ -59,9 +60,6 @@ FULL, STATIC = "full", "static"
 DIRECTION, PER_AXIS = "direction", "per_axis"
 """Limits of three coils: with the direction of the force kept, or each coil on its own."""
 
-PLANT = "plant"
-"""Name of the identified plant among the controllers' parameters."""
-
 LOUD = 0.2
 """Noise of an axis of the handle's accelerometer that is reported, m/s^2 RMS: three times that of
 the paper's sensor, or a tenth of a strong texture."""
@@ -72,7 +70,10 @@ class CompensationParameters(Checked):
     """Controller, high-pass corner, and range of the handle's accelerometer."""
 
     controller: str = parameter(
-        "dynamic", "controller of the actuator's force", choices=tuple(CONTROLLERS)
+        "dynamic",
+        "controller of the actuator's force",
+        choices=tuple(CONTROLLERS),
+        group=CONTROLLERS_GROUP,
     )
     high_pass_frequency: float = parameter(
         HIGH_PASS_FREQUENCY,

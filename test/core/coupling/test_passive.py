@@ -26,11 +26,11 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from two_arms import free, wall
 
 from haptic_accel.core.coupling import passive
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.channel import Channel, ChannelParameters
-from haptic_accel.core.two_arms import free, wall
 from two_sides import UNLIMITED, Instant, Packet, Side, run
 
 RATE = 1000.0

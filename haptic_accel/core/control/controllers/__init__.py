@@ -13,7 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Controllers by name; a new controller is a class in a file and a line here."""
+"""Controllers by name, from this package and from other packages.
+
+To add a controller to this package, add a file with its class, and a line here.
+"""
 
 from __future__ import annotations
 
@@ -26,9 +29,20 @@ from haptic_accel.core.control.controllers.feedback import FeedbackController
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.controllers.none import NoController
+from haptic_accel.core.model import ACTUATOR
+from haptic_accel.core.outside import parameters_problem, with_outside
 from haptic_accel.core.parameters import Checked
 
-CONTROLLERS: dict[str, type[Controller]] = {
+CONTROLLERS_GROUP = "haptic_accel.controllers"
+"""Group of entry points: controllers of other packages."""
+
+PLANT = "plant"
+"""Name of the identified plant among the controllers' parameters."""
+
+RESERVED = (ACTUATOR, PLANT, "keep")
+"""Names that no controller may have: other parts of the compensator, and `control`'s default."""
+
+OWN_CONTROLLERS: dict[str, type[Controller]] = {
     "none": NoController,
     "constant": ConstantController,
     "dynamic": DynamicController,
@@ -36,6 +50,13 @@ CONTROLLERS: dict[str, type[Controller]] = {
     "feedback": FeedbackController,
     "adaptive": AdaptiveController,
 }
+CONTROLLERS = with_outside(
+    OWN_CONTROLLERS,
+    CONTROLLERS_GROUP,
+    Controller,
+    lambda kind, _: parameters_problem(kind.Parameters),
+    RESERVED,
+)
 
 
 def granted_delay(controller: str, parameters: Mapping[str, Checked], rate: float) -> int:

@@ -23,10 +23,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pulses import Pulse, played, pulse, pulses
 
 from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.pulses import Pulse, played, pulse, pulses
 
 RATE = 1000.0
 

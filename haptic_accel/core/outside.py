@@ -1,0 +1,229 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Entry points by which other installed packages add verbs, executables, devices and controllers.
+
+All code of other packages is loaded in here, so that a broken one costs only what it adds.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from importlib import import_module
+from importlib.metadata import Distribution, EntryPoint, distributions
+from typing import Any, TypeVar
+
+from haptic_accel.core.parameters import Checked, ParameterError, one_line, printable, schema
+from haptic_accel.core.warning import warn_once
+
+OWN = "haptic_accel"
+"""Name of this package, whose own names no other package can take."""
+
+NAME = re.compile(r"[a-z][a-z0-9_]*")
+"""Form of a name; that of a device or controller is part of the names of ROS parameters."""
+
+T = TypeVar("T")
+
+
+class OutsideError(ParameterError):
+    """Failure of another package's code, or of its choice; the text has one line."""
+
+
+@contextmanager
+def guard(origin: str = "", passing: tuple[type[Exception], ...] = ()) -> Iterator[None]:
+    """Turn whatever the code of another package raises, even `SystemExit`, into an `OutsideError`.
+
+    Ctrl-C passes.
+
+    Parameters
+    ----------
+    origin : str
+        Module of the code, for the text. Errors of this package's own modules pass.
+    passing : tuple of type
+        Errors that the code may raise, which pass.
+    """
+    try:
+        yield
+    except BaseException as error:
+        is_own = origin.partition(".")[0] == OWN
+        if is_own or isinstance(error, (KeyboardInterrupt, *passing)):
+            raise
+        raise OutsideError(f"{origin}: {_reason(error)}".removeprefix(": ")) from None
+
+
+def _reason(error: BaseException) -> str:
+    kind = type(error).__name__
+    try:
+        return printable(f"{kind}: {one_line(error)}")
+    except BaseException:  # the text is made by foreign code, too
+        return kind
+
+
+def declared(group: str, taken: Collection[str] = ()) -> dict[str, EntryPoint]:
+    """Return the entry points of a group by name: this package's, then those of others.
+
+    An unusable or duplicate name is left out with a warning.
+
+    Parameters
+    ----------
+    group : str
+    taken : collection of str
+        Names that have a meaning already.
+    """
+    found: dict[str, EntryPoint] = {}
+    for entry in sorted(_entries(group), key=lambda each: (_package(each.dist) != OWN, each.name)):
+        if not NAME.fullmatch(entry.name):
+            reason = "must be like my_arm2"
+        elif entry.name in taken or entry.name in found:
+            reason = "is taken"
+        else:
+            found[entry.name] = entry
+            continue
+        package = _package(entry.dist)
+        warn_once(f"{group}: {entry.name!r} of package {package}: not used: its name {reason}")
+    return found
+
+
+def _entries(group: str) -> Iterator[EntryPoint]:
+    """Yield the entry points of a group; of a package that is found twice, the first one's."""
+    packages: set[str] = set()
+    for package in distributions():
+        try:
+            with guard():
+                is_named = f"[{OWN}." in (package.read_text("entry_points.txt") or "")
+                entries = package.entry_points.select(group=group) if is_named else None
+        except OutsideError as error:
+            warn_once(f"package {_package(package)}: entry_points.txt: {error}")
+            continue
+        if entries is not None and (name := _package(package)) not in packages:
+            packages.add(name)
+            yield from entries
+
+
+def _package(package: Distribution | None) -> str:
+    """Return the name of a package as Python writes it."""
+    try:
+        with guard():
+            return printable(re.sub(r"[-_.]+", "_", package.name).lower()) if package else ""
+    except OutsideError:
+        return "without a name"
+
+
+def load(entry: EntryPoint, problem: Callable[[Any], str]) -> Any:
+    """Load the object of an entry point.
+
+    Parameters
+    ----------
+    entry : EntryPoint
+    problem : callable
+        Returns the reason to refuse an object; empty if there is none.
+
+    Raises
+    ------
+    OutsideError
+        The object cannot be loaded, or is refused; the text names the package.
+    """
+    package = f"package {_package(entry.dist)}"
+    try:
+        with guard():
+            found = entry.load()
+            reason = problem(found)
+    except OutsideError as error:
+        raise OutsideError(f"{package}: {error}") from None
+    if reason:
+        raise OutsideError(f"{package}: {entry.value}: {reason}")
+    return found
+
+
+def main_of(module: str) -> Callable[[], None]:
+    """Return the function `main` of an executable's module.
+
+    Raises
+    ------
+    OutsideError
+        The module is missing, or another package's that cannot be imported or has none.
+    """
+    if not module:
+        raise OutsideError("no such executable, or its package is not installed")
+    with guard(module):
+        main: Callable[[], None] = import_module(module).main
+    return main
+
+
+def with_outside(
+    own: Mapping[str, type[T]],
+    group: str,
+    base: Any,
+    problem: Callable[[Any, Mapping[str, type[T]]], str],
+    reserved: Collection[str] = (),
+) -> dict[str, type[T]]:
+    """Return classes by name: this package's, then the other packages' in a group.
+
+    A class that cannot be loaded is replaced by one that raises the reason, an `OutsideError`,
+    when built, so that all others work.
+
+    Parameters
+    ----------
+    own : mapping
+        Classes of this package by name.
+    group : str
+        Group of entry points.
+    base : type
+        Class that each one derives from.
+    problem : callable
+        Returns the reason to refuse a class, given the classes before it; empty if there is none.
+    reserved : collection of str
+        Names that no class may have, as they have another meaning.
+    """
+    found = dict(own)
+
+    def problem_of(kind: Any) -> str:
+        if not (isinstance(kind, type) and issubclass(kind, base)):
+            return f"must be a subclass of {base.__name__}"
+        if missing := sorted(getattr(kind, "__abstractmethods__", ())):
+            return f"must define {', '.join(missing)}"
+        return problem(kind, found)
+
+    for name, entry in declared(group, {*own, *reserved}).items():
+        try:
+            found[name] = load(entry, problem_of)
+        except OutsideError as error:
+            found[name] = _unusable(base, error)
+    return found
+
+
+def parameters_problem(parameters: Any) -> str:
+    """Return the reason to refuse a class of parameters; empty if there is none."""
+    if not (isinstance(parameters, type) and issubclass(parameters, Checked)):
+        return "Parameters must be a Checked dataclass"
+    try:
+        schema(parameters)
+        parameters()
+    except Exception as error:  # a field of a type that no parameter has, or without a default
+        return f"Parameters: {one_line(error)}"
+    return ""
+
+
+def _unusable(base: Any, reason: OutsideError) -> Any:
+    """Return a class that raises a reason when built."""
+
+    def refuse(*_: Any, **__: Any) -> None:
+        raise reason
+
+    kind: Any = type("Unusable", (base,), {"__init__": refuse})
+    kind.__abstractmethods__ = frozenset()  # none of its methods is ever called
+    return kind

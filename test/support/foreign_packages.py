@@ -1,0 +1,32 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Packages of others, as an installer leaves them, with entry points for this one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+GROUPS = ("commands", "nodes", "masters", "slaves", "controllers")
+"""Groups of entry points, without the name of the package before them."""
+
+
+def declare(site: Path, package: str, entries: dict[str, str], group: str = "commands") -> None:
+    """Write what an installer writes of a package whose entry points are in one group."""
+    about = site / f"{package}-9.0.0.dist-info"
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 9.0.0\n")
+    lines = "".join(f"{name} = {place}\n" for name, place in entries.items())
+    (about / "entry_points.txt").write_text(f"[haptic_accel.{group}]\n{lines}")
