@@ -13,11 +13,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Registry of configurations, and the rule by which a device's class is found."""
+"""Registry of configurations, members of all devices, and the rule by which a class is found."""
 
 from __future__ import annotations
 
 import importlib
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, TypeVar
@@ -65,3 +66,35 @@ def make_device(config: Any) -> Any:
     assert kind.__name__.endswith("Config")
     module = importlib.import_module(kind.__module__)
     return getattr(module, kind.__name__.removesuffix("Config"))(config)
+
+
+class Device(ABC):
+    """Members that robots and teleoperators have in common."""
+
+    def __init__(self, config: Config) -> None:
+        self.id = config.id
+        self.calibration: dict[str, Any] = {}
+
+    @property
+    @abstractmethod
+    def action_features(self) -> dict[str, Any]: ...
+
+    @property
+    @abstractmethod
+    def is_connected(self) -> bool: ...
+
+    @abstractmethod
+    def connect(self, calibrate: bool = True) -> None: ...
+
+    @property
+    @abstractmethod
+    def is_calibrated(self) -> bool: ...
+
+    @abstractmethod
+    def calibrate(self) -> None: ...
+
+    @abstractmethod
+    def configure(self) -> None: ...
+
+    @abstractmethod
+    def disconnect(self) -> None: ...

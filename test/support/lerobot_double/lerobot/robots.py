@@ -17,11 +17,11 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from lerobot.registry import Config, make_device
+from lerobot.registry import Config, Device, make_device
 
 
 @dataclass(kw_only=True)
@@ -29,48 +29,23 @@ class RobotConfig(Config):
     choices: ClassVar[dict[str, type]] = {}
 
 
-class Robot(ABC):
+class Robot(Device):
     config_class: type[RobotConfig]
     name: str
 
     def __init__(self, config: RobotConfig) -> None:
+        super().__init__(config)
         self.robot_type = self.name
-        self.id = config.id
-        self.calibration: dict[str, Any] = {}
 
     @property
     @abstractmethod
     def observation_features(self) -> dict[str, Any]: ...
-
-    @property
-    @abstractmethod
-    def action_features(self) -> dict[str, Any]: ...
-
-    @property
-    @abstractmethod
-    def is_connected(self) -> bool: ...
-
-    @abstractmethod
-    def connect(self, calibrate: bool = True) -> None: ...
-
-    @property
-    @abstractmethod
-    def is_calibrated(self) -> bool: ...
-
-    @abstractmethod
-    def calibrate(self) -> None: ...
-
-    @abstractmethod
-    def configure(self) -> None: ...
 
     @abstractmethod
     def get_observation(self) -> dict[str, Any]: ...
 
     @abstractmethod
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]: ...
-
-    @abstractmethod
-    def disconnect(self) -> None: ...
 
 
 make_robot_from_config = make_device

@@ -17,11 +17,11 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from lerobot.registry import Config, make_device
+from lerobot.registry import Config, Device, make_device
 
 
 @dataclass(kw_only=True)
@@ -29,47 +29,19 @@ class TeleoperatorConfig(Config):
     choices: ClassVar[dict[str, type]] = {}
 
 
-class Teleoperator(ABC):
+class Teleoperator(Device):
     config_class: type[TeleoperatorConfig]
     name: str
-
-    def __init__(self, config: TeleoperatorConfig) -> None:
-        self.id = config.id
-        self.calibration: dict[str, Any] = {}
-
-    @property
-    @abstractmethod
-    def action_features(self) -> dict[str, Any]: ...
 
     @property
     @abstractmethod
     def feedback_features(self) -> dict[str, Any]: ...
-
-    @property
-    @abstractmethod
-    def is_connected(self) -> bool: ...
-
-    @abstractmethod
-    def connect(self, calibrate: bool = True) -> None: ...
-
-    @property
-    @abstractmethod
-    def is_calibrated(self) -> bool: ...
-
-    @abstractmethod
-    def calibrate(self) -> None: ...
-
-    @abstractmethod
-    def configure(self) -> None: ...
 
     @abstractmethod
     def get_action(self) -> dict[str, Any]: ...
 
     @abstractmethod
     def send_feedback(self, feedback: dict[str, Any]) -> None: ...
-
-    @abstractmethod
-    def disconnect(self) -> None: ...
 
 
 make_teleoperator_from_config = make_device

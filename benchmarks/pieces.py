@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Costs of the pieces of a sample's way; measured, with no limit that a test could break."""
+"""Costs of the pieces of a sample's way: ``pytest benchmarks/pieces.py``."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Spher
 from haptic_accel.core.surfaces.texture import Texture, TextureModel
 from haptic_accel.core.surfaces.tool import VirtualTool
 from haptic_accel.core.topics import TOOL_ACCELERATION
-from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
+from haptic_accel.devices import MASTERS, SLAVES, Device
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.signals import Sender
 from one_coil import OneCoil
+from running import reserved_domain
 
-# A look at each piece in every run of the tests; for figures to rely on: --benchmark-max-time=5
 pytestmark = pytest.mark.benchmark(max_time=0.1, min_rounds=5)
 
 Benchmark = Any
@@ -79,7 +79,7 @@ def vectors() -> Iterator[Vector]:
     return map(along_actuator, tone())
 
 
-def exploring(device_class: type[Device]) -> Callable[[], Sample]:
+def exploring(device_class: type[Device]) -> Callable[[], Any]:
     """Return what samples a device of which the arm presses and moves, tick by tick."""
     device = device_class(device_class.Parameters(), RATE, 0)
     device.open()
@@ -92,6 +92,7 @@ def exploring(device_class: type[Device]) -> Callable[[], Sample]:
 @pytest.mark.parametrize("rate", [RATE, 4 * RATE])
 @pytest.mark.parametrize("controller", list(CONTROLLERS))
 def test_sample_of_the_compensation(benchmark: Benchmark, controller: str, rate: float) -> None:
+    """Tool and handle move by `tone`."""
     compensation = OneCoil(CompensationParameters(controller=controller), rate)
     acceleration, handle = vectors(), vectors()
     compensation.process(next(acceleration), next(handle))
@@ -151,6 +152,7 @@ def test_slow_work_of_the_adaptation(benchmark: Benchmark, rate: float) -> None:
     "device_class", [MASTERS["simulated"], SLAVES["simulated"]], ids=["master", "slave"]
 )
 def test_tick_of_a_simulated_device(benchmark: Benchmark, device_class: type[Device]) -> None:
+    """The arm presses and moves it."""
     sample = benchmark(exploring(device_class))
     assert all(map(math.isfinite, (*sample.position, *sample.velocity, *sample.acceleration)))
     assert sample.position[0] != 0
@@ -182,7 +184,8 @@ def test_sample_of_a_texture(benchmark: Benchmark, rate: float) -> None:
 @pytest.mark.parametrize("stiffness", [2e3, 10e3])
 def test_sample_of_a_tool_in_a_scene(benchmark: Benchmark, stiffness: float) -> None:
     """Ten objects; it slides over a plane, and past the others."""
-    shapes: list[Shape] = [Plane(), *[Sphere(), Box(), Cylinder()] * 3]
+    others: list[Shape] = [Sphere(), Box(), Cylinder()]
+    shapes = [Plane(), *others * 3]
     material = Material(stiffness=stiffness)
     objects = (
         SceneObject(str(index), shape, material, (0.05 * index, 0.0, -0.01 if index else 0.0))
@@ -225,6 +228,7 @@ def test_sample_in_an_acute_groove_takes_at_most_four_samples_on_a_plane(angle: 
 
 
 def test_forces_of_the_coupling(benchmark: Benchmark) -> None:
+    """One axis is displaced by 1 mm."""
     coupling = PositionPositionCoupling(CouplingParameters())
     origin: Vector = (0.0, 0.0, 0.0)
     coupling.engage(origin, origin)
@@ -235,25 +239,30 @@ def test_forces_of_the_coupling(benchmark: Benchmark) -> None:
 
 
 def test_packing_of_a_message(benchmark: Benchmark) -> None:
+    """An acceleration becomes bytes."""
     packed = benchmark(StampedVector(TOOL_ACCELERATION).pack, STAMP, VECTOR)
     assert unpack_stamped_vector(packed) == (STAMP, VECTOR)
 
 
 def test_reading_of_a_message(benchmark: Benchmark) -> None:
+    """Bytes become an acceleration."""
     packed = StampedVector(TOOL_ACCELERATION).pack(STAMP, VECTOR)
     assert benchmark(unpack_stamped_vector, packed) == (STAMP, VECTOR)
 
 
 @pytest.fixture
-def sender(domain: int) -> Iterator[Sender]:
-    rclpy.init(domain_id=domain)
-    node = GraphNode("slave_device")
-    yield Sender(node, TOOL_ACCELERATION)
-    node.destroy_node()
-    rclpy.shutdown()
+def sender() -> Iterator[Sender]:
+    """Sender of a node in a domain of its own."""
+    with reserved_domain() as domain:
+        rclpy.init(domain_id=domain)
+        node = GraphNode("slave_device")
+        yield Sender(node, TOOL_ACCELERATION)
+        node.destroy_node()
+        rclpy.shutdown()
 
 
 def test_packing_and_publishing_of_a_message(benchmark: Benchmark, sender: Sender) -> None:
+    """Nobody listens."""
     benchmark(sender.send, STAMP, VECTOR)
     assert sender.listeners == 0
 
