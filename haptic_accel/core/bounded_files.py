@@ -42,12 +42,18 @@ thousand files. The parsed content takes up to a hundred times as much memory.""
 DEEPEST = 32
 """Maximum nesting depth; no format here needs more than ten."""
 
+TOO_DEEP = f"it is nested deeper than {DEEPEST} levels"
+
 MOST_VALUES = 200_000
 """Maximum number of values, names and collections. Each takes a kilobyte and 10 us; a bag of ten
 thousand files has 150,000."""
 
 BLOCK = 1 << 16
 """Number of bytes parsed at a time."""
+
+
+POINTER = b"version https://git-lfs.github.com/spec/"
+"""First bytes of a text that Git keeps in place of a large file."""
 
 
 @contextmanager
@@ -95,7 +101,7 @@ def opened(path: str | os.PathLike[str], largest: int) -> Iterator[io.BufferedRe
     Raises
     ------
     OSError
-        The file does not exist, is no regular file, or is too large.
+        The file does not exist, is no regular file, is too large, or is a pointer of Git LFS.
     """
     try:
         # Do not wait for the other end of a pipe.
@@ -110,6 +116,9 @@ def opened(path: str | os.PathLike[str], largest: int) -> Iterator[io.BufferedRe
             raise OSError(errno.EINVAL, "is not a regular file")
         _check_size(status.st_size, largest)
         with open(number, "rb", closefd=False) as file:
+            if file.peek(len(POINTER)).startswith(POINTER):
+                reason = "is a pointer of Git LFS, not the file: get it with git lfs pull"
+                raise OSError(errno.EINVAL, reason)
             yield file
     finally:
         os.close(number)
@@ -155,9 +164,8 @@ def read_json(path: Path) -> Any:
     try:
         content = json.loads(read_text(path, "utf-8-sig"))
     except RecursionError:
-        raise _too_deep() from None
-    level: list[Any] = [content]
-    values = 0
+        raise ValueError(TOO_DEEP) from None
+    level, values = [content], 0
     for _ in range(DEEPEST + 1):
         values += len(level)
         if values > MOST_VALUES:
@@ -167,7 +175,7 @@ def read_json(path: Path) -> Any:
             return content
         rows = (each.values() if isinstance(each, dict) else each for each in nested)
         level = list(itertools.chain.from_iterable(rows))
-    raise _too_deep()
+    raise ValueError(TOO_DEEP)
 
 
 def read_xml(path: Path) -> ElementTree.Element:
@@ -207,17 +215,13 @@ class _Elements(ElementTree.TreeBuilder):
         """Start an element."""
         self._depth += 1
         if self._depth > DEEPEST:
-            raise _too_deep()
+            raise ValueError(TOO_DEEP)
         return super().start(tag, attributes)
 
     def end(self, tag: Any) -> ElementTree.Element:
         """End an element."""
         self._depth -= 1
         return super().end(tag)
-
-
-def _too_deep() -> ValueError:
-    return ValueError(f"it is nested deeper than {DEEPEST} levels")
 
 
 def _check_size(size: int, largest: int) -> None:

@@ -88,17 +88,13 @@ def run_bounded(module: str, words: Sequence[str], seconds: float) -> None:
             )
             status, lines = done.returncode, done.stdout.decode(errors="replace").splitlines()
         except subprocess.TimeoutExpired:
-            raise _overtime(seconds) from None
+            status, lines = _ENDED[0], []
     if status == WRONG_ARGUMENTS and lines:
         raise ParameterError(lines[-1])
     if status in _ENDED:
-        raise _overtime(seconds)
+        raise OutOfBoundsError(f"takes longer than {seconds:g} s")
     if status != DONE:
         raise OutOfBoundsError("takes too much memory, or crashes its reader")
-
-
-def _overtime(seconds: float) -> OutOfBoundsError:
-    return OutOfBoundsError(f"takes longer than {seconds:g} s")
 
 
 def bounded(work: Callable[[], None], seconds: float, megabytes: float) -> None:

@@ -36,7 +36,7 @@ from haptic_accel.core.rig.three_axis_rig import ThreeAxisRig
 from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.devices.interface import Device, DeviceDescription
 from haptic_accel.materials.folders import preset_file
-from haptic_accel.materials.recordings import read_vibration
+from haptic_accel.materials.recordings import AXES, read_recording
 from haptic_accel.materials.texture_files import read_texture
 
 
@@ -219,7 +219,9 @@ def played(
     """
     if not recording.file:
         return None
-    samples = read_vibration(recording.file, recording.rate, rate, recording.column)
+    samples = read_recording(
+        recording.file, recording.rate, rate, recording.column, most_columns=AXES
+    )
     if samples.ndim > 1 and len(axes.names) == 1:
         raise ParameterError(
             f"{shown(recording.file)}: column = {shown(recording.column)}: must be one column,"

@@ -20,17 +20,16 @@ from __future__ import annotations
 import io
 import math
 import struct
-import tokenize
 import warnings
 import zipfile
-import zlib
+from collections.abc import Callable
 from pathlib import Path
-from typing import IO
+from typing import IO, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.bounded_files import opened, read_bytes
+from haptic_accel.core.bounded_files import read_bytes
 from haptic_accel.core.parameters import one_line
 
 LARGEST_FILE = 1 << 26
@@ -54,14 +53,8 @@ KINDS = "biufUS"
 _END = struct.Struct("<4s4H2LH")  # end record of a ZIP file without comment
 _FIRST = LONGEST_HEADER + 12  # maximum size of a header and its prefix
 
-DAMAGE_ERRORS = (
-    *(ValueError, TypeError, LookupError, AttributeError, ArithmeticError),
-    *(RuntimeError, EOFError, OSError, MemoryError, SyntaxError),
-    *(tokenize.TokenError, struct.error, zlib.error, zipfile.BadZipFile),
-)
-"""Errors raised by the readers of NumPy and `zipfile` for damaged content."""
-
 Array = npt.NDArray[np.generic]
+T = TypeVar("T")
 
 
 def read_array(path: Path) -> Array:
@@ -74,11 +67,7 @@ def read_array(path: Path) -> Array:
     ValueError
         The file is no NPY file, or is too large.
     """
-    with opened(path, LARGEST_FILE) as file:
-        try:
-            return _array(file, LARGEST_FILE)
-        except DAMAGE_ERRORS as error:
-            raise ValueError(one_line(error)) from None
+    return _read(path, lambda content: _array(io.BytesIO(content), LARGEST_FILE))
 
 
 def read_arrays(path: Path) -> dict[str, Array]:
@@ -91,10 +80,14 @@ def read_arrays(path: Path) -> dict[str, Array]:
     ValueError
         The file is no NPZ file, or has too many or too large arrays.
     """
+    return _read(path, _arrays)
+
+
+def _read(path: Path, read: Callable[[bytes], T]) -> T:
     content = read_bytes(path, LARGEST_FILE)
     try:
-        return _arrays(content)
-    except DAMAGE_ERRORS as error:
+        return read(content)
+    except Exception as error:  # the readers of NumPy and `zipfile` raise a dozen kinds
         raise ValueError(one_line(error)) from None
 
 

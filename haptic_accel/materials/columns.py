@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Titles of columns: quantity, unit, and choice of a column by name.
+"""Columns of a file: quantities, units, choice by name, and the sampling rate in their times.
 
 A title may state a unit: ``ax [g]``, ``acceleration (mm/s^2)``, ``acc_mg``, ``force mN``. In
 brackets any text but an axis is a unit. Without brackets only a known unit is one, after a blank,
@@ -22,11 +22,16 @@ underscore, comma or slash.
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel.core.resampling import RATE_TOLERANCE, checked_rate
 from haptic_accel.core.warning import warn_once
 
 STANDARD_GRAVITY = 9.80665
@@ -102,48 +107,43 @@ class Quantity:
         return title, ""
 
 
-ACCELERATION = Quantity(
-    "m/s^2",
-    "m/s^2",
-    "m/s^2, mm/s^2, g or mg",
-    {
-        **dict.fromkeys(("g", "G", "gn", "g_n", "g0"), STANDARD_GRAVITY),
-        **dict.fromkeys(("mg", "mG"), 1e-3 * STANDARD_GRAVITY),
-        **dict.fromkeys(("ug", "\u00b5g", "\u03bcg"), 1e-6 * STANDARD_GRAVITY),
-    },
-    _PER_SECOND_SQUARED,
-)
-FORCE = Quantity(
-    "N",
-    "N",
-    "N or mN",
-    {
-        **dict.fromkeys(("N", "n", "newton", "newtons", "Newton"), 1.0),
-        **dict.fromkeys(("mN", "mn"), 1e-3),
-        **{"kN": 1e3, "gf": 1e-3 * STANDARD_GRAVITY, "kgf": STANDARD_GRAVITY, "lbf": 4.4482216},
-    },
-)
+_ACCELERATIONS = {
+    **dict.fromkeys(("g", "G", "gn", "g_n", "g0"), STANDARD_GRAVITY),
+    **dict.fromkeys(("mg", "mG"), 1e-3 * STANDARD_GRAVITY),
+    **dict.fromkeys(("ug", "\u00b5g", "\u03bcg"), 1e-6 * STANDARD_GRAVITY),
+}
+_FORCES = {
+    **dict.fromkeys(("N", "n", "newton", "newtons", "Newton"), 1.0),
+    **dict.fromkeys(("mN", "mn"), 1e-3),
+    **{"kN": 1e3, "gf": 1e-3 * STANDARD_GRAVITY, "kgf": STANDARD_GRAVITY, "lbf": 4.4482216},
+}
+_TIMES = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "msec", "millis", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "usec", "\u00b5s", "\u03bcs", "micros", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nanos", "nanoseconds"), 1e-9),
+    **{"min": 60.0, "h": 3600.0},
+}
+
+_EXAMPLES = "m/s^2, mm/s^2, g or mg"
+ACCELERATION = Quantity("m/s^2", "m/s^2", _EXAMPLES, _ACCELERATIONS, _PER_SECOND_SQUARED)
+FORCE = Quantity("N", "N", "N or mN", _FORCES)
 SPEED = Quantity("mm/s", "m/s", "mm/s or m/s", {}, _PER_SECOND)
 """Speed along a surface; without unit in mm/s, as in files of the Penn Haptic Texture Toolkit."""
 
-TIME = Quantity(
-    "s",
-    "s",
-    "s, ms, us or ns",
-    {
-        **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
-        **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
-        **dict.fromkeys(("us", "usec", "\u00b5s", "\u03bcs", "microseconds"), 1e-6),
-        **dict.fromkeys(("ns", "nsec", "nanoseconds"), 1e-9),
-        **{"min": 60.0, "h": 3600.0},
-    },
-)
+TIME = Quantity("s", "s", "s, ms, us or ns", _TIMES)
+
+COLUMNS = ("acceleration", "accel", "acc", "a")
+"""Default column names for acceleration in a CSV file, in order of preference."""
 
 TIME_NAMES = (
     *("time", "times", "t", "timestamp", "timestamps", "stamp"),
     *("time_stamp", "time stamp", "elapsed_time", "elapsed time"),
 )
-"""Names of columns with the times of samples, in small letters."""
+"""Names of columns with the times of samples, in small letters, whatever their values."""
+
+MOST_CHANNELS = 64
+"""Maximum number of channels of a WAV or NPZ file: 21 sensors with three axes and their times."""
 
 
 @dataclass(frozen=True)
@@ -162,13 +162,6 @@ class Wording:
     column: str = "recording_column:=NAME"
 
 
-THREE_NAMES = "NAME,NAME,NAME"
-"""Form, in messages, of a choice of three columns."""
-
-FIXED = Wording(column="")
-"""Wording for columns whose names no argument changes."""
-
-
 @dataclass(frozen=True)
 class Column:
     """Column to read: its names in order of preference, and its quantity."""
@@ -177,9 +170,16 @@ class Column:
     quantity: Quantity = ACCELERATION
 
 
-def is_time(title: str) -> bool:
-    """Return whether a title is that of the times of samples."""
+def named_time(title: str) -> bool:
+    """Return whether a title has a usual name of the times of samples."""
     return TIME.parsed(title)[0].strip(" %_").casefold() in TIME_NAMES
+
+
+def time_unit(title: str) -> str:
+    """Return the unit of time in a title, which may be the whole title; empty if it has none."""
+    name, unit = TIME.parsed(title)
+    whole = name if len(name) > 1 else ""
+    return next((each for each in (unit, unit.casefold(), whole) if each in TIME.units), "")
 
 
 def chosen(file: str, column: Column, titles: Sequence[str], wording: Wording) -> int:
@@ -198,14 +198,15 @@ def chosen(file: str, column: Column, titles: Sequence[str], wording: Wording) -
             if name in known:
                 return known.index(name)
     chooses = column.quantity is ACCELERATION
-    raise missing(file, "column", column.names, titles, wording if chooses else FIXED)
+    raise missing(file, "column", column.names, titles, wording if chooses else Wording(column=""))
 
 
 def missing(
     file: str, kind: str, names: Sequence[str], titles: Sequence[str], wording: Wording
 ) -> ParameterError:
     """Return the error for a column or channel that a file does not have."""
-    advice = f"; choose one with {wording.column}" if wording.column else ""
+    three = ", or x, y and z with NAME,NAME,NAME" if "," in names[0] else ""
+    advice = f"; choose one with {wording.column}{three}" if wording.column else ""
     return ParameterError(
         f"{file}: {kind} = {shown(' or '.join(names))}: no such {kind}; "
         f"there are {shown(', '.join(titles))}{advice}"
@@ -230,3 +231,179 @@ def factor_of(file: str, title: str, quantity: Quantity) -> float:
     if factor != quantity.factor(quantity.unit):
         warn_once(f"{file}: column {shown(title)}: converted from {unit} to {quantity.unit}")
     return factor
+
+
+# Times
+
+TOLERANCE = 1e-3
+"""Maximum relative difference between the stated rate and that of the times: stamps of a second
+in whole milliseconds are as exact."""
+
+USUAL_SHARE = 0.9
+"""Minimum fraction of steps within half of the median step; otherwise the stamps are coarse or the
+sampling is uneven."""
+
+MOST_UNEVEN = 0.01
+"""Maximum fraction of uneven steps, and maximum distance of a sample from an even grid relative to
+the recording's length."""
+
+JITTER = 0.1
+"""Standard deviation of the steps relative to their mean above which the user is told; deviation
+of most steps from their median up to which values without a unit are times."""
+
+FEWEST = 8
+"""Minimum number of steps that show what a column is."""
+
+COUNT = 1.0
+"""Step of values without a unit that count samples."""
+
+Where = Callable[[int], str]
+"""Line of a file, or the like, by the index of a sample."""
+
+LOWEST, HIGHEST = 100.0, 1e5
+"""Range of rates of which only one unit is possible for times without unit, Hz: three decades, as
+between s, ms, us and ns."""
+
+
+def is_time(title: str, values: FloatArray) -> bool:
+    """Return whether a column holds the times of its samples, by title, unit and content.
+
+    Values with a unit of time are times if most of them rise. Values without one are times if all
+    rise, most of them evenly, and they do not count samples.
+
+    Parameters
+    ----------
+    title : str
+    values : ndarray, shape (n,)
+        NaN where the file has no number.
+    """
+    steps = np.diff(values)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    if named_time(title):
+        return True
+    if time_unit(title):
+        return bool((steps > 0).any() and np.mean(steps >= 0) >= USUAL_SHARE)
+    even = np.abs(steps - usual) <= JITTER * usual
+    rises = len(steps) >= FEWEST and steps.min() > 0 and usual != COUNT
+    return bool(rises and even.mean() >= USUAL_SHARE)
+
+
+def rate_of_times(
+    location: str, title: str, times: FloatArray, where: Where, stated: float, argument: str
+) -> float:
+    """Return the sampling rate of a recording with a column that may be times, see `is_time`.
+
+    Parameters
+    ----------
+    location : str
+        File and kind of column in messages.
+    title : str
+    times : ndarray, shape (n,)
+        Time of each sample, in the title's unit; NaN where the file has no number.
+    where : callable
+        Returns the line, or the like, of a sample by its index.
+    stated : float
+        Sampling rate stated by the user, Hz; 0 if it is not stated.
+    argument : str
+        Name of the stated rate in messages.
+
+    Returns
+    -------
+    float
+        Samples per second: the stated rate, if the times agree with it. The user is told of a rate
+        from a column whose name does not say that it is a time.
+
+    Raises
+    ------
+    ParameterError
+        The times go back, are uneven, contradict the stated rate, or do not determine a rate.
+    """
+    if len(times) < 2 or not is_time(title, times):
+        return stated
+    location, unit = f"{location} {shown(title)}", time_unit(title)
+    wrong = np.flatnonzero(~np.isfinite(times))
+    if len(wrong) == len(times) or (TIME.parsed(title)[1] and not unit):
+        warn_once(f"{location} has no numbers in s, ms, us or ns: not compared with the rate")
+        return stated
+    if len(wrong):
+        raise ParameterError(f"{location}, {where(int(wrong[0]))}: must be a finite number")
+    period, uncertainty = _period(location, times, where)
+    factors = {unit: TIME.units[unit]} if unit else {each: TIME.units[each] for each in _SCALES}
+    rates = {name: 1.0 / (period * factor) for name, factor in factors.items()}
+    if stated:
+        if any(abs(rate / stated - 1) <= TOLERANCE + uncertainty for rate in rates.values()):
+            return stated
+        likely = [rate for rate in rates.values() if unit or LOWEST <= rate < HIGHEST]
+        says = f"says {_whole(likely[0]):g} Hz" if likely else f"has steps of {period:g}"
+        advice = "" if unit or named_time(title) else "; or its title must say its unit, as x [mm]"
+        raise ParameterError(f"{location} {says}, {argument} = {stated:g}: must agree{advice}")
+    rate = rates[unit or TIME.unit]
+    if not unit and not LOWEST <= rate < HIGHEST:
+        raise ParameterError(
+            f"{location} has steps of {period:g} without a unit: must state it, such as"
+            f" time_ms, or {argument} must be given"
+        )
+    if uncertainty > TOLERANCE:
+        raise ParameterError(f"{location} is too coarse for a rate: {argument} must be given")
+    rate = checked_rate(f"{location}: sampling rate", _whole(rate))
+    if not named_time(title):
+        warn_once(f"{location} is taken as the times, in {unit or TIME.unit}: {rate:g} Hz")
+    return rate
+
+
+_SCALES = ("s", "ms", "us", "ns")
+
+
+def _whole(rate: float) -> float:
+    """Return a rate rounded to whole hertz, if that is as exact as other rates are met."""
+    whole = float(round(rate))
+    return whole if math.isclose(rate, whole, rel_tol=RATE_TOLERANCE) else rate
+
+
+def _period(location: str, times: FloatArray, where: Where) -> tuple[float, float]:
+    """Return the mean step of even times, and its relative uncertainty.
+
+    Times that are rounded to more than half of the step determine it by their length alone.
+    """
+    steps = np.diff(times)
+    back = np.flatnonzero(steps < 0)
+    if len(back):
+        at = int(back[0])
+        raise ParameterError(
+            f"{location} goes back at {where(at + 1)}, from {times[at]:.15g} to"
+            f" {times[at + 1]:.15g}: must rise"
+        )
+    length = float(times[-1] - times[0])
+    if length <= 0:
+        raise ParameterError(f"{location} is always {times[0]:.15g}: must rise")
+    usual = float(np.median(steps))
+    ordinary = np.abs(steps - usual) <= 0.5001 * usual
+    if np.mean(ordinary) < USUAL_SHARE:
+        period = length / len(steps)
+        # Rounding, of these times and of the first and the last.
+        most = 2.0 * float(steps[steps > 0].min())
+        if np.ptp(times - times[0] - period * np.arange(len(times))) > most:
+            raise _uneven(location, steps, period, where)
+        return period, most / 2.0 / length
+    period = float(steps[ordinary].mean())
+    odd = np.flatnonzero(~ordinary)
+    grid = times[0] + period * np.arange(len(times))
+    apart = float(np.abs(times - grid).max())
+    if len(odd) > MOST_UNEVEN * len(steps) or apart > max(MOST_UNEVEN * length, 1.5 * period):
+        raise _uneven(location, steps, period, where)
+    away = np.abs(steps - period)
+    if len(odd) or steps.std() > JITTER * period:
+        count, worst = np.count_nonzero(away > JITTER * period), int(np.argmax(away))
+        warn_once(
+            f"{location}: {count} of {len(steps)} steps are not {period:g}, such as"
+            f" {steps[worst]:g} before {where(worst + 1)}: samples are taken as even"
+        )
+    return period, 0.0
+
+
+def _uneven(location: str, steps: FloatArray, period: float, where: Where) -> ParameterError:
+    worst = int(np.argmax(np.abs(steps - period)))
+    return ParameterError(
+        f"{location} is uneven: steps are {period:g} on average, {steps[worst]:g} before"
+        f" {where(worst + 1)}: samples must have a constant rate"
+    )

@@ -28,21 +28,23 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from haptic_accel.core import resampling
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel.core.resampling import MOST_SAMPLES
 from haptic_accel.core.warning import warn_once
 from haptic_accel.materials.columns import (
-    TIME,
+    ACCELERATION,
+    COLUMNS,
     Column,
     Quantity,
     Wording,
     chosen,
     factor_of,
     is_time,
+    rate_of_times,
+    time_unit,
 )
-from haptic_accel.materials.sample_times import rate_of_times
 
 LARGEST_VALUE = 1.0e6
 """Maximum magnitude of a value in SI units; a file that exceeds it contains something else."""
@@ -57,19 +59,20 @@ COMMENT = "#"
 """Start of a line that is skipped."""
 
 MOST_COMMENTS = 100
-"""Maximum number of comments that are kept, of which the last may be the titles."""
+"""Maximum number of comments that are kept, of which the last may be the titles; as many again
+with a frequency."""
+
+FIRST_ROWS = 50
+"""Number of rows whose values show which columns may be times."""
 
 _QUOTED = re.compile(r'"[^"]*"|\[[^\]]*\]')
+_FREQUENCY = re.compile(r"([0-9]{1,9}(?:[.,][0-9]{1,9})?) ?([kK])?(?:Hz|HZ|hz|S/s|sps|SPS)\b")
 _MARKS = {codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 """Encodings by byte-order mark; without one of these a file is UTF-8."""
 
 
 def read_csv(
-    name: str,
-    file: io.BufferedReader,
-    columns: Sequence[Column],
-    rate: float,
-    wording: Wording,
+    name: str, file: io.BufferedReader, columns: Sequence[Column], rate: float, wording: Wording
 ) -> tuple[list[FloatArray], float]:
     """Return columns of numbers in SI units, and the sampling rate.
 
@@ -96,8 +99,7 @@ def read_csv(
         The file is no table of numbers, or contradicts itself or the stated rate.
     """
     try:
-        table = _Table(name, file)
-        return table.read(columns, rate, wording)
+        return _Table(name, file).read(columns, rate, wording)
     except UnicodeError:
         raise ParameterError(f"{name}: is not text, must be a CSV or WAV file") from None
     except csv.Error as error:
@@ -107,7 +109,7 @@ def read_csv(
 
 
 class _Table:
-    """Rows of a CSV file below its titles."""
+    """Rows of a CSV file below its titles, which are numbers if it has none."""
 
     def __init__(self, name: str, file: io.BufferedReader) -> None:
         self._name = name
@@ -117,171 +119,151 @@ class _Table:
         encoding = _MARKS.get(file.peek(2)[:2], "utf-8-sig")
         lines = self._lines(io.TextIOWrapper(file, encoding=encoding, newline=""))
         header = next((line for line in lines if not line.isspace()), "")
-        self._separator = _separator(header)
-        if self._comments and all(map(_is_number, header.split(self._separator))):
-            # As `numpy.savetxt` writes it: the titles are the last comment.
-            lines = itertools.chain([header], lines)
-            header = self._comments.pop().lstrip(COMMENT)
-            self._separator = _separator(header)
-        self._rows = csv.reader(
-            itertools.chain([header], lines),
+        between = _between_numbers(header)
+        self._separator = between or _separator(header)
+        lines = itertools.chain([header], lines)
+        self._rows: Iterator[list[str]] = csv.reader(
+            map(str.strip, lines) if between == " " else lines,
             delimiter=self._separator,
             skipinitialspace=True,
             strict=True,
         )
         self._titles = [title.strip() for title in next(self._rows)]
-        # The first one may be the index that pandas writes.
-        self._untitled = [index for index, each in enumerate(self._titles) if index and not each]
+        self._is_numbered = False
+        if between:
+            self._rows = itertools.chain([self._titles], self._rows)
+            self._titles = self._titles_above(len(self._titles))
+
+    def _titles_above(self, count: int) -> list[str]:
+        """Return the titles in the last comment, as `numpy.savetxt` writes it, or numbers."""
+        if self._comments:
+            comment = self._comments[-1].lstrip(f"{COMMENT} ")
+            titles = [each.strip() for each in comment.split(_separator(comment))]
+            if len(titles) == count and " " not in ACCELERATION.parsed(titles[0])[0]:
+                self._comments.pop()
+                return titles
+        self._is_numbered = True
+        return [str(number + 1) for number in range(count)]
 
     def read(
         self, columns: Sequence[Column], rate: float, wording: Wording
     ) -> tuple[list[FloatArray], float]:
         """Return the columns and the sampling rate; see `read_csv`."""
-        chosen_columns = [chosen(self._name, column, self._titles, wording) for column in columns]
-        factors = [
-            factor_of(self._name, self._titles[index], column.quantity)
-            for index, column in zip(chosen_columns, columns, strict=True)
+        rows = ((self._line, row) for row in self._rows if any(row))
+        first = list(itertools.islice(rows, FIRST_ROWS))
+        times = self._times(first)
+        indices = [self._chosen(column, times, wording) for column in columns]
+        wanted = [
+            (index, column.quantity, factor_of(self._name, self._titles[index], column.quantity))
+            for index, column in zip(indices, columns, strict=True)
         ]
-        times = self._times(chosen_columns)
-        values = [array("d") for _ in columns]
-        lines = array("I")
-        for row in self._rows:
-            if not any(row):
-                continue
-            self._check(row)
-            for index, column, factor, numbers in zip(
-                chosen_columns, columns, factors, values, strict=True
-            ):
-                numbers.append(self._value(row, index, column.quantity, factor))
-            if len(values[0]) > resampling.MOST_SAMPLES:
-                raise too_long(self._name, len(values[0]))
-            for index in times:
-                self._note_time(row, index, times)
-            if times:
-                lines.append(self._line)
-        self._tell_comments()
-        for index, stamps in times.items():
-            if stamps is not None:
-                where = f"{self._name}: column {shown(self._titles[index])}"
-                unit = TIME.parsed(self._titles[index])[1]
-                rate = rate_of_times(
-                    where,
-                    np.array(stamps),
-                    lambda sample: f"line {lines[sample]}",
-                    unit,
-                    rate,
-                    wording.rate,
-                )
+        stamps = {index: array("d") for index in times if index not in indices}
+        values, lines = [array("d") for _ in columns], array("I")
+        for line, row in itertools.chain(first, rows):
+            self._check(line, row)
+            for (index, quantity, factor), numbers in zip(wanted, values, strict=True):
+                numbers.append(self._value(line, row, index, quantity, factor))
+            for index, numbers in stamps.items():
+                numbers.append(self._number(_field(row, index)))
+            lines.append(line)
+            if len(lines) > MOST_SAMPLES:
+                raise ParameterError(f"{self._name}: must have at most {MOST_SAMPLES} samples")
+
+        def line_of(sample: int) -> str:
+            return f"line {lines[sample]}"
+
+        place = f"{self._name}: column"
+        for index, numbers in stamps.items():
+            title, found = self._titles[index], np.array(numbers)
+            rate = rate_of_times(place, title, found, line_of, rate, wording.rate)
+        self._tell_comments(rate)
         return [np.array(each, dtype=np.float64) for each in values], rate
 
-    def _times(self, chosen_columns: Sequence[int]) -> dict[int, array[float] | None]:
-        """Return an empty array for each column of times; None for times in another form."""
-        found: dict[int, array[float] | None] = {}
-        for index, title in enumerate(self._titles):
-            if index not in chosen_columns and is_time(title):
-                found[index] = array("d")
-                if TIME.parsed(title)[1] and TIME.factor(TIME.parsed(title)[1]) is None:
-                    self._leave_out(index, found)
-        return found
+    def _times(self, first: Sequence[tuple[int, Sequence[str]]]) -> list[int]:
+        """Return the columns that hold times by their titles or first values."""
+        return [
+            index
+            for index, title in enumerate(self._titles)
+            if time_unit(title)
+            or is_time(title, np.array([_plain(_field(row, index)) for _, row in first]))
+        ]
 
-    def _leave_out(self, index: int, times: dict[int, array[float] | None]) -> None:
-        times[index] = None
-        warn_once(
-            f"{self._name}: column {shown(self._titles[index])} has no numbers in s, ms, us or ns:"
-            " it is not compared with the rate"
-        )
-
-    def _note_time(
-        self, row: Sequence[str], index: int, times: dict[int, array[float] | None]
-    ) -> None:
-        stamps = times[index]
-        if stamps is None:
-            return
-        text = row[index] if index < len(row) else ""
-        time = self._number(text)
-        if math.isfinite(time):
-            stamps.append(time)
-        elif stamps:
-            raise self._wrong(index, text, "must be a time, as in the lines before")
-        else:
-            self._leave_out(index, times)
-
-    def _check(self, row: Sequence[str]) -> None:
-        """Reject a row with values that no title names."""
-        commas = ""
-        if self._separator == ",":
-            commas = "; decimal commas need semicolons or tabs between columns"
-        if len(row) > len(self._titles):
+    def _chosen(self, column: Column, times: Sequence[int], wording: Wording) -> int:
+        """Return the index of a column; of a file without titles the only one but times."""
+        left = [index for index in range(len(self._titles)) if index not in times]
+        if not self._is_numbered or column.names[0] in self._titles:
+            return chosen(self._name, column, self._titles, wording)
+        if column.names != COLUMNS or len(left) != 1:
+            advice = f"choose one with {wording.column}" if wording.column else "add titles"
             raise ParameterError(
-                f"{self._name}: line {self._line}: {len(row)} values: must be"
-                f" {len(self._titles)} at most, as the header{commas}"
+                f"{self._name}: has no titles, but columns {', '.join(self._titles)}: {advice}"
             )
-        for index in self._untitled:
-            if index < len(row) and row[index]:
+        warn_once(f"{self._name}: column {self._titles[left[0]]}: taken as the acceleration")
+        return left[0]
+
+    def _check(self, line: int, row: Sequence[str]) -> None:
+        """Reject a row with values that no title names, but for the index that pandas writes."""
+        for index, text in enumerate(row):
+            if text and (index >= len(self._titles) or (index and not self._titles[index])):
+                commas = "; decimal commas need semicolons or tabs between columns"
                 raise ParameterError(
-                    f"{self._name}: line {self._line}: {row[index][:40]!r} in a column without a"
-                    f" title: must have one{commas}"
+                    f"{self._name}: line {line}: {text[:40]!r} in a column without a title: must"
+                    f" have one{commas if self._separator == ',' else ''}"
                 )
 
-    def _value(self, row: Sequence[str], index: int, quantity: Quantity, factor: float) -> float:
-        text = row[index] if index < len(row) else ""
+    def _value(
+        self, line: int, row: Sequence[str], index: int, quantity: Quantity, factor: float
+    ) -> float:
+        text = _field(row, index)
         value = self._number(text) * factor
-        if not abs(value) <= LARGEST_VALUE:
-            raise self._wrong(
-                index,
-                text,
-                f"must be a number from {-LARGEST_VALUE:g} to {LARGEST_VALUE:g}"
-                f" {quantity.si_unit}",
-            )
-        return value
-
-    def _wrong(self, index: int, text: str, allowed: str) -> ParameterError:
+        if abs(value) <= LARGEST_VALUE:
+            return value
         sign = f" with {self._decimal!r} for decimals, as in the lines before"
         other = {".": ",", ",": "."}.get(self._decimal)
-        return ParameterError(
-            f"{self._name}: line {self._line}: {shown(self._titles[index])} = {text[:40]!r}: "
-            f"{allowed}{sign if other and other in text else ''}"
+        raise ParameterError(
+            f"{self._name}: line {line}: {shown(self._titles[index])} = {text[:40]!r}: must be"
+            f" a number from {-LARGEST_VALUE:g} to {LARGEST_VALUE:g} {quantity.si_unit}"
+            f"{sign if other and other in text else ''}"
         )
 
     def _number(self, text: str) -> float:
         """Return a number with the file's decimal sign; NaN for any other text."""
         if sign := "," if "," in text else "." if "." in text else "":
             self._decimal = self._decimal or sign
-            if sign != self._decimal:
-                return math.nan
-        if sign == ",":
-            text = text.replace(",", ".")
-        try:
-            return read_decimal(text)
-        except ValueError:
-            return math.nan
+        return _plain(text) if not sign or sign == self._decimal else math.nan
 
-    def _tell_comments(self) -> None:
-        if self._comments:
-            warn_once(
-                f"{self._name}: lines that begin with {COMMENT} are not read, such as"
-                f" {shown(self._comments[0])}"
-            )
+    def _tell_comments(self, rate: float) -> None:
+        """Tell the user of comments, above all of one with another rate."""
+        if not self._comments:
+            return
+        stating = [comment for comment in self._comments if _FREQUENCY.search(comment)]
+        found = _FREQUENCY.findall("\n".join(stating))
+        rates = (
+            float(number.replace(",", ".")) * (1e3 if kilo else 1.0) for number, kilo in found
+        )
+        agrees = any(math.isclose(rate, each, rel_tol=1e-3) for each in rates)
+        used = f", though {rate:g} Hz is used" if rate and stating and not agrees else ""
+        warn_once(
+            f"{self._name}: lines that begin with {COMMENT} are not read, such as"
+            f" {shown((stating or self._comments)[0])}{used}"
+        )
 
     def _lines(self, text: io.TextIOWrapper) -> Iterator[str]:
         """Yield the lines of a text but comments; long lines are rejected."""
         while line := text.readline(LONGEST_LINE + 1):
             self._line += 1
             if len(line) > LONGEST_LINE:
-                raise ParameterError(
-                    f"{self._name}: a line has more than {LONGEST_LINE} characters"
-                )
+                raise ParameterError(f"{self._name}: a line exceeds {LONGEST_LINE} characters")
             if "\0" in line:
                 raise UnicodeError
             if not line.startswith(COMMENT):
                 yield line
-            elif len(self._comments) < MOST_COMMENTS:
+            elif len(self._comments) < MOST_COMMENTS * (2 if _FREQUENCY.search(line) else 1):
                 self._comments.append(line.rstrip())
 
 
-def too_long(name: str, samples: int) -> ParameterError:
-    """Return the error for a recording with too many samples."""
-    return ParameterError(f"{name}: {samples} samples: must be at most {resampling.MOST_SAMPLES}")
+def _field(row: Sequence[str], index: int) -> str:
+    return row[index] if index < len(row) else ""
 
 
 def _separator(header: str) -> str:
@@ -290,9 +272,18 @@ def _separator(header: str) -> str:
     return max(SEPARATORS, key=bare.count)
 
 
-def _is_number(text: str) -> bool:
+def _between_numbers(line: str) -> str:
+    """Return what separates the numbers of a line; empty for a line with other texts."""
+    for separator in (*reversed(SEPARATORS), " "):
+        texts = line.split(separator) if separator != " " else line.split()
+        if texts and all(not math.isnan(_plain(each.strip())) for each in texts):
+            return separator
+    return ""
+
+
+def _plain(text: str) -> float:
+    """Return a number with either decimal sign; NaN for any other text."""
     try:
-        read_decimal(text.strip())
+        return read_decimal(text.replace(",", "."))
     except ValueError:
-        return False
-    return True
+        return math.nan

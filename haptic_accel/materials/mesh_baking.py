@@ -148,16 +148,12 @@ def _apart(solids: list[Any]) -> list[Any]:
 
     groups: list[list[Any]] = []
     for solid in solids:
-        free = (
-            group
-            for group in groups
-            if not any(_overlap(solid.bounds, each.bounds) for each in group)
-        )
-        group = next(free, None)
-        if group is None:
-            groups.append([solid])
+        for group in groups:
+            if not any(_overlap(solid.bounds, each.bounds) for each in group):
+                group.append(solid)
+                break
         else:
-            group.append(solid)
+            groups.append([solid])
     return [trimesh.util.concatenate(group) if len(group) > 1 else group[0] for group in groups]
 
 

@@ -61,6 +61,8 @@ def moving_scene(path: Path, materials: Mapping[str, Material], start: Vector, n
     ParameterError
         MuJoCo is not installed, or cannot read the file, or the file lacks a geom.
     """
+    from scipy.spatial.transform import Rotation
+
     mujoco = _mujoco(path)
     check_mjcf(path)
     model = compiled(path, specification(path))
@@ -79,7 +81,8 @@ def moving_scene(path: Path, materials: Mapping[str, Material], start: Vector, n
             _shape(model.geom(index)),
             materials.get(geom) or Material(geom),
             tuple(data.geom_xpos[index].tolist()),
-            _roll_pitch_yaw(data.geom_xmat[index].reshape(3, 3)),
+            # About the fixed axes x, y, z.
+            vector(Rotation.from_matrix(data.geom_xmat[index].reshape(3, 3)).as_euler("xyz")),
         )
         for index, geom in enumerate(names)
     )
@@ -106,15 +109,6 @@ def _shape(geom: Any) -> Shape:
     if kind == mjtGeom.mjGEOM_CYLINDER:
         return Cylinder(x, 2 * y)
     return Sphere(float(geom.rbound[0]))
-
-
-def _roll_pitch_yaw(matrix: FloatArray) -> Vector:
-    """Return a rotation's angles about the fixed axes x, y, z, rad."""
-    return (
-        math.atan2(matrix[2, 1], matrix[2, 2]),
-        -math.asin(max(-1.0, min(1.0, matrix[2, 0]))),
-        math.atan2(matrix[1, 0], matrix[0, 0]),
-    )
 
 
 class MovingTool:

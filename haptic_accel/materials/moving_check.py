@@ -21,7 +21,10 @@ cases MuJoCo's compiler does not return.
 
 from __future__ import annotations
 
+import re
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -46,11 +49,6 @@ SHORTEST_STEP = 2e-5
 
 MOST_ITERATIONS = 1000
 """Maximum number of solver iterations: ten times MuJoCo's default."""
-
-_ITERATIONS = (
-    *("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations"),
-    *("sdf_iterations", "sdf_initpoints"),
-)
 
 
 def check_mjcf(path: Path) -> None:
@@ -81,10 +79,8 @@ def specification(path: Path) -> Any:
     """
     import mujoco
 
-    try:
+    with _read_by_mujoco(path):
         return mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
-        raise _refused(path, error) from None
 
 
 def compiled(path: Path, stated: Any) -> Any:
@@ -95,19 +91,15 @@ def compiled(path: Path, stated: Any) -> Any:
     ParameterError
         MuJoCo cannot compile it, or a value is not allowed here.
     """
-    import mujoco
-
-    try:
+    with _read_by_mujoco(path):
         model = stated.compile()
-    except (ValueError, mujoco.FatalError) as error:
-        raise _refused(path, error) from None
     if model.ngeom > MOST_GEOMS:
         raise ParameterError(f"{path}: {model.ngeom} geoms: must be at most {MOST_GEOMS}")
     step = model.opt.timestep
     if not SHORTEST_STEP <= step < 1.0:
         raise ParameterError(f"{path}: timestep = {step:g}: must be from {SHORTEST_STEP:g} to 1 s")
-    for name in _ITERATIONS:
-        if (count := getattr(model.opt, name, 0)) > MOST_ITERATIONS:
+    for name in (each for each in dir(model.opt) if re.search("iterations|initpoints", each)):
+        if (count := getattr(model.opt, name)) > MOST_ITERATIONS:
             raise ParameterError(f"{path}: {name} = {count}: must be at most {MOST_ITERATIONS}")
     return model
 
@@ -123,16 +115,20 @@ def compile_and_step(path: Path) -> None:
     import mujoco
 
     model = compiled(path, specification(path))
-    try:
+    with _read_by_mujoco(path):
         data = mujoco.MjData(model)
         mujoco.mj_step(model, data, 2)
+
+
+@contextmanager
+def _read_by_mujoco(path: Path) -> Iterator[None]:
+    import mujoco
+
+    try:
+        yield
     except (ValueError, mujoco.FatalError) as error:
-        raise _refused(path, error) from None
-
-
-def _refused(path: Path, error: Exception) -> ParameterError:
-    reason = shown(one_line(error))
-    return ParameterError(f"{path}: must be MJCF that MuJoCo reads: {reason}")
+        reason = shown(one_line(error))
+        raise ParameterError(f"{path}: must be MJCF that MuJoCo reads: {reason}") from None
 
 
 def main() -> None:

@@ -21,9 +21,8 @@ import errno
 import io
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,12 +33,9 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.outliers import without_outliers
 from haptic_accel.core.parameters import ParameterError, shown
 from haptic_accel.core.warning import warn_once
-from haptic_accel.materials.columns import STANDARD_GRAVITY, THREE_NAMES, Column, Wording
+from haptic_accel.materials.columns import COLUMNS, STANDARD_GRAVITY, Column, Wording
 from haptic_accel.materials.csv_files import LARGEST_VALUE, read_csv
-from haptic_accel.materials.wav_files import read_wav
-
-COLUMNS = ("acceleration", "accel", "acc", "a")
-"""Default column names for acceleration in a CSV file, in order of preference."""
+from haptic_accel.materials.wav_files import is_wav, read_wav
 
 FULL_SCALE = 5 * STANDARD_GRAVITY
 """Acceleration at full scale of a WAV file, m/s^2: the +-5 g of the paper's ADXL320J."""
@@ -49,6 +45,9 @@ UNCALIBRATED = "calibration = nothing: must be the acceleration at full scale, m
 
 SHORTEST = 1.0
 """Minimum duration of a recording, s."""
+
+EXPORTED = (b"LabVIEW Measurement", b"TDSm", b"MATLAB", b"\x89HDF")
+"""First bytes of LabVIEW's LVM and TDMS, and of MATLAB's MAT (also as HDF5)."""
 
 AXES = 3
 """Number of columns of a recording in x, y and z."""
@@ -63,6 +62,7 @@ def read_recording(
     rate: float,
     column: str | None = None,
     full_scale: float | None = None,
+    most_columns: int = 1,
 ) -> FloatArray:
     """Read a recorded acceleration and resample it.
 
@@ -82,15 +82,17 @@ def read_recording(
         Sampling rate of the result, Hz.
     column : str, optional
         Name of the column of a CSV file; default: the first of `COLUMNS` that exists. Number of
-        the channel of a WAV file; default: ``"1"``, the first. The empty text also means the
-        default.
+        the channel of a WAV file; default: the first that is not silent. The empty text also
+        means the default.
     full_scale : float, optional
         Acceleration at full scale of a WAV file, m/s^2; default: `FULL_SCALE`, which
         floating-point samples must not exceed.
+    most_columns : int
+        Number of columns that the user may choose: 1, or 3 for x, y and z, with commas between.
 
     Returns
     -------
-    ndarray, shape (n,)
+    ndarray, shape (n,) or (n, 3)
         Acceleration, m/s^2; n is the length times `rate` / `recording_rate`, rounded up.
 
     Raises
@@ -100,40 +102,10 @@ def read_recording(
         allowed values. A recording shorter than `SHORTEST` is rejected, as are NaN and infinity,
         more than 1 % of outliers, and a file that contradicts itself or `recording_rate`.
     """
-    samples = read_vibration(path, recording_rate, rate, column, full_scale)
-    if samples.ndim > 1:
-        raise ParameterError(
-            f"{shown(os.fspath(path))}: column = {shown(column or '')}: must be one column here"
-        )
-    return samples
-
-
-def read_vibration(
-    path: str | os.PathLike[str],
-    recording_rate: float,
-    rate: float,
-    column: str | None = None,
-    full_scale: float | None = None,
-) -> FloatArray:
-    """Read a recorded acceleration along one axis or three, and resample it.
-
-    Parameters as for `read_recording`, but `column` may be three names or numbers, for x, y and z,
-    with commas between.
-
-    Returns
-    -------
-    ndarray, shape (n,) or (n, 3)
-        Acceleration, m/s^2.
-
-    Raises
-    ------
-    ParameterError
-        As for `read_recording`.
-    """
     rate = resampling.checked_rate("rate", rate)
     name = shown(os.fspath(path))
-    samples, recording_rate = _read(
-        path, recording_rate, column, full_scale, FULL_SCALE, Wording()
+    samples, recording_rate = read_samples(
+        path, recording_rate, column, full_scale, assumed=FULL_SCALE
     )
     seconds = len(samples) / recording_rate
     if seconds * rate > resampling.MOST_SAMPLES:
@@ -141,6 +113,8 @@ def read_vibration(
             f"{name}: {seconds:.3g} s are {seconds * rate:.3g} samples at {rate:g} Hz, "
             f"must be at most {resampling.MOST_SAMPLES}"
         )
+    if samples.ndim > 1 and most_columns == 1:
+        raise ParameterError(f"{name}: column = {shown(column or '')}: must be one column here")
     return resampling.resampled(samples, recording_rate, rate)
 
 
@@ -150,6 +124,7 @@ def read_samples(
     column: str | None = None,
     full_scale: float | None = None,
     wording: Wording | None = None,
+    assumed: float | None = None,
 ) -> tuple[FloatArray, float]:
     """Read a recorded acceleration without resampling; see `read_recording`.
 
@@ -157,10 +132,12 @@ def read_samples(
     ----------
     wording : Wording, optional
         Names of the arguments in messages.
+    assumed : float, optional
+        Full scale of a WAV file for which none is stated, m/s^2; such a file is rejected without.
 
     Returns
     -------
-    samples : ndarray, shape (n,)
+    samples : ndarray, shape (n,) or (n, 3)
         Acceleration, m/s^2.
     rate : float
         Samples per second.
@@ -168,9 +145,30 @@ def read_samples(
     Raises
     ------
     ParameterError
-        As for `read_recording`; also for a WAV file without `full_scale`.
+        As for `read_recording`.
     """
-    return _read(path, recording_rate, column, full_scale, None, wording or Wording())
+    wording = wording or Wording()
+    recording_rate = _checked(recording_rate, wording)
+    names = _listed(column or "")
+    if full_scale is not None and not 0.0 < full_scale <= LARGEST_VALUE:
+        raise ParameterError(
+            f"full_scale = {full_scale}: must be above 0 to {LARGEST_VALUE:g} m/s^2"
+        )
+    name = shown(os.fspath(path))
+    with _opened(name, path) as file:
+        if is_wav(file.peek(4)) or Path(path).suffix.lower() == ".wav":
+            if full_scale is None and assumed is None:
+                raise ParameterError(f"{name}: {UNCALIBRATED}")
+            own_rate, channels = read_wav(name, file.read(), names, wording)
+            check_rate(name, own_rate, recording_rate, wording)
+            found = [_scaled(name, each, full_scale, assumed) for each in channels]
+        else:
+            columns = [Column((each,) if each else COLUMNS) for each in names]
+            found, own_rate = read_csv(name, file, columns, recording_rate, wording)
+    labels = [f"{name}: {each}" if each else name for each in names]
+    samples, own_rate = _signals(name, labels, found, own_rate, wording)
+    tell_unlike(dict(zip(labels, samples.T, strict=True)))
+    return samples if len(names) > 1 else samples[:, 0], own_rate
 
 
 def read_columns(
@@ -207,48 +205,12 @@ def read_columns(
     """
     name, recording_rate = shown(os.fspath(path)), _checked(recording_rate, wording)
     with _opened(name, path) as file:
-        if file.peek(4)[:4] == b"RIFF":
+        if is_wav(file.peek(4)):
             names = ", ".join(column.names[0] for column in columns)
             raise ParameterError(f"{name}: is a WAV file, must be a CSV file with columns {names}")
         found, own_rate = read_csv(name, file, columns, recording_rate, wording)
-    own_rate = own_rate or assumed_rate
-    _check_length(name, len(found[0]), own_rate, wording)
     labels = [f"{name}: {column.names[0]}" for column in columns]
-    return np.column_stack(list(map(cleaned, labels, found))), own_rate
-
-
-def _read(
-    path: str | os.PathLike[str],
-    recording_rate: float,
-    column: str | None,
-    full_scale: float | None,
-    assumed: float | None,
-    wording: Wording,
-) -> tuple[FloatArray, float]:
-    """Return acceleration and rate of a file, with a full scale to assume if none is stated."""
-    recording_rate = _checked(recording_rate, wording)
-    names = _listed(column or "")
-    if wording.column and "," in names[0]:
-        wording = replace(wording, column=f"{wording.column}, or x, y and z with {THREE_NAMES}")
-    if full_scale is not None and not 0.0 < full_scale <= LARGEST_VALUE:
-        raise ParameterError(
-            f"full_scale = {full_scale}: must be above 0 to {LARGEST_VALUE:g} m/s^2"
-        )
-    name = shown(os.fspath(path))
-    with _opened(name, path) as file:
-        if file.peek(4)[:4] == b"RIFF" or Path(path).suffix.lower() == ".wav":
-            if full_scale is None and assumed is None:
-                raise ParameterError(f"{name}: {UNCALIBRATED}")
-            own_rate, channels = read_wav(name, file, [each or "1" for each in names], wording)
-            check_rate(name, own_rate, recording_rate, wording)
-            found = [_scaled(name, each, full_scale, assumed) for each in channels]
-        else:
-            columns = [Column((each,) if each else COLUMNS) for each in names]
-            found, own_rate = read_csv(name, file, columns, recording_rate, wording)
-    _check_length(name, len(found[0]), own_rate, wording)
-    labels = [f"{name}: {each}" if each else name for each in names]
-    samples = list(map(cleaned, labels, found))
-    return np.column_stack(samples) if len(names) > 1 else samples[0], own_rate
+    return _signals(name, labels, found, own_rate or assumed_rate, wording)
 
 
 def _listed(column: str) -> list[str]:
@@ -269,7 +231,11 @@ def _checked(recording_rate: float, wording: Wording) -> float:
     return recording_rate and resampling.checked_rate(wording.rate, recording_rate)
 
 
-def _check_length(name: str, samples: int, rate: float, wording: Wording) -> None:
+def _signals(
+    name: str, labels: Sequence[str], found: Sequence[FloatArray], rate: float, wording: Wording
+) -> tuple[FloatArray, float]:
+    """Return signals that are long enough without outliers, shape (n, signals), and their rate."""
+    samples = len(found[0])
     if not rate:
         raise ParameterError(
             f"{wording.rate} = 0: must be given for a CSV file without times such as {name}, "
@@ -280,6 +246,8 @@ def _check_length(name: str, samples: int, rate: float, wording: Wording) -> Non
             f"{name}: {samples} samples at {rate:g} Hz last {samples / rate:.3g} s, "
             f"must be at least {SHORTEST:g} s"
         )
+    clean = [cleaned(label, each, rate) for label, each in zip(labels, found, strict=True)]
+    return np.column_stack(clean), rate
 
 
 def _scaled(
@@ -306,20 +274,81 @@ def _scaled(
     return acceleration
 
 
-def cleaned(name: str, samples: FloatArray) -> FloatArray:
-    """Replace the outliers of a recorded signal, and tell the user their number once.
+# Sensors
+
+LEAST_SAMPLES = 10
+"""Minimum number of samples at an extreme of a saturated signal."""
+
+PILED = 4
+"""Minimum ratio of the number of samples at an extreme to those at each of the `BESIDE` values
+nearest to it; a sinusoid in steps of a converter has 2.4."""
+
+BESIDE = 5
+
+DIGITS = 9
+"""Decimal places of full range to which values are equal: far finer than any converter."""
+
+LEAST_RUNS = 50
+"""Minimum number of values whose lengths show that a sensor is slower than its file."""
+
+HELD = 1.5
+"""Minimum mean number of samples per value of a slower sensor."""
+
+UNLIKE = 100.0
+"""Ratio of the standard deviations of two axes from which on the smaller one is told: 40 dB."""
+
+
+def cleaned(name: str, samples: FloatArray, rate: float) -> FloatArray:
+    """Replace the outliers of a signal, and tell the user of them and of its sensor's limits.
+
+    Values of a slower sensor last equally long but for one sample; those of a quiet sensor in
+    steps of its converter do not.
 
     Raises
     ------
     ParameterError
-        There are too many, see `without_outliers`.
+        There are too many outliers, see `without_outliers`.
     """
     samples, rejected = without_outliers(name, samples)
     if rejected:
         warn_once(
             f"{name}: {rejected} of {len(samples)} samples are outliers: replaced by interpolation"
         )
+    for extreme, count in _piled(samples):
+        warn_once(f"{name}: {count} samples are at the extreme {extreme:.4g}: saturated")
+    lengths = np.diff(np.flatnonzero(np.diff(samples)))
+    if len(lengths) >= LEAST_RUNS and (mean := float(lengths.mean())) >= HELD:
+        shortest, longest = np.percentile(lengths, (5, 95))
+        if longest - shortest <= 1:
+            warn_once(
+                f"{name}: each value is held for {mean:.3g} samples: its sensor measures at about"
+                f" {rate / mean:.3g} Hz, not {rate:g} Hz"
+            )
     return samples
+
+
+def tell_unlike(axes: Mapping[str, FloatArray]) -> None:
+    """Tell the user of axes of an acceleration, by name, that are much smaller than the others."""
+    spreads = {name: float(each.std()) for name, each in axes.items()}
+    for name, spread in spreads.items():
+        if UNLIKE * spread <= (largest := max(spreads.values())) > 0:
+            warn_once(
+                f"{name}: has a standard deviation of {spread:.2g} m/s^2, another axis"
+                f" {largest:.2g}: its sensor may not work"
+            )
+
+
+def _piled(samples: FloatArray) -> Iterator[tuple[float, int]]:
+    """Yield the extremes that many more samples have than the values beside them."""
+    scale = float(np.ptp(samples)) or 1.0
+    values, counts = np.unique(np.round(samples / scale, DIGITS), return_counts=True)
+    for at, beside in ((0, counts[1 : BESIDE + 1]), (-1, counts[-BESIDE - 1 : -1])):
+        most = max([LEAST_SAMPLES, *PILED * beside])
+        if len(beside) and values[at] and counts[at] >= most:
+            yield float(values[at]) * scale, int(counts[at])
+
+
+# Files
 
 
 @contextmanager
@@ -327,8 +356,12 @@ def _opened(name: str, path: str | os.PathLike[str]) -> Iterator[io.BufferedRead
     """Open a file that is not empty."""
     try:
         with opened(path, MOST_BYTES) as file:
-            if not file.peek(1):
+            start = file.peek(1)
+            if not start:
                 raise OSError(errno.EINVAL, "is empty")
+            if start.startswith(EXPORTED):
+                kind = "is an LVM, TDMS, MAT or HDF5 file: export its table as text there, such as"
+                raise OSError(errno.EINVAL, f"{kind} writematrix(data, 'a.csv') in MATLAB")
             yield file
     except OSError as error:
         what = name or "recording = ''"

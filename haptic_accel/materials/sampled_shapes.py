@@ -115,11 +115,8 @@ def _grid(path: Path, baked: Mapping[str, Any], sampling: Sampling) -> DistanceG
 
 def _baked(path: Path, sampling: Sampling) -> dict[str, Any]:
     """Return a mesh's signed distances, the position of the first distance, and a remark."""
-    try:
-        if find_spec("trimesh.proximity") is None:
-            raise ImportError
-    except ImportError:
-        raise ParameterError(MISSING_LIBRARY) from None
+    if not (find_spec("trimesh") and find_spec("trimesh.proximity")):
+        raise ParameterError(MISSING_LIBRARY)
     with TemporaryDirectory(prefix="haptic_accel-") as folder:
         result = Path(folder) / "grid.npz"
         words = [path.absolute(), result, sampling.spacing, sampling.scale]

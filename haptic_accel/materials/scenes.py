@@ -175,8 +175,7 @@ def _object(name: str, section: Document, materials: Mapping[str, Material]) -> 
 
 def _sampled(section: Document, read: Any) -> Shape:
     """Return a shape from a separate file."""
-    file = section.at("file").text()
-    sampling = section.build(Sampling)
+    file, sampling = section.path.parent / section.at("file").text(), section.build(Sampling)
     with section.located("file"):
-        shape: Shape = read(section.path.parent / file, sampling)
+        shape: Shape = read(file, sampling)
     return shape

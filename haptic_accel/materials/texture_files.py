@@ -33,12 +33,8 @@ from haptic_accel.core.yaml_text import load_yaml
 from haptic_accel.materials.array_files import read_arrays
 
 UNITS = {
-    "rate": "Hz",
-    "speeds": "m/s",
-    "forces": "N",
-    "lsf": "rad/sample",
-    "deviation": "m/s^2",
-    "ma_lsf": "rad/sample",
+    **{"rate": "Hz", "speeds": "m/s", "forces": "N", "deviation": "m/s^2"},
+    **dict.fromkeys(("lsf", "ma_lsf"), "rad/sample"),
 }
 """Units of the numbers in a file, which are stated there."""
 
@@ -85,23 +81,19 @@ def write_texture(path: Path, model: TextureModel) -> None:
         if path.suffix == ".npz":
             np.savez_compressed(path, about=yaml.safe_dump(about, sort_keys=False), **arrays)
         else:
-            path.write_text(_text(about | _rounded(arrays)), encoding="utf-8")
+            # Rows of numbers in one line each.
+            options: dict[str, Any] = {
+                "sort_keys": False,
+                "default_flow_style": None,
+                "allow_unicode": True,
+            }
+            text = yaml.safe_dump(about | _rounded(arrays), width=100, **options)
+            path.write_text(text, encoding="utf-8")
 
 
 def _rounded(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    def plain(values: Any) -> Any:
-        if isinstance(values, list):
-            return [plain(each) for each in values]
-        return float(f"{values:.{DIGITS}g}")
-
-    return {name: plain(values.tolist()) for name, values in arrays.items()}
-
-
-def _text(content: Mapping[str, Any]) -> str:
-    # Rows of numbers in one line each.
-    return yaml.safe_dump(
-        dict(content), sort_keys=False, default_flow_style=None, width=100, allow_unicode=True
-    )
+    plain = np.vectorize(lambda value: float(f"{value:.{DIGITS}g}"), otypes=[float])
+    return {name: plain(values).tolist() for name, values in arrays.items()}
 
 
 def read_npz(path: Path) -> Document:

@@ -13,27 +13,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reader of WAV files that checks the sizes and facts of a file before it reads the samples."""
+"""Reader of WAV files that checks the sizes and facts of a file before it decodes the samples."""
 
 from __future__ import annotations
 
 import io
-import os
-import warnings
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core import resampling
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, one_line, shown
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.warning import warn_once
-from haptic_accel.materials.columns import Wording, missing
-from haptic_accel.materials.csv_files import too_long
-
-# scipy.io is slow to import: only reading a WAV file needs it.
+from haptic_accel.materials.columns import MOST_CHANNELS, Wording, missing
 
 MOST_CHUNKS = 1000
 """Maximum number of chunks in a file; programs write fewer than ten."""
@@ -41,22 +36,40 @@ MOST_CHUNKS = 1000
 FORMAT, DATA = b"fmt ", b"data"
 """Names of the chunks that each file has once."""
 
+ORDERS: Mapping[bytes, Literal["little", "big"]] = {b"RIFF": "little", b"RIFX": "big"}
+"""Order of bytes by the first four of a file."""
+
+STREAMED = 0x7FFFF000
+"""Size, bytes, from which on a stated size is unknown, as 0 is: streams are written so, and no
+file that is read is so large."""
+
+SILENT = 1e-3
+"""Standard deviation relative to that of the loudest channel below which a channel is silent."""
+
+
+def is_wav(start: bytes) -> bool:
+    """Return whether the first bytes of a file are those of a WAV file."""
+    return start[:4] in ORDERS
+
 
 def read_wav(
-    name: str, file: io.BufferedReader, requested: Sequence[str], wording: Wording
+    name: str, content: bytes, requested: Sequence[str], wording: Wording
 ) -> tuple[float, list[FloatArray]]:
     """Return sampling rate and channels of a WAV file, relative to full scale.
 
-    All encodings have one scale, from -1 to 1. Floating-point samples may exceed it.
+    All encodings have one scale, from -1 to 1. Floating-point samples may exceed it. Sizes that
+    are unknown, as in streams, reach to the end of the file. The byte after a chunk of odd length
+    may be missing.
 
     Parameters
     ----------
     name : str
         Name of the file in messages.
-    file : BufferedReader
-        The open file, at its start.
+    content : bytes
+        The whole file.
     requested : sequence of str
-        Numbers of the channels, from 1.
+        Numbers of the channels, from 1; an empty text for the first that is not silent. The user
+        is told of the others.
     wording : Wording
 
     Returns
@@ -68,72 +81,116 @@ def read_wav(
     Raises
     ------
     ParameterError
-        The file is cut off, has too many chunks or samples, lacks a channel, or is no WAV file
-        of integer or floating-point samples.
+        The file is cut off, has too many chunks, channels or samples, lacks a channel, or is no
+        WAV file of integer or floating-point samples.
     """
-    from scipy.io import wavfile
-
-    _check_chunks(name, file)
-    file.seek(0)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks of other programs
-            rate, samples = wavfile.read(file)
-        if not np.issubdtype(samples.dtype, np.number):
-            raise TypeError(f"samples of type {samples.dtype}")
-    except Exception as error:  # scipy raises a dozen kinds of errors for a malformed header
-        reason = shown(one_line(error))
-        raise ParameterError(
-            f"{name}: is not a WAV file of integer or floating-point samples ({reason})"
-        ) from None
+    order = ORDERS.get(content[:4])
+    if not order or content[8:12] != b"WAVE":
+        raise _not_wav(name, "it does not begin with RIFF and WAVE")
+    rate, frames = _decoded(name, content[:4], order, _chunks(name, content, order))
     own_rate = resampling.checked_rate(f"{name}: sampling rate", rate)
-    if len(samples) > resampling.MOST_SAMPLES:
-        raise too_long(name, len(samples))
-    channels = samples if samples.ndim == 2 else samples[:, np.newaxis]
-    numbers = [str(number + 1) for number in range(channels.shape[1])]
+    numbers = [str(number + 1) for number in range(frames.shape[1])]
     for channel in requested:
-        if channel not in numbers:
+        if channel and channel not in numbers:
             raise missing(name, "channel", (channel,), numbers, wording)
-    return own_rate, [_relative(channels[:, numbers.index(each)]) for each in requested]
+    chosen = [numbers.index(each) if each else _heard(name, frames, wording) for each in requested]
+    return own_rate, [_relative(frames[:, number]) for number in chosen]
 
 
-def _check_chunks(name: str, file: io.BufferedReader) -> None:
-    """Reject a file whose chunks are too many, contradict its size, or hold two recordings."""
-    size = os.fstat(file.fileno()).st_size
-    start = file.read(12)
-    if start[:4] not in (b"RIFF", b"RIFX") or start[8:] != b"WAVE":
-        return  # scipy reads it, or says what is wrong
-    order: Any = "little" if start[:4] == b"RIFF" else "big"
-    end = int.from_bytes(start[4:8], order) + 8
+def _chunks(name: str, content: bytes, order: Literal["little", "big"]) -> dict[bytes, bytes]:
+    """Return format and samples, whose sizes must not contradict that of the file."""
+    size, stated = len(content), int.from_bytes(content[4:8], order)
+    end = stated + 8 if 0 < stated < STREAMED else size
     if end > size + 1:  # the last pad byte may be missing
         raise ParameterError(f"{name}: is cut off after {size} bytes, its header says {end}")
-    found: list[bytes] = []
-    while (offset := file.tell()) < end and len(head := file.read(8)) == 8:
-        if len(found) == MOST_CHUNKS:
+    found: dict[bytes, bytes] = {}
+    offset, count = 12, 0
+    while offset + 8 <= end and _is_name(kind := content[offset : offset + 4]):
+        count += 1
+        if count > MOST_CHUNKS:
             raise ParameterError(f"{name}: has more than {MOST_CHUNKS} chunks")
-        length = int.from_bytes(head[4:], order)
-        found.append(head[:4])
-        if head[:4] == DATA and offset + 8 + length > end:
+        begin = offset + 8
+        length = int.from_bytes(content[offset + 4 : begin], order)
+        left = max(min(end, size) - begin, 0)
+        if kind == DATA and (
+            length >= STREAMED or not (length or _is_name(content[begin : begin + 4]))
+        ):
+            length = left
+        if kind == DATA and length > left:
             raise ParameterError(
-                f"{name}: its samples have {length} bytes, but it ends after"
-                f" {max(end - offset - 8, 0)} of them"
+                f"{name}: its samples have {length} bytes, but it ends after {left} of them"
             )
-        file.seek(offset + 8 + length + length % 2)
-    for chunk in (FORMAT, DATA):
-        if found.count(chunk) > 1:
-            raise ParameterError(
-                f"{name}: has {found.count(chunk)} chunks {chunk.decode()!r}: must have one"
-            )
-    if size > end + 1:
-        warn_once(f"{name}: {size - end} bytes after the end that its header says are not read")
+        if kind in found:
+            raise ParameterError(f"{name}: has 2 chunks {kind.decode()!r}: must have one")
+        offset = begin + length
+        if kind in (FORMAT, DATA):
+            found[kind] = content[begin:offset]
+        if length % 2 and not _is_name(content[offset : offset + 4]):
+            offset += 1  # some programs omit this byte
+    if (left := size - offset) > 0:
+        warn_once(f"{name}: {left} bytes after its samples are not read")
+    return found
+
+
+def _is_name(text: bytes) -> bool:
+    """Return whether a chunk may begin with these bytes."""
+    return len(text) == 4 and text.isascii() and text.decode().isprintable()
+
+
+def _decoded(
+    name: str, mark: bytes, order: Literal["little", "big"], chunks: Mapping[bytes, bytes]
+) -> tuple[int, npt.NDArray[Any]]:
+    """Return the sampling rate and the samples of all channels, shape (n, channels)."""
+    from scipy.io import wavfile
+
+    parts = b"WAVE"
+    try:
+        for kind in (FORMAT, DATA):
+            length = len(chunks[kind])
+            parts += kind + length.to_bytes(4, order) + chunks[kind] + bytes(length % 2)
+        whole = mark + len(parts).to_bytes(4, order) + parts
+        rate, samples = wavfile.read(io.BytesIO(whole))
+        _relative(samples[:1])
+    except KeyError as error:
+        raise _not_wav(name, f"it has no chunk {error.args[0].decode()!r}") from None
+    except Exception:  # scipy raises a dozen kinds of errors for a malformed format
+        raise _not_wav(name, "its format is unknown, or contradicts itself") from None
+    channels = samples if samples.ndim > 1 else samples[:, np.newaxis]
+    if len(samples) > resampling.MOST_SAMPLES or channels.shape[1] > MOST_CHANNELS:
+        raise ParameterError(
+            f"{name}: {len(samples)} samples of {channels.shape[1]} channels: must be at most"
+            f" {resampling.MOST_SAMPLES} of {MOST_CHANNELS}"
+        )
+    return rate, channels
+
+
+def _heard(name: str, frames: npt.NDArray[Any], wording: Wording) -> int:
+    """Return the first channel that is not silent, and tell the user if there are others."""
+    if frames.shape[1] == 1:
+        return 0
+    with np.errstate(all="ignore"):  # values are checked later
+        spreads = [float(_relative(each).std()) if len(each) else 0.0 for each in frames.T]
+    loudest = max(spreads)
+    found = next((at for at, each in enumerate(spreads) if each > SILENT * loudest), 0)
+    advice = f"; choose another with {wording.column}" if wording.column else ""
+    warn_once(
+        f"{name}: channel {found + 1} of {len(spreads)} is read; their standard deviations are"
+        f" {', '.join(f'{each:.2g}' for each in spreads)} of full scale{advice}"
+    )
+    return found
 
 
 def _relative(samples: npt.NDArray[Any]) -> FloatArray:
     """Return samples relative to full scale; see `read_wav`."""
     relative = samples.astype(np.float64)
-    if samples.dtype.kind != "f":
-        half = 2.0 ** (8 * samples.dtype.itemsize - 1)
-        # WAV files store 8 bits and fewer as offset binary.
-        relative -= half if samples.dtype.kind == "u" else 0.0
-        relative /= half
-    return relative
+    if samples.dtype.kind == "f":
+        return relative
+    half = 2.0 ** (8 * samples.dtype.itemsize - 1)
+    # WAV files store 8 bits and fewer as offset binary.
+    return (relative - half * (samples.dtype.kind == "u")) / half
+
+
+def _not_wav(name: str, reason: str) -> ParameterError:
+    return ParameterError(
+        f"{name}: is not a WAV file of integer or floating-point samples ({reason})"
+    )

@@ -119,7 +119,7 @@ class Recording:
     rate : float
         Samples per second.
     speed : ndarray
-        Tangential speed, m/s.
+        Tangential speed, m/s; its sign is not used.
     force : ndarray
         Normal force, N; positive if the tool presses.
     acceleration : ndarray
@@ -169,7 +169,7 @@ class Recording:
         length = round(len(own) * rate / self.rate)
         acceleration = np.asarray(signal.resample(own, length)) if rate != self.rate else own
         old, new = np.arange(len(own)) / self.rate, np.arange(length) / rate
-        speed, force = (np.interp(new, old, each) for each in (self.speed, self.force))
+        speed, force = (np.interp(new, old, each) for each in (np.abs(self.speed), self.force))
         return Recording(self.name, rate, speed, force, acceleration)
 
 

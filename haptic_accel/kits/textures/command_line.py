@@ -34,6 +34,7 @@ from haptic_accel.core.resampling import resampled
 from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
 from haptic_accel.core.tables import records
 from haptic_accel.core.topics import CONTACT_FORCE, SLAVE, SLAVE_ARM_FORCE
+from haptic_accel.core.warning import warn_once
 from haptic_accel.devices.playback import bag_track, is_bag
 from haptic_accel.kits.textures.building import Recording, build
 from haptic_accel.kits.textures.foreign import import_texture
@@ -45,13 +46,10 @@ from haptic_accel.kits.textures.report import (
     held_out_table,
     nodes_table,
 )
-from haptic_accel.materials.columns import FORCE, SPEED, Column, Wording
+from haptic_accel.materials.columns import COLUMNS, FORCE, SPEED, Column, Wording
 from haptic_accel.materials.folders import preset_file
-from haptic_accel.materials.recordings import COLUMNS, FULL_SCALE, cleaned, read_columns
+from haptic_accel.materials.recordings import AXES, FULL_SCALE, cleaned, read_columns, tell_unlike
 from haptic_accel.materials.texture_files import read_texture, write_texture
-
-AXES = 3
-"""Number of axes of an acceleration."""
 
 SOUND_RATE = 8000
 """Sampling rate of sound files, Hz: the lowest that every player takes."""
@@ -264,8 +262,12 @@ def _csv(
     columns += [Column((name,)) for name in axes] or [Column(COLUMNS)]
     samples, own_rate = read_columns(path, rate, columns, Wording("rate", "--axes X,Y,Z"))
     speed, force, *found = samples.T
+    tell_unlike({f"{path}: {name}": each for name, each in zip(axes, found, strict=False)})
+    if -force.min() > force.max():
+        warn_once(f"{path}: force is negative in contact: taken as pressing")
+        force = -force
     acceleration = reduced(np.column_stack(found)) if axes else found[0]
-    return Recording(str(path), own_rate, np.abs(speed), force, acceleration)
+    return Recording(str(path), own_rate, speed, force, acceleration)
 
 
 def _bag(path: Path) -> Recording:
@@ -279,5 +281,5 @@ def _bag(path: Path) -> Recording:
     pressing = track.position[:, 2] * (1 if contact else -1)
     speed = np.hypot(track.velocity[:, 0], track.velocity[:, 1])
     columns = {"speed": speed, "force": pressing, "acceleration": track.acceleration}
-    signals = (cleaned(f"{path}: {name}", each) for name, each in columns.items())
+    signals = (cleaned(f"{path}: {name}", each, track.rate) for name, each in columns.items())
     return Recording(str(path), track.rate, *signals)

@@ -37,8 +37,4 @@ GROUP = LazyGroup(
     ],
 )
 
-VERB = KitVerb(
-    "Surfaces",
-    "build, import, show and render models of textures",
-    group=GROUP,
-)
+VERB = KitVerb("Surfaces", "build, import, show and render models of textures", group=GROUP)

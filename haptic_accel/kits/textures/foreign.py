@@ -38,10 +38,16 @@ from haptic_accel.core.surfaces.texture import Provenance, TextureModel
 from haptic_accel.core.warning import warn_once
 from haptic_accel.kits.textures.building import FRAME, LARGEST_ORDER, RENDER_RATE
 from haptic_accel.kits.textures.patterns import read_pattern
-from haptic_accel.materials.columns import ACCELERATION, TIME, Wording, factor_of, is_time
+from haptic_accel.materials.columns import (
+    ACCELERATION,
+    MOST_CHANNELS,
+    Wording,
+    factor_of,
+    is_time,
+    rate_of_times,
+)
 from haptic_accel.materials.csv_files import LARGEST_VALUE
 from haptic_accel.materials.recordings import UNCALIBRATED, check_rate, read_samples
-from haptic_accel.materials.sample_times import rate_of_times
 from haptic_accel.materials.texture_files import read_npz
 
 REFERENCE = np.array([0.08, 1.0])
@@ -53,9 +59,6 @@ PATTERN_RATE = 2000.0
 
 FLOOR = 1e-6
 """Power density relative to its mean below which a spectrum is not modelled: 60 dB."""
-
-MOST_CHANNELS = 64
-"""Maximum number of channels of an NPZ file: 21 sensors with three axes and their times."""
 
 NPZ_ARRAYS = ("data", "sample_rate", "channel_names")
 """Arrays of an NPZ file that are read."""
@@ -131,12 +134,13 @@ def _from_npz(path: Path, rate: float, calibration: float | None) -> TextureMode
     check_rate(str(path), own_rate, rate, WORDING)
     if unread := [name for name, _ in file.members() if name not in NPZ_ARRAYS]:
         warn_once(f"{path}: {shown(', '.join(unread))}: not read")
-    times = [index for index, name in enumerate(names) if is_time(name)]
-    for index in times:
-        location, unit = f"{path}: channel {shown(names[index])}", TIME.parsed(names[index])[1]
-        rate_of_times(location, data[index], "sample {}".format, unit, own_rate, "sample_rate")
     own = [index for index, name in enumerate(names) if "acc" in name.lower()]
-    own = own or _only_channel(path, [n for i, n in enumerate(names) if i not in times], names)
+    others = [index for index, name in enumerate(names) if index not in own]
+    for index in others:
+        location, where = f"{path}: channel", "sample {}".format
+        rate_of_times(location, names[index], data[index], where, own_rate, "sample_rate")
+    left = [names[index] for index in others if not is_time(names[index], data[index])]
+    own = own or _only_channel(path, left, names)
     stated = [names[index] for index in own if ACCELERATION.parsed(names[index])[1]]
     if stated and calibration is not None:
         raise ParameterError(
@@ -239,13 +243,9 @@ def _texture(
 
 
 _READERS: dict[str, Callable[[Path, float, float | None], TextureModel]] = {
-    ".xml": _from_hatt,
-    ".wav": _from_recording,
-    ".csv": _from_recording,
-    ".npz": _from_npz,
-    ".json": _from_filter,
-    ".ahap": _from_pattern,
-    ".haptic": _from_pattern,
+    **{".xml": _from_hatt, ".npz": _from_npz, ".json": _from_filter},
+    **dict.fromkeys((".wav", ".csv"), _from_recording),
+    **dict.fromkeys((".ahap", ".haptic"), _from_pattern),
 }
 
 

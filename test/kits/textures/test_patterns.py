@@ -135,8 +135,3 @@ def test_what_is_no_json_is_refused_in_one_line(tmp_path: Path, content: bytes) 
     with pytest.raises(ParameterError, match=rf"^{path}: must be JSON: ") as raised:
         read_pattern(path, RATE)
     assert str(raised.value).isprintable()
-
-
-def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="must be a readable file: No such file"):
-        read_pattern(tmp_path / "none.ahap", RATE)
