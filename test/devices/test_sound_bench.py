@@ -37,7 +37,7 @@ from haptic_accel.devices.audio import InputParameters
 from haptic_accel.devices.interface import DeviceError, NoParameters
 from haptic_accel.devices.sound_bench import CardAccelerometer, CardClock, NoArm, likest
 from haptic_accel.setup.node_parameters import build_device, node_parameters
-from running import Command
+from running import Command, nodes_of, wait_until
 from sound_cards import SOUND_RIG, sound_world
 
 RATE, BLOCK = 48_000, 64
@@ -140,14 +140,17 @@ def test_a_handle_is_identified_through_a_card(bench: Path, start: Start) -> Non
 
 
 @pytest.mark.live
-def test_a_card_that_is_lost_is_said_and_leaves_no_force(bench: Path, start: Start) -> None:
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
+def test_a_card_that_is_lost_is_said_and_leaves_no_force_and_no_process(
+    bench: Path, start: Start, domain: int, end: signal.Signals
+) -> None:
     command = start(
         *("-m", "haptic_accel.cli.main", "teleop", f"params_file:={bench}", "rig:=ideal"),
         *(LATENCY, "controller:=inverse", "record:=false"),
     )
     command.wait_for("engaged")
     subprocess.run(["pkill", "-f", f"jackd.*-n {os.environ['JACK_DEFAULT_SERVER']} "], check=True)
-    command.wait_for("device closed, no force")
-    # PortAudio cannot end without JACK's server, unlike without a card of ALSA.
-    command.end(signal.SIGKILL)
-    assert re.search("master_device.*sound card system: .*: device closed, no force", command.text)
+    command.wait_for("master_device.*sound card system: .*: device closed, no force")
+    # PortAudio cannot close a stream without JACK's server, unlike without a card of ALSA.
+    command.end(end)
+    wait_until(lambda: nodes_of(domain) == {}, "no process is left")
