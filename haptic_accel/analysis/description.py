@@ -42,7 +42,7 @@ from haptic_accel.setup.arguments import (
     SIMULATED,
     VIRTUAL,
 )
-from haptic_accel.setup.setup import Parameters, known_arguments
+from haptic_accel.setup.setup import Parameters, argument_of, known_arguments
 
 OPERATOR, ROBOT = "master", "slave"
 """Values of the argument ``side`` for a bag of one of two hosts."""
@@ -85,7 +85,7 @@ class Description:
     ----------
     condition : Condition
     arguments : mapping
-        Arguments of the graph.
+        Arguments of the graph, as they hold in the section.
     parameters : Parameters
         Parameters of the nodes that the bag states.
     controllers : dict
@@ -228,7 +228,8 @@ def described(
 def surface_of(recorded: Bag) -> str:
     """Return the name of the surface, or of the played recording, from a bag.
 
-    An operator's host does not know the surface at the robot.
+    An operator's host does not know the surface at the robot. Under a real tool it is known if the
+    user named it.
     """
     arguments = known_arguments(recorded.facts)
     slave = Parameters.from_metadata(recorded.facts).values.get("slave_device", {})
@@ -243,7 +244,9 @@ def surface_of(recorded: Bag) -> str:
         return Path(str(slave.get(SCENE, asked or UNKNOWN))).stem
     if is_recording(asked):
         return "recording"
-    return str(slave.get(f"{_SURFACE}name") or Path(asked).stem or UNKNOWN)
+    # Devices of real rigs declare the parameters of the simulated surface, too.
+    named = slave.get(f"{_SURFACE}name") if arguments.get("slave", SIMULATED) == SIMULATED else ""
+    return str(named or Path(asked).stem or UNKNOWN)
 
 
 def run_of(recorded: Bag) -> str:
@@ -275,15 +278,21 @@ def sections(recorded: Bag, start: Description) -> list[tuple[int, Description]]
     changes = (each for each in recorded.changes if not each.parameter.startswith(unused))
     parameters = start.parameters
     for change in sorted(changes, key=lambda change: change.received):
-        before = found[-1][1]
+        moment, before = found[-1]
+        value = parameters.values.get(change.node, {}).get(change.parameter)
+        if value == change.value:
+            continue
         after = replace(before, condition=_changed(before.condition, change, start))
-        own = parameters.values.get(change.node, {})
-        is_other = own.get(change.parameter, change.value) != change.value
         parameters = parameters.changed({change.node: {change.parameter: change.value}})
-        if is_other and after.condition == before.condition and change.node in _FIGURES:
+        if value is not None and after.condition == before.condition and change.node in _FIGURES:
             after = _set(recorded, parameters, after, change)
+        changed = dict(vars(after.condition).items() - vars(before.condition).items())
+        if value is not None and (name := argument_of(change.node, change.parameter)):
+            changed[name] = change.value
+        after = replace(after, arguments={**before.arguments, **changed})
         if after != before:
-            found.append((change.received, after))
+            kept = found[:-1] if moment == change.received else found
+            found = [*kept, (change.received, after)]
     return found
 
 
@@ -292,9 +301,9 @@ def _set(
 ) -> Description:
     """Return the description after a change of a parameter that belongs to no condition."""
     after = described(recorded, parameters, before.rate)
-    name = f"{change.node}: {change.parameter}"
-    others = (note for note in before.notes if not note.startswith(f"{name} = "))
-    notes = (*others, f"{name} = {change.value} since a change during the recording")
+    name = f"{change.node}: {change.parameter} = "
+    others = (note for note in before.notes if not note.startswith(name))
+    notes = (*others, f"{name}{change.value} since a change during the recording")
     return replace(after, condition=before.condition, notes=notes, problems=before.problems)
 
 

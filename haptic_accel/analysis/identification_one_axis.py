@@ -369,9 +369,9 @@ def model_plot(found: Identification) -> Figure:
     for label, data, style in _data(found.grips):
         near = np.interp(data.frequency, frequency, phases[0])
         magnitude.plot(data.frequency, np.abs(data.response), **style)
-        (marks[label],) = phase.plot(
-            data.frequency, _nearest_turn(data.response, near), **style, label=label
-        )
+        angle = np.angle(data.response) * DEGREES
+        angle -= 360 * np.round((angle - near) / 360)  # within half a turn of the model's
+        (marks[label],) = phase.plot(data.frequency, angle, **style, label=label)
     _scale_magnitude(magnitude, np.abs(models), found)
     phase.set_ylim(np.min(phases) - _MARGIN_DEGREES, np.max(phases) + _MARGIN_DEGREES)
     phase.yaxis.set_major_locator(MaxNLocator(9, steps=(1, 1.5, 3, 4.5, 9, 10)))
@@ -435,12 +435,6 @@ def _unwrapped(frequency: FloatArray, response: ComplexArray) -> FloatArray:
     phase = np.unwrap(np.angle(response)) * DEGREES
     middle = min(int(np.searchsorted(frequency, MASS_LIKE)), len(phase) - 1)
     return np.asarray(phase - 360 * np.round(phase[middle] / 360))
-
-
-def _nearest_turn(response: ComplexArray, near: FloatArray) -> FloatArray:
-    """Return a noisy phase within half a turn of another response's, degrees, shape (n,)."""
-    phase = np.angle(response) * DEGREES
-    return np.asarray(phase - 360 * np.round((phase - near) / 360))
 
 
 def _scale_magnitude(panel: Axes, models: FloatArray, found: Identification) -> None:

@@ -275,11 +275,8 @@ class _Divider:
         found = next((signal.stamps for signal in signals if len(signal.stamps) > 1), None)
         if found is None:
             return None
-        try:
-            stated = float(known_arguments(self._bag.facts).get("rate") or 0.0)
-        except (TypeError, ValueError):
-            stated = 0.0
-        stated = stated if math.isfinite(stated) else 0.0
+        given = known_arguments(self._bag.facts).get("rate")
+        stated = float(given) if isinstance(given, int | float) and math.isfinite(given) else 0.0
         if asked and stated and asked != stated:
             own = f"must be {stated:g} Hz, as {self._bag.path} states"
             raise ParameterError(f"rate = {asked:g}: {own}")

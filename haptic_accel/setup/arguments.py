@@ -156,10 +156,11 @@ class ConditionArguments(Checked):
         yields=True,
     )
     surface: str = parameter(
-        SURFACES[0],
+        "",
         f"surface under the tool: {', '.join(SURFACES)}, a .yaml file, or a .csv or .wav file of"
-        " its acceleration in m/s^2; with slave:=virtual a scene, workshop by default, or a .yaml"
-        " file",
+        f" its acceleration in m/s^2; empty for {SURFACES[0]} under a simulated tool, and for an"
+        " unknown one under a real tool; with slave:=virtual a scene, workshop by default, or a"
+        " .yaml file",
     )
     recording_rate: float = sets(
         "slave_device.simulated.recording.rate",
@@ -340,8 +341,8 @@ class GraphArguments(
         if self.frame > 1 and (self.side or not self.composed):
             alone = f"side:={self.side}" if self.side else "composed:=false"
             raise ParameterError(f"frame = {self.frame}: must be 1 with {alone}")
-        if self.slave == VIRTUAL and self.surface == SURFACES[0]:
-            object.__setattr__(self, "surface", WORKSHOP)
+        default = {SIMULATED: SURFACES[0], VIRTUAL: WORKSHOP}.get(self.slave, "")
+        object.__setattr__(self, "surface", self.surface or default)
         if is_recording(self.surface) and self.slave != SIMULATED:
             raise ParameterError(
                 f"surface = {self.surface!r}: a recording must come with slave:={SIMULATED}"

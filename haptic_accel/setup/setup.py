@@ -278,7 +278,7 @@ def _check_given(path: Path, content: Values, set_here: Values, later: Sequence[
         for name, value in content[node].items():
             if own.get(name, value) == value:
                 continue
-            argument = _argument(node, name)
+            argument = argument_of(node, name)
             if not argument:
                 made = f"the graph's arguments make it {own[name]}; leave it out"
                 raise ParameterError(f"{path}: {name} of {node} = {value}: {made}")
@@ -289,7 +289,7 @@ def _check_given(path: Path, content: Values, set_here: Values, later: Sequence[
     warn_of(replaced)
 
 
-def _argument(node: str, name: str) -> str:
+def argument_of(node: str, name: str) -> str:
     """Return the argument that sets a node's parameter; empty if there is none."""
     known = schema(IdentifyArguments) | schema(GraphArguments)
     found = (key for key, (_, given) in known.items() if f"{node}.{name}" in given.sets)
@@ -299,8 +299,9 @@ def _argument(node: str, name: str) -> str:
 def _files(arguments: Arguments) -> list[Path]:
     """Return the files of the package and of presets, in order of increasing precedence."""
     paths = [_defaults_file(), preset_file("rig", arguments.rig)]
-    if isinstance(arguments, GraphArguments) and arguments.slave != names.VIRTUAL:
-        paths.append(surface_file(arguments.surface))
+    surface = getattr(arguments, "surface", "")
+    if surface and getattr(arguments, "slave", "") != names.VIRTUAL:
+        paths.append(surface_file(surface))
     return paths
 
 

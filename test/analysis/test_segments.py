@@ -103,14 +103,19 @@ def test_a_scene_stands_for_the_surface(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("slave", "scene", "surface"),
-    [("simulated", "", "plywood"), ("virtual", "/config/scenes/workshop.yaml", "workshop")],
+    ("slave", "given", "scene", "surface"),
+    [
+        ("simulated", "plywood", "", "plywood"),
+        ("virtual", "plywood", "/config/scenes/workshop.yaml", "workshop"),
+        ("none", "", "", UNKNOWN),
+        ("serial", "vinyl", "", "vinyl"),
+    ],
 )
 def test_what_another_device_would_touch_is_no_condition(
-    tmp_path: Path, slave: str, scene: str, surface: str
+    tmp_path: Path, slave: str, given: str, scene: str, surface: str
 ) -> None:
     written = content(4.0)
-    written.facts["arguments"] |= {"slave": slave}
+    written.facts["arguments"] |= {"slave": slave, "surface": given}
     written.facts["parameters"]["slave_device"]["virtual.scene"] = scene
     # A recorder that was there first hears of the parameters as they are declared.
     declared = [("simulated.surface.name", "plywood"), ("virtual.scene", scene)]

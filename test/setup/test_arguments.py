@@ -186,7 +186,9 @@ def test_the_rate_of_a_file_decides_a_latency_in_time(tmp_path: Path) -> None:
         ({"slave": "virtual", "surface": "plywood", "scene": "mine.yaml"}, "mine.yaml"),
         ({"slave": "virtual", "surface": "workshop"}, "workshop"),
         ({"surface": "recording", "recording": "drag.csv"}, "drag.csv"),
-        ({"slave": "replay", "surface": "recording", "recording": ""}, "plywood"),
+        ({"slave": "replay", "surface": "recording", "recording": ""}, ""),
+        ({"slave": "none"}, ""),
+        ({"slave": "none", "surface": "plywood"}, "plywood"),
         ({"surface": "drag.csv"}, "drag.csv"),
     ],
 )
