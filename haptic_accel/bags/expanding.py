@@ -37,15 +37,16 @@ ALWAYS = 1 << 26
 RATIO = 100
 """Additional permitted bytes per byte of a file; its signals expand by a factor of two to ten."""
 
-LARGEST_FILE = 1 << 40
-"""Maximum size of a file that is decompressed as a whole, bytes."""
+LARGEST_FILE = 1 << 50
+"""Maximum size of a file, bytes; far above any, as only parts are read at a time."""
 
 
 class Allowance:
     """Limit on the total expanded size of a file's parts."""
 
     def __init__(self, path: Path) -> None:
-        self._most = self._left = ALWAYS + RATIO * path.stat().st_size
+        with opened(path, LARGEST_FILE):  # tells what is no file
+            self._most = self._left = ALWAYS + RATIO * path.stat().st_size
 
     def spend(self, size: int) -> None:
         """Count decompressed bytes.

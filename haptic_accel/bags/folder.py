@@ -80,16 +80,12 @@ def is_being_written(path: Path) -> bool:
     """
     try:
         import fcntl
-    except ImportError:
-        return False
-    try:
+
         with path.open("rb") as file:
             fcntl.fcntl(file, fcntl.F_SETLEASE, fcntl.F_RDLCK)
             fcntl.fcntl(file, fcntl.F_SETLEASE, fcntl.F_UNLCK)
-    except BlockingIOError:
-        return True
-    except (OSError, AttributeError):
-        return False
+    except (OSError, AttributeError, ImportError) as error:
+        return isinstance(error, BlockingIOError)
     return False
 
 

@@ -36,9 +36,10 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.bags import mcap_format as mcap
-from haptic_accel.bags.expanding import LARGEST_RECORD, Allowance
+from haptic_accel.bags.expanding import LARGEST_FILE, LARGEST_RECORD, Allowance
 from haptic_accel.bags.mcap_format import MAGIC, NEVER, RECORD, Channel, Schema, Tally
 from haptic_accel.bags.rosbags_adapter import lz4, zstd
+from haptic_accel.core.bounded_files import opened
 from haptic_accel.core.sampling import IntArray
 from haptic_accel.core.yaml_text import load_yaml, texts_of
 
@@ -191,7 +192,7 @@ class McapFile:
         OSError
             The file cannot be read.
         """
-        with self._open() as file:
+        with opened(self.path, LARGEST_FILE) as file:
             index = _index(file, _checked_size(file))
         for kind, content in index.records:
             self._declare(kind, content)
@@ -243,7 +244,7 @@ class McapFile:
             As for `blocks`.
         """
         self._allowance = Allowance(self.path)
-        with self._open() as file:
+        with opened(self.path, LARGEST_FILE) as file:
             size = _checked_size(file)
             index = self._intact_index(file, size)
             is_intact = not index or _data_are_intact(file, index.start)
@@ -257,12 +258,6 @@ class McapFile:
             yield from self._gathered(records, by_index=by_index and is_intact)
             if not is_intact and not self.problems:
                 self._report("differs from its checksum, but in no message")
-
-    def _open(self) -> BinaryIO:
-        # Special files may be endless.
-        if self.path.exists() and not self.path.is_file():
-            raise ValueError("it is not a file")
-        return self.path.open("rb")
 
     def _report(self, problem: object) -> None:
         told = f"{self.path.name}: {' '.join(str(problem).split())}"

@@ -426,7 +426,7 @@ def _blocks(source: Path, problems: list[str], custom: dict[str, str]) -> Iterat
     try:
         yield from _stored_blocks(source, problems, custom)
     except OSError as error:
-        raise ValueError(str(error)) from None
+        raise ValueError(error.strerror or str(error)) from None
 
 
 def _stored_blocks(source: Path, problems: list[str], custom: dict[str, str]) -> Iterator[Block]:
@@ -439,6 +439,13 @@ def _stored_blocks(source: Path, problems: list[str], custom: dict[str, str]) ->
         mcap = McapFile(source)
         blocks = mcap.blocks()
     else:
+        for end in (
+            "-wal",
+            "-journal",
+        ):  # where SQLite keeps messages that are not yet in the file
+            if os.path.exists(f"{source}{end}") and os.path.getsize(f"{source}{end}"):
+                advice = "sqlite3 adds its messages when it opens the file once"
+                problems.append(f"{source.name}{end} is not read: {advice}")
         blocks = _foreign_blocks(source)
     allowance = Allowance(source)
     for block in blocks:

@@ -95,6 +95,17 @@ def test_rows_that_are_computed_are_not_read(tmp_path: Path, statements: str) ->
         read_bag(bag)
 
 
+def test_messages_that_are_not_yet_in_the_file_are_told(tmp_path: Path) -> None:
+    bag = small_bag(tmp_path / "bag", StoragePlugin.SQLITE3, CompressionMode.NONE, b"1234")
+    (file,) = bag.glob("*.db3")
+    with closing(sqlite3.connect(file)) as database:
+        database.execute("PRAGMA journal_mode = WAL")
+        database.execute("UPDATE messages SET timestamp = timestamp + 1")
+        database.commit()
+        assert f"{file.name}-wal is not read: sqlite3 adds" in " ".join(read_bag(bag).problems)
+    assert read_bag(bag).problems == []
+
+
 PIECES = st.binary(max_size=8) | st.sampled_from(
     [b"\xff" * 8, b"9" * 30, b"\n", b": ", b"- ", b"&a", b"*a"]
 )

@@ -38,6 +38,9 @@ from haptic_accel.core.bounded_files import (
 from haptic_accel.core.parameters import ParameterError
 
 
+POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:0\n"
+
+
 def make_socket(path: Path) -> None:
     with socket.socket(socket.AF_UNIX) as made:
         made.bind(str(path))
@@ -52,6 +55,7 @@ def make_socket(path: Path) -> None:
         (Path.mkdir, "is a folder"),
         (lambda path: path.symlink_to(path), "Too many levels"),
         (lambda path: None, "No such file"),
+        (lambda path: path.write_text(POINTER + "size 9\n"), "is a pointer of Git LFS"),
     ],
 )
 def test_what_is_no_file_is_refused_without_waiting(
