@@ -37,7 +37,6 @@ from haptic_accel.core.bounded_files import (
 )
 from haptic_accel.core.parameters import ParameterError
 
-
 POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:0\n"
 
 

@@ -48,7 +48,7 @@ TITLES = {
     **{"acceleration": 1.0, "acc [m/s\u00b2]": 1.0, "accel_m_s2": 1.0, "a [g]": G, "accel_g": G},
     **{"acc_mg": G / 1000, "acceleration (mm/s^2)": 1e-3, "a / (m/s^2)": 1.0},
 }
-TIMES = {"time": 1.0, "t_s": 1.0, "Time [ms]": 1e-3, "timestamp_us": 1e-6, "stamp (ns)": 1e-9}
+TIMES = {"time": 1.0, "Zeit (s)": 1.0, "Time [ms]": 1e-3, "micros": 1e-6, "stamp (ns)": 1e-9}
 CONTRADICTIONS = ("rate", "back", "unit", "decimal", "word")
 ENCODINGS = {"utf-8": "", "utf-8-sig": "", "utf-16": "", "utf-16-be": "\ufeff"}
 
@@ -120,22 +120,31 @@ def test_a_csv_file_is_read_alike_in_any_form(
 ROUNDING = {"uint8": 2**-7, "int16": 2**-15, "int24": 2**-23, "int32": 2**-31, "float32": 2**-24}
 
 
-def chunk(name: bytes, content: bytes) -> bytes:
-    return name + struct.pack("<I", len(content)) + content + bytes(len(content) % 2)
+def chunk(name: bytes, content: bytes, padding: bytes = b"\0") -> bytes:
+    return name + struct.pack("<I", len(content)) + content + padding * (len(content) % 2)
 
 
 @fuzz_few
 @given(
     st.sampled_from([*ROUNDING, "float64"]),
     st.integers(1, 4).flatmap(lambda count: st.tuples(st.just(count), st.integers(1, count))),
-    st.lists(st.tuples(st.sampled_from([b"LIST", b"bext"]), st.binary(max_size=9)), max_size=3),
+    st.lists(
+        st.tuples(
+            st.sampled_from([b"LIST", b"bext"]),
+            st.binary(max_size=9),
+            st.sampled_from([b"\0", b""]),
+        ),
+        max_size=3,
+    ),
+    st.sampled_from(["right", "unknown", "largest"]),
     st.sampled_from([0.0, RATE, RATE, 2 * RATE]),
 )
 def test_a_wav_file_is_read_alike_in_any_form(
     tmp_path: Path,
     encoding: str,
     channels: tuple[int, int],
-    others: Sequence[tuple[bytes, bytes]],
+    others: Sequence[tuple[bytes, bytes, bytes]],
+    size: str,
     stated: float,
 ) -> None:
     count, own = channels
@@ -145,7 +154,8 @@ def test_a_wav_file_is_read_alike_in_any_form(
     whole = buffer.getvalue()
     body = whole[8:12] + b"".join(chunk(*other) for other in others) + whole[12:]
     path = tmp_path / "a.wav"
-    path.write_bytes(b"RIFF" + struct.pack("<I", len(body)) + body)
+    sizes = {"right": len(body), "unknown": 0, "largest": 2**32 - 1}
+    path.write_bytes(b"RIFF" + struct.pack("<I", sizes[size]) + body)
     if stated > RATE:
         with pytest.raises(ParameterError, match=f"must be 0 or 500 Hz as {path} says"):
             read_samples(path, stated, str(own), FULL_SCALE)

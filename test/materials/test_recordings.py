@@ -728,7 +728,16 @@ cells = plain | st.sampled_from(ODD_TEXTS)
 def tables(draw: st.DrawFn) -> str:
     delimiter, end = draw(st.sampled_from([",", ";", "\t", "|"])), draw(st.sampled_from(ENDS))
     titles = draw(
-        st.sampled_from([["accel"], ["é", "accel"], ["a", '"q"'], ["b", "b"], ["a", "a"]])
+        st.sampled_from(
+            [
+                ["accel"],
+                ["é", "accel"],
+                ["a", '"q"'],
+                ["b", "b"],
+                ["X_Value", "a"],
+                ["t [ms]", "1"],
+            ]
+        )
     )
     row = st.lists(
         st.one_of(plain, plain, plain, cells), min_size=len(titles), max_size=len(titles)

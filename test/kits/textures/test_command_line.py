@@ -83,6 +83,25 @@ def test_a_model_is_built_from_files_with_a_report(tmp_path: Path) -> None:
     assert (tmp_path / "wood.png").read_bytes() != picture
 
 
+def test_signs_of_speed_and_force_do_not_change_a_model(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    warn_once.cache_clear()
+    write_drag(tmp_path / "drag.csv", 1.0)
+    rows = np.loadtxt(tmp_path / "drag.csv", delimiter=",", skiprows=1)
+    rows[:, 0] *= np.repeat([1.0, -1.0], len(rows) // 2)  # forth and back
+    rows[:, 1] *= -1.0
+    header = "speed,force,accel"
+    np.savetxt(tmp_path / "back.csv", rows, "%.6f", ",", header=header, comments="")
+    for name in ("drag", "back"):
+        words = (f"{name}.csv", "--rate", "1000", "--out", f"{name}.yaml")
+        assert status_of("texture", "build", *words) == 0
+    one, other = (read_texture(tmp_path / f"{name}.yaml") for name in ("drag", "back"))
+    assert np.array_equal(one.deviation, other.deviation)
+    assert np.array_equal(one.forces, other.forces)
+    assert caplog.messages == ["back.csv: force is negative in contact: taken as pressing"]
+
+
 def test_three_axes_are_reduced_to_one_with_the_power_of_all(tmp_path: Path) -> None:
     write_drag(tmp_path / "one.csv", 1.0)
     rows = np.loadtxt(tmp_path / "one.csv", delimiter=",", skiprows=1)
