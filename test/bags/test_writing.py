@@ -30,6 +30,7 @@ from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import BagWriter
 from haptic_accel.core.parameters import ParameterError
 from reading import with_rosbags
+from running import PATIENCE
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 ACCEL = "geometry_msgs/msg/AccelStamped"
@@ -145,7 +146,7 @@ def test_what_was_saved_before_the_disk_was_full_can_be_read(tmp_path: Path) -> 
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=PATIENCE,
     )
     assert done.returncode == 0, done.stderr
     line, trouble = done.stdout.splitlines()

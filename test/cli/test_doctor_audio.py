@@ -30,6 +30,7 @@ import pytest
 from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.setup import Setup
+from running import PATIENCE
 from sound_cards import QUAD, RATE, received_of_four, sound_card
 
 pytestmark = pytest.mark.quiet
@@ -53,7 +54,7 @@ def doctor(folder: Path, *words: str) -> subprocess.Popen[str]:
 
 
 def ended(command: subprocess.Popen[str], answers: str = "") -> list[str]:
-    text, _ = command.communicate(answers, timeout=60)
+    text, _ = command.communicate(answers, timeout=PATIENCE)
     assert "Traceback" not in text
     return text.splitlines()
 

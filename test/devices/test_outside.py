@@ -42,7 +42,7 @@ from haptic_accel.devices import RESERVED
 from haptic_accel.setup.arguments import PLAYED_TOPICS
 from haptic_accel.setup.node_parameters import NODES
 from observing import Observer
-from running import Command
+from running import PATIENCE, Command
 
 DRIVER = """
 from dataclasses import dataclass
@@ -165,7 +165,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
 
 def run(*words: str) -> tuple[int, str]:
     command = [sys.executable, *module_command("haptic_accel.cli.main")[1:], *words]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE)
     return done.returncode, done.stdout + done.stderr
 
 

@@ -28,6 +28,7 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.setup.executables import node_module
+from running import PATIENCE
 
 SETUP = Path(__file__).resolve().parents[2] / "setup.py"
 
@@ -61,5 +62,5 @@ def test_a_node_that_is_interrupted_while_it_loads_ends_without_a_word(
         assert process.stdout is not None
         assert process.stdout.readline() == "loading\n"
         process.send_signal(signal.SIGINT)
-        shown, errors = process.communicate(timeout=30)
+        shown, errors = process.communicate(timeout=PATIENCE)
     assert (shown, errors, process.returncode) == ("", "", 0)

@@ -65,7 +65,7 @@ def port(server: ScopeServer) -> int:
 
 
 def connected(port: int, sent: bytes) -> socket.socket:
-    opened = socket.create_connection((HOST, port), timeout=30)
+    opened = socket.create_connection((HOST, port), timeout=PATIENCE)
     opened.sendall(sent)
     return opened
 

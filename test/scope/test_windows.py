@@ -430,7 +430,7 @@ LATEST = (2**31 - 1) * NANOSECONDS
 """Latest stamp that a message can have, ns."""
 
 LONGEST_CASE = 5.0
-"""Longest time in which frames and metrics are made of a few bursts, s."""
+"""Longest processor time in which frames and metrics are made of a few bursts, s."""
 
 
 @fuzz
@@ -440,7 +440,7 @@ def test_of_samples_with_any_stamps_frames_and_metrics_are_made(
 ) -> None:
     made, stamp = Windows(), START
     cursor = Cursor(made)
-    begun = time.monotonic()
+    begun = time.process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for name, count, step, value in found:
@@ -454,7 +454,7 @@ def test_of_samples_with_any_stamps_frames_and_metrics_are_made(
             metrics = made.metrics()
             assert np.isfinite(list(metrics.values.values())).all()
             plots_frame(metrics)
-    assert time.monotonic() - begun < LONGEST_CASE
+    assert time.process_time() - begun < LONGEST_CASE
 
 
 def test_an_input_that_no_motor_can_follow_has_a_high_lowest_error() -> None:

@@ -35,7 +35,7 @@ from rosbags.rosbag2 import Reader
 from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS, Topic
 from haptic_accel.nodes.topic_node import message_type
 
-PATIENCE = 60.0
+PATIENCE = 240.0
 """s."""
 
 

@@ -166,6 +166,14 @@ def chromium(sound: dict[str, str] | None = None) -> Iterator[Browser]:
             env={**sound} if sound else None,
             ignore_default_args=["--mute-audio"] if sound else None,
         )
+        new_page = browser.new_page
+
+        def patient_page(**options: Any) -> Page:
+            page = new_page(**options)
+            page.set_default_timeout(1e3 * PATIENCE)
+            return page
+
+        setattr(browser, "new_page", patient_page)  # noqa: B010
         yield browser
         browser.close()
 

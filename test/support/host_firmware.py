@@ -28,6 +28,7 @@ from typing import NamedTuple
 import pytest
 
 from haptic_accel.devices.serial.protocol import Frame, Identity
+from running import PATIENCE
 
 SOURCE = Path(__file__).resolve().parents[2]
 SKETCH = SOURCE / "firmware" / "haptic_handle"
@@ -95,7 +96,9 @@ def compiled(folder: Path, processor: Processor) -> list[str]:
 
 def run(program: list[str], identity: Identity, script: bytes) -> bytes:
     """Return what the program says to a script."""
-    done = subprocess.run(program, input=identity.pack() + script, capture_output=True, timeout=60)
+    done = subprocess.run(
+        program, input=identity.pack() + script, capture_output=True, timeout=PATIENCE
+    )
     assert done.returncode == 0, done.stderr.decode()
     return done.stdout
 

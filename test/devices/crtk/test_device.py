@@ -67,7 +67,7 @@ def somebody(start: Callable[..., Command]) -> Command:
 
 @pytest.fixture
 def arm(somebody: Command) -> Iterator[CrtkArm]:
-    arm = built(start_timeout=PATIENCE, timeout=1.0)
+    arm = built(start_timeout=60.0, timeout=1.0)
     arm.open()
     yield arm
     arm.close()
@@ -111,7 +111,7 @@ def test_an_arm_is_enabled_when_it_is_opened(start: Callable[..., Command]) -> N
     pytest.importorskip("crtk_msgs.msg")
     words = ("-r", "__ns:=/somebody", "-p", "autostart:=false")
     start("-m", "haptic_accel.nodes.slave_device", "--ros-args", *words)
-    arm = built(start_timeout=PATIENCE, timeout=1.0)
+    arm = built(start_timeout=60.0, timeout=1.0)
     arm.open()
     wait_until(lambda: arm.read(0.0) is not None and not arm.problem, "enabled")
     arm.close()
@@ -147,7 +147,7 @@ def test_both_arms_have_one_of_their_own() -> None:
 def test_the_graph_couples_an_arm_of_somebody_else(
     somebody: Command, haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
 ) -> None:
-    values = f"{{namespace: {NAMESPACE}, start_timeout: {PATIENCE}, timeout: 1.0}}"
+    values = f"{{namespace: {NAMESPACE}, start_timeout: 60.0, timeout: 1.0}}"
     file = tmp_path / "arm.yaml"
     file.write_text(f"/**/slave_device:\n  ros__parameters:\n    crtk: {values}\n")
     graph = haptic_accel("teleop", "slave:=crtk", f"params_file:={file}", "record:=false")

@@ -32,7 +32,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices.observed import Observation
 from haptic_accel.kits.bringup.guide import KEPT_LINES, MOST_POINTS, SHOWN, Guide
 from haptic_accel.scope.server import CommandError, as_json
-from running import wait_until
+from running import PATIENCE, wait_until
 
 STEPS = {"connect": "find the boards", "make_safe": "stop and silence"}
 
@@ -100,7 +100,7 @@ def test_an_answer_reaches_the_request_that_waits(guide: Guide, pool: ThreadPool
         answered, number = asked(guide, pool, "type the current")
         assert guide.state()["request"] == "type the current"
         assert answer(guide, f"{number}:{text}") == ""
-        assert answered.result(10) == text
+        assert answered.result(PATIENCE) == text
         assert (guide.state()["request"], guide.state()["asks"]) == (None, False)
 
 
@@ -113,14 +113,14 @@ def test_of_two_answers_the_first_counts_and_none_is_kept_for_the_next_request(
     answer(guide, f"{number}:first")
     with pytest.raises(CommandError):
         answer(guide, f"{number}:second")
-    assert answered.result(10) == "first"
+    assert answered.result(PATIENCE) == "first"
     answered, after = asked(guide, pool, "hold it downwards")
     assert after != number
     with pytest.raises(CommandError):
         answer(guide, f"{number}:second")
     assert not answered.done()
     answer(guide, f"{after}:")
-    assert answered.result(10) == ""
+    assert answered.result(PATIENCE) == ""
 
 
 def test_answers_at_the_same_moment_are_one(guide: Guide, pool: ThreadPoolExecutor) -> None:
@@ -135,7 +135,7 @@ def test_answers_at_the_same_moment_are_one(guide: Guide, pool: ThreadPoolExecut
             return ""
 
     taken = list(filter(None, pool.map(press, range(4))))
-    assert taken == [answered.result(10)]
+    assert taken == [answered.result(PATIENCE)]
 
 
 @pytest.mark.parametrize(("action", "value"), [("stop", "1:"), ("answer", "1"), ("answer", True)])
@@ -152,7 +152,7 @@ def test_a_page_offers_to_go_on_where_the_request_does(
     answered, number = asked(guide, pool, "press Enter to try again", skip)
     assert guide.state()["skip"] == (skip or None)
     answer(guide, f"{number}:s")
-    assert answered.result(10) == "s"
+    assert answered.result(PATIENCE) == "s"
 
 
 def test_an_action_is_asked_for_until_something_is_told(guide: Guide) -> None:

@@ -30,7 +30,7 @@ from haptic_accel.devices.observed import Observation
 from haptic_accel.kits.bringup.guide import Guide
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
-from running import wait_until
+from running import PATIENCE, wait_until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -139,7 +139,7 @@ def test_keys_alone_lead_through_all_steps(page: Page, rig: TwoSteps) -> None:
     assert page.locator("#request-title").inner_text() == "The rig is brought up"
     wait_until(lambda: focused(page) == "continue", "the last button")
     page.keyboard.press("Enter")
-    rig.thread.join(30)
+    rig.thread.join(PATIENCE)
     assert not rig.thread.is_alive()
     wait_until(lambda: page.locator("#link").inner_text() == "closed", "it says so")
     assert page.locator("#request").inner_text() == NEXT

@@ -37,6 +37,7 @@ from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
 from haptic_accel.kits.emulators.pseudo_terminal import run
 from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
 from haptic_accel.setup.files import read_parameter_file
+from running import PATIENCE
 
 WORDS = ("seconds:=0.2", "file:=found.yaml")
 
@@ -108,7 +109,7 @@ def turned_over(board: Turned, command: subprocess.Popen[str]) -> str:
     assert "axis down" in command.stdout.readline()
     board.hold(-GRAVITY)
     time.sleep(0.05)
-    text, _ = command.communicate("\n", timeout=60)
+    text, _ = command.communicate("\n", timeout=PATIENCE)
     assert command.returncode == 0, text
     return text
 
@@ -118,7 +119,7 @@ def test_a_board_is_calibrated_by_turning_it_over(board: Turned, tmp_path: Path)
     # The emulated board samples along z alone: what is asked of another axis is still.
     board.hold(GRAVITY)
     answer(command, "up")
-    text, _ = command.communicate("\n", timeout=60)
+    text, _ = command.communicate("\n", timeout=PATIENCE)
     assert command.returncode == 1
     assert "should by about 19.6; was this axis held up and then down?" in text
     assert not (tmp_path / "found.yaml").exists()
@@ -169,7 +170,7 @@ def test_six_poses_give_the_mounting_of_a_tools_sensor(board: Turned, tmp_path: 
         time.sleep(0.05)
         command.stdin.write("\n")
         command.stdin.flush()
-    text, _ = command.communicate(timeout=60)
+    text, _ = command.communicate(timeout=PATIENCE)
     assert command.returncode == 0, text
     assert "axis xyz: sensor turned by 90.0 +- 0.0 degrees" in text
     values = read_parameter_file(rig)["slave_device"]
@@ -185,7 +186,7 @@ def test_six_poses_give_the_mounting_of_a_tools_sensor(board: Turned, tmp_path: 
 def test_a_pose_may_be_skipped_but_not_too_many(board: Turned, tmp_path: Path) -> None:
     board.hold_tool("z axis up")
     command = calibrate(tmp_path, "port:=port", "side:=slave", "axis:=xyz", *WORDS)
-    text, _ = command.communicate("s\n" * 5 + "\n", timeout=60)
+    text, _ = command.communicate("s\n" * 5 + "\n", timeout=PATIENCE)
     assert command.returncode == 1
     assert text.splitlines()[-1] == "haptic-accel: poses = 1: must be at least 3"
 
@@ -193,7 +194,7 @@ def test_a_pose_may_be_skipped_but_not_too_many(board: Turned, tmp_path: Path) -
 def test_a_board_that_moves_is_refused(board: Turned, tmp_path: Path) -> None:
     board.felt = lambda time: along_actuator(3.0 * (time * 20 % 1))
     command = calibrate(tmp_path, "port:=port", "side:=slave", *WORDS)
-    text, _ = command.communicate("\n\n", timeout=60)
+    text, _ = command.communicate("\n\n", timeout=PATIENCE)
     assert command.returncode == 1
     assert text.splitlines()[-1].startswith("haptic-accel: the sensor moved: standard deviation")
 
@@ -210,6 +211,6 @@ def test_what_cannot_be_is_said_in_one_line(
     board: Turned, tmp_path: Path, words: list[str], told: str
 ) -> None:
     command = calibrate(tmp_path, *words)
-    text, _ = command.communicate("", timeout=60)
+    text, _ = command.communicate("", timeout=PATIENCE)
     assert command.returncode == 1
     assert text.splitlines()[-1].startswith(f"haptic-accel: {told}"), text
