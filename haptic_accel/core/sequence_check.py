@@ -45,6 +45,8 @@ class SequenceCheck:
         Number of samples rejected because their stamp differs from now by more than `MAX_AGE`.
     stale : int
         Number of samples rejected because they were not newer than the last.
+    refusal : str
+        Why the newest sample was rejected; empty if it was accepted.
     jump : float
         Clock step just before the last accepted sample, s; 0 if there was none.
 
@@ -61,6 +63,7 @@ class SequenceCheck:
         self._received = 0
         self._refused = self._row = 0
         self.outdated = self.stale = 0
+        self.refusal = ""
         self.jump = 0.0
 
     def begin(self) -> None:
@@ -79,12 +82,13 @@ class SequenceCheck:
         """
         if abs(now - stamp) > _MAX_AGE:
             self.outdated += 1
+            self.refusal = f"stamps differ from now by more than {MAX_AGE:g} s"
             return False
         self.jump = 0.0
         if self._last is not None and not self._follows(stamp - self._last, stamp, steady):
-            self.stale += 1
+            self.stale, self.refusal = self.stale + 1, "stamps do not advance"
             return False
-        self._last, self._received, self._row = stamp, steady, 0
+        self._last, self._received, self._row, self.refusal = stamp, steady, 0, ""
         return True
 
     def _follows(self, advance: int, stamp: int, steady: int) -> bool:

@@ -90,6 +90,7 @@ class Coupler(CouplingNode):
         values = {
             "engaged": str(self.part.engaged).lower(),
             "positions held": str(self.part.held),
+            "positions refused": str(self.engagement.refused),
         }
         for arm, half in zip(ARMS, self._passive.halves, strict=True) if self._passive else ():
             values |= {
@@ -105,6 +106,8 @@ class Coupler(CouplingNode):
             for motion in motions.drain():
                 came = True
                 self.part.put(arm, motion, time.monotonic())
+            if refusal := motions.arriving.sequence.refusal:
+                self.engagement.stamp_refused(arm, refusal)
         self.publish((), self.part.commands(), offset=0)
         return came and not self.part.waiting
 

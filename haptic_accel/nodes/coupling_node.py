@@ -93,13 +93,15 @@ class MotionSynchronizer:
 
     Attributes
     ----------
+    arriving : Samples
+        Positions.
     velocity, work : SynchronizedSignal or None
     """
 
     def __init__(
         self, positions: Samples, velocities: Samples | None, work: Samples | None = None
     ) -> None:
-        self._arriving = positions
+        self.arriving = positions
         self._positions: deque[tuple[int, Vector]] = deque()
         self.velocity = SynchronizedSignal(velocities, flowing=True) if velocities else None
         self.work = SynchronizedSignal(work, flowing=False) if work else None
@@ -110,7 +112,7 @@ class MotionSynchronizer:
 
     def drain(self) -> Iterator[Motion]:
         """Yield the complete samples."""
-        for sample in self._arriving.drain():
+        for sample in self.arriving.drain():
             self._positions.append(sample)
         if not self._positions:
             return
@@ -240,13 +242,11 @@ class CouplingNode(GraphNode):
             self.couple()
         self._step_aside(self.engagement.aside(time.monotonic()))
         self.prepare()
-        if self._first_force:
-            if self._first_force.drain_vectors():
-                self.engagement.force_received()
-            if self.engagement.compensated:
-                self._first_force.leave()
-                self._first_force = None
-                return  # leaving took time: engage at the next call
+        first = self._first_force
+        if first and (self.engagement.compensated or first.drain_vectors()):
+            self.engagement.compensated, self._first_force = True, None
+            first.leave()
+            return  # leaving took time: engage at the next call
         decision = self.part.poll(time.monotonic(), self.listeners)
         if decision.release:
             self._let_go()
@@ -262,9 +262,8 @@ class CouplingNode(GraphNode):
 
     def _let_go(self) -> None:
         release(self.sides, time.monotonic())
-        now = time.time_ns()
         for force in () if self._aside else self.forces.values():
-            force.send(now, ZERO)
+            force.send(time.time_ns(), ZERO)
 
     def _step_aside(self, aside: bool) -> None:
         """Pause or resume sending the arms' forces, for other senders."""

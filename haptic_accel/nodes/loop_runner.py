@@ -178,5 +178,5 @@ class LoopRunner:
     def _decide(self, now: float) -> None:
         assert self._coupler
         if self._compensator and self._compensator.part.samples:
-            self._coupler.engagement.force_received()
+            self._coupler.engagement.compensated = True
         self._coupler.step()

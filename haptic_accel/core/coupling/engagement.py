@@ -25,8 +25,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from haptic_accel.core.actuator.safety import AUTOMATIC, MANUAL
+from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.emergency_stop import EmergencyStop
 from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ARMS
 
 STEP_PERIOD = 0.02
@@ -39,6 +41,15 @@ FREE_TIME = 0.5
 """Minimum time between release and re-engagement, s. The positions at engagement become the
 reference positions, so the arms must be at rest. The arms of the virtual rig are back at their
 start by then."""
+
+FASTEST = 10.0
+"""Speed that no arm reaches, m/s; a hand that leads a handle moves at 1 to 2 m/s."""
+
+REFUSED = "{}: position {:.4g}, {:.4g}, {:.4g} m: refused, as it is {:.3g} m from the one before"
+"""Reason to refuse a position that is not finite, or where no arm can be."""
+
+HELD = 5e-3
+"""Time for which a device may repeat a position, s: an arm with 200 positions a second."""
 
 RESTING = "waiting for the arms to come to rest"
 """Reason for free arms shortly after their release."""
@@ -126,7 +137,9 @@ class Engagement:
     compensated : bool
         A force of the compensator was received, or none is required.
     interrupted : str
-        Silence that ends the engagement at the next `decide`; empty for none.
+        Silence or jump that ends the engagement at the next `decide`; empty for none.
+    refused : int
+        Number of positions that are not finite, or farther than an arm can have moved.
     arms : tuple of str
     """
 
@@ -139,6 +152,9 @@ class Engagement:
         self.interrupted = ""
         self.compensated = not parameters.compensated
         self._received = dict.fromkeys(arms, -math.inf)
+        self._last = dict[str, Motion]()
+        self._refusals = dict[str, str]()  # of the newest position, by arm
+        self.refused = 0
         self._freed = ""  # why the arms stay free until a request
         self.stop = EmergencyStop(now)
         self._differing_since = math.inf
@@ -148,19 +164,29 @@ class Engagement:
         self._warned = now
         self._step_due = now
 
-    def position_received(self, arm: str, now: float) -> None:
-        """Record the time of an arm's position; a silence before it ends the engagement.
+    def position_received(self, arm: str, now: float, motion: Motion) -> bool:
+        """Record an arm's position, and return whether it is usable.
 
-        A process that stood still finds the next positions before it looks for missing ones.
+        A silence before it ends the engagement, as a process that stood still finds the next
+        positions before it looks for missing ones. A position farther than an arm can move ends
+        it, too; those that follow it are compared with it. One that is not finite is missing.
         """
-        silence = now - self._received[arm]
-        if self.engaged and silence > self._parameters.timeout:
+        last = self._last.get(arm, motion)
+        way, time = math.dist(motion.position, last.position), motion.stamp - last.stamp
+        if not way <= FASTEST * max(time / NANOSECONDS, HELD):  # or not finite
+            refusal = REFUSED.format(arm, *motion.position, way)
+            self._refusals[arm], self.refused = f": {refusal}", self.refused + 1
+            if math.isfinite(way):
+                self.interrupted, self._last[arm] = refusal, motion
+            return False
+        if (silence := now - self._received[arm]) > self._parameters.timeout:
             self.interrupted = f"no position of {arm} for {silence:.3g} s"
-        self._received[arm] = now
+        self._received[arm], self._refusals[arm], self._last[arm] = now, "", motion
+        return True
 
-    def force_received(self) -> None:
-        """Record that the compensator has sent a force."""
-        self.compensated = True
+    def stamp_refused(self, arm: str, reason: str) -> None:
+        """Record why the stamp of an arm's newest position is refused."""
+        self._refusals[arm] = f": {arm}: {reason}"
 
     def arm_stopped(self, arm: str, stopped: bool) -> None:
         """Record whether the device of an arm is stopped."""
@@ -179,7 +205,7 @@ class Engagement:
 
     def due(self, now: float) -> bool:
         """Return whether the next `decide` is due."""
-        return now >= self._step_due
+        return now >= self._step_due or bool(self.interrupted)
 
     def missing(self, now: float, listeners: int) -> str:
         """Return the reason that prevents engagement, or ends it; empty if there is none.
@@ -196,7 +222,8 @@ class Engagement:
             return self._held
         silent = [arm for arm, then in self._received.items() if now - then > p.timeout]
         if silent:
-            return f"waiting for the position of {' and '.join(silent)}"
+            refusals = "".join(self._refusals.get(arm, "") for arm in silent)
+            return f"waiting for the position of {' and '.join(silent)}{refusals}"
         if self.engaged:
             return self.interrupted
         unknown = [arm for arm in self._received if arm not in self._arms_stopped]
@@ -207,10 +234,7 @@ class Engagement:
         if not self.compensated:
             return "waiting for the compensator's force"
         if listeners < p.listeners:
-            return (
-                "waiting for subscribers of the arms' forces: there are"
-                f" {listeners} of {p.listeners}"
-            )
+            return f"waiting for subscribers of arm forces: there are {listeners} of {p.listeners}"
         return ""
 
     def decide(self, now: float, listeners: int) -> Decision:
@@ -223,13 +247,13 @@ class Engagement:
         self.engaged = not missing
         if engage:
             self._first_engaged = min(self._first_engaged, now)
+        self.interrupted = ""
         if release:
             self._released = now
-            self.interrupted = ""
         return Decision(
             engage=engage,
             release=release,
-            finished=self._is_over(now),
+            finished=0 < self._parameters.duration <= now - self._first_engaged,
             warning=differing
             or (f"let go: {missing}" if release else self._due_warning(now, missing)),
         )
@@ -247,19 +271,14 @@ class Engagement:
             if self._parameters.timeout < now - received < math.inf:
                 self._arms_stopped.pop(arm, None)  # the device no longer exists
         states = {"coupler": self.stop.stopped, **self._arms_stopped}
-        if len(set(states.values())) == 1:
-            self._differing_since = math.inf
-            return ""
-        self._differing_since = min(self._differing_since, now)
+        differ = len(set(states.values())) > 1
+        self._differing_since = min(self._differing_since, now) if differ else math.inf
         if now - self._differing_since <= DIFFERING:
             return ""
         self._differing_since = math.inf
         self.stop.stop()
         stopped = " and ".join(name for name, state in states.items() if state)
         return f"{STOPPED}: only {stopped} stopped; all are stopped again"
-
-    def _is_over(self, now: float) -> bool:
-        return 0 < self._parameters.duration <= now - self._first_engaged
 
     def _due_warning(self, now: float, missing: str) -> str:
         if not missing or self._held or now - self._warned <= WARNING_PERIOD:

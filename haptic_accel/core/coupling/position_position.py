@@ -21,7 +21,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TypeAlias
 
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, parameter
@@ -46,25 +46,19 @@ class CouplingParameters(Checked):
     )
 
 
-class _Gains(NamedTuple):
-    """Gains of one sample; see `CouplingParameters`."""
+_Gains: TypeAlias = tuple[float, float, float, float, float]
+"""Values of `CouplingParameters` in one sample: k_m, k_sl, damping, max_force, scale."""
 
-    k_m: float
-    k_sl: float
-    damping: float
-    scale: float
-    max_force: float
 
-    @classmethod
-    def of(cls, p: CouplingParameters) -> _Gains:
-        """Return the gains for parameters."""
-        return cls(p.k_m, p.k_sl, p.damping, p.scale, p.max_force)
+def _gains(p: CouplingParameters) -> _Gains:
+    return p.k_m, p.k_sl, p.damping, p.max_force, p.scale
 
-    def toward(self, others: _Gains, share: float) -> _Gains:
-        """Interpolate towards other gains by a fraction."""
-        mixed = [old + share * (new - old) for old, new in zip(self, others, strict=True)]
-        # Interpolate geometrically, as both the scale and its inverse are factors.
-        return _Gains(*mixed)._replace(scale=self.scale * (others.scale / self.scale) ** share)
+
+def _between(start: _Gains, end: _Gains, share: float) -> _Gains:
+    """Interpolate gains by a fraction."""
+    k_m, k_sl, damping, force, _ = [a + share * (b - a) for a, b in zip(start, end, strict=True)]
+    # Interpolate geometrically, as both the scale and its inverse are factors.
+    return k_m, k_sl, damping, force, start[-1] * (end[-1] / start[-1]) ** share
 
 
 class PositionPositionCoupling:
@@ -75,7 +69,7 @@ class PositionPositionCoupling:
     """
 
     def __init__(self, parameters: CouplingParameters) -> None:
-        self._gains = _Gains.of(parameters)
+        self._gains = _gains(parameters)
         self._fade: Iterator[_Gains] = iter(())
         self._origins: tuple[Vector, Vector] | None = None
 
@@ -87,7 +81,7 @@ class PositionPositionCoupling:
     @property
     def felt(self) -> tuple[float, float]:
         """Stiffness at the master, N/m, and slave motion per master motion."""
-        return self._gains.k_m, self._gains.scale
+        return self._gains[0], self._gains[-1]
 
     def engage(self, master: Vector, slave: Vector) -> None:
         """Couple the arms at their positions, m."""
@@ -108,11 +102,11 @@ class PositionPositionCoupling:
         stiffness k. With the defaults this is 22 mJ; over `FADE_TIME` this is much less power than
         a hand exchanges.
         """
-        start, end = self._gains, _Gains.of(parameters)
+        start, end = self._gains, _gains(parameters)
         if not self.engaged:
             self._gains, self._fade = end, iter(())
             return
-        steps = (start.toward(end, step / samples) for step in range(1, samples))
+        steps = (_between(start, end, step / samples) for step in range(1, samples))
         self._fade = itertools.chain(steps, [end])
 
     def forces(
@@ -138,7 +132,7 @@ class PositionPositionCoupling:
         """
         if self._origins is None:
             return ZERO, ZERO
-        k_m, k_sl, damping, scale, max_force = self._gains
+        k_m, k_sl, damping, max_force, scale = self._gains
         (m_x, m_y, m_z), (s_x, s_y, s_z) = master, slave
         (m0_x, m0_y, m0_z), (s0_x, s0_y, s0_z) = self._origins
         # Lag of the slave behind the master, in the master's scale. One line per axis, as a loop

@@ -99,9 +99,9 @@ class HalfCouplingPart:
 
     def put(self, arm: str, motion: Motion, now: float) -> None:
         """Add a sample of the arm; a non-finite sample counts as missing."""
-        if not math.isfinite(sum(motion.position) + sum(motion.velocity)):
+        usable = self.engagement.position_received(arm, now, motion)
+        if not (usable and math.isfinite(sum(motion.velocity))):
             return
-        self.engagement.position_received(arm, now)
         self._motion = motion
         if self.end.engaged and not self.engagement.interrupted:
             force = self.end.force(motion.position, motion.velocity, now, motion.work)

@@ -21,7 +21,6 @@ import math
 import time
 from collections import deque
 from collections.abc import Iterator
-from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -37,9 +36,10 @@ from haptic_accel.core.cdr import StampedVector, unpack_orientation, unpack_stam
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.operating_state import MESSAGES
 from haptic_accel.core.orientation import Orientation
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.sequence_check import SequenceCheck
 from haptic_accel.core.sole_publisher import SolePublisher
 from haptic_accel.core.topics import SLAVE
-from haptic_accel.devices.crtk.parameters import CrtkParameters
 from haptic_accel.devices.matched import MatchedPublishers
 
 NODE = "haptic_accel_client"
@@ -63,21 +63,28 @@ _LATCHED = QoSProfile(depth=DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 class Signal:
     """Newest vector of a topic, unless it has several publishers.
 
-    The subscription has no executor: a message wakes no thread.
+    Its stamp gives its age: it must advance, and agree with the clock. The subscription has no
+    executor: a message wakes no thread.
 
     Attributes
     ----------
     orientation : Orientation
         Newest orientation, of a topic of poses.
+    refused : int
+        Number of messages whose stamp or vector cannot be used.
+    refusal : str
+        Why the newest message was refused; empty if it was not.
     """
 
-    def __init__(self, node: Any, subscription: Any) -> None:
+    def __init__(self, node: Any, subscription: Any, rate: float) -> None:
         self._take = subscription.handle.take_message
         self._count = subscription.handle.get_publisher_count
         self._publisher = SolePublisher(MatchedPublishers(node, subscription).counts)
         self._type = subscription.msg_type
         self._has_orientation = self._type is PoseStamped
         self._vector, self._seen = ZERO, -math.inf
+        self._sequence = SequenceCheck(rate)
+        self.refused, self.refusal = 0, ""
         self.orientation = Orientation()
 
     @property
@@ -105,13 +112,21 @@ class Signal:
             yield taken
 
     def _put(self, data: bytes) -> None:
-        """Store a vector; ignore a malformed one."""
-        with suppress(ValueError):
-            _, vector = unpack_stamped_vector(data)
-            if math.isfinite(sum(vector)):
-                self._vector, self._seen = vector, time.monotonic()
-                if self._has_orientation:
-                    self.orientation.put(unpack_orientation(data))
+        """Store a vector; refuse one that is malformed, not finite, or not of now."""
+        now, steady = time.time_ns(), time.monotonic_ns()
+        try:
+            stamp, vector = unpack_stamped_vector(data)
+            if not math.isfinite(sum(vector)):
+                raise ValueError("values are not finite")
+            if not self._sequence.admits(stamp, now, steady):
+                raise ValueError(self._sequence.refusal)
+            if self._has_orientation:
+                self.orientation.put(unpack_orientation(data))
+        except ValueError as error:
+            self.refused, self.refusal = self.refused + 1, str(error)
+        else:
+            self._vector, self.refusal = vector, ""
+            self._seen = (steady - max(0, now - stamp)) / NANOSECONDS
 
 
 class ArmClient:
@@ -121,15 +136,20 @@ class ArmClient:
 
     Parameters
     ----------
-    parameters : CrtkParameters
+    arm : str
+        Full name of the arm's namespace.
+    force : str
+        Topic of the arm's force below it.
+    rate : float
+        Samples per second that are used.
 
     Attributes
     ----------
     position, velocity : Signal
     """
 
-    def __init__(self, parameters: CrtkParameters) -> None:
-        self._arm = parameters.arm
+    def __init__(self, arm: str, force: str, rate: float) -> None:
+        self._arm = arm
         self._context = rclpy.Context()
         rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node(
@@ -139,13 +159,13 @@ class ArmClient:
             enable_rosout=False,
             start_parameter_services=False,
         )
-        self.position = Signal(self._node, self._subscription(PoseStamped, "measured_cp", _SENSOR))
-        self.velocity = Signal(
-            self._node, self._subscription(TwistStamped, "measured_cv", _SENSOR)
+        self.position, self.velocity = (
+            Signal(self._node, self._subscription(kind, name, _SENSOR), rate)
+            for kind, name in ((PoseStamped, "measured_cp"), (TwistStamped, "measured_cv"))
         )
-        self._force = self._publisher(WrenchStamped, parameters.force, QoSProfile(depth=1))
+        self._force = self._publisher(WrenchStamped, force, QoSProfile(depth=1))
         self._pack = StampedVector(SLAVE.arm_force).pack
-        subframe, _, _ = parameters.force.strip("/").rpartition("/")
+        subframe, _, _ = force.strip("/").rpartition("/")
         if subframe:
             self._publisher(Bool, f"{subframe}/{ABSOLUTE}", _LATCHED).publish(Bool(data=True))
         self._states: list[Any] = []

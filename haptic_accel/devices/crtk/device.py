@@ -17,17 +17,15 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import dataclass
 from time import monotonic, sleep
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.operating_state import ENABLE, ENABLED
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.warning import warn_once
-from haptic_accel.devices.crtk.parameters import (
-    CrtkMasterParameters,
-    CrtkParameters,
-    CrtkSlaveParameters,
-)
 from haptic_accel.devices.interface import Device, DeviceError, Sample
 
 if TYPE_CHECKING:
@@ -37,17 +35,77 @@ POLL_PERIOD = 2e-3
 """Period of polling for the first position, s."""
 
 
+_NAMES = re.compile(r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+
+
+def _namespace(default: str) -> Any:
+    return parameter(default, "full namespace of the arm's topics")
+
+
+@dataclass(frozen=True)
+class CrtkParameters(Checked):
+    """Names of the arm's topics, and their time-outs."""
+
+    namespace: str = _namespace("/arm")
+    force: str = parameter(
+        "servo_cf",
+        "topic of the arm's force below its namespace; body/servo_cf for a dVRK, which is told to"
+        " take its orientation from the base frame",
+    )
+    timeout: float = parameter(
+        0.1, "time without a position after which there is no sample", "s", 0.005, 10.0
+    )
+    start_timeout: float = parameter(
+        5.0, "longest time to wait for the first position", "s", 0.1, 60.0
+    )
+
+    def __post_init__(self) -> None:
+        """Check all fields, and that both names are names of ROS.
+
+        Raises
+        ------
+        ParameterError
+            A value is not allowed; the message names it.
+        """
+        super().__post_init__()
+        for name in ("namespace", "force"):
+            if not _NAMES.fullmatch(getattr(self, name).strip("/")):
+                raise ParameterError(
+                    f"{name} = {getattr(self, name)!r}: must be names of letters, digits and _,"
+                    " joined by /"
+                )
+
+    @property
+    def arm(self) -> str:
+        """Full name of the namespace."""
+        return "/" + self.namespace.strip("/")
+
+
+@dataclass(frozen=True)
+class CrtkMasterParameters(CrtkParameters):
+    """Parameters of the master's arm."""
+
+    namespace: str = _namespace("/MTMR")
+
+
+@dataclass(frozen=True)
+class CrtkSlaveParameters(CrtkParameters):
+    """Parameters of the slave's arm."""
+
+    namespace: str = _namespace("/PSM1")
+
+
 class CrtkArm(Device):
     """Arm of another node, by CRTK's `measured_cp`, `measured_cv` and `servo_cf`.
 
-    A sample is the newest position, even if the arm sends at a lower rate. Without velocity
-    messages, the velocity is zero.
+    A sample is the newest position, even if the arm sends at a lower rate. Its age is that of its
+    stamp. Without velocity messages, the velocity is zero.
     """
 
     Parameters = CrtkParameters
 
     def __init__(self, parameters: CrtkParameters, rate: float, seed: int) -> None:
-        self._p = parameters
+        self._p, self._rate = parameters, rate
         self._client: ArmClient | None = None
 
     def open(self) -> None:
@@ -62,7 +120,7 @@ class CrtkArm(Device):
             from haptic_accel.devices.crtk.client import ArmClient
         except ModuleNotFoundError as error:
             raise DeviceError(f"crtk: {error.name} is not installed") from None
-        client = self._client = ArmClient(self._p)
+        client = self._client = ArmClient(self._p.arm, self._p.force, self._rate)
         enabled = not client.has_states
         deadline = monotonic() + self._p.start_timeout
         while (self._is_silent or not enabled) and monotonic() < deadline:
@@ -71,10 +129,9 @@ class CrtkArm(Device):
                 enabled = True
             sleep(POLL_PERIOD)
         if self._is_silent:
+            reason = self._silence(self._p.start_timeout)
             self.close()
-            raise DeviceError(
-                f"crtk: no {self._p.arm}/measured_cp for {self._p.start_timeout:g} s"
-            )
+            raise DeviceError(reason)
 
     def read(self, time: float) -> Sample | None:
         """Return the newest pose and velocity, None if the pose is too old."""
@@ -83,6 +140,8 @@ class CrtkArm(Device):
         position = self._client.position.newest(self._p.timeout)
         velocity = self._client.velocity.newest(self._p.timeout)
         if position is None:
+            if self._client.position.refusal:
+                warn_once(self._silence(self._p.timeout))
             return None
         orientation = self._client.position.orientation
         if orientation.problem:
@@ -132,12 +191,22 @@ class CrtkArm(Device):
         if (senders := self._client.position.senders) > 1:
             return f"crtk: {self._p.arm}/measured_cp has {senders} publishers"
         if self._is_silent:
-            return f"crtk: no {self._p.arm}/measured_cp for {self._p.timeout:g} s"
+            return self._silence(self._p.timeout)
         state = self._client.state
         if state and not (state.state == ENABLED and state.is_homed):
             homed = "" if state.is_homed else ", not homed"
             return f"crtk: {self._p.arm} is {state.state}{homed}"
         return ""
+
+    def counters(self) -> dict[str, int]:
+        """Return the number of poses that were refused."""
+        return {"poses refused": self._client.position.refused if self._client else 0}
+
+    def _silence(self, seconds: float) -> str:
+        """Return the line for positions that are missing, or refused, for a time in s."""
+        reason = self._client.position.refusal if self._client else ""
+        line = f"crtk: no {self._p.arm}/measured_cp for {seconds:g} s"
+        return f"{line}: refused: {reason}" if reason else line
 
     @property
     def _is_silent(self) -> bool:

@@ -27,6 +27,9 @@ from scipy import signal
 
 from haptic_accel.core.control.authority import (
     FAINTEST,
+    HUSHED_EVERY,
+    HUSHED_FOR,
+    HUSHED_RARELY,
     LEAST_LEFT,
     LOWEST,
     POWER_MEMORY,
@@ -35,6 +38,7 @@ from haptic_accel.core.control.authority import (
     STIRRED,
     WARIEST,
     Authority,
+    Listening,
 )
 from haptic_accel.core.model import FloatArray
 
@@ -262,3 +266,51 @@ def test_a_force_that_the_limits_cut_is_reduced_for_a_while_unless_the_handle_is
     used, _ = run(authority, desired[1000:], desired[1000:], described=described)
     assert used.min() == pytest.approx(1.0 if described else LEAST_LEFT, rel=0.05)
     assert used[-1] == 1.0
+
+
+LISTENED = 0.01
+"""Time between two blocks, s."""
+
+
+def heard(listening: Listening, ringing: float, noise: float, minor: float) -> float:
+    """Listen once to a handle that rings at first; return what is heard."""
+    listening.begin()
+    hushed = 0
+    while listening.hushes:
+        hushed += 1
+        listening.hear(ringing if hushed * LISTENED < HUSHED_FOR / 3 else noise, LISTENED, minor)
+    assert hushed * LISTENED == pytest.approx(HUSHED_FOR, abs=2 * LISTENED)
+    return listening.heard
+
+
+def waited(listening: Listening) -> float:
+    """Return the time until the next listening is due, s."""
+    waited = 0.0
+    while not listening.is_due:
+        listening.wait(LISTENED)
+        waited += LISTENED
+    return waited
+
+
+def test_the_noise_is_heard_once_the_handle_has_ceased_to_ring() -> None:
+    listening = Listening()
+    assert listening.is_due
+    assert heard(listening, 100.0, 0.5, minor=0.1) == pytest.approx(0.5, rel=0.1)
+
+
+def test_a_handle_whose_noise_hides_nothing_is_listened_to_more_and_more_rarely() -> None:
+    listening = Listening()
+    times = []
+    for _ in range(6):
+        heard(listening, 0.0, 0.5, minor=1.0)
+        times.append(HUSHED_FOR + waited(listening))
+    expected = [min(HUSHED_EVERY * 2**number, HUSHED_RARELY) for number in range(1, 7)]
+    assert times == pytest.approx(expected, abs=3 * LISTENED)
+    heard(listening, 0.0, 0.5, minor=0.1)
+    assert HUSHED_FOR + waited(listening) == pytest.approx(HUSHED_EVERY, abs=3 * LISTENED)
+
+
+def test_a_force_that_falls_is_left_to_ring() -> None:
+    listening = Listening()
+    listening.postpone()
+    assert waited(listening) == pytest.approx(0.3, abs=2 * LISTENED)

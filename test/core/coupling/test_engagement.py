@@ -15,6 +15,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import pytest
@@ -33,7 +34,9 @@ from haptic_accel.core.coupling.engagement import (
     Engagement,
     EngagementParameters,
 )
+from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.emergency_stop import LATCHED_SETTLING
+from haptic_accel.core.model import ZERO
 from haptic_accel.core.topics import ARMS
 
 TIMEOUT = 0.1
@@ -56,8 +59,13 @@ class Run:
         """Let time pass, receive positions of arms, and decide."""
         self.now += seconds
         for arm in arms:
-            self.engagement.position_received(arm, self.now)
+            self.position(arm)
         return self.engagement.decide(self.now, self.listeners)
+
+    def position(self, arm: str, x: float = 0.0) -> bool:
+        """Receive a position; return whether it is usable."""
+        motion = Motion(round(self.now * 1e9), (x, 0.0, 0.0), ZERO)
+        return self.engagement.position_received(arm, self.now, motion)
 
     @property
     def missing(self) -> str:
@@ -83,7 +91,7 @@ def test_the_arms_engage_once_both_positions_are_there() -> None:
 def test_engaging_waits_for_the_word_of_both_devices_that_they_are_not_stopped() -> None:
     engagement = Engagement(EngagementParameters(), 0.0)
     for arm in ARMS:
-        engagement.position_received(arm, 1.0)
+        engagement.position_received(arm, 1.0, Motion(10**9, ZERO, ZERO))
     assert engagement.decide(1.0, 1) == NOTHING
     assert engagement.missing(1.0, 1) == "waiting for master/stopped and slave/stopped"
     engagement.arm_stopped("slave", False)
@@ -96,7 +104,7 @@ def test_engaging_waits_for_the_compensator() -> None:
     run = Run(compensated=True)
     assert run.step() == NOTHING
     assert run.missing == "waiting for the compensator's force"
-    run.engagement.force_received()
+    run.engagement.compensated = True
     assert run.step() == ENGAGE
 
 
@@ -110,6 +118,66 @@ def test_engaging_waits_for_every_subscriber_but_does_not_end_with_one() -> None
     run.listeners = 0
     assert run.step() == NOTHING
     assert run.engagement.engaged
+
+
+@pytest.mark.parametrize("x", [-40.0, 0.06, 1e308])
+def test_a_position_where_no_arm_can_be_ends_the_engagement(x: float) -> None:
+    run = Run()
+    run.step()
+    run.now += 0.001
+    assert run.position("slave", 0.004)
+    assert not run.engagement.due(run.now)
+    run.now += 0.001
+    assert not run.position("slave", x)
+    assert run.engagement.due(run.now)
+    released = run.engagement.decide(run.now, 2)
+    assert released.release
+    assert released.warning.startswith(f"let go: slave: position {x:.4g}, 0, 0 m: refused")
+    assert run.engagement.refused == 1
+
+
+@pytest.mark.parametrize("x", [math.nan, math.inf])
+def test_a_position_that_is_not_finite_is_missing_and_named(x: float) -> None:
+    run = Run()
+    run.step()
+    for _ in range(2):
+        run.now += 0.6 * TIMEOUT
+        assert not run.position("slave", x)
+        assert run.position("master")
+        run.engagement.decide(run.now, 2)
+    assert not run.engagement.engaged
+    assert f"of slave: slave: position {x}, 0, 0 m: refused, as it is {x} m from" in run.missing
+    assert run.position("slave")
+    assert run.engagement.refused == 2
+
+
+def test_positions_that_jump_to_and_fro_never_engage_and_say_why() -> None:
+    run = Run()
+    for n in range(300):
+        run.now += 0.001
+        run.position("master")
+        run.position("slave", -0.05 if n % 2 else -40.0)
+        assert run.engagement.decide(run.now, 2).engage is (n == 0)
+    assert run.missing.startswith("waiting for the position of slave: slave: position -0.05, 0, 0")
+    assert run.engagement.refused == 299
+
+
+@pytest.mark.parametrize("rate", [30.0, 200.0, 1000.0])
+def test_an_arm_that_moves_with_a_hand_stays_coupled(rate: float) -> None:
+    run = Run()
+    run.step()
+    for n in range(1, 100):
+        run.now += 1 / rate
+        assert all(run.position(arm, 1.5 * n / rate) for arm in ARMS)
+        run.engagement.decide(run.now, 2)
+    assert run.engagement.engaged
+
+
+def test_a_refused_stamp_is_named_while_positions_are_missing() -> None:
+    run = Run()
+    run.engagement.stamp_refused("slave", "stamps do not advance")
+    run.step(arms=("master",))
+    assert run.missing == "waiting for the position of slave: slave: stamps do not advance"
 
 
 @pytest.mark.parametrize("arm", ARMS)
@@ -266,7 +334,7 @@ EVENTS: dict[str, Event] = {
     "both": lambda run: run.step(),
     "master": lambda run: run.step(arms=("master",)),
     "silence": lambda run: run.step(2 * TIMEOUT, ()),
-    "force": lambda run: run.engagement.force_received(),
+    "force": lambda run: setattr(run.engagement, "compensated", True),
     "stop": lambda run: run.engagement.stop.stop(),
     "released": release,
     "engage": lambda run: run.engagement.request(True),

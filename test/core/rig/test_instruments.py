@@ -26,6 +26,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
+from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.model import ZERO, AccelerometerParameters, FloatArray, Vector
 from haptic_accel.core.parameters import ParameterError
@@ -195,8 +196,9 @@ class CoupledRigs:
         for rig in (self.master, self.slave):
             rig.advance(now)
         handle, tool = self.master.measure(), self.slave.measure()
-        for arm in ARMS:
-            self.engagement.position_received(arm, now)
+        for arm, rig in zip(ARMS, (handle, tool), strict=True):
+            motion = Motion(round(now * 1e9), rig.position, ZERO)
+            self.engagement.position_received(arm, now, motion)
         decision = self.engagement.decide(now, 0)
         if decision.release:
             self._coupling.disengage()

@@ -17,20 +17,21 @@
 
 from __future__ import annotations
 
+import math
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
-from haptic_accel.devices.crtk.device import CrtkArm
-from haptic_accel.devices.crtk.parameters import CrtkParameters
+from haptic_accel.devices.crtk.device import CrtkArm, CrtkParameters
 from observing import Observer
 from running import PATIENCE, Command, wait_until
 
@@ -101,6 +102,49 @@ def test_an_arm_is_read_and_pushed_left_without_force_and_missed(
     wait_until(lambda: arm.read(0.0) is None, "no sample")
     assert arm.problem == f"crtk: no {NAMESPACE}/measured_cp for 1 s"
     assert arm.arm() is False
+
+
+@pytest.fixture
+def pose(observer: Observer) -> Iterator[dict[str, float]]:
+    """Publish a pose 200 times a second: its position, m, and stamp, s, or its lag behind now."""
+    sent, ended = dict[str, float](), threading.Event()
+    publisher = observer.node.create_publisher(PoseStamped, f"{NAMESPACE}/measured_cp", 10)
+
+    def publish() -> None:
+        while not ended.wait(0.005):
+            message = PoseStamped()
+            now = time.time_ns() - round(sent.get("lag", 0.0) * 1e9)
+            stamp = round(sent.get("stamp", 0.0) * 1e9) or now
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+            message.pose.position.x, message.pose.orientation.w = sent.get("x", 0.0), 1.0
+            publisher.publish(message)
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    yield sent
+    ended.set()
+    thread.join()
+
+
+def test_a_pose_of_another_time_or_of_no_place_is_no_sample(pose: dict[str, float]) -> None:
+    arm = built(start_timeout=PATIENCE)
+    arm.open()
+    far = "stamps differ from now by more than 0.1 s"
+    for wrong, reason in (
+        ({"stamp": time.time()}, "stamps do not advance"),
+        ({"lag": 1.0}, far),
+        ({"lag": -1.0}, far),
+        ({"stamp": 1e-9}, far),
+        ({"x": math.nan}, "values are not finite"),
+    ):
+        wait_until(lambda: arm.read(0.0) is not None, "a sample")
+        refused = arm.counters()["poses refused"]
+        pose.update(wrong)
+        wait_until(lambda: arm.read(0.0) is None, "no sample")
+        wait_until(lambda said=reason: said in arm.problem, reason)
+        assert arm.counters()["poses refused"] > refused
+        pose.clear()
+    arm.close()
 
 
 def test_who_relies_on_the_arm_s_own_watchdog_is_told() -> None:
