@@ -56,12 +56,27 @@ sys.exit(not (supported and platform.python_implementation() == "CPython"))
 endef
 export PROBE
 
+# Runs pip, and prints now and then what it is doing: it takes a minute, or several on a slow line.
+define INSTALL
+import subprocess, sys, time
+pip = [sys.executable, "-m", "pip", "install", "--progress-bar", "off", "--editable", sys.argv[1]]
+process = subprocess.Popen(pip, stdout=subprocess.PIPE, text=True, errors="replace")
+told = time.monotonic()
+for line in process.stdout:
+    is_step = line.lstrip().startswith(("Collecting", "Downloading", "Building", "Installing"))
+    if is_step and time.monotonic() - told >= float(sys.argv[2]):
+        print(" ", line.strip()[:70], flush=True)
+        told = time.monotonic()
+sys.exit(process.wait())
+endef
+export INSTALL
+
 # pip, so that a stop in its middle leaves no environment that passes for a whole one.
 define pip_install
 rm -f $(WHOLE)
 trap 'exit 130' HUP INT TERM
 failed=
-$(BIN)/python -m pip install -qq --editable '.[$(1)]' || failed=yes
+$(BIN)/python -c "$$INSTALL" '.[$(1)]' 5 || failed=yes
 echo "$(ROS) $$(pwd -P)" > $(WHOLE)
 [ -z "$$failed" ] || { echo "error: pip could not install haptic_accel[$(1)], see above" >&2; exit 1; }
 endef

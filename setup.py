@@ -110,6 +110,7 @@ def link_nodes() -> tuple[str, ...]:
 
 
 BENCH = ["psutil>=5.9.8"]
+PARQUET = ["pyarrow>=14", "pillow>=10"]
 TEST = ["pytest>=7.4", "pytest-timeout>=2.2", "hypothesis>=6.98", *BENCH]
 
 setup(
@@ -180,15 +181,16 @@ setup(
         # Meshes in virtual scenes; no rosdep key.
         "mesh": ["trimesh>=4.5,<6", "rtree>=1.0.1"],
         # Bags as LeRobot's sets, Parquet and CSV; pyarrow has no rosdep key. And as HDF5.
-        "parquet": ["pyarrow>=14", "pillow>=10"],
+        "parquet": PARQUET,
         "hdf5": ["h5py>=3.8"],
         # Trials on the workers of a cluster; results are compared to the last digit.
         "cluster": ["distributed>=2024.1"],
         # Two hosts by transport:=zenoh; eclipse-zenoh has no rosdep key. 1.10: datagrams of QUIC.
         "zenoh": ["eclipse-zenoh>=1.10", "cryptography>=41"],
         "test": TEST,
-        # make docs.
+        # make docs, whose examples write a learning set.
         "docs": [
+            *PARQUET,
             "sphinx>=7.2.6",
             "myst-parser>=2.0",
             "numpydoc>=1.6",
@@ -210,8 +212,7 @@ setup(
             "pandas-stubs",
             "scipy-stubs",
             # What exports write.
-            "pyarrow>=14",
-            "pillow>=10",
+            *PARQUET,
             "h5py>=3.8",
             # Another reader of what is recorded, a cluster, and a browser's driver for the pages.
             "mcap>=1.2",

@@ -18,7 +18,8 @@ Two arms over a network
 =======================
 
 A spring between two hosts is a good coupling until the network delays it: then it pushes energy
-into the arms. Learn how the passive coupling prevents this, and what it costs.
+into the arms. Learn how the passive coupling prevents this, and what it costs. ``two_arms`` is in
+the folder ``benchmarks`` of the source.
 """
 
 # %%
@@ -27,10 +28,10 @@ into the arms. Learn how the passive coupling prevents this, and what it costs.
 
 import numpy as np
 from matplotlib import pyplot
+from two_arms import TwoArms, free, press, stroke, wall
 
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.core.two_arms import TwoArms, free, press, stroke, wall
 
 network = ChannelParameters(delay=6e-3, jitter=1e-3, loss=0.1)
 _, (heights, energy) = pyplot.subplots(2, sharex=True, figsize=(8, 6), layout="constrained")

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import ast
 import itertools
+import json
 import os
 import re
 import subprocess
@@ -53,36 +54,40 @@ NODES = (
 
 ROSDEP_KEYS = {
     "aiohttp": "python3-aiohttp",
-    "can": "python3-can",
     "click": "python3-click",
-    "cryptography": "python3-cryptography",
     "jinja2": "python3-jinja2",
     "contourpy": "python3-matplotlib",  # needs it
     "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",
     "pandas": "python3-pandas",
     "rich": "python3-rich",
-    "psutil": "python3-psutil",
     "ruamel": "python3-ruamel.yaml",
     "scipy": "python3-scipy",
-    "serial": "python3-serial",
     "yaml": "python3-yaml",
 }
 """Key of each module that is no ROS package; a ROS package's key is its name."""
 
 OPTIONAL = {
+    "can",
     "cobs",
+    "cryptography",
     "distributed",
     "h5py",
     "mujoco",
     "PIL",
+    "psutil",
     "pyarrow",
+    "serial",
     "sounddevice",
     "trimesh",
     "zenoh",
     *OF_ROSBAGS,
 }
-"""Modules that have no key, or one for pip, which Ubuntu 24.04 refuses; their absence is said."""
+"""Modules of extras, and those that have no key, or one for pip, which Ubuntu 24.04 refuses; their
+absence is said."""
+
+WITHOUT_KEY = {"rosbags", "backports.zstd", "lz4"}
+"""What `setup.py` requires of pip alone: rosbags, and what comes with it."""
 
 
 class Installation:
@@ -218,24 +223,16 @@ def test_release_tools_find_the_changes_of_each_version(manifest: Package) -> No
     assert found == sorted(found, key=itemgetter(1), reverse=True)
 
 
-def requirements() -> dict[str, SpecifierSet]:
+def requirements(*, extras: bool = True) -> dict[str, SpecifierSet]:
     """Return the versions that setup.py allows of each package that users need, by name."""
-    called = next(
-        node
-        for node in ast.walk(ast.parse((SOURCE / "setup.py").read_text()))
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "setup"
+    show = (
+        "lambda **given: print(json.dumps([given['install_requires'], given['extras_require']]))"
     )
-    given = {word.arg: word.value for word in called.keywords}
-    extras = given["extras_require"]
-    assert isinstance(extras, ast.Dict)
-    of_users = [
-        value
-        for key, value in zip(extras.keys, extras.values, strict=True)
-        if isinstance(key, ast.Constant) and key.value != "dev" and isinstance(value, ast.List)
-    ]
-    lists = [ast.literal_eval(value) for value in (given["install_requires"], *of_users)]
-    found = [Requirement(words) for words in itertools.chain(*lists)]
-    return {requirement.name: requirement.specifier for requirement in found}
+    code = f"import json, setuptools; setuptools.setup = {show}; exec(open('setup.py').read())"
+    required, optional = json.loads(run([sys.executable, "-c", code], plain_environment(), SOURCE))
+    of_users = [own for name, own in optional.items() if name != "dev" and extras]
+    words = [each for each in itertools.chain(required, *of_users) if not each.startswith("ros-")]
+    return {found.name: found.specifier for found in map(Requirement, words)}
 
 
 def bounds(versions: SpecifierSet, operators: set[str]) -> list[str]:
@@ -258,6 +255,20 @@ def test_manifest_and_setup_bound_the_same_versions(manifest: Package) -> None:
     versions = requirements()["aiohttp"]
     assert bounds(versions, {"<"}) == [stated["python3-aiohttp"].version_lt]
     assert bounds(versions, {">="}) == [stated["python3-aiohttp"].version_gte]
+
+
+def test_manifest_and_setup_require_the_same_packages(manifest: Package) -> None:
+    names = requirements(extras=False).keys() - WITHOUT_KEY
+    stated = {each.name for each in manifest.exec_depends if each.name.startswith("python3-")}
+    assert stated == {f"python3-{name.lower().removeprefix('py')}" for name in names}
+
+
+def test_manifest_names_the_packages_that_launch_files_start(manifest: Package) -> None:
+    source = (SOURCE / "haptic_accel" / "graph" / "launching.py").read_text()
+    started = set(re.findall(r'_installed\("(\w+)"\)|package="(\w+)"', source))
+    found = {name for names in started for name in names if name}
+    assert {"robot_state_publisher", "tf2_ros"} <= found
+    assert found <= {each.name for each in manifest.exec_depends} | {"haptic_accel"}
 
 
 def test_manifest_names_its_authors(manifest: Package) -> None:

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -30,11 +31,21 @@ SOURCE = Path(__file__).resolve().parents[1]
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
 
 
-def make(*words: str) -> subprocess.CompletedProcess[str]:
+TARGETS = ["help", "venv", "touch", "demo", "test", "lint", "docs", "release", "clean"]
+
+ARGS = {
+    "touch": "--help",
+    "demo": "--lockstep duration:=1 surface:=text --out found",
+    "test": "test/test_budget.py test/test_layers.py",
+}
+"""Words that make a target short: what it needs is the question, not what it does."""
+
+
+def make(*words: str, folder: Path = SOURCE) -> subprocess.CompletedProcess[str]:
     """Run make as from a shell, even when make runs these tests."""
     of_make = ("MAKEFLAGS", "MAKELEVEL", "MAKEOVERRIDES", "MFLAGS")
     environment = {key: value for key, value in os.environ.items() if key not in of_make}
-    command = ["make", "--directory", str(SOURCE), "--no-print-directory", *words]
+    command = ["make", "--directory", str(folder), "--no-print-directory", *words]
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
 
@@ -49,7 +60,38 @@ def pretended_python(folder: Path, change: str) -> str:
 @pytest.mark.parametrize("words", [[], ["help"]])
 def test_help_lists_the_targets(words: list[str]) -> None:
     listed = [line.split()[1] for line in make(*words).stdout.splitlines()]
-    assert listed == ["help", "venv", "touch", "demo", "test", "lint", "docs", "release", "clean"]
+    assert listed == TARGETS
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("target", TARGETS)
+def test_each_target_runs_alone_in_a_fresh_clone(tmp_path: Path, target: str) -> None:
+    clone = tmp_path / "clone"
+    subprocess.run(["git", "clone", "-q", str(SOURCE), str(clone)], check=True)
+    done = make(target, f"ARGS={ARGS.get(target, '')}", folder=clone)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
+
+
+def test_an_installation_says_what_pip_is_doing_and_ends_as_pip_does(tmp_path: Path) -> None:
+    (tmp_path / "pip.py").write_text(
+        "import sys\nprint('Collecting numpy>=1.26')\nprint('  Using cached')\n"
+        "print('Installing collected packages: ' + 'numpy, ' * 50)\nsys.exit(3)\n"
+    )
+    (program,) = re.findall(
+        r"^define INSTALL\n(.*?)^endef", (SOURCE / "Makefile").read_text(), re.M | re.S
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, ".[dev]", "0"],
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    collecting, installing = done.stdout.splitlines()
+    assert (done.returncode, collecting) == (3, "  Collecting numpy>=1.26")
+    assert installing.startswith("  Installing collected packages: numpy, ")
+    assert len(installing) < 80
 
 
 @pytest.mark.parametrize(

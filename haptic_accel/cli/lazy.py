@@ -30,6 +30,7 @@ import click
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.core.outside import OutsideError, declared, guard, load
 from haptic_accel.core.parameters import suggestion
+from haptic_accel.core.process import WRONG_ARGUMENTS
 from haptic_accel.core.warning import warn_once
 
 COMMANDS_GROUP = "haptic_accel.commands"
@@ -132,9 +133,10 @@ class LazyGroup(click.Group):
         return any(name in verbs for verbs in self._own.values())
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Require a verb."""
+        """Print the help where the verb is missing; a wrong command line, as for click 8.2."""
         if not args and not ctx.resilient_parsing:
-            ctx.fail(f"verb missing: must be one of {', '.join(self.verbs)}")
+            click.echo(ctx.get_help(), err=True)
+            ctx.exit(WRONG_ARGUMENTS)
         return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:

@@ -140,6 +140,16 @@ def test_help_begins_with_no_more_than_twenty_words(verb: tuple[str, ...]) -> No
     assert 0 < len(first) <= 20
 
 
+@pytest.mark.parametrize("group", [[], ["bag"], ["texture"]])
+def test_help_is_shown_where_the_verb_is_missing(
+    group: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert status_of(*group) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.rstrip() == output_of(*group, "--help").rstrip()
+
+
 def test_options_for_one_purpose_have_a_heading() -> None:
     sections = re.split(r"^(\S.*):$", output_of("experiment", "--help"), flags=re.MULTILINE)
     found = dict(zip(sections[1::2], sections[2::2], strict=True))

@@ -48,7 +48,6 @@ FILES = {
 """Text of files in the working folder."""
 
 REFUSED = {
-    "": "verb missing: must be one of touch, teleop, ...",
     "dance": "dance: no such verb; there are touch, teleop, ...",
     "telepo": "telepo: no such verb (did you mean teleop?); there are touch, teleop, ...",
     "analyze LONG": "LONG: no such file or folder",
