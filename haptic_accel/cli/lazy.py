@@ -97,6 +97,7 @@ class LazyGroup(click.Group):
     ) -> None:
         super().__init__(name, no_args_is_help=False, subcommand_metavar="VERB ...", **settings)
         self._own = sections
+        self._names = [name for verbs in sections.values() for name in verbs]
         self._own_groups = {group.name or "": group for group in groups}
         self._module = module
         self._entry_points = entry_points
@@ -106,8 +107,7 @@ class LazyGroup(click.Group):
     @cached_property
     def kits(self) -> Mapping[str, KitVerb]:
         """Verbs of kits by name; none has a name of this group's own."""
-        own = [name for verbs in self._own.values() for name in verbs]
-        return _kit_verbs(self._entry_points, own) if self._entry_points else {}
+        return _kit_verbs(self._entry_points, self._names) if self._entry_points else {}
 
     @cached_property
     def sections(self) -> Mapping[str, Mapping[str, str]]:
@@ -128,10 +128,6 @@ class LazyGroup(click.Group):
         of_kits = {name: kit.group for name, kit in self.kits.items() if kit.group}
         return of_kits | self._own_groups
 
-    def _has(self, name: str) -> bool:
-        """Return whether a verb is this group's own."""
-        return any(name in verbs for verbs in self._own.values())
-
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Print the help where the verb is missing; a wrong command line, as for click 8.2."""
         if not args and not ctx.resilient_parsing:
@@ -145,7 +141,7 @@ class LazyGroup(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import a verb."""
-        if self._has(cmd_name):
+        if cmd_name in self._names:
             return self._own_groups.get(cmd_name) or self._imported(self._module, cmd_name)
         if kit := self.kits.get(cmd_name):
             return kit.group or self._imported(kit.module, cmd_name)
@@ -159,8 +155,7 @@ class LazyGroup(click.Group):
                 if hasattr(modules[0], "__path__"):
                     within = (f"{module}.{name}" for name in (self.name, verb))
                     modules = [import_module(each) for each in within if find_spec(each)]
-                commands = (each for here in modules for each in vars(here).values())
-                for each in commands:
+                for each in (each for here in modules for each in vars(here).values()):
                     if isinstance(each, click.Command) and each.name == verb:
                         return each
         except OutsideError as error:
@@ -172,7 +167,8 @@ class LazyGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the verb of a command line, or name the nearest one."""
         word = args[0]
-        if self._has(word) or word in self.kits or word.startswith("-") or ctx.resilient_parsing:
+        is_known = word in self._names or word in self.kits
+        if is_known or word.startswith("-") or ctx.resilient_parsing:
             return super().resolve_command(ctx, args)
         if word in self._moved:
             ctx.fail(f"{word}: is now {self._moved[word]}")
