@@ -88,22 +88,22 @@ def read_wav(
     if not order or content[8:12] != b"WAVE":
         raise _not_wav(name, "it does not begin with RIFF and WAVE")
     rate, frames = _decoded(name, content[:4], order, _chunks(name, content, order))
-    own_rate = resampling.checked_rate(f"{name}: sampling rate", rate)
     numbers = [str(number + 1) for number in range(frames.shape[1])]
     for channel in requested:
         if channel and channel not in numbers:
             raise missing(name, "channel", (channel,), numbers, wording)
     chosen = [numbers.index(each) if each else _heard(name, frames, wording) for each in requested]
+    own_rate = resampling.checked_rate(f"{name}: sampling rate", rate)
     return own_rate, [_relative(frames[:, number]) for number in chosen]
 
 
-def _chunks(name: str, content: bytes, order: Literal["little", "big"]) -> dict[bytes, bytes]:
+def _chunks(name: str, content: bytes, order: Literal["little", "big"]) -> dict[bytes, memoryview]:
     """Return format and samples, whose sizes must not contradict that of the file."""
     size, stated = len(content), int.from_bytes(content[4:8], order)
     end = stated + 8 if 0 < stated < STREAMED else size
     if end > size + 1:  # the last pad byte may be missing
         raise ParameterError(f"{name}: is cut off after {size} bytes, its header says {end}")
-    found: dict[bytes, bytes] = {}
+    found: dict[bytes, memoryview] = {}
     offset, count = 12, 0
     while offset + 8 <= end and _is_name(kind := content[offset : offset + 4]):
         count += 1
@@ -124,7 +124,7 @@ def _chunks(name: str, content: bytes, order: Literal["little", "big"]) -> dict[
             raise ParameterError(f"{name}: has 2 chunks {kind.decode()!r}: must have one")
         offset = begin + length
         if kind in (FORMAT, DATA):
-            found[kind] = content[begin:offset]
+            found[kind] = memoryview(content)[begin:offset]
         if length % 2 and not _is_name(content[offset : offset + 4]):
             offset += 1  # some programs omit this byte
     if (left := size - offset) > 0:
@@ -138,29 +138,30 @@ def _is_name(text: bytes) -> bool:
 
 
 def _decoded(
-    name: str, mark: bytes, order: Literal["little", "big"], chunks: Mapping[bytes, bytes]
+    name: str, mark: bytes, order: Literal["little", "big"], chunks: Mapping[bytes, memoryview]
 ) -> tuple[int, npt.NDArray[Any]]:
     """Return the sampling rate and the samples of all channels, shape (n, channels)."""
     from scipy.io import wavfile
 
+    missed = [kind.decode() for kind in (FORMAT, DATA) if kind not in chunks]
+    if missed:
+        raise _not_wav(name, f"it has no chunk {missed[0]!r}")
+    count, frame = (int.from_bytes(chunks[FORMAT][at : at + 2], order) for at in (2, 12))
+    if len(chunks[DATA]) > resampling.MOST_SAMPLES * max(frame, 1) or count > MOST_CHANNELS:
+        raise ParameterError(
+            f"{name}: {len(chunks[DATA])} bytes of {count} channels: must be at most"
+            f" {resampling.MOST_SAMPLES} samples of {MOST_CHANNELS}"
+        )
     parts = b"WAVE"
+    for kind in (FORMAT, DATA):
+        length = len(chunks[kind])
+        parts += kind + length.to_bytes(4, order) + chunks[kind] + bytes(length % 2)
     try:
-        for kind in (FORMAT, DATA):
-            length = len(chunks[kind])
-            parts += kind + length.to_bytes(4, order) + chunks[kind] + bytes(length % 2)
-        whole = mark + len(parts).to_bytes(4, order) + parts
-        rate, samples = wavfile.read(io.BytesIO(whole))
+        rate, samples = wavfile.read(io.BytesIO(mark + len(parts).to_bytes(4, order) + parts))
         _relative(samples[:1])
-    except KeyError as error:
-        raise _not_wav(name, f"it has no chunk {error.args[0].decode()!r}") from None
     except Exception:  # scipy raises a dozen kinds of errors for a malformed format
         raise _not_wav(name, "its format is unknown, or contradicts itself") from None
     channels = samples if samples.ndim > 1 else samples[:, np.newaxis]
-    if len(samples) > resampling.MOST_SAMPLES or channels.shape[1] > MOST_CHANNELS:
-        raise ParameterError(
-            f"{name}: {len(samples)} samples of {channels.shape[1]} channels: must be at most"
-            f" {resampling.MOST_SAMPLES} of {MOST_CHANNELS}"
-        )
     return rate, channels
 
 
@@ -170,8 +171,7 @@ def _heard(name: str, frames: npt.NDArray[Any], wording: Wording) -> int:
         return 0
     with np.errstate(all="ignore"):  # values are checked later
         spreads = [float(_relative(each).std()) if len(each) else 0.0 for each in frames.T]
-    loudest = max(spreads)
-    found = next((at for at, each in enumerate(spreads) if each > SILENT * loudest), 0)
+    found = next((at for at, each in enumerate(spreads) if each > SILENT * max(spreads)), 0)
     advice = f"; choose another with {wording.column}" if wording.column else ""
     warn_once(
         f"{name}: channel {found + 1} of {len(spreads)} is read; their standard deviations are"

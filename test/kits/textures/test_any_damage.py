@@ -27,7 +27,7 @@ from kits.textures.hatt_file import hatt_file
 from scipy.io import wavfile
 
 from damaged_files import ANY_BYTES, NOISE, other_arrays, text, written, zipped
-from fuzzing import accepted, fuzz_few, measured, mutated
+from fuzzing import accepted, fuzz_few, measured, mutated, without_programs
 from haptic_accel.kits.textures.foreign import import_texture
 
 AXES = {"data": NOISE.reshape(2, -1), "sample_rate": 1000, "channel_names": ["acc_x", "acc_y"]}
@@ -94,5 +94,5 @@ def test_any_damage_is_refused_in_one_line(tmp_path: Path, kind: str, data: st.D
     path = tmp_path / name
     path.write_bytes(data.draw(contents))
     full_scale = None if path.suffix in (".xml", ".csv") else 5.0
-    with measured():
+    with measured(), without_programs():
         accepted(lambda: import_texture(path, 20.0, full_scale))
