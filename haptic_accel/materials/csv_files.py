@@ -129,7 +129,6 @@ class _Table:
             strict=True,
         )
         self._titles = [title.strip() for title in next(self._rows)]
-        self._is_numbered = False
         if between:
             self._rows = itertools.chain([self._titles], self._rows)
             self._titles = self._titles_above(len(self._titles))
@@ -142,7 +141,6 @@ class _Table:
             if len(titles) == count and " " not in ACCELERATION.parsed(titles[0])[0]:
                 self._comments.pop()
                 return titles
-        self._is_numbered = True
         return [str(number + 1) for number in range(count)]
 
     def read(
@@ -191,10 +189,12 @@ class _Table:
     def _chosen(self, column: Column, times: Sequence[int], wording: Wording) -> int:
         """Return the index of a column; of a file without titles the only one but times."""
         left = [index for index in range(len(self._titles)) if index not in times]
-        if not self._is_numbered or column.names[0] in self._titles:
+        is_numbered = all(map(str.isdecimal, self._titles))
+        if not is_numbered or column.names[0] in self._titles:
             return chosen(self._name, column, self._titles, wording)
         if column.names != COLUMNS or len(left) != 1:
-            advice = f"choose one with {wording.column}" if wording.column else "add titles"
+            free = wording.column if column.quantity is ACCELERATION else ""
+            advice = f"choose one with {free}" if free else "add titles"
             raise ParameterError(
                 f"{self._name}: has no titles, but columns {', '.join(self._titles)}: {advice}"
             )

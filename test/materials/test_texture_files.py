@@ -108,8 +108,3 @@ def test_what_is_no_model_is_refused(tmp_path: Path, form: str, content: bytes) 
     file.write_bytes(content)
     with pytest.raises(ParameterError, match=rf"oak\.{form}:"):
         read_texture(file)
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match=r"oak\.yaml: must be a readable file: No such file"):
-        read_texture(tmp_path / "oak.yaml")

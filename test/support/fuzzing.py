@@ -201,7 +201,8 @@ def in_child(read: Callable[[], object]) -> None:
             resource.setrlimit(resource.RLIMIT_DATA, (most, limit))
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
             signal.setitimer(signal.ITIMER_VIRTUAL, SECONDS)
-            read()
+            with without_programs():
+                read()
         except BaseException:
             failure = traceback.format_exc().encode()
         finally:

@@ -30,6 +30,7 @@ SAMPLES = "".join(f"{index},60,1,{index % 7}\n" for index in range(2000))
 FILES = {
     "axis.csv": f"t [ms],speed,force,ax [g]\n{SAMPLES}",
     "drag.csv": f"index,speed,force,accel\n{SAMPLES}",
+    "numbers.csv": "60,1,0.5\n" * 2000,
     "slow.csv": "force,accel\n1,2\n",
     "timed.csv": f"t [ms],speed,force,accel\n{SAMPLES}",
 }
@@ -56,6 +57,9 @@ REFUSED = {
     ),
     "texture build slow.csv --rate 1000 --out a.yaml": (
         "slow.csv: column = speed: no such column; there are force, accel"
+    ),
+    "texture build numbers.csv --rate 1000 --out a.yaml": (
+        "numbers.csv: has no titles, but columns 1, 2, 3: add titles"
     ),
     "texture show oak": "texture = 'oak': must be one of plywood, text, vinyl, ...",
     "texture render vinyl --speed -1 --force 1 --out a.wav": "...--speed...: -1.0 is not in ...",
