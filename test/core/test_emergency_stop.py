@@ -64,64 +64,53 @@ def test_only_what_is_new_is_said_to_be() -> None:
     assert run.stop.stopped
 
 
-def test_a_stop_that_is_played_with_its_release_stays() -> None:
+EVENTS: dict[str, Callable[[Run], object]] = {
+    "true": lambda run: run.receive(True),
+    "false": lambda run: run.receive(False),
+    "coupler stopped": lambda run: run.stop.receive_coupler(True, run.now),
+    "coupler free": lambda run: run.stop.receive_coupler(False, run.now),
+    "request": lambda run: run.stop.stop(),
+    "time": lambda run: setattr(run, "now", run.now + LATER),
+}
+
+
+@pytest.mark.parametrize(
+    ("events", "publishers", "later", "released"),
+    [
+        ("false, true, false, true, false, time, false", ["/rosbag2_player"], 0.0, True),
+        ("true", ALONE, 1.01 * RECENT, True),
+        ("true", ALONE, 0.1, False),  # may be repeated
+        ("true, false", ALONE, 0.1, False),  # of two senders
+        ("true", BUTTON, LATER, False),  # said once and never withdrawn
+        ("true, time, false", BUTTON, 0.0, True),
+        ("request", BUTTON, 0.0, True),  # there is no reason on the topic
+        ("coupler stopped", ALONE, 0.99 * COUPLER_SILENCE, False),
+        ("coupler stopped", ALONE, 1.01 * COUPLER_SILENCE, True),
+        ("coupler stopped, coupler free", ALONE, 0.0, True),
+    ],
+)
+def test_a_stop_is_released_once_nobody_asks_for_it(
+    events: str, publishers: list[str], later: float, released: bool
+) -> None:
     run = Run()
-    run.receive(False, True, False, True, False)
+    for name in events.split(", "):
+        EVENTS[name](run)
     assert run.stop.stopped
-    run.now += 1000.0
-    run.receive(False)
-    assert run.stop.stopped
-    assert run.released(["/rosbag2_player"])
+    assert run.released(publishers, later) is released
 
 
-def test_the_stop_of_a_sender_that_has_gone_can_be_released() -> None:
+def test_a_refusal_names_who_publishes() -> None:
     run = Run()
     run.receive(True)
-    assert run.released(ALONE, 1.01 * RECENT)
-
-
-def test_the_stop_of_a_sender_that_repeats_it_is_not_released() -> None:
-    run = Run()
-    for _ in range(30):
-        run.receive(True)
-        assert not run.released(ALONE, 0.1)
-    run.receive(True, False)  # of two senders
-    assert not run.released(ALONE, 0.1)
-
-
-def test_a_stop_that_was_said_once_and_never_withdrawn_is_not_released() -> None:
-    run = Run()
-    run.receive(True)
-    assert not run.released(BUTTON, LATER)
-    assert run.stop.release(run.now, ["/a", "/b"]).startswith(
-        "/a and /b published true on the topic"
-    )
-    run.receive(False)
-    assert run.stop.stopped, "what withdraws a stop releases nothing"
-    assert run.released(BUTTON)
-
-
-def test_a_stop_by_request_has_no_reason_on_the_topic() -> None:
-    run = Run()
-    run.stop.stop()
-    assert run.released(BUTTON)
-
-
-def test_the_coupler_withdraws_its_own_stop_or_goes() -> None:
-    run = Run()
-    run.stop.receive_coupler(True, run.now)
-    assert not run.released(ALONE, 0.99 * COUPLER_SILENCE)
-    run.stop.receive_coupler(False, run.now)
-    assert run.stop.stopped
-    assert run.released(ALONE)
-    run.stop.receive_coupler(True, run.now)
-    assert run.released(ALONE, 1.01 * COUPLER_SILENCE)
+    refusal = run.stop.release(run.now, ["/a", "/b"])
+    assert refusal.startswith("/a and /b published true on the topic")
 
 
 def test_a_node_that_has_just_started_is_not_released() -> None:
     run = Run(age=0.0)
     assert not run.stop.is_settled(run.now)
-    run.stop.stop()
+    assert run.stop.receive_coupler(True, run.now), "but stopped at any age"
+    run.stop.receive_coupler(False, run.now)
     assert run.stop.release(run.now, ALONE) == "has just started: ask again in a second"
     assert not run.released(ALONE, 0.9 * LATCHED_SETTLING)
     assert run.released(ALONE, 0.2 * LATCHED_SETTLING)
@@ -140,16 +129,6 @@ def test_a_stop_that_began_elsewhere_is_followed_and_not_counted_as_begun_here()
     assert run.stop.began == 1
 
 
-EVENTS: dict[str, Callable[[Run], object]] = {
-    "true": lambda run: run.receive(True),
-    "false": lambda run: run.receive(False),
-    "coupler stopped": lambda run: run.stop.receive_coupler(True, run.now),
-    "coupler free": lambda run: run.stop.receive_coupler(False, run.now),
-    "request": lambda run: run.stop.stop(),
-    "time": lambda run: setattr(run, "now", run.now + LATER),
-}
-
-
 @given(st.lists(st.sampled_from([*sorted(EVENTS), "release"]), max_size=40), st.booleans())
 def test_whatever_is_said_only_a_release_ends_a_stop(events: list[str], button: bool) -> None:
     run = Run()
@@ -162,10 +141,3 @@ def test_whatever_is_said_only_a_release_ends_a_stop(events: list[str], button: 
         EVENTS[name](run)
         stopped |= name in ("true", "coupler stopped", "request")
         assert run.stop.stopped is stopped
-
-
-@pytest.mark.parametrize("age", [0.0, LATCHED_SETTLING])
-def test_a_stop_is_heard_at_any_age(age: float) -> None:
-    run = Run(age)
-    run.receive(True)
-    assert run.stop.stopped

@@ -24,7 +24,7 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 import pytest
@@ -32,7 +32,7 @@ from hostile_connections import HOST, KINDS, TOKEN, UPGRADE, Nothing, confirm, r
 
 from haptic_accel.scope import connections
 from haptic_accel.scope.access import Access
-from haptic_accel.scope.server import ScopeServer
+from haptic_accel.scope.server import Act, ScopeServer
 from running import PATIENCE, wait_until
 
 STOPS = 5
@@ -52,16 +52,30 @@ def token(request: pytest.FixtureRequest) -> str:
     return found
 
 
-@pytest.fixture
-def server(token: str) -> Iterator[ScopeServer]:
-    serving = ScopeServer(Nothing(), Access(HOST, token), HOST, 0, confirm)
-    yield serving
-    serving.stop()
+@contextmanager
+def serving(token: str, act: Act = confirm) -> Iterator[tuple[ScopeServer, int]]:
+    """Serve a page; yield the server and its port."""
+    server = ScopeServer(Nothing(), Access(HOST, token), HOST, 0, act)
+    try:
+        yield server, int(server.start().split(":")[2].split("/")[0])
+    finally:
+        server.stop()
 
 
 @pytest.fixture
-def port(server: ScopeServer) -> int:
-    return int(server.start().split(":")[2].split("/")[0])
+def served(token: str) -> Iterator[tuple[ScopeServer, int]]:
+    with serving(token) as found:
+        yield found
+
+
+@pytest.fixture
+def server(served: tuple[ScopeServer, int]) -> ScopeServer:
+    return served[0]
+
+
+@pytest.fixture
+def port(served: tuple[ScopeServer, int]) -> int:
+    return served[1]
 
 
 def connected(port: int, sent: bytes) -> socket.socket:
@@ -124,9 +138,7 @@ def test_half_a_header_is_dropped_and_a_page_is_not(
 
 
 def test_who_shows_no_token_is_told_and_closed() -> None:
-    serving = ScopeServer(Nothing(), Access(HOST, TOKEN), HOST, 0, confirm)
-    port = int(serving.start().split(":")[2].split("/")[0])
-    try:
+    with serving(TOKEN) as (_, port):
         for method in ("GET", "HEAD"):
             with connected(port, request(f"{method} / HTTP/1.1")) as stranger:
                 answer, _, body = rest(stranger).partition(b"\r\n\r\n")
@@ -135,8 +147,6 @@ def test_who_shows_no_token_is_told_and_closed() -> None:
             assert (b"open the address" in body) == (method == "GET")
         with connected(port, request("GET / HTTP/1.1", f"{bearer}x")) as stranger:
             assert rest(stranger).startswith(b"HTTP/1.1 403 ")
-    finally:
-        serving.stop()
 
 
 def test_of_too_many_strangers_the_oldest_is_closed_and_no_page(
@@ -190,10 +200,7 @@ def test_a_stop_that_waits_while_the_server_stands_still_is_answered_first(
         fields = bearer, "Content-Type: application/json", f"Content-Length: {len(body)}"
         opened.sendall(request("POST /command HTTP/1.1", *fields) + body)
 
-    serving = ScopeServer(Nothing(), Access(HOST, token), HOST, 0, act)
-    port = int(serving.start().split(":")[2].split("/")[0])
-    with ExitStack() as closing:
-        closing.callback(serving.stop)
+    with serving(token, act) as (_, port), ExitStack() as closing:
         opened = [closing.enter_context(connected(port, b"")) for _ in range(32)]
         for each, action in zip(opened, ["stand still", *["record"] * 30, "estop"], strict=True):
             give(each, action)
@@ -213,10 +220,7 @@ def test_a_stop_is_answered_however_many_come_meanwhile(
         await asyncio.to_thread(confirmed.wait)
         return action
 
-    serving = ScopeServer(Nothing(), Access(HOST, token), HOST, 0, act)
-    port = int(serving.start().split(":")[2].split("/")[0])
-    with ThreadPoolExecutor() as pool, ExitStack() as closing:
-        closing.callback(serving.stop)
+    with serving(token, act) as (_, port), ThreadPoolExecutor() as pool, ExitStack() as closing:
         closing.callback(confirmed.set)
         stopping = pool.submit(stop, port, token)
         assert asked.wait(PATIENCE)

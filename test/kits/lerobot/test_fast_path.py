@@ -175,6 +175,7 @@ def test_an_end_is_known_with_its_reason(start: Start, number: signal.Signals) -
     assert path.problem == f"ended with status {expected}"
     assert path.window(32) is None
     path.feel()  # is of no use, and no error
+    assert not start().problem, "another one"
 
 
 def test_a_process_that_hangs_is_noticed(start: Start) -> None:
@@ -198,13 +199,6 @@ def test_all_devices_share_one_fast_path_which_ends_with_the_last() -> None:
         assert not second.problem
         leave(second)
     assert has_ended(first.process.pid)
-
-
-def test_another_one_starts_after_an_end(start: Start) -> None:
-    first = start()
-    os.kill(first.process.pid, signal.SIGKILL)
-    wait_until(lambda: first.problem, "end")
-    assert not start().problem
 
 
 @pytest.fixture
@@ -266,36 +260,32 @@ def test_the_coil_moves_while_it_is_asked_for_and_no_stop_is_pending(
         ),
         ("side:=master peer:=127.0.0.1 insecure:=true", "side = 'master': must be empty"),
         ("params_file:=missing.yaml", "missing.yaml"),
-    ],
-)
-def test_wrong_arguments_are_refused_in_one_line(text: str, refused: str) -> None:
-    with pytest.raises(ParameterError, match=re.escape(refused)) as error:
-        read_arguments(text)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("text", "refused"),
-    [
         ("slave:=none", "device = none: must come with accelerometers:=audio"),
         ("accelerometers:=audio", "audio.scales = '': must be the acceleration at full scale"),
         ("slave:=replay", "replay.file = '': must be"),
     ],
 )
-def test_wrong_accelerometers_are_refused_in_one_line(text: str, refused: str) -> None:
-    with pytest.raises(ParameterError, match=re.escape(refused)):
+def test_wrong_arguments_are_refused_in_one_line(text: str, refused: str) -> None:
+    with pytest.raises(ParameterError, match=re.escape(refused)) as error:
         tool_axes(read_arguments(text))
+    assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("fps", [0, 7, 50, 961])
-def test_a_frame_without_whole_samples_is_refused(fps: int) -> None:
-    with pytest.raises(ParameterError, match=f"fps = {fps}: must divide the fast path's rate"):
-        samples_per_frame(RATE, fps)
-
-
-def test_a_frame_with_too_many_samples_is_refused() -> None:
-    with pytest.raises(ParameterError, match="whole numbers up to 4096"):
-        samples_per_frame(8192.0, 1)
+@pytest.mark.parametrize(
+    ("fps", "rate", "refused"),
+    [
+        *(
+            (fps, RATE, f"fps = {fps}: must divide the fast path's rate")
+            for fps in (0, 7, 50, 961)
+        ),
+        (1, 8192.0, "whole numbers up to 4096"),
+    ],
+)
+def test_a_frame_without_whole_samples_or_with_too_many_is_refused(
+    fps: int, rate: float, refused: str
+) -> None:
+    with pytest.raises(ParameterError, match=refused):
+        samples_per_frame(rate, fps)
 
 
 @pytest.mark.parametrize(
