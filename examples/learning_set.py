@@ -24,6 +24,7 @@ LeRobot keeps it, as a window for each frame, and what resampling costs.
 # %%
 # A bag of a lockstep trial, and its set. `haptic-accel export --format lerobot` does the same.
 
+import json
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -50,21 +51,21 @@ written.close()
 # LeRobot is not needed to read it: frames are rows of a Parquet file.
 
 frames = pd.read_parquet(dataset / "data/chunk-000/file-000.parquet")
-windows = np.stack([np.stack(cell) for cell in frames["observation.vibration.tool"]])
-print(windows.shape, "frames, samples, axes; 960 Hz")
+windows = np.stack(frames["observation.state"])[:, 6:-1]  # behind position and velocity
+print(windows.shape, "frames, samples; 960 Hz")
 
 # %%
 # One after the other, the windows are the signal as it was recorded.
 
 series = pd.read_parquet(dataset / "series/text/tool_acceleration.parquet")
 episodes = pd.read_parquet(dataset / "meta/episodes/chunk-000/file-000.parquet")
-begin = episodes["series/begin_ns"][0]
+begin = json.loads(episodes["haptic_accel"][0])["begin_ns"]
 recorded = series["z"][series["stamp"].astype("int64") >= begin].to_numpy()
 
 _, axes = pyplot.subplots(figsize=(9, 4), layout="constrained")
 for frame in range(60, 63):
     times = (frame + np.arange(32) / 32) / 30
-    axes.plot(times, windows[frame, :, 0], ".-", label=f"window of frame {frame}")
+    axes.plot(times, windows[frame], ".-", label=f"window of frame {frame}")
 times = np.arange(2000, 2101) / 1000.0
 axes.plot(times, recorded[2000:2101], color="black", linewidth=0.6, label="recorded")
 axes.legend()

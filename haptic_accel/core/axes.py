@@ -30,6 +30,9 @@ from haptic_accel.core.parameters import ParameterError, shown
 NAMES = ("x", "y", "z")
 """Components of a vector, in order."""
 
+VIBRATION = "vibration"
+"""First part of the names of a learning set's samples, in m/s^2; axis and number follow."""
+
 HIGHEST_CONDITION = 10.0
 """Largest condition number of the directions of coils or of a sensor's axes: beyond, a force along
 one axis needs ten times the force of another, and sensor noise is amplified as much (assumed)."""
@@ -82,6 +85,10 @@ class Axes:
             values[index] = value
         x, y, z = values
         return x, y, z
+
+    def sample_names(self, size: int) -> list[str]:
+        """Return the names of a window's samples in learning sets, the oldest of an axis first."""
+        return [f"{VIBRATION}.{axis}.{sample}" for axis in self.names for sample in range(size)]
 
     @classmethod
     def parsed(cls, text: str) -> Axes:

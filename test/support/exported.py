@@ -57,6 +57,7 @@ def write_bag(path: Path, rig: str = "paper", surface: str = "plywood", **more: 
     """Write a bag of a trial, three seconds long, and return the trial."""
     trial = run_trial("dynamic", rig=rig, surface=surface, **{"duration": 3.0} | more)
     arguments = {"surface": surface, "slave": "simulated", "rate": trial.rate, "rig": rig}
+    arguments["controller"] = "dynamic"
     write_trial(path, trial, custom_data(facts_text(arguments, {})), START)
     return trial
 

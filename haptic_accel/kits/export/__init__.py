@@ -13,4 +13,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bring-up of a rig in five steps: connect, calibrate, make safe, identify, prove."""
+"""Exports of bags to the formats of other programs: LeRobot, Parquet, HDF5, CSV, sound."""

@@ -19,14 +19,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Protocol
 
 import click
-from rich.progress import Progress, TaskID
+from rich.progress import TaskID
 
 from haptic_accel.bags.reading import Bag
 from haptic_accel.bags.spooling import spooled_bags
@@ -35,7 +34,7 @@ from haptic_accel.cli.options import FILE, verb
 from haptic_accel.cli.running import interrupted_by_signals, progress_bar
 from haptic_accel.core.parameters import ParameterError, one_line, printable
 from haptic_accel.core.safe_writing import whole_folder
-from haptic_accel.kits.export.signals import name_of
+from haptic_accel.kits.export.signals import PUBLISHED, Writer, name_of
 
 FPS = 30
 """Default frames per second, those of most cameras of learning sets."""
@@ -48,33 +47,17 @@ EXTRAS = {LEROBOT: "parquet", "parquet": "parquet", "csv": "parquet", HDF5: "hdf
 FORMS = (LEROBOT, "parquet", HDF5, "csv", "wav", "mcap-audio")
 
 
-class Writing(Protocol):
-    """Writer of several bags to a folder."""
-
-    notes: list[str]
-
-    def add(self, name: str, bag: Bag) -> None:
-        """Append a bag under a name."""
-
-    def close(self) -> None:
-        """Write what is left."""
-
-
 @dataclass
-class _Folders:
+class _Folders(Writer):
     """Writer of a folder for each bag."""
 
     folder: Path
     write: Callable[[Bag, Path], None]
-    notes: list[str] = field(default_factory=list)
 
     def add(self, name: str, bag: Bag) -> None:
         own = self.folder / name
         own.mkdir()
         self.write(bag, own)
-
-    def close(self) -> None:
-        """Do nothing more."""
 
 
 @verb(
@@ -109,6 +92,8 @@ class _Folders:
     multiple=True,
     help="Images of a recorded topic; may be given several times.",
 )
+@click.option("--licence", metavar="TEXT", default="", help="Licence of the data, for readers.")
+@click.option("--author", metavar="TEXT", default="", help="Author of the data, for readers.")
 def export(
     bags: Sequence[Path],
     form: str,
@@ -117,6 +102,8 @@ def export(
     rate: float | None,
     task: str,
     cameras: Sequence[str],
+    licence: str,
+    author: str,
 ) -> None:
     """Write bags in a format that other programs open.
 
@@ -140,7 +127,7 @@ def export(
     try:
         with interrupted_by_signals(), whole_folder(out) as folder:
             writer = made_for(folder)
-            _write(writer, bags, folder.parent)
+            _write(writer, bags, folder.parent, {"licence": licence, "author": author})
     except OSError as error:
         reason = error.strerror or one_line(error)
         raise StoppedError(f"out = '{out}': cannot be written: {reason}") from None
@@ -149,36 +136,34 @@ def export(
     print(f"{form}: {out}")
 
 
-def _write(writer: Writing, bags: Sequence[Path], beside: Path) -> None:
+def _write(writer: Writer, bags: Sequence[Path], beside: Path, published: dict[str, str]) -> None:
     """Write bags one after the other; their signals lie in a folder beside the result."""
     taken: set[str] = set()
     with progress_bar() as progress:
         for path in bags:
             task = progress.add_task(f"reading {name_of(path)}", total=1.0)
+
+            def advance(share: float, task: TaskID = task) -> None:
+                progress.update(task, completed=share)
+
             with TemporaryDirectory(dir=beside) as spool:
-                for bag in spooled_bags(path, Path(spool), partial(_advance, progress, task)):
-                    name = _free_name(name_of(path), taken)
+                for bag in spooled_bags(path, Path(spool), advance):
+                    if not bag.signals:
+                        raise ParameterError(f"{path}: must have a signal of this graph")
+                    bag.facts[PUBLISHED] = published
+                    base = name_of(path)
+                    names = (f"{base}_{n}" if n > 1 else base for n in itertools.count(1))
+                    name = next(each for each in names if each not in taken)
+                    taken.add(name)
                     writer.notes.extend(f"{name}: {problem}" for problem in bag.problems)
                     progress.update(task, description=f"writing {name}", completed=1.0)
                     writer.add(name, bag)
         writer.close()
 
 
-def _advance(progress: Progress, task: TaskID, share: float) -> None:
-    progress.update(task, completed=share)
-
-
-def _free_name(base: str, taken: set[str]) -> str:
-    """Return a name for a recording, different from those before, and add it to these."""
-    others = (f"{base}_{number}" for number in itertools.count(2))
-    name = next(each for each in itertools.chain([base], others) if each not in taken)
-    taken.add(name)
-    return name
-
-
 def _writer(
     form: str, fps: int, rate: float, task: str, cameras: Sequence[str]
-) -> Callable[[Path], Writing]:
+) -> Callable[[Path], Writer]:
     """Return what makes the writer of a format for a folder.
 
     Raises

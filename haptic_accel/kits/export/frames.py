@@ -22,8 +22,10 @@ the other they are the signal.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -33,24 +35,14 @@ from haptic_accel.core import topics
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import look_ahead, resampled
-from haptic_accel.core.sampling import NANOSECONDS, SPARSE, IntArray
-from haptic_accel.kits.export.signals import (
-    HANDLE,
-    MASTER_POSITION,
-    MASTER_VELOCITY,
-    SLAVE_POSITION,
-    SLAVE_VELOCITY,
-    TOOL,
-    ExportedSignal,
-    finite,
-    on_grid,
-    rate_of,
-    signal_of,
-)
+from haptic_accel.core.sampling import NANOSECONDS, SPARSE, BoolArray, IntArray
+from haptic_accel.kits.export import signals
+from haptic_accel.kits.export.signals import HANDLE, TOOL, ExportedSignal, finite, signal_of
 
 SingleArray: TypeAlias = npt.NDArray[np.float32]
 
-STATE, ACTION = (SLAVE_POSITION, SLAVE_VELOCITY), (MASTER_POSITION, MASTER_VELOCITY)
+STATE = (signals.SLAVE_POSITION, signals.SLAVE_VELOCITY)
+ACTION = (signals.MASTER_POSITION, signals.MASTER_VELOCITY)
 """Signals of a frame's state and action: the follower is the slave, the leader the master."""
 
 SETTLING = 1
@@ -127,6 +119,18 @@ class FrameRate:
         """Time by which the resampling's filter reaches beyond a sample, s."""
         return look_ahead(self.recorded, self.rate)
 
+    def description(self, axes: Axes) -> dict[str, Any]:
+        """Return what a reader has to know about the windows, for JSON."""
+        return {
+            "vibration_schema": signals.SCHEMA,
+            "axes": list(axes.names),
+            "rate_hz": self.rate,
+            "recorded_rate_hz": self.recorded,
+            "resampling_delay_s": 0.0,
+            "resampling_look_ahead_s": self.look_ahead,
+            "window": "from the frame before until this one",
+        }
+
 
 @dataclass(frozen=True)
 class Frames:
@@ -140,6 +144,8 @@ class Frames:
         Position, m, and velocity, m/s, of slave and master.
     tool, handle : ndarray of float32, shape (n, samples, axes)
         Acceleration from the frame before until this one, m/s^2.
+    valid : ndarray of bool, shape (n,)
+        True if a sample of the tool was recorded in the window.
     notes : list of str
         Samples that were missing, one line for each signal.
     """
@@ -149,6 +155,7 @@ class Frames:
     action: SingleArray
     tool: SingleArray
     handle: SingleArray
+    valid: BoolArray
     notes: list[str]
 
 
@@ -167,6 +174,27 @@ def engagements(bag: Bag) -> list[tuple[int, int]]:
             " wav do not"
         )
     return found
+
+
+def episodes(bag: Bag, held: Sequence[Any]) -> Iterator[tuple[int, int, Any]]:
+    """Yield start and end, ns, and the condition of each part of an engagement with one condition.
+
+    Parameters
+    ----------
+    bag : Bag
+    held : sequence of dict
+        Its `signals.conditions`.
+
+    Raises
+    ------
+    ParameterError
+        As for `engagements`.
+    """
+    begins = [each["begin_ns"] for each in held]
+    for begin, end in engagements(bag):
+        borders = [begin, *(each for each in begins if begin < each < end), end]
+        for pair in itertools.pairwise(borders):
+            yield *pair, held[int(np.searchsorted(begins, pair[0], side="right")) - 1]
 
 
 def frames_of(bag: Bag, begin: int, end: int, rate: FrameRate, axes: Axes) -> Frames:
@@ -192,13 +220,15 @@ def frames_of(bag: Bag, begin: int, end: int, rate: FrameRate, axes: Axes) -> Fr
     times = begin + np.round(np.arange(1, count + 1) * (NANOSECONDS / rate.fps)).astype(np.int64)
     notes: list[str] = []
     state, action = (
-        np.hstack([_latest(bag, each, times, rate.fps, notes) for each in signals])
-        for signals in (STATE, ACTION)
+        np.hstack([_latest(bag, each, times, rate.fps, notes) for each in part])
+        for part in (STATE, ACTION)
     )
     tool, handle = (
         _windows(bag, each, begin, count, rate, axes, notes) for each in (TOOL, HANDLE)
     )
-    return Frames(times, state, action, tool, handle, notes)
+    stamps = finite(signal_of(bag, TOOL)).stamps
+    valid = np.diff(np.searchsorted(stamps, [begin, *times])) > 0
+    return Frames(times, state, action, tool, handle, valid, notes)
 
 
 def _latest(
@@ -231,7 +261,7 @@ def _windows(
     first, size = round(SETTLING * rate.rate), count * rate.samples
     windows = np.empty((count, rate.samples, len(axes.names)), np.float32)
     for index, axis in enumerate(axes.names):
-        held, seen = on_grid(bag, exported, axis, start, rate.recorded, length)
+        held, seen = signals.on_grid(bag, exported, axis, start, rate.recorded, length)
         if not index:
             lost = int((~seen[inside]).sum())
             _note(bag, exported, lost, len(seen[inside]), "samples repeat the one before", notes)
@@ -260,7 +290,7 @@ def recorded_rate(bag: Bag) -> float:
     ParameterError
         They have none.
     """
-    tool, handle = (rate_of(bag, each) for each in (TOOL, HANDLE))
+    tool, handle = (signals.rate_of(bag, each) for each in (TOOL, HANDLE))
     if tool != handle:
         raise ParameterError(
             f"{bag.path}: tool and handle have {tool:g} and {handle:g} Hz: must have one rate"

@@ -21,21 +21,23 @@ position of the master, as in tonyzhaozh/aloha, whose readers take a file for an
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from haptic_accel.bags.reading import Bag, Signal
+from haptic_accel.bags.reading import Bag
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.export.frames import FrameRate, engagements, frames_of, recorded_rate
-from haptic_accel.kits.export.signals import PART, description, signals_of
+from haptic_accel.kits.export.signals import Writer, descriptions, signals_of
 
 
 @dataclass
-class Hdf5Writer:
+class Hdf5Writer(Writer):
     """Files ``episode_N.hdf5`` of bags.
 
     Parameters
@@ -50,7 +52,6 @@ class Hdf5Writer:
     folder: Path
     fps: int
     rate: float = 0.0
-    notes: list[str] = field(default_factory=list)
     _count: int = 0
 
     def add(self, name: str, bag: Bag) -> None:
@@ -63,26 +64,29 @@ class Hdf5Writer:
         """
         with h5py.File(self.folder / f"episode_{self._count}.hdf5", "w") as file:
             file.attrs["bag"] = name
+            about = descriptions(bag)
+            file["metadata"] = json.dumps(about)
             for exported, signal in signals_of(bag):
                 group = file.create_group(f"signals/{exported.name}")
-                about = description(bag, exported)
-                group.attrs.update({key: v for key, v in about.items() if v is not None})
-                _copy(group, signal)
+                own = about["signals"][exported.name]
+                group.attrs.update({key: v for key, v in own.items() if v is not None})
+                group["stamps"], group["values"] = signal.stamps, signal.values
             try:
                 periods = engagements(bag)
             except ParameterError:
                 self.notes.append(f"{name}: the arms were never coupled: signals and no frames")
             else:
-                self._write_frames(file, bag, periods)
+                self._write_frames(file, bag, periods, about)
         self._count += 1
 
-    def _write_frames(self, file: Any, bag: Bag, periods: list[tuple[int, int]]) -> None:
+    def _write_frames(self, file: Any, bag: Bag, periods: Sequence[Any], about: Any) -> None:
         """Write frames from the first engagement to the last one's end."""
         rates = FrameRate.of(self.fps, self.rate, recorded_rate(bag))
         found = frames_of(bag, periods[0][0], periods[-1][1], rates, bag.axes)
         self.notes.extend(f"{file.attrs['bag']}: {note}" for note in found.notes)
-        is_simulated = bag.arguments.get("slave") == "simulated"
-        file.attrs.update({"sim": is_simulated, "fps": self.fps})
+        file.attrs.update({"sim": about["simulated"]["slave"], "fps": self.fps})
+        begins = [each["begin_ns"] for each in about["conditions"]]
+        file["condition"] = np.searchsorted(begins, found.times, side="right") - 1
         observations = file.create_group("observations")
         observations["qpos"], observations["qvel"] = found.state[:, :3], found.state[:, 3:]
         file["action"] = found.action[:, :3]
@@ -92,22 +96,5 @@ class Hdf5Writer:
         )
         for part, windows in (("tool", found.tool), ("handle", found.handle)):
             observations[f"vibration/{part}"] = windows
-            observations[f"vibration/{part}"].attrs.update(
-                {
-                    "unit": "m/s^2",
-                    "axes": list(bag.axes.names),
-                    "rate_hz": rates.rate,
-                    "resampling_delay_s": 0.0,
-                    "resampling_look_ahead_s": rates.look_ahead,
-                }
-            )
-
-    def close(self) -> None:
-        """Do nothing more."""
-
-
-def _copy(group: Any, signal: Signal) -> None:
-    for name, array in (("stamps", signal.stamps), ("values", signal.values)):
-        whole = group.create_dataset(name, array.shape, array.dtype)
-        for begin in range(0, len(array), PART):
-            whole[begin : begin + PART] = array[begin : begin + PART]
+            about_windows = rates.description(bag.axes) | {"unit": "m/s^2"}
+            observations[f"vibration/{part}"].attrs.update(about_windows)

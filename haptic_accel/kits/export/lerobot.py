@@ -16,12 +16,14 @@
 """LeRobotDataset v3.0 with the vibration of tool and handle, which LeRobot opens as it is.
 
 Layout, features and statistics after LeRobot 0.6 (huggingface/lerobot, ``src/lerobot/datasets``).
-Its schema has no place for channels faster than the frames; `VIBRATION` is this package's, until
-there is a common one. Beside the set are all signals as recorded, in ``series``.
+Its schema has no place for channels faster than the frames: the tool's samples are numbers of the
+state, as in sets that LeRobot records itself. Beside the set are all signals as recorded, in
+``series``. What differs between bags is in a column of the episodes, which a merge keeps.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -32,29 +34,28 @@ import pandas as pd
 import pyarrow as pa
 from pyarrow import parquet
 
+from haptic_accel.analysis.description import UNKNOWN
 from haptic_accel.bags.reading import Bag
-from haptic_accel.core.axes import Axes
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.axes import NAMES, VIBRATION, Axes
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.kits.export.frames import (
-    ACTION,
-    STATE,
-    FrameRate,
-    Frames,
-    engagements,
-    frames_of,
-    recorded_rate,
-)
+from haptic_accel.kits.export import frames
+from haptic_accel.kits.export.frames import FrameRate, Frames, SingleArray
 from haptic_accel.kits.export.images import CameraFrames, camera_frames
-from haptic_accel.kits.export.signals import write_json
+from haptic_accel.kits.export.signals import UNITS_OF_STATE, Writer, descriptions, write_json
 from haptic_accel.kits.export.statistics import Statistics, combined, statistics
 from haptic_accel.kits.export.tables import write_parquet
 
 VERSION = "v3.0"
 """Version of LeRobot's format."""
 
-VIBRATION = "observation.vibration"
-"""Beginning of the names of the features with windows."""
+STATE_KEY, HANDLE_KEY = "observation.state", f"handle.{VIBRATION}"
+"""Features with the vibration of tool and handle; the handle's is none that a policy observes."""
+
+VALID = f"{VIBRATION}.valid"
+"""Name of the number of a state that is 1 if vibration was recorded, as in recorded sets."""
+
+PROGRAM = "haptic_accel"
+"""Key of this program's metadata: in ``info.json``, and as JSON text of each episode."""
 
 SERIES = "series"
 """Folder of the signals as recorded."""
@@ -68,11 +69,14 @@ CHUNK_FILES, DATA_MEGABYTES, VIDEO_MEGABYTES = 1000, 100, 200
 ROWS = 1000
 """Rows of a group in a set with images, which would not fit into memory as one group."""
 
+FILE_INDICES = [f"{t}/{p}_index" for t in ("data", "meta/episodes") for p in ("chunk", "file")]
+"""Columns of an episode with the numbers of its files."""
+
 INDICES = ("frame_index", "episode_index", "index", "task_index")
 
 
 @dataclass
-class LeRobotWriter:
+class LeRobotWriter(Writer):
     """Set of episodes, one for each engagement of the arms.
 
     Parameters
@@ -94,13 +98,13 @@ class LeRobotWriter:
     rate: float = 0.0
     task: str = ""
     cameras: Sequence[str] = ()
-    notes: list[str] = field(default_factory=list)
     _axes: Axes | None = None
     _rates: FrameRate | None = None
     _images: dict[str, tuple[int, ...]] = field(default_factory=dict)
-    _tasks: list[str] = field(default_factory=list)
+    _tasks: dict[str, int] = field(default_factory=dict)
     _episodes: list[dict[str, Any]] = field(default_factory=list)
     _statistics: list[dict[str, Statistics]] = field(default_factory=list)
+    _about: dict[str, Any] = field(default_factory=dict)
     _frames: int = 0
     _file: parquet.ParquetWriter | None = None
 
@@ -112,90 +116,77 @@ class LeRobotWriter:
         ParameterError
             The bag has no engagement, or another rate or axes than the bags before.
         """
-        self._agree(bag)
-        assert self._rates and self._axes
-        series = self.folder / SERIES / name
-        series.mkdir(parents=True)
-        write_parquet(bag, series)
-        for begin, end in engagements(bag):
-            found = frames_of(bag, begin, end, self._rates, self._axes)
-            if not len(found.times):
-                continue
-            self.notes.extend(f"{name}: {note}" for note in found.notes)
-            images = camera_frames(bag, self.cameras, found.times, self.fps)
-            self.notes.extend(f"{name}: {note}" for each in images for note in each.notes)
-            self._append(name, begin, found, images, self._task_index(bag))
-
-    def _agree(self, bag: Bag) -> None:
-        rates, axes = FrameRate.of(self.fps, self.rate, recorded_rate(bag)), bag.axes
+        rates, axes = FrameRate.of(self.fps, self.rate, frames.recorded_rate(bag)), bag.axes
         if (rates, axes) != (self._rates or rates, self._axes or axes):
             raise ParameterError(
                 f"{bag.path}: has {rates.recorded:g} Hz and axes {', '.join(axes.names)}: must be"
                 " as the bags before it in one set"
             )
         self._rates, self._axes = rates, axes
-
-    def _task_index(self, bag: Bag) -> int:
-        surface = bag.arguments.get("surface") or "a surface"
-        task = self.task or f"feel {surface} with a tool"
-        if task not in self._tasks:
-            self._tasks.append(task)
-        return self._tasks.index(task)
+        series = self.folder / SERIES / name
+        series.mkdir(parents=True)
+        (self.folder / "data" / CHUNK).parent.mkdir(parents=True, exist_ok=True)
+        write_parquet(bag, series)
+        about = descriptions(bag)
+        self._about = {name: about[name] for name in ("exported_with", "published", "units")}
+        for begin, end, condition in frames.episodes(bag, about.pop("conditions")):
+            found = frames.frames_of(bag, begin, end, rates, axes)
+            if not len(found.times):
+                continue
+            images = camera_frames(bag, self.cameras, found.times, self.fps)
+            notes = [*found.notes, *(note for each in images for note in each.notes)]
+            self.notes.extend(f"{name}: {note}" for note in notes)
+            own = {"series": name, "begin_ns": begin, "condition": condition, "notes": notes}
+            task = f"feel {condition['surface']} with a tool".replace(UNKNOWN, "a surface")
+            self._append(found, images, self.task or task, about | own)
 
     def _append(
-        self,
-        name: str,
-        begin: int,
-        frames: Frames,
-        images: Sequence[CameraFrames],
-        task: int,
+        self, found: Frames, images: Sequence[CameraFrames], task: str, about: dict[str, Any]
     ) -> None:
         """Write an episode as one group of rows, which readers find by its number."""
-        count, number = len(frames.times), len(self._episodes)
+        count, number = len(found.times), len(self._episodes)
         arrays: dict[str, Any] = {
-            "observation.state": frames.state,
-            "action": frames.action,
-            f"{VIBRATION}.tool": frames.tool,
-            f"{VIBRATION}.handle": frames.handle,
+            STATE_KEY: np.column_stack([found.state, _by_axis(found.tool), found.valid]),
+            "action": found.action,
+            HANDLE_KEY: _by_axis(found.handle),
             "timestamp": (np.arange(count) / self.fps).astype(np.float32),
             "frame_index": np.arange(count),
             "episode_index": np.full(count, number),
             "index": np.arange(self._frames, self._frames + count),
-            "task_index": np.full(count, task),
+            "task_index": np.full(count, self._tasks.setdefault(task, len(self._tasks))),
         }
         for each in images:
             if self._images.setdefault(each.key, each.shape) != each.shape:
-                raise ParameterError(f"{name}: {each.key}: must have one size in a set")
-        for row in range(0, count, ROWS if images else count):
-            rows = slice(row, row + (ROWS if images else count))
-            table = {key: _column(array[rows]) for key, array in arrays.items()}
+                raise ParameterError(f"{about['series']}: {each.key}: must have one size in a set")
+        step = ROWS if images else count
+        for row in range(0, count, step):
+            rows = slice(row, row + step)
+            table = {key: pa.array(list(array[rows])) for key, array in arrays.items()}
             table |= {each.key: each.column(row, min(count, rows.stop)) for each in images}
-            self._write(pa.table(table))
-        found = {key: statistics(array) for key, array in arrays.items()}
-        self._statistics.append(found | {each.key: each.statistics() for each in images})
+            rows_table = pa.table(table)
+            self._file = self._file or parquet.ParquetWriter(
+                self.folder / "data" / CHUNK, rows_table.schema, compression="snappy"
+            )
+            self._file.write_table(rows_table, row_group_size=len(rows_table))
+        own = {key: statistics(array) for key, array in arrays.items()}
+        self._statistics.append(own | {each.key: each.statistics() for each in images})
         self._episodes.append(
             {
                 "episode_index": number,
-                "tasks": [self._tasks[task]],
+                "tasks": [task],
                 "length": count,
-                "data/chunk_index": 0,
-                "data/file_index": 0,
                 "dataset_from_index": self._frames,
                 "dataset_to_index": self._frames + count,
-                "meta/episodes/chunk_index": 0,
-                "meta/episodes/file_index": 0,
-                f"{SERIES}/folder": f"{SERIES}/{name}",
-                f"{SERIES}/begin_ns": begin,
+                **dict.fromkeys(FILE_INDICES, 0),
+                PROGRAM: json.dumps(about),
+                **{
+                    f"stats/{key}/{name}": each.tolist()
+                    for key, own in self._statistics[-1].items()
+                    for name, each in own.items()
+                },
             }
         )
         self._frames += count
-
-    def _write(self, table: pa.Table) -> None:
-        if self._file is None:
-            path = self.folder / "data" / CHUNK
-            path.parent.mkdir(parents=True)
-            self._file = parquet.ParquetWriter(path, table.schema, compression="snappy")
-        self._file.write_table(table, row_group_size=len(table))
 
     def close(self) -> None:
         """Write what describes the set.
@@ -210,18 +201,9 @@ class LeRobotWriter:
         self._file.close()
         meta = self.folder / "meta"
         (meta / "episodes" / CHUNK).parent.mkdir(parents=True)
-        tasks = pd.DataFrame({"task_index": range(len(self._tasks))})
+        tasks = pd.DataFrame({"task_index": self._tasks.values()})
         tasks.set_index(pd.Index(self._tasks, name="task")).to_parquet(meta / "tasks.parquet")
-        rows = [
-            episode
-            | {
-                f"stats/{key}/{name}": each.tolist()
-                for key, own in found.items()
-                for name, each in own.items()
-            }
-            for episode, found in zip(self._episodes, self._statistics, strict=True)
-        ]
-        parquet.write_table(pa.Table.from_pylist(rows), meta / "episodes" / CHUNK)
+        parquet.write_table(pa.Table.from_pylist(self._episodes), meta / "episodes" / CHUNK)
         write_json(meta / "stats.json", combined(self._statistics))
         write_json(meta / "info.json", self._info())
 
@@ -240,49 +222,41 @@ class LeRobotWriter:
             "video_path": None,
             "robot_type": "haptic_accel",
             "splits": {"train": f"0:{len(self._episodes)}"},
+            PROGRAM: self._about,
         }
 
     def _features(self) -> dict[str, Any]:
-        features = {
-            key: _feature("float32", [6], [f"{s.name}.{axis}" for s in signals for axis in "xyz"])
-            for key, signals in (("observation.state", STATE), ("action", ACTION))
-        }
-        features |= {f"{VIBRATION}.{part}": self._window(part) for part in ("tool", "handle")}
-        for key, shape in self._images.items():
-            features[key] = _feature("image", list(shape), ["height", "width", "channels"])
-        features["timestamp"] = _feature("float32", [1], None)
-        return features | {name: _feature("int64", [1], None) for name in INDICES}
-
-    def _window(self, part: str) -> dict[str, Any]:
-        """Return the description of the windows of tool or handle: this package's schema."""
+        """Return the descriptions of the features, which are equal in sets that can be merged."""
         assert self._rates and self._axes
-        rates, axes = self._rates, self._axes.names
-        shape = [rates.samples, len(axes)]
-        names = [f"sample at {rates.rate:g} Hz, delay 0 s", f"{', '.join(axes)} (m/s^2)"]
-        return _feature("float32", shape, names) | {
-            "info": {
-                "signal": f"{part}_acceleration",
-                "unit": "m/s^2",
-                "axes": list(axes),
-                "rate_hz": rates.rate,
-                "recorded_rate_hz": rates.recorded,
-                "resampling_delay_s": 0.0,
-                "resampling_look_ahead_s": rates.look_ahead,
-                "window": "from the frame before until this one",
-                "notes": self.notes,
-            }
+        samples, about = self._axes.sample_names(self._rates.samples), self._rates.description
+        state, action = (
+            [f"{each.name}.{axis}" for each in signals for axis in NAMES]
+            for signals in (frames.STATE, frames.ACTION)
+        )
+        units, window = list(UNITS_OF_STATE), ["m/s^2"] * len(samples)
+        named = {
+            STATE_KEY: ([*state, *samples, VALID], [*units, *window, ""]),
+            "action": (action, units),
+            HANDLE_KEY: (samples, window),
+        }
+        return {
+            **{
+                key: _feature("float32", names) | {"info": {"units": own, **about(self._axes)}}
+                for key, (names, own) in named.items()
+            },
+            **{
+                key: _feature("image", ["height", "width", "channels"]) | {"shape": shape}
+                for key, shape in self._images.items()
+            },
+            "timestamp": _feature("float32"),
+            **{name: _feature("int64") for name in INDICES},
         }
 
 
-def _feature(kind: str, shape: list[int], names: list[str] | None) -> dict[str, Any]:
-    return {"dtype": kind, "shape": shape, "names": names}
+def _feature(kind: str, names: list[str] | None = None) -> dict[str, Any]:
+    return {"dtype": kind, "shape": [len(names or [""])], "names": names}
 
 
-def _column(array: FloatArray) -> pa.Array:
-    """Return an array as a column whose cells are numbers, lists, or lists of lists."""
-    column = pa.array(array.ravel())
-    for size in reversed(array.shape[1:]):
-        column = pa.ListArray.from_arrays(
-            np.arange(0, len(column) + 1, size, dtype=np.int32), column
-        )
-    return column
+def _by_axis(windows: SingleArray) -> SingleArray:
+    """Return the samples of windows in the order of `Axes.sample_names`, a row for each frame."""
+    return windows.transpose(0, 2, 1).reshape(len(windows), -1)

@@ -21,19 +21,39 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from haptic_accel import __version__
+from haptic_accel.analysis.description import described, sections
 from haptic_accel.bags.reading import Bag, Signal
 from haptic_accel.core import topics
 from haptic_accel.core.axes import NAMES, Axes
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, missing_samples, sampling_rate
-from haptic_accel.core.topics import Topic
+from haptic_accel.core.topics import DEVICES, Topic
+from haptic_accel.setup.arguments import POINTER, SIMULATED, VIRTUAL
+from haptic_accel.setup.node_parameters import node_schema
+from haptic_accel.setup.setup import Parameters, known_arguments
+
+SCHEMA = 1
+"""Version of the names and the order of vibration in learning sets."""
+
+PUBLISHED = "published"
+"""Key of a bag's facts for licence and author of its exports."""
+
+IN_SIMULATION = (SIMULATED, VIRTUAL, POINTER)
+"""Devices of the virtual rig."""
+
+CALIBRATED = ("serial.calibration.", "audio.")
+"""Beginnings of the names of parameters from a calibration of sensors."""
+
+UNITS_OF_STATE = ("m", "m", "m", "m/s", "m/s", "m/s")
+"""Units of position and velocity."""
 
 PART = 250_000
 """Number of samples that are converted at a time: 8 MB."""
@@ -91,6 +111,25 @@ MASTER_POSITION, MASTER_VELOCITY, SLAVE_POSITION, SLAVE_VELOCITY, TOOL, HANDLE, 
     }.items()
 ]
 """Exported signals; a bag has some of them."""
+
+
+@dataclass(kw_only=True)
+class Writer:
+    """Writer of several bags to a folder.
+
+    Attributes
+    ----------
+    notes : list of str
+        What is missing in the result, one line each.
+    """
+
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, name: str, bag: Bag) -> None:
+        """Append a bag under a name."""
+
+    def close(self) -> None:
+        """Write what is left."""
 
 
 def signals_of(bag: Bag) -> Iterator[tuple[ExportedSignal, Signal]]:
@@ -185,13 +224,41 @@ def name_of(path: Path) -> str:
     return os.fsencode(name).decode(errors="replace")
 
 
+def conditions(bag: Bag) -> list[dict[str, Any]]:
+    """Return what held in each section of a bag, for JSON, with its beginning in ns.
+
+    The first begins before the bag. Arguments are as they were set while recording.
+    """
+    start = described(bag, Parameters.from_metadata(bag.facts), bag.stated_rate or 0.0)
+    return [
+        {"begin_ns": begin, **vars(s.condition), "arguments": {**s.arguments}, "changes": s.notes}
+        for begin, s in sections(bag, start)
+    ]
+
+
+def _given(bag: Bag, node: str, begins: tuple[str, ...]) -> dict[str, Any]:
+    """Return a node's parameters with some beginnings, if they are not the default."""
+    own, known = Parameters.from_metadata(bag.facts).values.get(node, {}), node_schema(node)
+    named = {name: own[name] for name in own.keys() & known if name.startswith(begins)}
+    return {name: value for name, value in named.items() if value != known[name][0]}
+
+
 def descriptions(bag: Bag) -> dict[str, Any]:
-    """Return metadata of a bag, and the description of each signal by name."""
+    """Return metadata of a bag, the same in all formats, and each signal's description by name.
+
+    Calibration and identification are parameters that are not the default; empty for none.
+    """
+    arguments = known_arguments(bag.facts)
     return {
         "bag": name_of(bag.path),
-        "recorded_with": {
-            name: bag.facts[name] for name in ("version", "arguments") if name in bag.facts
-        },
+        "exported_with": {"haptic_accel": __version__, "vibration_schema": SCHEMA},
+        "recorded_with": {name: bag.facts.get(name) for name in ("version", "arguments", "host")},
+        "published": bag.facts.get(PUBLISHED, {}),
+        "simulated": {arm: arguments.get(arm) in IN_SIMULATION for arm in ("master", "slave")},
+        "conditions": conditions(bag),
+        "calibration": {node: _given(bag, node, CALIBRATED) for node in DEVICES},
+        "identification": _given(bag, "compensator", ("plant.",)),
+        "units": {"state": UNITS_OF_STATE, "action": UNITS_OF_STATE, "vibration": "m/s^2"},
         "problems": bag.problems,
         "signals": {each.name: description(bag, each) for each, _ in signals_of(bag)},
     }

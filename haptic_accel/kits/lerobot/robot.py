@@ -21,13 +21,11 @@ from typing import Any
 
 import numpy as np
 
+from haptic_accel.core.axes import VIBRATION
 from haptic_accel.core.model import FloatArray
 from haptic_accel.kits.lerobot.fast_path import samples_per_frame, tool_axes
 from haptic_accel.kits.lerobot.interface import WrappedRobot
 from haptic_accel.kits.lerobot.wrapping import Wrapping
-
-VIBRATION = "vibration"
-"""First part of the keys of an observation; axis and sample follow: ``vibration.z.0``."""
 
 VALID = f"{VIBRATION}.valid"
 """Key of an observation: 1 if the vibration was measured, 0 if the fast path has failed."""
@@ -58,8 +56,7 @@ class VibrationRobot(Wrapping, WrappedRobot):
         super().__init__(wrapped, arguments)
         self._size = samples_per_frame(self._arguments.rate, fps)
         self._axes = tool_axes(self._arguments)
-        numbers = range(self._size)
-        self._keys = [f"{VIBRATION}.{axis}.{n}" for axis in self._axes.names for n in numbers]
+        self._keys = self._axes.sample_names(self._size)
 
     @property
     def cameras(self) -> Any:

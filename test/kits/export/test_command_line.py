@@ -29,8 +29,9 @@ from pathlib import Path
 import pytest
 from exported import START, Recorded
 
-from bag_maker import Message, vector_bytes, write_messages
+from bag_maker import STRING, Message, vector_bytes, write_messages
 from haptic_accel.bags.trial_bag import write_trial
+from haptic_accel.core.cdr import pack_text
 from haptic_accel.core.topics import TOOL_ACCELERATION
 from running import Command, wait_until
 from verbs import ODD_NAMES, output_of, refusal, status_of, tells
@@ -76,6 +77,14 @@ def test_a_bag_without_what_a_format_needs_is_refused(tmp_path: Path, form: str)
 def test_a_tool_alone_is_exported_by_the_others(tmp_path: Path, form: str) -> None:
     bag = tool_alone(tmp_path / "bag")
     output_of("export", bag, "--format", form, "--out", tmp_path / "out")
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_bag_without_a_signal_of_the_graph_is_refused(tmp_path: Path, form: str) -> None:
+    bag = write_messages(tmp_path / "bag", [Message("/said", STRING, 10, pack_text("word"))])
+    line = refusal("export", bag, "--format", form, "--out", tmp_path / "out")
+    assert line == f"{bag}: must have a signal of this graph"
+    assert [each.name for each in tmp_path.iterdir()] == ["bag"]
 
 
 def test_damage_of_a_bag_is_told(tmp_path: Path, recorded: Recorded) -> None:

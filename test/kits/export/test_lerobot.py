@@ -24,9 +24,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from exported import Recorded, vectors, write_bag
+from exported import START, Recorded, vectors, write_bag
 from pyarrow import parquet
 
+from bag_maker import CHANGED, Message, change_bytes, write_messages
+from haptic_accel import __version__
+from haptic_accel.bags.metadata import read_metadata
+from haptic_accel.core.axes import ACTUATOR_AXES
+from reading import with_types
 from verbs import refusal, status_of
 
 
@@ -35,13 +40,18 @@ def dataset(recorded: Recorded, tmp_path_factory: pytest.TempPathFactory) -> Pat
     """Return a set of two bags."""
     folder = tmp_path_factory.mktemp("sets")
     write_bag(folder / "vinyl", surface="vinyl")
-    words = ("--format", "lerobot", "--out", folder / "set")
+    published = ("--licence", "CC0-1.0", "--author", "Ann")
+    words = ("--format", "lerobot", *published, "--out", folder / "set")
     assert status_of("export", recorded.path, folder / "vinyl", *words) == 0
     return folder / "set"
 
 
 def json_of(path: Path) -> Any:
     return json.loads(path.read_text())
+
+
+def episodes(dataset: Path) -> pd.DataFrame:
+    return pd.read_parquet(dataset / "meta" / "episodes" / "chunk-000" / "file-000.parquet")
 
 
 def rows(dataset: Path) -> pd.DataFrame:
@@ -54,26 +64,69 @@ def test_info_describes_what_is_there(dataset: Path) -> None:
     assert info["total_frames"] == len(found)
     assert set(found) == set(info["features"])
     for name, feature in info["features"].items():
-        cell = found[name][0]
-        array = np.stack(cell) if len(feature["shape"]) == 2 else np.atleast_1d(cell)
+        array = np.atleast_1d(found[name][0])
         assert (list(array.shape), array.dtype.name) == (feature["shape"], feature["dtype"])
-    window = info["features"]["observation.vibration.tool"]
-    assert window["shape"] == [32, 1]
-    assert (window["info"]["rate_hz"], window["info"]["unit"]) == (960.0, "m/s^2")
-    assert window["info"]["resampling_look_ahead_s"] > 0
-    assert window["names"] == ["sample at 960 Hz, delay 0 s", "z (m/s^2)"]
+    state = info["features"]["observation.state"]
+    names = ["slave_velocity.z", *ACTUATOR_AXES.sample_names(32), "vibration.valid"]
+    assert state["names"][5:] == names
+    assert (state["info"]["rate_hz"], state["info"]["units"][6]) == (960.0, "m/s^2")
+    assert state["info"]["resampling_look_ahead_s"] > 0
+    assert info["haptic_accel"]["exported_with"]["haptic_accel"] == __version__
+    assert info["haptic_accel"]["published"] == {"licence": "CC0-1.0", "author": "Ann"}
+    assert info["haptic_accel"]["units"]["action"] == ["m"] * 3 + ["m/s"] * 3
+
+
+def test_what_differs_between_bags_is_no_part_of_the_features(
+    dataset: Path, recorded: Recorded, tmp_path: Path
+) -> None:
+    bag = write_messages(tmp_path / "lost", [Message(*r) for r in with_types(recorded.path)[:-99]])
+    assert status_of("export", bag, "--format", "lerobot", "--out", tmp_path / "set") == 0
+    features = [
+        json_of(each / "meta" / "info.json")["features"] for each in (dataset, tmp_path / "set")
+    ]
+    assert features[0] == features[1]  # LeRobot's `features_equal_for_merge`
+    vinyl = episodes(dataset)["haptic_accel"].map(json.loads)[1]
+    assert (vinyl["series"], vinyl["condition"]["surface"]) == ("vinyl", "vinyl")
+    assert vinyl["begin_ns"] >= START
+
+
+def test_episodes_have_one_condition_each(tmp_path: Path, recorded: Recorded) -> None:
+    moments = {
+        1: ("slave_device", "simulated.surface.name", "vinyl"),
+        2: ("compensator", "controller", "inverse"),
+    }
+    messages = [Message(*row) for row in with_types(recorded.path)]
+    for seconds, (node, *change) in moments.items():
+        moment = START + seconds * 10**9
+        messages.append(
+            Message(
+                "/parameter_events", CHANGED, moment, change_bytes(moment, f"/{node}", *change)
+            )
+        )
+    messages.sort(key=lambda each: each.received)
+    custom = read_metadata(recorded.path).custom
+    bag = write_messages(tmp_path / "bag", messages, custom=custom)
+    assert status_of("export", bag, "--format", "lerobot", "--out", tmp_path / "set") == 0
+    found = episodes(tmp_path / "set")
+    assert found["tasks"].map(list).tolist() == [
+        ["feel plywood with a tool"],
+        *[["feel vinyl with a tool"]] * 2,
+    ]
+    held = [json.loads(each)["condition"] for each in found["haptic_accel"]]
+    assert [each["controller"] for each in held][1:] == ["dynamic", "inverse"]
+    assert [each["arguments"]["surface"] for each in held] == ["plywood", "vinyl", "vinyl"]
 
 
 def test_indices_and_times_follow_each_other(dataset: Path) -> None:
     found = rows(dataset)
-    episodes = pd.read_parquet(dataset / "meta" / "episodes" / "chunk-000" / "file-000.parquet")
+    known = episodes(dataset)
     assert found["index"].tolist() == list(range(len(found)))
     for number, own in found.groupby("episode_index"):
-        length = int(episodes["length"][number])
+        length = int(known["length"][number])
         assert own["frame_index"].tolist() == list(range(length))
         assert own["timestamp"].to_numpy() == pytest.approx(np.arange(length) / 30, abs=1e-5)
-    ends = episodes["dataset_to_index"].tolist()
-    assert episodes["dataset_from_index"].tolist() == [0, *ends[:-1]]
+    ends = known["dataset_to_index"].tolist()
+    assert known["dataset_from_index"].tolist() == [0, *ends[:-1]]
     assert ends[-1] == len(found)
 
 
@@ -94,8 +147,8 @@ def test_an_episode_is_a_group_of_rows(dataset: Path) -> None:
 def test_statistics_are_those_of_the_rows(dataset: Path) -> None:
     found, stated = rows(dataset), json_of(dataset / "meta" / "stats.json")
     assert set(stated) == set(found)
-    windows = np.stack([np.stack(cell) for cell in found["observation.vibration.handle"]])
-    own = stated["observation.vibration.handle"]
+    windows = np.stack(found["handle.vibration"])
+    own = stated["handle.vibration"]
     assert np.array(own["mean"]) == pytest.approx(windows.mean(axis=0, dtype=float))
     assert np.array(own["std"]) == pytest.approx(windows.std(axis=0, dtype=float))
     assert own["count"] == [len(found)]
@@ -112,7 +165,8 @@ def test_three_axes_have_three_columns(tmp_path: Path) -> None:
     words = ("--fps", "50", "--task", "write", "--out", tmp_path / "set")
     assert status_of("export", tmp_path / "bag", "--format", "lerobot", *words) == 0
     info = json_of(tmp_path / "set" / "meta" / "info.json")
-    assert info["features"]["observation.vibration.tool"]["shape"] == [20, 3]
+    names = info["features"]["observation.state"]["names"]
+    assert [names[6], names[26], names[-2]] == ["vibration.x.0", "vibration.y.0", "vibration.z.19"]
     assert pd.read_parquet(tmp_path / "set" / "meta" / "tasks.parquet").index.tolist() == ["write"]
 
 
