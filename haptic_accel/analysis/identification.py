@@ -20,6 +20,7 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -29,18 +30,14 @@ import numpy as np
 from haptic_accel.analysis.identification_one_axis import OneAxisResult
 from haptic_accel.analysis.identification_result import Result
 from haptic_accel.analysis.identification_three_axes import ThreeAxisResult
-from haptic_accel.bags.delivery import AGE_OF, durations
+from haptic_accel.bags.delivery import AGE_OF, count, durations
 from haptic_accel.bags.reading import Bag, read_bag_with_warnings
 from haptic_accel.core import topics
 from haptic_accel.core.axes import ACTUATOR_AXIS, ALL_AXES, Axes
 from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification import three_axes
 from haptic_accel.core.identification.estimate import RecordingError
-from haptic_accel.core.identification.evaluation import (
-    Tell,
-    identify_handle,
-    stages,
-)
+from haptic_accel.core.identification.evaluation import Tell, identify_handle, stages
 from haptic_accel.core.identification.multisine import orthogonal_excitation
 from haptic_accel.core.identification.stops import (
     LIMITED,
@@ -170,6 +167,12 @@ def rig_as_held(setup: Setup[IdentifyArguments]) -> RigParameters:
 MOST_MISSING = 0.01
 """Largest share of missing samples with which a trial is evaluated (assumed)."""
 
+DISTURBANCES = "interruptions", f"{AGE_OF} deadlines missed"
+"""Counts in the device's diagnostics that spoil a measurement."""
+
+NOTICED = 64
+"""Largest number of samples between an interruption and its count."""
+
 COLUMNS = {"actuator_force": FORCE, "handle_acceleration": ACCELERATION}
 """Columns of a CSV file; without a unit in the title in N and m/s^2."""
 
@@ -266,12 +269,12 @@ def read_recordings(
             trials = sweeps.find_trials(force, acceleration, arguments.sweep, rate)
         found.trials.setdefault(grip, []).extend(trials)
     every = [trial for trials in found.trials.values() for trial in trials]
-    for name, count in (
+    for name, number in (
         ("rates", len({trial.rate for trial in every})),
         ("latencies", len({trial.latency for trial in every})),
     ):
-        if count > 1:
-            raise ParameterError(f"from: {count} {name} in the recordings: must be equal")
+        if number > 1:
+            raise ParameterError(f"from: {number} {name} in the recordings: must be equal")
     found.age = fmean(ages) if ages else 0.0
     return found
 
@@ -304,7 +307,7 @@ def _trials(
         counts = ", ".join(str(trial.counters[sweeps.SAMPLES_MISSING]) for trial in found)
         error = RecordingError(
             f"{bag.path}: {len(found) - len(whole)} of {len(found)} trials left out, as each lacks"
-            f" more than {100 * MOST_MISSING:g} % of its samples (missing by trial: {counts});"
+            f" more than {100 * MOST_MISSING:g} % of its samples, or had them late ({counts});"
             " record again with less load on the machine, which haptic-accel doctor checks, or at"
             " a lower rate",
             {"rate": 0.5},
@@ -330,7 +333,8 @@ def _read_excited(bag: Bag, rate: float) -> tuple[FloatArray, FloatArray, BoolAr
     actuator_force, handle_acceleration : ndarray, shape (n, 3)
         N and m/s^2; each force is at the sample that caused it.
     missing : ndarray of bool, shape (n,)
-        True for samples missing in the bag, which repeat the previous value.
+        True for samples missing in the bag, which repeat the previous value, and for those that
+        the device lost or was late for.
 
     Raises
     ------
@@ -354,7 +358,21 @@ def _read_excited(bag: Bag, rate: float) -> tuple[FloatArray, FloatArray, BoolAr
         signals[topic.name].on_grid(start, rate, length, ALL_AXES)
         for topic in (topics.ACTUATOR_FORCE, topics.HANDLE_ACCELERATION)
     )
-    return force, acceleration, ~seen
+    return force, acceleration, ~seen | _disturbed(bag, start, rate, length)
+
+
+def _disturbed(bag: Bag, start: int, rate: float, length: int) -> BoolArray:
+    """Return a mask of samples around interruptions of the device, and of as many as were late.
+
+    The device counts both; where between two of its reports they were is not known.
+    """
+    found = np.zeros(length, dtype=bool)
+    for before, after in pairwise(x for x in bag.diagnostics if x.node == "master_device"):
+        lost, late = (count(after.values, n) - count(before.values, n) for n in DISTURBANCES)
+        ends = np.array([before.received - start, after.received - start]) * (rate / NANOSECONDS)
+        first, end = ends.clip(0).astype(int).tolist()
+        found[max(0, first - NOTICED if lost > 0 else end - late) : end] = True
+    return found
 
 
 def _force_age(bag: Bag) -> float:

@@ -26,16 +26,10 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_accel.analysis.description import (
-    Condition,
-    Description,
-    described,
-    run_of,
-    sections,
-)
+from haptic_accel.analysis.description import Condition, Description, described, run_of, sections
 from haptic_accel.bags.delivery import Delivery, delivery
 from haptic_accel.bags.reading import Bag, read_bags
-from haptic_accel.core import topics
+from haptic_accel.core import sampling, topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
 from haptic_accel.core.control.channel import FADING, LISTENING
@@ -46,7 +40,7 @@ from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import NANOSECONDS, RELEASED, grid_indices, sampling_rate
+from haptic_accel.core.sampling import IMPLAUSIBLE, NANOSECONDS, RELEASED, grid_indices
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.setup.setup import Parameters, known_arguments
 
@@ -59,10 +53,6 @@ EXCLUDED_AFTER_CHANGE = LISTENING + FADING + RINGING
 SHORTEST = 0.9
 """Minimum duration of an analysed segment, s: a trial of 1 s minus the duration of a live
 start."""
-
-IMPLAUSIBLE = 1e9
-"""Magnitude above which a value cannot come from a sensor or motor, m/s^2 or N. It indicates
-damage, and its square may overflow."""
 
 _NAMES = [topic.name for topic in topics.ANALYSED]
 
@@ -232,12 +222,10 @@ class _Divider:
         }
         self.problems = list(recorded.problems)
         for name, signal in self._signals.items():
-            finite = np.isfinite(signal.values[:, recorded.axes.indices]).all(axis=1)
-            if lost := np.count_nonzero(~finite):
-                self.problems.append(
-                    f"{name}: {lost} of {len(signal.stamps)} samples are not finite numbers, and"
-                    " count as missing"
-                )
+            along = np.abs(signal.values[:, recorded.axes.indices])
+            if lost := len(along) - np.count_nonzero((along < IMPLAUSIBLE).all(axis=1)):
+                told = "samples count as missing: no numbers, or beyond"
+                self.problems.append(f"{name}: {lost} of {len(along)} {told} {IMPLAUSIBLE:g}")
 
     def segments(self, rig: RigParameters | None, asked: float | None) -> list[Segment]:
         """Return the segments; parameters as for `cut`."""
@@ -282,7 +270,7 @@ class _Divider:
             raise ParameterError(f"rate = {asked:g}: {own}")
         stated = stated or asked or 0.0
         try:
-            rate = sampling_rate(found, stated or None)
+            rate = sampling.sampling_rate(found, stated or None)
         except ParameterError as error:
             self.problems.append(str(error))
             return None
@@ -371,6 +359,7 @@ class _Divider:
             values, seen = signal.on_grid(start, rate, length, axes)
             if seen.any():
                 signals[name] = values
+        _complete(signals, known)
         return Segment(
             bag=self._bag.path,
             condition=known.condition,
@@ -382,7 +371,7 @@ class _Divider:
             delivery=delivery(self._bag, start, length, rate),
             actuator=known.actuator,
             pair=known.pair,
-            notes=(*known.notes, *_complete(signals, known)),
+            notes=known.notes,
             latency=known.latency,
             granted_delay=granted_delay(known.condition.controller, known.controllers, rate),
             plant=self._matrix_plant(known) if axes == ALL_AXES else known.plant(),
@@ -418,15 +407,9 @@ def _consequence(name: str, missing: Sequence[str]) -> str:
     return _NEEDED_FOR.get(name, "")
 
 
-def _complete(signals: dict[str, FloatArray], known: Description) -> list[str]:
-    """Compute a missing desired acceleration from the tool's; remove damaged signals."""
-    notes = []
-    for name, values in list(signals.items()):
-        if not (np.abs(values) < IMPLAUSIBLE).all():
-            notes.append(f"{name} is not used: it holds values beyond {IMPLAUSIBLE:g}")
-            del signals[name]
+def _complete(signals: dict[str, FloatArray], known: Description) -> None:
+    """Compute a missing desired acceleration from the tool's."""
     tool, desired = topics.TOOL_ACCELERATION.name, topics.DESIRED_ACCELERATION.name
     if tool in signals and desired not in signals and known.rate > 2 * known.high_pass_frequency:
         passed = partial(high_passed, corner=known.high_pass_frequency, rate=known.rate)
         signals[desired] = by_component(passed, signals[tool])
-    return notes

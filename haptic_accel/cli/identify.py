@@ -43,12 +43,7 @@ from haptic_accel.analysis.identification import (
 from haptic_accel.analysis.identification_result import PARAMETER_FILE, Result, parameter_table
 from haptic_accel.cli import options
 from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.output import (
-    next_command,
-    removed_if_empty,
-    results_folder,
-    save,
-)
+from haptic_accel.cli.output import next_command, removed_if_empty, results_folder, save
 from haptic_accel.cli.running import run_to_end, shown_stages, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers

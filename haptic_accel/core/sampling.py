@@ -50,6 +50,10 @@ BoolArray = npt.NDArray[np.bool_]
 Stamped = tuple[IntArray, FloatArray]
 """Stamps in ns, shape (n,), and vectors, shape (n, 3), in order of arrival."""
 
+IMPLAUSIBLE = 1e9
+"""Magnitude above which a value cannot come from a sensor or motor, in SI units. It indicates
+damage, and its square may overflow."""
+
 SAME_RATE = 0.1
 """Maximum relative difference between a measured and a stated rate that count as equal."""
 
@@ -165,14 +169,14 @@ def grid_indices(stamps: IntArray, start: int, rate: float) -> IntArray:
 
 
 def on_grid(where: IntArray, values: FloatArray, length: int) -> tuple[FloatArray, BoolArray]:
-    """Arrange samples on a grid; one that is missing or not finite repeats the previous one.
+    """Arrange samples on a grid; a missing or impossible one repeats the previous one.
 
     Parameters
     ----------
     where : ndarray of int64, shape (n,)
         Grid index of each sample; samples outside the grid are ignored.
     values : ndarray, shape (n, ...)
-        Samples, at least one of them on the grid and finite.
+        Samples, at least one of them on the grid, finite and below `IMPLAUSIBLE`.
     length : int
         Number of grid points.
 
@@ -181,7 +185,7 @@ def on_grid(where: IntArray, values: FloatArray, length: int) -> tuple[FloatArra
     held : ndarray, shape (length, ...)
         Values; before the first sample, the value of that sample.
     seen : ndarray of bool, shape (length,)
-        True at grid points with a finite sample.
+        True at grid points with such a sample.
 
     Examples
     --------
@@ -191,12 +195,11 @@ def on_grid(where: IntArray, values: FloatArray, length: int) -> tuple[FloatArra
     >>> seen
     array([ True,  True, False,  True])
     """
-    finite = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
-    within = finite & (where >= 0) & (where < length)
+    plausible = (np.abs(values) < IMPLAUSIBLE).all(axis=tuple(range(1, values.ndim)))
+    within = plausible & (where >= 0) & (where < length)
     source = np.full(length, -1)
     source[where[within]] = np.flatnonzero(within)
-    held = np.maximum(np.maximum.accumulate(source), int(np.argmax(within)))
-    return np.asarray(values[held]), source >= 0
+    return values[np.maximum.accumulate(source).clip(np.argmax(within))], source >= 0
 
 
 def missing_samples(stamps: IntArray) -> int:

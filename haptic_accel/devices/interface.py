@@ -214,11 +214,15 @@ class Device(ABC):
         ParameterError
             No change is allowed now; nothing has changed.
         """
-        raise NotImplementedError(f"{type(self).__name__} has no changeable parameter")
+        if not self.parts:
+            raise NotImplementedError(f"{type(self).__name__} has no changeable parameter")
+        self.parts[0].change(parameters)
 
     def point(self, position: Vector) -> None:
         """Lead the simulated hand to a position in the arm's base frame, m."""
-        raise NotImplementedError(f"{type(self).__name__} has no hand to lead")
+        if not self.parts:
+            raise NotImplementedError(f"{type(self).__name__} has no hand to lead")
+        self.parts[0].point(position)
 
     def arm(self) -> bool | None:
         """Allow forces again after the device refused forces; `problem` shows the result.
@@ -282,6 +286,14 @@ class Device(ABC):
         Forces that were given to `write` after their due time do not count.
         """
         return sum(part.late for part in self.parts)
+
+    @property
+    def interruptions(self) -> int:
+        """Number of times that samples or forces were lost, or their clock stepped, since opening.
+
+        Around each, samples and forces do not belong together.
+        """
+        return sum(part.interruptions for part in self.parts)
 
     def counters(self) -> dict[str, int]:
         """Return counts for the diagnostics, by name."""

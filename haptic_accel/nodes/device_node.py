@@ -256,6 +256,7 @@ class DeviceNode(Managed, GraphNode):
             "positions not finite": str(self.side.unlocated),
             "positions refused": str(self._motions.refused),
             "commands of several senders": str(self._contested),
+            "interruptions": str(self.device.interruptions),
             **keeper.lateness.diagnostics("tick lateness"),
             **self.side.diagnostics(),
             **self.safety.diagnostics(self.device.problem),

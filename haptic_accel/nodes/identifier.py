@@ -72,10 +72,9 @@ class Identifier(GraphNode):
         actuator = self.options[ACTUATOR]
         self._travels = [TravelEstimator(actuator, p.rate) for _ in self._axes.names]
         self._most_travel = TRAVEL_SHARE * actuator.travel
-        self._widest = 0.0
         self._pending = deque([ZERO], maxlen=p.latency + 1)
         self._origin: int | None = None
-        self._done = -1  # repeats, as logged
+        self._done, self._widest = -1, 0.0  # repeats, as logged, and travel, m
         self._started = self._received = time.monotonic()
         self._failure = ""
         self._allowed = False

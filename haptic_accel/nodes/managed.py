@@ -19,12 +19,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from lifecycle_msgs.srv import (
-    ChangeState,
-    GetAvailableStates,
-    GetAvailableTransitions,
-    GetState,
-)
+from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTransitions, GetState
 from rclpy.lifecycle import LifecycleNodeMixin
 
 from haptic_accel.core.parameters import shown

@@ -576,15 +576,14 @@ def test_how_a_trial_ran_is_not_guessed(tmp_path: Path) -> None:
         (topics.ACTUATOR_FORCE.name, -1.7e308),
     ],
 )
-def test_a_signal_with_a_damaged_value_is_not_used(
-    tmp_path: Path, name: str, value: float
-) -> None:
+def test_a_damaged_value_counts_as_missing(tmp_path: Path, name: str, value: float) -> None:
     content = copy(seconds=2.0)
     content.signals[name][700] = value
     write_bag(tmp_path / "bag", content)
     analysis = load(tmp_path)
     write_analysis(analysis, tmp_path)
-    assert f"{name} is not used: it holds values beyond 1e+09" in analysis.trials[0].notes
+    told = f"{name}: 1 of 2000 samples count as missing: no numbers, or beyond 1e+09"
+    assert told in analysis.problems["bag"]
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")

@@ -23,17 +23,7 @@ import pytest
 from hypothesis import given
 
 from fuzzing import fuzz_fewest
-from guises import (
-    BAG_CHANGES,
-    GAIN,
-    RATE,
-    SAMPLES,
-    BagForm,
-    Kind,
-    Made,
-    right_bag,
-    write_form,
-)
+from guises import BAG_CHANGES, GAIN, RATE, SAMPLES, BagForm, Kind, Made, right_bag, write_form
 from haptic_accel.analysis import loading
 from haptic_accel.analysis.loading import analyse
 from haptic_accel.analysis.segments import Segment

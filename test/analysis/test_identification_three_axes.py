@@ -24,11 +24,7 @@ import numpy as np
 import pytest
 import yaml
 
-from haptic_accel.analysis.identification_three_axes import (
-    COMPARED,
-    ThreeAxisResult,
-    plant_error,
-)
+from haptic_accel.analysis.identification_three_axes import COMPARED, ThreeAxisResult, plant_error
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.handle.matrix_plant import read_matrix_plant
 from haptic_accel.core.identification.fit import DEFAULT_FREE

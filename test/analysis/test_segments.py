@@ -217,7 +217,7 @@ def test_of_another_rig_nothing_is_said(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 3300, 4000])
-@pytest.mark.parametrize("value", [np.nan, -np.inf])
+@pytest.mark.parametrize("value", [np.nan, -np.inf, 1e30])
 def test_samples_that_are_not_finite_are_missing_and_counted(
     tmp_path: Path, count: int, value: float
 ) -> None:
@@ -226,7 +226,7 @@ def test_samples_that_are_not_finite_are_missing_and_counted(
     first = (4000 - count) // 2
     written.signals[name][first : first + count] = value
     found = cut_of(tmp_path, written)
-    said = f"{name}: {count} of 4000 samples are not finite numbers, and count as missing"
+    said = f"{name}: {count} of 4000 samples count as missing: no numbers, or beyond 1e+09"
     assert said in found.problems
     (segment,) = found.segments
     assert (name in segment.signals) == (count < 4000)

@@ -354,16 +354,22 @@ def advised(text: str) -> IdentifyArguments:
 
 
 @pytest.mark.parametrize("kept", [0, 1])
+@pytest.mark.parametrize("lack", ["", "interruptions", "actuator force deadlines missed"])
 def test_trials_that_lack_samples_are_left_out_with_the_command_for_others(
-    here: Path, capsys: pytest.CaptureFixture[str], kept: int
+    here: Path, capsys: pytest.CaptureFixture[str], kept: int, lack: str
 ) -> None:
     sweep = SweepParameters(duration=1.0)
     trials = run_identification(parameters=sweep, rate=1000.0, latency=0, trials=2)
     force = np.concatenate([trial.actuator_force for trial in trials])
     acceleration = np.concatenate([trial.handle_acceleration for trial in trials])
     signals = {ACTUATOR_FORCE.name: force, HANDLE_ACCELERATION.name: acceleration}
-    lost = range(500, len(force) - kept * len(trials[1].actuator_force), 10)
-    content = BagContent(signals, arms=False, dropped={HANDLE_ACCELERATION.name: lost})
+    end = len(force) - kept * len(trials[1].actuator_force)
+    lost = {} if lack else {HANDLE_ACCELERATION.name: range(500, end, 10)}
+    # One interruption is enough; a late force spoils a single sample.
+    grown = 1 if lack == "interruptions" else 50
+    counts = [(t, {lack: str(grown * min(t, end // 1000 - 1))}) for t in range(7) if lack]
+    reports = [(float(t), "master_device", "OK", values) for t, values in counts]
+    content = BagContent(signals, arms=False, dropped=lost, diagnostics=reports)
     write_bag(here / "my bag", content)
     words = ("--duration", "1", "grip:=pinch", "--free", "m_h,k_u,b_u,delay", "--out", "found")
     assert status_of("identify", "--from", "my bag", *words) == (0 if kept else 1)

@@ -26,12 +26,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from haptic_accel.core.model import IDENTITY, Quaternion, Vector
-from haptic_accel.core.orientation import (
-    Orientation,
-    from_base,
-    to_base,
-    unit_quaternion,
-)
+from haptic_accel.core.orientation import Orientation, from_base, to_base, unit_quaternion
 
 part = st.floats(-1.0, 1.0)
 quaternions = (

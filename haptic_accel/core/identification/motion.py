@@ -30,13 +30,7 @@ import numpy as np
 
 from haptic_accel.core.handle.mechanics import axial_mechanics, zero_order_hold
 from haptic_accel.core.identification.estimate import smoothed
-from haptic_accel.core.identification.fit import (
-    FRICTION,
-    INTERVAL,
-    Coordinates,
-    HandleFit,
-    Point,
-)
+from haptic_accel.core.identification.fit import FRICTION, INTERVAL, Coordinates, HandleFit, Point
 from haptic_accel.core.identification.sweep import (
     DROPPED_REPEATS,
     IdentificationTrial,

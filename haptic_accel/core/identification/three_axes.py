@@ -44,11 +44,7 @@ from haptic_accel.core.identification.matrix_response import (
     matrix_response,
 )
 from haptic_accel.core.identification.motion import simulated
-from haptic_accel.core.identification.multisine import (
-    SIGNS,
-    kept_periods,
-    multisine,
-)
+from haptic_accel.core.identification.multisine import SIGNS, kept_periods, multisine
 from haptic_accel.core.identification.sweep import (
     DROPPED_REPEATS,
     OUTLIERS,

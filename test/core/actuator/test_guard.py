@@ -26,10 +26,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.actuator.guard import (
-    CUSHION,
-    ActuatorGuard,
-)
+from haptic_accel.core.actuator.guard import CUSHION, ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import (

@@ -40,11 +40,7 @@ from haptic_accel.core.control.inversion.design import (
     extension,
 )
 from haptic_accel.core.control.inversion.prediction import predict
-from haptic_accel.core.control.inversion.spectrum import (
-    PRIOR,
-    TexturePrior,
-    measured_spectrum,
-)
+from haptic_accel.core.control.inversion.spectrum import PRIOR, TexturePrior, measured_spectrum
 from haptic_accel.core.handle.discrete import DiscreteModel
 from haptic_accel.core.handle.grid import Grid
 from haptic_accel.core.handle.plant import IdentifiedPlant, Plant

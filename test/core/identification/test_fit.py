@@ -26,10 +26,7 @@ from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.identification.estimate import FrequencyResponse, dft_ratio
 from haptic_accel.core.identification.fit import DEFAULT_FREE, MOUNT, HandleFit, fit_handle
 from haptic_accel.core.identification.sweep import SweepParameters, kept_repeats, sweep
-from haptic_accel.core.model import (
-    HandleParameters,
-    MountParameters,
-)
+from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.simulated_identification import run_identification

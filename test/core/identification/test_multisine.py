@@ -31,12 +31,7 @@ from haptic_accel.core.identification.multisine import (
     orthogonal_excitation,
     trial_forces,
 )
-from haptic_accel.core.identification.sweep import (
-    SweepParameters,
-    excitation,
-    find_trials,
-    sweep,
-)
+from haptic_accel.core.identification.sweep import SweepParameters, excitation, find_trials, sweep
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from three_coils import RATE, SWEEP
