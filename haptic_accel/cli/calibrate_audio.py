@@ -39,10 +39,7 @@ from haptic_accel.devices.sound_calibration import (
     digital_scales,
     relative,
 )
-from haptic_accel.setup.rig_file import (
-    check_updatable,
-    update_parameter_file,
-)
+from haptic_accel.setup.rig_file import check_updatable, update_parameter_file
 
 MASTER, SLAVE = "master", "slave"
 
@@ -151,7 +148,9 @@ def _now(
     """Return the inputs from now on, and their rate; a coil may play meanwhile."""
     a = arguments
     last = max(a.input, a.reference if a.by == REFERENCE else 1)
-    return recorded(a.device, a.seconds, last, played, a.output)
+    if played is not None:
+        played = np.pad(played[:, np.newaxis], ((0, 0), (a.output - 1, 0))).astype(np.float32)
+    return recorded(a.device, a.seconds, last, played)
 
 
 def _gravity(arguments: AudioInputArguments) -> InputCalibration:

@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
@@ -30,22 +29,25 @@ from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.output import check_writable, next_command, save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
-from haptic_accel.core.sampling import DEFAULT_RATE
+from haptic_accel.core.sampling import DEFAULT_RATE, HIGHEST_LATENCY
 from haptic_accel.core.tables import ResultTable
-from haptic_accel.devices.audio import AUDIO, AudioParameters, ListedCard, SoundCard, sound_cards
+from haptic_accel.devices.audio import (
+    AUDIO,
+    JACK,
+    AudioParameters,
+    ListedCard,
+    SoundCard,
+    sound_cards,
+)
 from haptic_accel.devices.audio_presets import PRESETS
 from haptic_accel.devices.interface import DeviceError
 from haptic_accel.setup.arguments import POINTER
 from haptic_accel.setup.files import EVERY_NODE
-from haptic_accel.setup.rig_file import (
-    check_updatable,
-    teleoperation_words,
-    update_parameter_file,
-)
+from haptic_accel.setup.rig_file import check_updatable, teleoperation_words, update_parameter_file
 
 NO_CARD = (
-    "no sound card with an output: plug a game controller in by a USB cable, or a card with an"
-    " amplifier; in a container, let it have /dev/snd"
+    "no sound card with an output that can be used: stop JACK if it runs, plug a game controller"
+    " in by a USB cable, or a card with an amplifier; in a container, let it have /dev/snd"
 )
 
 AGAIN = "r"
@@ -82,11 +84,12 @@ def examine(arguments: AudioTrialArguments, json_file: Path | None) -> None:
     try:
         cards = sound_cards()
         save({"cards": [asdict(card) for card in cards]}, json_file)
-        if not cards:
+        usable = [card for card in cards if card.server != JACK]
+        if not usable:
             raise StoppedError(NO_CARD)
         _print(cards)
         if not is_tried:
-            print(next_command("doctor", AUDIO, _tried_next(cards)))
+            print(next_command("doctor", AUDIO, _tried_next(usable)))
             return
         if preset := PRESETS.get(arguments.preset):
             print(f"assumed: {preset.assumed}", f"to be identified: {preset.unknown}", sep="\n")
@@ -103,7 +106,8 @@ def examine(arguments: AudioTrialArguments, json_file: Path | None) -> None:
 def _tried_next(cards: Sequence[ListedCard]) -> str:
     """Return the word for the card of a preset, or else for one with nothing in between."""
     for name, preset in PRESETS.items():
-        if preset.device and any(preset.device in card.name for card in cards):
+        last = max(AudioParameters(preset=name).channels_of(1))
+        if preset.device and any(preset.device in c.name and last <= c.channels for c in cards):
             return f"preset:={name}"
     card = next((each for each in cards if not each.server), cards[0])
     return f"device:={card.name}"
@@ -161,20 +165,21 @@ def _play(card: SoundCard) -> None:
     moments = np.arange(round((TONE_TIME + PAUSE_TIME) * card.rate)) / card.rate
     rise = np.clip(np.minimum(moments, TONE_TIME - moments) / FADE_TIME, 0.0, 1.0)
     samples = SOFT * (rise * np.sin(2 * np.pi * TONE * moments))[:, np.newaxis]
-    while len(samples):
-        if room := card.room:
-            card.write(samples[:room])
-            samples = samples[room:]
-        else:
-            time.sleep(card.block / card.rate / 2)
+    card.play(samples)
 
 
 def _write(path: Path, found: AudioParameters, card: SoundCard) -> None:
     """Write the parameters of a card, and the latency that its blocks need at the default rate."""
-    audio = {name: getattr(found, name) for name in ("preset", "device", "channels")}
+    own = {name: getattr(found, name) for name in ("preset", "device", "channels")}
+    latency = math.ceil(card.lead * DEFAULT_RATE) + 1
+    if latency > HIGHEST_LATENCY:
+        raise StoppedError(
+            f"sound card {card.name}: needs latency:={latency} with {card.block} samples a block,"
+            f" must be at most {HIGHEST_LATENCY}; name the card itself (hw:), without a server"
+        )
     nodes: dict[str, dict[str, Any]] = {
-        EVERY_NODE: {"latency": math.ceil(card.lead * DEFAULT_RATE) + 1},
-        "master_device": {"actuator_device": AUDIO, AUDIO: audio},
+        EVERY_NODE: {"latency": latency},
+        "master_device": {"actuator_device": AUDIO, AUDIO: own},
     }
     update_parameter_file(path, nodes)
     print(f"parameters: {path}, for params_file:={path}")

@@ -17,13 +17,15 @@
 
 from __future__ import annotations
 
+import atexit
 import math
 import re
+import threading
 import time as clocks
 from bisect import insort
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -32,14 +34,7 @@ import numpy as np
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import read_mounting
 from haptic_accel.core.model import ZERO, AccelerometerParameters, FloatArray, Vector
-from haptic_accel.core.parameters import (
-    Checked,
-    ParameterError,
-    like,
-    one_line,
-    parameter,
-    shown,
-)
+from haptic_accel.core.parameters import Checked, ParameterError, like, one_line, parameter, shown
 from haptic_accel.devices.audio_presets import PRESETS, AudioPreset
 from haptic_accel.devices.interface import LATER, Device, DeviceDescription, DeviceError, Reading
 from haptic_accel.devices.serial.device import SerialMasterParameters
@@ -64,8 +59,17 @@ block, so that no reading is too short."""
 ALSA, JACK = "ALSA", "JACK Audio Connection Kit"
 """PortAudio's names of host APIs."""
 
-INVALID_RATE = -9997
-"""PortAudio's number of an error: paInvalidSampleRate."""
+ATTEMPTS = 5
+"""Number of recordings after which a card that loses samples in each is refused."""
+
+FIRST_BLOCK = 2.0
+"""Longest time from the start of a card until its first block, s; sound servers need up to 1 s."""
+
+WATCH_PERIOD = 0.02
+"""Interval between looks at a recording, s."""
+
+LONGEST_END = 2.0
+"""Longest time for PortAudio to close a card, s: without JACK's server it never returns."""
 
 PLUG_IN_CHANNELS = 32
 """Channels from which on a device of ALSA that is no hardware is a plug-in with any number of
@@ -269,9 +273,9 @@ def sound_library() -> Any:
 
 
 def recorded(
-    name: str, seconds: float, inputs: int, played: FloatArray | None = None, output: int = 1
+    name: str, seconds: float, inputs: int, played: FloatArray | None = None
 ) -> tuple[FloatArray, float]:
-    """Return what a sound card records, and its rate; one of its outputs may play meanwhile.
+    """Return what a sound card records, and its rate; its outputs may play meanwhile.
 
     Parameters
     ----------
@@ -281,10 +285,8 @@ def recorded(
         Duration, s.
     inputs : int
         Number of input channels from the first on.
-    played : ndarray, shape (n,), optional
-        Samples of the output at the card's rate, full scale 1.
-    output : int
-        Channel of the output, from 1.
+    played : ndarray, shape (n, outputs), optional
+        Samples of the outputs from the first on, at the card's rate, full scale 1.
 
     Returns
     -------
@@ -296,21 +298,68 @@ def recorded(
     Raises
     ------
     DeviceError
-        There is no such card, it has fewer channels, or it cannot be opened.
+        There is no such card, it has fewer channels, it cannot be opened, it gives no samples, or
+        it loses some, also when it records again.
     """
     library = sound_library()
-    try:
+    with refusals(library, f"device = {name!r}"):
         found = library.query_devices(name or None, "input")
-        rate, given = found["default_samplerate"], {"device": found["index"], "blocking": True}
-        if played is None:
-            samples = library.rec(round(seconds * rate), rate, inputs, "float32", **given)
-        else:
-            frames = np.zeros((len(played), output), dtype=np.float32)
-            frames[:, output - 1] = played
-            samples = library.playrec(frames, rate, inputs, "float32", **given)
+        rate, device = found["default_samplerate"], found["index"]
+        for _ in range(ATTEMPTS):
+            if played is None:
+                samples = library.rec(
+                    round(seconds * rate), rate, inputs, "float32", device=device
+                )
+            else:
+                samples = library.playrec(played, rate, inputs, "float32", device=device)
+            if not (lost := _recording_ended(library, len(samples) / rate)):
+                break
+        if lost or not np.isfinite(samples).all():
+            what = f"lost samples ({lost})" if lost else "gave samples that are not finite numbers"
+            raise ValueError(f"{what} while it recorded; record again")
+    return np.clip(samples, -1.0, 1.0).astype(np.float64), float(rate)
+
+
+@contextmanager
+def refusals(library: Any, name: str) -> Iterator[None]:
+    """Raise `DeviceError` in one line, with a name, where PortAudio refuses."""
+    try:
+        yield
     except (ValueError, library.PortAudioError) as error:
-        raise DeviceError(f"device = {name!r}: {one_line(error)}") from None
-    return np.asarray(samples, dtype=np.float64), float(rate)
+        if isinstance(error, ParameterError):
+            raise
+        raise DeviceError(f"{name}: {one_line(error)}") from None
+
+
+def started_stream(
+    library: Any, index: int, channels: int | tuple[int, int], block: int, rate: float
+) -> Any:
+    """Return a running stream of a device, with outputs, or with inputs and outputs."""
+    kind = library.OutputStream if isinstance(channels, int) else library.Stream
+    given = {"channels": channels, "samplerate": rate, "blocksize": block, "dtype": "float32"}
+    with refusals(library, f"sound card {library.query_devices(index)['name']} at {rate:g} Hz"):
+        stream = kind(device=index, latency=LATENCY * block / rate, **given)
+        stream.start()
+    return stream
+
+
+def _recording_ended(library: Any, seconds: float) -> Any:
+    """Wait for the end of a recording of a length in s; return whether samples were lost."""
+    end = clocks.monotonic() + seconds + FIRST_BLOCK
+    while library.get_stream().active:
+        if clocks.monotonic() > end:
+            raise ValueError(f"gives no samples within {FIRST_BLOCK:g} s")
+        clocks.sleep(WATCH_PERIOD)
+    return library.wait()
+
+
+def end_stream(library: Any, stream: Any) -> None:
+    """Silence and close a stream, without waiting for a server that is gone."""
+    ending = threading.Thread(target=stream.close, daemon=True)
+    ending.start()
+    ending.join(LONGEST_END)
+    if ending.is_alive():
+        atexit.unregister(library._exit_handler)  # which would wait for ever, too
 
 
 class SoundCard:
@@ -371,65 +420,40 @@ class SoundCard:
         p, library = self._parameters, self._library
         if not p.card_name and library.default.device[1] < 0:
             raise DeviceError("audio.device = '': must name a sound card, as none is the default")
-        found = self._opened(lambda: library.query_devices(p.card_name or None, "output"))
-        self.name, self.rate = found["name"], p.assumed.rate or found["default_samplerate"]
-        most, last = found["max_output_channels"], max(self._own) + 1
+        with refusals(library, f"audio.device = {p.card_name!r}"):
+            found = library.query_devices(p.card_name or None, "output")
+            self.name, self.rate = found["name"], p.assumed.rate or found["default_samplerate"]
+            most = found["max_output_channels"]
+            self._check_channels(most)
+            host = library.query_hostapis(found["hostapi"])["name"]
+            if host == JACK:
+                raise ValueError(
+                    "must not be on JACK, to which PortAudio 19.6 writes beyond its memory; stop"
+                    " JACK, and name the card itself (hw:)"
+                )
+            # PortAudio copies the last channel to the next one that is not opened. A plug-in with
+            # any number mixes what it has too many of.
+            self.server = sound_server(found, host)
+            any_number = host == ALSA and self.server
+            self.channels = max(*self._own, min(2, most) - 1) + 1 if any_number else most
+            self._stream = started_stream(
+                library, found["index"], self.channels, p.block, self.rate
+            )
+        self._fill(self._free(), self._stream.latency)
+
+    def _check_channels(self, most: int) -> None:
+        p, last = self._parameters, max(self._own) + 1
         if last > most:
             raise ParameterError(
                 f"audio.channels = {p.channels or p.assumed.channels!r}: channel {last} must be at"
                 f" most {most}, as the sound card {self.name} has no more"
             )
-        host = library.query_hostapis(found["hostapi"])["name"]
-        self._check_host(host)
-        # PortAudio copies the last channel to the next one that is not opened. A plug-in with any
-        # number mixes what it has too many of.
-        self.server = sound_server(found, host)
-        any_number = host == ALSA and self.server
-        self.channels = max(last, min(2, most)) if any_number else most
-        self._stream = self._started(found["index"])
-        self._size = self._free()
-        self.block = max(p.block, self._size - round(self._latency * self.rate))
+
+    def _fill(self, size: int, latency: float) -> None:
+        """Derive block and lead from the card's size, samples, and its stated latency, s."""
+        self._size = size
+        self.block = max(self._parameters.block, size - round(latency * self.rate))
         self.lead = BLOCKS_AHEAD * self.block / self.rate + self._period
-
-    def _check_host(self, host: str) -> None:
-        if host == JACK:
-            raise DeviceError(
-                f"audio.device = {self._parameters.card_name!r}: must not be on JACK, to which"
-                " PortAudio 19.6 writes beyond its memory; stop JACK, and name the card itself"
-                " (hw:)"
-            )
-
-    def _started(self, index: int) -> Any:
-        """Return a running stream of PortAudio's device."""
-        stream = self._opened(
-            lambda: self._library.OutputStream(
-                device=index,
-                channels=self.channels,
-                samplerate=self.rate,
-                blocksize=self._parameters.block,
-                latency=LATENCY * self._parameters.block / self.rate,
-                dtype="float32",
-            )
-        )
-        self._opened(stream.start)
-        return stream
-
-    @property
-    def _latency(self) -> float:
-        """Output latency that PortAudio states, s."""
-        return float(self._stream.latency)
-
-    def _opened(self, attempt: Callable[[], Any]) -> Any:
-        try:
-            return attempt()
-        except (ValueError, self._library.PortAudioError) as error:
-            p = self._parameters
-            if error.args[-1] == INVALID_RATE:
-                raise ParameterError(
-                    f"audio.preset = {p.preset!r}: needs {self.rate:g} Hz, which the sound card"
-                    f" {self.name} does not have"
-                ) from None
-            raise DeviceError(f"audio.device = {p.card_name!r}: {one_line(error)}") from None
 
     @property
     def room(self) -> int:
@@ -447,22 +471,36 @@ class SoundCard:
         frames[:, self._own] = samples
         return bool(self._asked(lambda stream: stream.write(frames)))
 
+    def play(self, samples: FloatArray) -> None:
+        """Write samples as for `write` while the card fetches them.
+
+        Raises
+        ------
+        DeviceError
+            It fetches nothing.
+        """
+        latest = clocks.monotonic() + FIRST_BLOCK + len(samples) / self.rate
+        while len(samples):
+            if room := self.room:
+                self.write(samples[:room])
+            samples = samples[room:]
+            if clocks.monotonic() > latest:
+                raise DeviceError(f"sound card {self.name}: plays nothing of what it is given")
+            clocks.sleep(self.block / self.rate / 2)
+
     def _free(self) -> int:
         return int(self._asked(lambda stream: stream.write_available))
 
     def _asked(self, question: Callable[[Any], Any]) -> Any:
         """Query PortAudio's stream, which fails once the card is unplugged."""
-        try:
+        with refusals(self._library, f"sound card {self.name}"):
             return question(self._stream)
-        except self._library.PortAudioError as error:
-            raise DeviceError(f"sound card {self.name}: {error}") from None
 
     def close(self) -> None:
         """Silence the card."""
         stream, self._stream = self._stream, None
         if stream is not None:
-            stream.abort(ignore_errors=True)
-            stream.close(ignore_errors=True)
+            end_stream(self._library, stream)
 
 
 class AudioActuator(Device):
@@ -615,14 +653,6 @@ class AudioActuator(Device):
         self._next += error if far else SHARE * error
         self._errors.clear()
 
-    def change(self, parameters: Any) -> None:
-        """Change parameters of the device."""
-        self._device.change(parameters)
-
-    def point(self, position: Vector) -> None:
-        """Lead the hand of the master."""
-        self._device.point(position)
-
     def close(self) -> None:
         """Silence the card at once, and close the device."""
         with ExitStack() as closing:
@@ -648,6 +678,11 @@ class AudioActuator(Device):
     def late(self) -> int:
         """Number of forces that came after the card had their samples."""
         return self._late
+
+    @property
+    def interruptions(self) -> int:
+        """Number of interruptions of the device, and of underruns."""
+        return super().interruptions + self._counts["audio_underruns"]
 
     def counters(self) -> dict[str, int]:
         """Return the counts of the device, of underruns, and of samples beyond full scale."""

@@ -37,14 +37,17 @@ from haptic_accel.core.model import ZERO, FloatArray, Vector
 from haptic_accel.core.orientation import is_turned, to_base
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices.audio import (
+    FIRST_BLOCK,
     JACK,
-    LATENCY,
     READINGS,
     AudioParameters,
     InputParameters,
     SoundCard,
+    end_stream,
     read_channels,
+    refusals,
     sound_library,
+    started_stream,
 )
 from haptic_accel.devices.interface import (
     LATER,
@@ -100,7 +103,8 @@ LEAST_LIKENESS = 0.1
 """Smallest correlation of that noise and its answer."""
 
 JACK_CHANNELS = 2
-"""Number of channels either way with which PortAudio 19.6 keeps to its memory on JACK."""
+"""Number of outputs, and largest of inputs, with which PortAudio 19.6 keeps to its memory on JACK.
+"""
 
 
 class CardClock:
@@ -193,21 +197,16 @@ class DuplexCard:
     def __init__(self, library: Any, index: int, block: int, rate: float) -> None:
         self._library = library
         found = library.query_devices(index)
-        self.name, self.rate = found["name"], rate
+        self.name, self.rate, self.index = found["name"], rate, index
         self.inputs, self.outputs = found["max_input_channels"], found["max_output_channels"]
         host = library.query_hostapis(found["hostapi"])["name"]
         if host == JACK:
             self.inputs = min(self.inputs, JACK_CHANNELS)
             self.outputs = min(self.outputs, JACK_CHANNELS)
-        self.stream = library.Stream(
-            device=index,
-            channels=(self.inputs, self.outputs),
-            samplerate=rate,
-            blocksize=block,
-            latency=LATENCY * block / rate,
-            dtype="float32",
-        )
-        self.stream.start()
+        least = JACK_CHANNELS if host == JACK else 1
+        if self.outputs < least:
+            raise ValueError(f"{self.name} has {self.outputs} outputs, must have at least {least}")
+        self.stream = started_stream(library, index, (self.inputs, self.outputs), block, rate)
         self.clock = CardClock(rate)
         self.received = self.overruns = self.users = 0
         self.is_played = False
@@ -224,9 +223,9 @@ class DuplexCard:
         Raises
         ------
         DeviceError
-            The card has given nothing for `LOST`.
+            The card has given nothing for `LOST`, or for `FIRST_BLOCK` since its start.
         """
-        try:
+        with refusals(self._library, f"sound card {self.name}"):
             count = self.stream.read_available
             if count:
                 data, lost = self.stream.read(count)
@@ -236,12 +235,12 @@ class DuplexCard:
                 self._newest = now
             if not self.is_played and self.stream.write_available >= len(self._silence):
                 self.stream.write(self._silence)
-        except self._library.PortAudioError as error:
-            raise DeviceError(f"sound card {self.name}: {error}") from None
-        if now - self._newest > LOST:
+        if math.isnan(self._newest):
+            self._newest = now  # the start
+        silent = now - self._newest
+        if silent > (LOST if self.received else FIRST_BLOCK):
             raise DeviceError(
-                f"sound card {self.name}: nothing for {1e3 * (now - self._newest):.0f} ms; is it"
-                " unplugged?"
+                f"sound card {self.name}: nothing for {1e3 * silent:.0f} ms; is it unplugged?"
             )
         self.clock.observe(self.received, now)
 
@@ -276,8 +275,7 @@ class DuplexCard:
 
     def close(self) -> None:
         """Stop, silent."""
-        self.stream.abort(ignore_errors=True)
-        self.stream.close(ignore_errors=True)
+        end_stream(self._library, self.stream)
 
 
 _CARDS: dict[int, DuplexCard] = {}
@@ -292,16 +290,12 @@ def _acquired(library: Any, name: str, block: int, rate: float) -> DuplexCard:
     DeviceError
         There is no such card, it has no inputs and outputs, or it cannot be opened.
     """
-    try:
+    with refusals(library, f"audio.device = {name!r}"):
         found = library.query_devices(name or None, "input")
-        if not found["max_output_channels"]:
-            raise ValueError(f"{found['name']} has no output")
         card = _CARDS.get(found["index"])
         if card is None:
             rate = rate or found["default_samplerate"]
             card = _CARDS[found["index"]] = DuplexCard(library, found["index"], block, rate)
-    except (ValueError, library.PortAudioError) as error:
-        raise DeviceError(f"audio.device = {name!r}: {error.args[0]}") from None
     card.users += 1
     return card
 
@@ -309,8 +303,7 @@ def _acquired(library: Any, name: str, block: int, rate: float) -> DuplexCard:
 def _release(card: DuplexCard) -> None:
     card.users -= 1
     if not card.users:
-        for index in [index for index, each in _CARDS.items() if each is card]:
-            del _CARDS[index]
+        del _CARDS[card.index]
         card.close()
 
 
@@ -344,30 +337,17 @@ class BenchOutput(SoundCard):
         DeviceError
             It cannot be opened, or the handle's accelerometer does not answer the coil.
         """
-        super().open()
-        self._duplex.is_played = True
+        assert self._sensor.card
+        self._duplex = card = self._sensor.card
+        self.name, self.rate, self.channels = card.name, card.rate, card.outputs
+        self._check_channels(card.outputs)
+        self._stream, card.is_played = card.stream, True
+        self.block = self._parameters.block
+        self._fill(self._free(), self._stream.latency[1])
         self._size = self._empty_size()
         self.hearing = self._sensor.hearing
         self._trip = self._round_trip()
         self.lead += self._trip / self.rate
-
-    def _check_host(self, host: str) -> None:
-        """Accept JACK, of which only two channels are opened."""
-
-    def _started(self, index: int) -> Any:
-        p = self._parameters
-        self._duplex = _acquired(self._library, p.card_name, p.block, self.rate)
-        self.channels = self._duplex.outputs
-        if max(self._own) >= self.channels:
-            _release(self._duplex)
-            raise ParameterError(
-                f"audio.channels = {p.channels!r}: must be at most {self.channels} with inputs"
-            )
-        return self._duplex.stream
-
-    @property
-    def _latency(self) -> float:
-        return float(self._stream.latency[1])
 
     def sounds(self, now: float) -> float | None:
         """Return the time at which the next written sample is measured, s; None while empty."""
@@ -383,10 +363,8 @@ class BenchOutput(SoundCard):
 
     def close(self) -> None:
         """Silence the card at once, or once the last device has closed it."""
-        stream, self._stream = self._stream, None
-        if stream is not None:
-            self._duplex.is_played = False
-            _release(self._duplex)
+        if self._stream is not None:
+            self._stream, self._duplex.is_played = None, False
 
     def _empty_size(self) -> int:
         """Return the samples that the output holds, once what it was started with is played."""
@@ -402,7 +380,10 @@ class BenchOutput(SoundCard):
         given = np.repeat(noise[:, np.newaxis], len(self._own), axis=1)
         most = round(LONGEST_TRIP * self.rate)
         begin, end = self._written, math.inf
+        latest = self._duplex.received + len(noise) + most + FIRST_BLOCK * self.rate
         while self._duplex.received < end:
+            if self._duplex.received > latest:
+                raise DeviceError(f"sound card {self.name}: plays nothing of what it is given")
             if room := min(self.room, begin + len(noise) - self._written):
                 done = self._written - begin
                 self.write(given[done : done + room])
@@ -495,7 +476,8 @@ class CardAccelerometer(Device):
         self._parameters, self._rate = parameters, rate
         self._device, self.parts = device, (device,)
         self._to_base, self._clock = to_base_axes, clock
-        self._card: DuplexCard | None = None
+        self.card: DuplexCard | None = None
+        self._wrong = 0
         self.hearing = math.nan
 
     def open(self) -> None:
@@ -522,7 +504,7 @@ class CardAccelerometer(Device):
         p = self._parameters
         name = p.card_name if isinstance(p, AudioParameters) else p.device
         rate = p.assumed.rate if isinstance(p, AudioParameters) else 0.0
-        self._card = card = _acquired(sound_library(), name, p.block, rate)
+        self.card = card = _acquired(sound_library(), name, p.block, rate)
         if max(self._channels) >= card.inputs:
             raise ParameterError(
                 f"audio.inputs = {p.inputs!r}: must be at most {card.inputs}, as the sound card"
@@ -541,7 +523,7 @@ class CardAccelerometer(Device):
 
     def channels_of(self, samples: FloatArray) -> FloatArray:
         """Return the accelerometer's columns of the card's inputs."""
-        return np.asarray(samples[:, self._channels])
+        return bounded(samples[:, self._channels])[0]
 
     def read(self, time: float) -> Reading:
         """Return the arm's motion, and the acceleration at a time in s."""
@@ -560,7 +542,7 @@ class CardAccelerometer(Device):
 
     def _felt(self, time: float) -> Reading:
         """Return a sample with the acceleration at a time in s, and nothing else."""
-        card = self._card
+        card = self.card
         if card is None:
             return None
         now = self._clock()
@@ -588,7 +570,8 @@ class CardAccelerometer(Device):
             new = card.around(card.received, 0)
             assert new is not None
         if len(new):
-            raw = new[:, self._channels]
+            raw, wrong = bounded(new[:, self._channels])
+            self._wrong += wrong
             filtered, self._state = self._sosfilt(self._sections, raw, axis=0, zi=self._state)
             self._filtered = np.concatenate((self._filtered, filtered))[
                 -round(WAITED * card.rate) :
@@ -601,26 +584,18 @@ class CardAccelerometer(Device):
         """Pass forces to the device."""
         self._device.write(time, arm_force=arm_force, actuator_force=actuator_force)
 
-    def change(self, parameters: Any) -> None:
-        """Change parameters of the device."""
-        self._device.change(parameters)
-
-    def point(self, position: Vector) -> None:
-        """Lead the hand of the device."""
-        self._device.point(position)
-
     def close(self) -> None:
         """Close the device, and the card once the last device has closed it."""
         with ExitStack() as closing:
             closing.callback(self._device.close)
-            card, self._card = self._card, None
+            card, self.card = self.card, None
             if card is not None:
                 closing.callback(_release, card)
 
     @property
     def remark(self) -> str:
         """Remark of the device; card and inputs."""
-        card = self._card
+        card = self.card
         own = (
             f"accelerometer on the sound card {card.name}, input {self._parameters.inputs}, read"
             f" {1e3 * self.hearing:.1f} ms after the sample"
@@ -629,19 +604,45 @@ class CardAccelerometer(Device):
         )
         return "; ".join(filter(None, (super().remark, own)))
 
+    @property
+    def problem(self) -> str:
+        """Problem of the device, and samples so far that cannot be."""
+        own = f"audio.inputs: {self._wrong} samples not finite or beyond full scale, limited to it"
+        return "; ".join(filter(None, (super().problem, own if self._wrong else "")))
+
+    @property
+    def interruptions(self) -> int:
+        """Number of interruptions of the device, of lost samples, and of steps of the clock."""
+        card = self.card
+        own = card.overruns + card.clock.jumps if card else 0
+        return super().interruptions + own
+
     def counters(self) -> dict[str, int]:
-        """Return the counts of the device, lost inputs, and the drift of the card's clock."""
-        card = self._card
-        own = (
-            {}
-            if card is None
-            else {
-                "audio_overruns": card.overruns,
-                "audio_jumps": card.clock.jumps,
-                "audio_drift_ppm": round(1e6 * card.clock.drift),
-            }
-        )
-        return {**self._device.counters(), **own}
+        """Return the counts of the device, wrong inputs, and the drift of the card's clock."""
+        card = self.card
+        if card is None:
+            return self._device.counters()
+        return {
+            **self._device.counters(),
+            "audio_wrong": self._wrong,
+            "audio_overruns": card.overruns,
+            "audio_jumps": card.clock.jumps,
+            "audio_drift_ppm": round(1e6 * card.clock.drift),
+        }
+
+
+def bounded(samples: FloatArray) -> tuple[FloatArray, int]:
+    """Return samples within full scale, and the number of those that were not.
+
+    A recursive filter keeps a sample that is not finite for ever.
+
+    Examples
+    --------
+    >>> bounded(np.array([0.5, np.nan, -np.inf, 1e30]))
+    (array([ 0.5,  0. , -1. ,  1. ]), 3)
+    """
+    wrong = int(np.count_nonzero(~(np.abs(samples) <= 1.0)))
+    return np.clip(np.nan_to_num(samples, nan=0.0), -1.0, 1.0), wrong
 
 
 def _sensor_filter(bandwidth: float, ac_corner: float, rate: float) -> FloatArray:

@@ -134,7 +134,7 @@ def check_level(samples: FloatArray, name: str) -> None:
     haptic_accel.devices.serial.calibration.CalibrationError: input 2: constant; is it unplugged, \
 muted, or off (phantom or sensor power)?
     """
-    clipped = int(np.count_nonzero(np.abs(samples) >= FULL))
+    clipped = int(np.count_nonzero(~(np.abs(samples) < FULL)))
     if clipped > MOST_CLIPPED:
         raise CalibrationError(
             f"{name}: {clipped} of {len(samples)} samples at full scale, must be at most"
@@ -176,20 +176,6 @@ def by_gravity(up: FloatArray, down: FloatArray, name: str) -> InputCalibration:
     return InputCalibration(found.gain, found.gain_error, found.noise)
 
 
-@dataclass(frozen=True)
-class _Ratio:
-    """Ratio of an input to what shakes it, in `BAND`.
-
-    Attributes
-    ----------
-    gain, error : float
-        Gain with its sign, and the standard error of its magnitude.
-    """
-
-    gain: float
-    error: float
-
-
 def by_reference(
     shaken: FloatArray, quiet: FloatArray, reference: FloatArray, rate: float, name: str
 ) -> InputCalibration:
@@ -212,8 +198,7 @@ def by_reference(
         The two do not move alike, or the input has no sensor or clips.
     """
     check_level(shaken, name)
-    found = _ratio(reference, shaken, rate, name)
-    return _calibration(found, quiet)
+    return _calibration(*_ratio(reference, shaken, rate, name), quiet)
 
 
 def by_force(
@@ -253,13 +238,13 @@ def by_force(
         _ratio(force[begin : end - late] / mass, shaken[begin + late : end], rate, name)
         for begin, end in ((0, half), (half, len(force)))
     )
-    unequal = abs(weak.gain / strong.gain - 1)
+    unequal = abs(weak[0] / strong[0] - 1)
     if unequal > MOST_UNEQUAL:
         raise CalibrationError(
             f"{name}: a weak signal's gain differs from a strong one's by {unequal:.0%}, must by"
             f" at most {MOST_UNEQUAL:.0%}; switch automatic gain, limiter and noise gate off"
         )
-    return _calibration(strong, quiet)
+    return _calibration(*strong, quiet)
 
 
 def relative(stroked: FloatArray, quiet: FloatArray, name: str) -> InputCalibration:
@@ -314,9 +299,9 @@ def digital_scales(name: str) -> tuple[float, float] | None:
     return first, second
 
 
-def _calibration(found: _Ratio, quiet: FloatArray) -> InputCalibration:
-    scale = 1 / found.gain
-    return InputCalibration(scale, abs(scale) * found.error, float(abs(scale) * quiet.std()))
+def _calibration(gain: float, error: float, quiet: FloatArray) -> InputCalibration:
+    scale = 1 / gain
+    return InputCalibration(scale, abs(scale) * error, float(abs(scale) * quiet.std()))
 
 
 def _delay(cause: FloatArray, response: FloatArray, most: int) -> int:
@@ -327,8 +312,8 @@ def _delay(cause: FloatArray, response: FloatArray, most: int) -> int:
     return int(likeness[len(cause) - 1 :][:most].argmax())
 
 
-def _ratio(cause: FloatArray, response: FloatArray, rate: float, name: str) -> _Ratio:
-    """Return the gain from a cause in m/s² to a response in full scales, with its sign."""
+def _ratio(cause: FloatArray, response: FloatArray, rate: float, name: str) -> tuple[float, float]:
+    """Return the gain in `BAND` from a cause, m/s², to a response, with its sign; its error."""
     from scipy import signal
 
     segment = round(SEGMENT * rate)
@@ -357,7 +342,7 @@ def _ratio(cause: FloatArray, response: FloatArray, rate: float, name: str) -> _
     # Half of the segments count twice, as Welch's overlap.
     records = max(1, 2 * len(cause) // segment - 1)
     error = math.sqrt(max(0.0, 1 - seen) / (2 * seen * records * np.count_nonzero(band)))
-    return _Ratio(gain * _sign(gains, name), error)
+    return gain * _sign(gains, name), error
 
 
 def _sign(gains: ComplexArray, name: str) -> float:

@@ -55,7 +55,7 @@ def run(
 @pytest.mark.parametrize("polarity", [1, -1])
 def test_a_known_force_gives_scale_and_polarity(polarity: int, tmp_path: Path) -> None:
     words = calibrate("by:=force", f"mass:={MASS}", f"full_scale:={FULL_SCALE}", "file:=rig.yaml")
-    with sound_world("--polarity", str(polarity)) as (environment, _):
+    with sound_world(tmp_path, polarity) as (environment, _):
         done = run(words, environment, tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     (own,) = yaml.safe_load((tmp_path / "rig.yaml").read_text()).values()
@@ -69,7 +69,7 @@ def test_a_known_force_gives_scale_and_polarity(polarity: int, tmp_path: Path) -
 @pytest.mark.live
 def test_the_input_of_another_sensor_is_named_and_nothing_is_written(tmp_path: Path) -> None:
     words = calibrate("input:=2", "by:=force", "mass:=0.128", "full_scale:=5", "file:=rig.yaml")
-    with sound_world() as (environment, _):
+    with sound_world(tmp_path) as (environment, _):
         done = run(words, environment, tmp_path)
     assert done.returncode == 1
     assert done.stderr.startswith("haptic-accel: input 2: coherence 0.")

@@ -22,7 +22,10 @@ import os
 import re
 import signal
 import subprocess
+import threading
+import time as clocks
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,18 +33,29 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from port_audio import BLOCK, RATE, PortAudio, Stream
 
-from haptic_accel.core.model import HandleParameters
+from haptic_accel.core.axes import ACTUATOR_AXIS
+from haptic_accel.core.model import LATER, HandleParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.devices.audio import InputParameters
+from haptic_accel.devices.audio import (
+    JACK,
+    AudioActuator,
+    AudioParameters,
+    InputParameters,
+    recorded,
+)
 from haptic_accel.devices.interface import DeviceError, NoParameters
-from haptic_accel.devices.sound_bench import CardAccelerometer, CardClock, NoArm, likest
+from haptic_accel.devices.sound_bench import (
+    BenchOutput,
+    CardAccelerometer,
+    CardClock,
+    NoArm,
+    likest,
+)
 from haptic_accel.setup.node_parameters import build_device, node_parameters
 from running import Command, nodes_of, wait_until
 from sound_cards import SOUND_RIG, sound_world
-
-RATE, BLOCK = 48_000, 64
-"""Samples per second, Hz, and samples a block of the card."""
 
 Start = Callable[..., Command]
 
@@ -104,6 +118,94 @@ def test_wrong_inputs_are_refused(given: dict[str, Any], refused: str) -> None:
         CardAccelerometer(InputParameters(**given), 1000.0, NoArm(NoParameters(), 1e3, 0), False)
 
 
+def sensor_on(card: PortAudio, patched: pytest.MonkeyPatch, kind: type = InputParameters) -> Any:
+    """Return the accelerometer of a handle on a card."""
+    for module in ("audio", "sound_bench"):
+        patched.setattr(f"haptic_accel.devices.{module}.sound_library", lambda: card)
+    arm = NoArm(NoParameters(), 1e3, 0)
+    return CardAccelerometer(kind(scales="100"), 1000.0, arm, to_base_axes=False)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30, -1.5, 1.0])
+def test_a_sample_that_cannot_be_spoils_no_later_one(
+    value: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device = sensor_on(PortAudio(spoiled=value), monkeypatch)
+    device.open()
+    seen: list[Any] = []
+    while len(seen) < 80:
+        time = clocks.monotonic()
+        while (sample := device.read(time)) is LATER:
+            clocks.sleep(1e-3)
+        seen.append(sample and sample.acceleration[ACTUATOR_AXIS])
+    felt = np.array([each for each in seen if each is not None])
+    assert np.isfinite(felt).all()
+    assert felt[-10:] == pytest.approx(25.0)
+    wrong = value != 1.0
+    assert device.counters()["audio_wrong"] == wrong
+    assert ("audio.inputs: 1 samples not finite" in device.problem) == wrong
+    device.close()
+
+
+@pytest.mark.parametrize(
+    ("card", "refused"),
+    [
+        (PortAudio(gives=False), "sound card card: nothing for "),
+        (PortAudio(plays=False), "sound card card: plays nothing of what it is given"),
+        (PortAudio(outputs=1), "audio.channels = '2': channel 2 must be at most 1"),
+        (PortAudio(outputs=0), "audio.device = '': card has 0 outputs, must have at least 1"),
+        (PortAudio(outputs=1, host=JACK), "audio.device = '': card has 1 outputs, must have at "),
+    ],
+)
+def test_a_card_that_cannot_be_a_bench_is_refused_in_one_line(
+    card: PortAudio, refused: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("haptic_accel.devices.sound_bench.FIRST_BLOCK", 0.3)
+    sensor = sensor_on(card, monkeypatch, AudioParameters)
+    output = partial(BenchOutput, sensor=sensor)
+    device = AudioActuator(AudioParameters(channels="2"), 1e3, sensor, 9, card=output)
+    with pytest.raises((DeviceError, ParameterError)) as found:
+        device.open()
+    assert str(found.value).startswith(refused)
+    assert str(found.value).isprintable()
+
+
+SOUND = np.full((48, 1), 0.5)
+
+
+@pytest.mark.parametrize(
+    ("recordings", "refused"),
+    [
+        ([("input overflow", SOUND), (None, SOUND)], ""),
+        ([("input overflow", SOUND)] * 5, "lost samples .input overflow. while it recorded"),
+        ([(None, np.append(SOUND, [[np.nan]], 0))], "gave samples that are not finite numbers"),
+        ([None], "gives no samples within 0.1 s"),
+    ],
+)
+def test_a_recording_is_whole_or_made_again_or_refused(
+    recordings: list[Any], refused: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    card = PortAudio(recordings=recordings)
+    monkeypatch.setattr("haptic_accel.devices.audio.sound_library", lambda: card)
+    monkeypatch.setattr("haptic_accel.devices.audio.FIRST_BLOCK", 0.1)
+    if refused:
+        with pytest.raises(DeviceError, match=f"^device = 'card': {refused}"):
+            recorded("card", 1e-3, 1)
+    else:
+        assert recorded("card", 1e-3, 1)[0] == pytest.approx(SOUND)
+
+
+def test_a_card_whose_server_is_gone_holds_nothing_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("haptic_accel.devices.audio.LONGEST_END", 0.05)
+    device = sensor_on(card := PortAudio(), monkeypatch)
+    device.open()
+    monkeypatch.setattr(Stream, "close", lambda _: threading.Event().wait())
+    left_out: list[Any] = []
+    monkeypatch.setattr("atexit.unregister", left_out.append)
+    device.close()
+    assert left_out == [card._exit_handler]  # which would wait at the end of the process, too
+
+
 def test_no_arm_without_accelerometers_is_refused() -> None:
     own, options = node_parameters("slave_device", {"device": "none"})
     with pytest.raises(
@@ -115,7 +217,7 @@ def test_no_arm_without_accelerometers_is_refused() -> None:
 @pytest.fixture
 def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Run handle and tool behind a card; yield the parameter file of the rig."""
-    with sound_world() as (environment, _):
+    with sound_world(tmp_path) as (environment, _):
         for name in ("JACK_DEFAULT_SERVER", "JACK_NO_START_SERVER"):
             monkeypatch.setenv(name, environment[name])
         file = tmp_path / "rig.yaml"

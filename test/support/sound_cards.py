@@ -20,13 +20,13 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+from sound_world import numbers
 
 from running import realtime_is_allowed
 
@@ -127,25 +127,32 @@ slave_device:
 
 
 @contextmanager
-def sound_world(*words: str) -> Iterator[tuple[dict[str, str], subprocess.Popen[str]]]:
+def sound_world(
+    folder: Path, polarity: float = 1.0
+) -> Iterator[tuple[dict[str, str], subprocess.Popen[str]]]:
     """Run a handle and a tool behind JACK's card; yield the environment, and the world.
 
     Parameters
     ----------
-    words : str
-        Arguments of `sound_world.py`, in this folder.
+    folder : Path
+        For the compiled world.
+    polarity : float
+        1, or -1 for a handle's sensor with swapped wires.
     """
-    try:
-        import jack  # noqa: F401
-    except (ImportError, OSError) as missing:  # the latter without JACK's library
-        pytest.skip(f"no JACK-Client: {missing}")
+    source, program = Path(__file__).with_name("sound_world.c"), folder / "sound_world"
+    if not shutil.which("cc"):
+        pytest.skip("no cc: apt-get install gcc")
+    command = ["cc", "-O2", "-o", str(program), str(source), "-l:libjack.so.0"]
     with jack_card(outputs=2) as environment:
-        command = [sys.executable, str(Path(__file__).with_name("sound_world.py")), *words]
+        subprocess.run(command, check=True)
         with subprocess.Popen(
-            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+            program, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         ) as world:
+            assert world.stdin
             assert world.stdout
             try:
+                world.stdin.write(numbers(polarity))
+                world.stdin.close()
                 assert world.stdout.readline() == "ready\n"
                 yield environment, world
             finally:

@@ -26,13 +26,7 @@ from haptic_accel.core import signal_checks as checks
 from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.signal_checks import Check
 from haptic_accel.devices.observed import Force
-from haptic_accel.kits.bringup.bench import (
-    MASTER,
-    RESPONSE_SETTLING,
-    SERIAL,
-    SKIPPED,
-    Bench,
-)
+from haptic_accel.kits.bringup.bench import MASTER, RESPONSE_SETTLING, SERIAL, SKIPPED, Bench
 from haptic_accel.kits.bringup.boards import REST
 from haptic_accel.setup.files import EVERY_NODE
 from haptic_accel.setup.node_parameters import SAFETY

@@ -21,13 +21,7 @@ from collections.abc import Callable
 from datetime import datetime
 
 from haptic_accel.devices import DeviceError
-from haptic_accel.kits.bringup.bench import (
-    STEPS,
-    Bench,
-    BringUpArguments,
-    BringUpError,
-    Person,
-)
+from haptic_accel.kits.bringup.bench import STEPS, Bench, BringUpArguments, BringUpError, Person
 from haptic_accel.kits.bringup.boards import calibrate_boards, connect
 from haptic_accel.kits.bringup.compensation import identify, prove
 from haptic_accel.kits.bringup.handle_safety import make_safe

@@ -25,12 +25,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.devices.can.kinematics import (
-    ArticulatedArm,
-    Kinematics,
-    LinearStage,
-    PlanarArm,
-)
+from haptic_accel.devices.can.kinematics import ArticulatedArm, Kinematics, LinearStage, PlanarArm
 from haptic_accel.devices.can.parameters import JointParameters, LinkParameters, StageParameters
 
 KINEMATICS: dict[str, Kinematics] = {

@@ -347,7 +347,7 @@ def test_handle_and_tool_on_a_sound_card_become_a_rig(
     (tmp_path / "card.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
     devices = [f"{name}:=audio" for name in ("actuator", "accelerometers")]
     devices += [f"{side}:=none" for side in ARMS]
-    with sound_world() as (environment, world):
+    with sound_world(tmp_path) as (environment, world):
         for name in ("JACK_DEFAULT_SERVER", "JACK_NO_START_SERVER"):
             monkeypatch.setenv(name, environment[name])
         status, lines = bring_up(tmp_path, CardHands(world), *devices, "params_file:=card.yaml")

@@ -76,7 +76,7 @@ class Bench:
 
 @pytest.fixture
 def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    with sound_world() as (environment, _), plug_ins() as built:
+    with sound_world(tmp_path) as (environment, _), plug_ins() as built:
         for name in ("JACK_DEFAULT_SERVER", "JACK_NO_START_SERVER"):
             monkeypatch.setenv(name, environment[name])
         file = tmp_path / "rig.yaml"
