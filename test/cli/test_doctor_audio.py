@@ -28,10 +28,12 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.process import INTERRUPTED
+from haptic_accel.devices.audio import JACK, ListedCard
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.setup import Setup
 from running import PATIENCE
 from sound_cards import QUAD, RATE, received_of_four, sound_card
+from verbs import status_of
 
 pytestmark = pytest.mark.quiet
 
@@ -152,7 +154,47 @@ def test_without_a_card_it_says_what_to_plug_in(
     monkeypatch.setenv("ALSA_CONFIG_PATH", str(folder / "nothing.conf"))
     command = doctor(folder, *words)
     assert ended(command) == [
-        "haptic-accel: no sound card with an output: plug a game controller in by a USB cable, or"
-        " a card with an amplifier; in a container, let it have /dev/snd"
+        "haptic-accel: no sound card with an output that can be used: stop JACK if it runs, plug a"
+        " game controller in by a USB cable, or a card with an amplifier; in a container, let it"
+        " have /dev/snd"
     ]
     assert command.returncode == 1
+
+
+def listed(name: str, channels: int, server: str) -> ListedCard:
+    return ListedCard(name, channels, RATE, server, is_default=False)
+
+
+@pytest.mark.parametrize(
+    ("cards", "advised"),
+    [
+        ([listed("system", 2, JACK)], "stop JACK if it runs"),
+        ([listed("system", 2, JACK), listed("coil", 2, "")], "audio device:=coil"),
+        ([listed("DualSense", 4, JACK), listed("coil", 2, "plug-in")], "audio device:=coil"),
+        ([listed("DualSense", 2, ""), listed("coil", 2, "plug-in")], "audio device:=DualSense"),
+        ([listed("coil", 2, ""), listed("DualSense", 4, "")], "audio preset:=dualsense"),
+    ],
+)
+def test_what_is_advised_is_not_refused_next(
+    cards: list[ListedCard],
+    advised: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("haptic_accel.cli.doctor_audio.sound_cards", lambda: cards)
+    status = status_of("doctor", "audio")
+    said = capsys.readouterr()
+    assert advised in (said.err if status else said.out)
+    assert bool(status) == ("JACK" in advised)
+
+
+def test_a_card_that_needs_more_latency_than_allowed_is_refused(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("haptic_accel.devices.audio.BLOCKS_AHEAD", 40)
+    monkeypatch.setattr("builtins.input", lambda _: "1")
+    file = folder / "audio.yaml"
+    assert status_of("doctor", "audio", f"device:={QUAD}", f"file:={file}") == 1
+    told = "sound card quad: needs latency:=61 with 64 samples a block, must be at most 20"
+    assert told in capsys.readouterr().err
+    assert not file.exists()

@@ -29,11 +29,7 @@ from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.materials.folders import config_folder, preset_file
 from haptic_accel.setup.arguments import GraphArguments
-from haptic_accel.setup.files import (
-    parameter_text,
-    read_parameter_file,
-    surface_parameters,
-)
+from haptic_accel.setup.files import parameter_text, read_parameter_file, surface_parameters
 from haptic_accel.setup.node_parameters import NODES, node_parameters, node_schema
 from haptic_accel.setup.setup import Setup
 

@@ -26,11 +26,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments, parse_arguments
 from haptic_accel.setup.node_parameters import node_schema
-from haptic_accel.setup.processes import (
-    arrangement,
-    graph,
-    identification_graph,
-)
+from haptic_accel.setup.processes import arrangement, graph, identification_graph
 from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import parse_words
 

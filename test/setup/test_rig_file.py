@@ -22,11 +22,7 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.setup.arguments import parse_arguments
 from haptic_accel.setup.files import parameter_text, read_parameter_file
-from haptic_accel.setup.rig_file import (
-    check_updatable,
-    teleoperation_words,
-    update_parameter_file,
-)
+from haptic_accel.setup.rig_file import check_updatable, teleoperation_words, update_parameter_file
 from haptic_accel.setup.setup import Setup
 
 RIG = """\
