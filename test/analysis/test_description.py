@@ -110,9 +110,7 @@ def test_an_unknown_latency_is_estimated_and_said(
     assert "estimated" in analysis.shifted_by
 
 
-def test_without_any_sign_of_the_latency_there_is_no_figure_but_the_reason(
-    tmp_path: Path,
-) -> None:
+def test_without_any_sign_of_the_latency_there_is_no_figure_but_the_reason(tmp_path: Path) -> None:
     bag = silent(run(tmp_path, controller="none"))
     found = row(bag)
     assert math.isnan(found.nrmse_percent)

@@ -189,10 +189,7 @@ def test_a_fitted_mount_is_shown(one: Identification, tmp_path: Path) -> None:
     grips = {"pinch": dataclasses.replace(one.grips["pinch"], fit=fit)}
     page = report(dataclasses.replace(one, fit=fit, grips=grips), tmp_path / "moving")
     rows = {row[0]: row[1:] for row in page.tables[0] if row[0].startswith("mount")}
-    assert list(rows.values()) == [
-        ["Hz", DASH, "280.00", "0.40"],
-        ["1", DASH, "0.1270", "0.0012"],
-    ]
+    assert list(rows.values()) == [["Hz", DASH, "280.00", "0.40"], ["1", DASH, "0.1270", "0.0012"]]
 
 
 def test_numbers_that_are_none_never_reach_the_reader(one: Identification, tmp_path: Path) -> None:

@@ -114,12 +114,7 @@ def test_the_page_needs_nothing_but_itself(report: Path) -> None:
     page = (report / "index.html").read_text()
     assert not re.findall(r"(?:src|href)=\"(?:https?:)?//", page)
     assert len(page) < 3e6
-    for heading in (
-        "Table II",
-        "Remarks on the bags",
-        "Lost samples",
-        "inverse against constant",
-    ):
+    for heading in ("Table II", "Remarks on the bags", "Lost samples", "inverse against constant"):
         assert heading in page
 
 

@@ -258,8 +258,7 @@ def test_a_pause_of_a_simulated_world_counts_as_a_real_handle_would_feel_it(
 
 
 @pytest.mark.parametrize(
-    ("process", "words"),
-    [("recorder", []), *((name, [APART]) for name in sorted(EXECUTABLES))],
+    ("process", "words"), [("recorder", []), *((name, [APART]) for name in sorted(EXECUTABLES))]
 )
 @pytest.mark.slow
 def test_a_process_that_dies_ends_the_graph_and_is_named(
@@ -387,11 +386,7 @@ def runs_as(process: int, scheduling_class: int) -> bool:
 def test_a_recorded_surface_is_played(haptic_accel: Start, tmp_path: Path) -> None:
     write_recording(tmp_path / "vinyl.csv", "vinyl")
     command = haptic_accel(
-        "teleop",
-        "surface:=vinyl.csv",
-        f"recording_rate:={RATE}",
-        "duration:=2",
-        "bag:=bag",
+        "teleop", "surface:=vinyl.csv", f"recording_rate:={RATE}", "duration:=2", "bag:=bag"
     )
     assert command.end() == 0, command.text
     topic = "/slave/tool/acceleration"

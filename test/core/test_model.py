@@ -33,10 +33,7 @@ def acceleration_over_force(frequency: float, p: HandleParameters) -> complex:
     s = 2j * math.pi * frequency
     spring = p.k_s + p.b_s * s
     motion = np.array(
-        [
-            [p.m_a * s**2 + spring, -spring],
-            [-spring, p.m_h * s**2 + spring + p.k_u + p.b_u * s],
-        ]
+        [[p.m_a * s**2 + spring, -spring], [-spring, p.m_h * s**2 + spring + p.k_u + p.b_u * s]]
     )
     _, y_h = np.linalg.solve(motion, np.array([-1.0, 1.0]))
     return complex(s**2 * y_h)
@@ -128,10 +125,7 @@ def test_its_gain_is_a_factor() -> None:
 
 @pytest.mark.parametrize(
     ("polynomial", "pairs"),
-    [
-        ("numerator", [(9.0, 0.5), (12.0, 0.3)]),
-        ("denominator", [(15.0, 0.35), (20.0, 0.4)]),
-    ],
+    [("numerator", [(9.0, 0.5), (12.0, 0.3)]), ("denominator", [(15.0, 0.35), (20.0, 0.4)])],
 )
 def test_its_poles_and_zeros_are_the_papers(
     polynomial: str, pairs: list[tuple[float, float]]

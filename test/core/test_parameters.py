@@ -148,11 +148,7 @@ def test_bounds_themselves_are_allowed(value: float, one: float, other: float) -
         (Specification("", "kg", low=0.0, above=True), 0.0, "x = 0.0: must be above 0 kg"),
         (Specification("", "Hz", high=1e3), 1001.0, "x = 1001.0: must be at most 1000 Hz"),
         (Specification("", "m", low=0.1, high=2), 3.0, "x = 3.0: must be from 0.1 to 2 m"),
-        (
-            Specification("", low=0, high=1, above=True),
-            0,
-            "x = 0: must be above 0 to 1",
-        ),
+        (Specification("", low=0, high=1, above=True), 0, "x = 0: must be above 0 to 1"),
         (Specification("", "N"), math.nan, "x = nan: must be a finite number N"),
         (Specification("", low=0), "1", "x = '1': must be at least 0"),
     ],

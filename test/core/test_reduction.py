@@ -136,9 +136,7 @@ def test_every_live_reduction_has_its_name() -> None:
 
 
 @pytest.mark.parametrize(
-    "direction",
-    [[0.6, 0.0, 0.8], [1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [-0.48, -0.64, 0.6]],
-    ids=str,
+    "direction", [[0.6, 0.0, 0.8], [1.0, 0.0, 0.0], [0.0, 0.6, -0.8], [-0.48, -0.64, 0.6]], ids=str
 )
 def test_a_line_is_found_while_learning(direction: list[float]) -> None:
     reduced = PrincipalDirection(RATE)

@@ -55,10 +55,7 @@ def test_what_lies_outside_is_not_used() -> None:
     np.testing.assert_array_equal(seen, [False, True, False])
 
 
-@given(
-    st.sampled_from([100.0, 400.0, 1000.0, 3000.0, 4000.0]),
-    st.integers(0, 5),
-)
+@given(st.sampled_from([100.0, 400.0, 1000.0, 3000.0, 4000.0]), st.integers(0, 5))
 def test_the_rate_is_found_in_spite_of_jitter_and_loss(rate: float, seed: int) -> None:
     random = np.random.default_rng(seed)
     places = np.flatnonzero(random.random(2000) > 0.1)

@@ -278,11 +278,7 @@ def test_with_a_latency_that_the_design_knows_the_handle_follows(
     rig: str, most: float, controller: str
 ) -> None:
     late = run_trial(
-        controller,
-        rig_with("text", rig),
-        duration=8.0,
-        controllers=options_of(rig),
-        latency=1,
+        controller, rig_with("text", rig), duration=8.0, controllers=options_of(rig), latency=1
     )
     assert late.evaluate().nrmse_percent < most
     at_one_sample = evaluate(late.desired_acceleration, late.actual_acceleration, late.rate)

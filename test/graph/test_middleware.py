@@ -100,10 +100,7 @@ def udp_addresses(pid: int) -> set[str]:
 
 
 def test_every_socket_is_bound_to_the_machine_where_plain_ros_nodes_find_the_graph(
-    start: Callable[..., Command],
-    observer: Observer,
-    domain: int,
-    monkeypatch: pytest.MonkeyPatch,
+    start: Callable[..., Command], observer: Observer, domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for variable in VARIABLES:
         monkeypatch.delenv(variable, raising=False)

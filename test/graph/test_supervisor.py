@@ -69,11 +69,7 @@ def test_the_first_end_ends_all_with_its_status_and_last_lines() -> None:
     [
         *((f"raise SystemExit({status})", True, {}) for status in WELL),
         ("raise SystemExit(2)", True, {"ended": 2}),
-        (
-            "import signal; signal.raise_signal(signal.SIGALRM)",
-            False,
-            {"ended": -signal.SIGALRM},
-        ),
+        ("import signal; signal.raise_signal(signal.SIGALRM)", False, {"ended": -signal.SIGALRM}),
     ],
 )
 def test_a_node_whose_middleware_did_not_end_has_not_failed_unless_its_work_did(
@@ -270,9 +266,7 @@ def test_a_process_whose_lines_are_not_taken_goes_on_and_the_lost_are_counted(
 
 @pytest.mark.usefixtures("scripts")
 @pytest.mark.parametrize("error", [BrokenPipeError(), SystemExit(1)])
-def test_the_graph_is_stopped_in_order_once_nobody_takes_its_lines(
-    error: BaseException,
-) -> None:
+def test_the_graph_is_stopped_in_order_once_nobody_takes_its_lines(error: BaseException) -> None:
     def fail(*_: str) -> None:
         raise error
 

@@ -31,10 +31,7 @@ from haptic_accel.materials.scenes import read_scene
 
 # A box of 20 x 10 x 8, in mm.
 CORNERS = [(x, y, z) for x in (-10, 10) for y in (-5, 5) for z in (-4, 4)]
-FACES = [
-    *((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1)),
-    *((2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)),
-]
+FACES = [*((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1)), *((2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))]
 TRIANGLES = [triangle for a, b, c, d in FACES for triangle in ((a, b, c), (a, c, d))]
 MILLIMETRES = Sampling(spacing=2e-3, scale=1e-3)
 

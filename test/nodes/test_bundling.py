@@ -171,9 +171,7 @@ def test_a_bag_has_what_a_subscriber_of_everything_gets_and_more_by_nobody(
         # Else this process would pass for one whose signals are all in its bundles.
         node.destroy_publisher(nonsense)
         rival = node.create_publisher(
-            message_type(DESIRED_ACCELERATION),
-            DESIRED_ACCELERATION.name,
-            QoSProfile(depth=100),
+            message_type(DESIRED_ACCELERATION), DESIRED_ACCELERATION.name, QoSProfile(depth=100)
         )
         wait_until(lambda: rival.get_subscription_count() == 2, "the recorder and the test")
         sent = []
@@ -203,9 +201,7 @@ def test_a_bag_has_what_a_subscriber_of_everything_gets_and_more_by_nobody(
     own = [data for data in both if data not in others]
     assert [data for data in both if data in others] == sent
     assert_holds(
-        own,
-        [data for data in heard[f"/{DESIRED_ACCELERATION.name}"] if data not in others],
-        "own",
+        own, [data for data in heard[f"/{DESIRED_ACCELERATION.name}"] if data not in others], "own"
     )
     assert_complete([bag[f"/{topic.name}"] for topic in SLAVE_SIGNALS])
 

@@ -154,9 +154,7 @@ def test_a_granted_delay_in_samples_is_a_time_at_the_rate(
     assert capfd.readouterr().err.count(line) == 1
 
 
-def test_samples_stamped_an_hour_off_are_refused_and_the_compensator_goes_on(
-    bench: Bench,
-) -> None:
+def test_samples_stamped_an_hour_off_are_refused_and_the_compensator_goes_on(bench: Bench) -> None:
     bench.run(0, lambda: len(bench.caused) > 20)
     for off in (HOUR, -HOUR):
         bench.send(off)

@@ -208,9 +208,7 @@ def test_a_file_has_every_line(node: Callable[..., Node], tmp_path: Path) -> Non
     assert all(map(WHOLE.fullmatch, lines[1:]))
 
 
-def test_the_end_of_its_terminal_ends_a_node_in_order(
-    node: Callable[..., Node],
-) -> None:
+def test_the_end_of_its_terminal_ends_a_node_in_order(node: Callable[..., Node]) -> None:
     logging = node(subprocess.DEVNULL, "waits")
     assert logging.goes_on()
     logging.ask()

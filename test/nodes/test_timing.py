@@ -165,10 +165,7 @@ def test_a_long_stall_leaves_out_whole_frames(clock: FakeClock) -> None:
     assert keeper.missed == served[0] - 20
 
 
-@given(
-    rate=st.floats(50, 20e3),
-    delays=st.lists(st.floats(0, 3), min_size=2, max_size=200),
-)
+@given(rate=st.floats(50, 20e3), delays=st.lists(st.floats(0, 3), min_size=2, max_size=200))
 def test_no_drift_and_no_loss_at_any_rate(rate: float, delays: list[float]) -> None:
     clock = FakeClock()
     keeper = RateKeeper(rate, clock)

@@ -34,14 +34,7 @@ from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import Suspension
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope import windows
-from haptic_accel.scope.frames import (
-    PLOTS,
-    SAMPLES,
-    TRACES,
-    Cursor,
-    places_frame,
-    plots_frame,
-)
+from haptic_accel.scope.frames import PLOTS, SAMPLES, TRACES, Cursor, places_frame, plots_frame
 from haptic_accel.scope.windows import (
     LARGEST_VALUE,
     LONGEST_WINDOW,

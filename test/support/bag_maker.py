@@ -68,12 +68,7 @@ class Message(NamedTuple):
 
 
 def vector_bytes(
-    kind: str,
-    stamp: int,
-    frame: str,
-    vector: Sequence[float],
-    *,
-    little_endian: bool = True,
+    kind: str, stamp: int, frame: str, vector: Sequence[float], *, little_endian: bool = True
 ) -> bytes:
     """Return a vector's stamped message, packed by rosbags instead of this package.
 

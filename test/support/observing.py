@@ -72,11 +72,7 @@ class Observer:
             wait_for(lambda message: message.data is state)
 
     def status(
-        self,
-        node: str,
-        said: str = "",
-        least: Mapping[str, int] | None = None,
-        **values: str,
+        self, node: str, said: str = "", least: Mapping[str, int] | None = None, **values: str
     ) -> dict[str, str]:
         """Return the values of a node's next diagnostics whose message contains a text.
 

@@ -82,9 +82,7 @@ class SoundServer:
         loaded = [word for module in modules for word in ("-L", module)]
         own = ["--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no"]
         self._process = subprocess.Popen(
-            ["pulseaudio", "-n", *own, *loaded],
-            env=self.environment,
-            stderr=subprocess.DEVNULL,
+            ["pulseaudio", "-n", *own, *loaded], env=self.environment, stderr=subprocess.DEVNULL
         )
         while not self.ask("info"):
             assert self._process.poll() is None, "pulseaudio has ended"

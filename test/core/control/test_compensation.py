@@ -217,10 +217,7 @@ def test_who_is_selected_before_anything_moves_is_there_from_the_beginning() -> 
 def test_a_force_beyond_the_peak_is_cut_and_counted() -> None:
     stream = unlimited("constant")
     # 6.6 N / 0.128 kg = 51.6 m/s^2, of which the first sample passes 88 %.
-    assert [stream.sample(50.0, 0.0)[1] < COIL.peak_force, stream.guard.saturated] == [
-        True,
-        0,
-    ]
+    assert [stream.sample(50.0, 0.0)[1] < COIL.peak_force, stream.guard.saturated] == [True, 0]
     stream.reset()
     woken(stream)
     assert [stream.sample(100.0, 0.0)[1], stream.guard.saturated] == [6.6, 1]
@@ -366,11 +363,7 @@ def test_a_rate_just_above_is_not() -> None:
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [
-        ("controller", "magic"),
-        ("high_pass_frequency", 0.0),
-        ("high_pass_frequency", math.nan),
-    ],
+    [("controller", "magic"), ("high_pass_frequency", 0.0), ("high_pass_frequency", math.nan)],
 )
 def test_impossible_parameters_are_refused(field: str, value: float | str) -> None:
     with pytest.raises(ParameterError, match=f"^{field} = {value!r}: must be "):
@@ -388,8 +381,7 @@ def test_the_papers_controllers_are_there() -> None:
 
 def test_an_unknown_controller_is_refused_with_the_names_there_are() -> None:
     with pytest.raises(
-        ParameterError,
-        match=f"^controller = 'dynamics': must be one of {', '.join(NAMES)}$",
+        ParameterError, match=f"^controller = 'dynamics': must be one of {', '.join(NAMES)}$"
     ):
         build_controller("dynamics", Loop(RATE))
 
@@ -552,8 +544,7 @@ def test_the_one_in_use_may_be_selected_again() -> None:
 def test_a_name_that_is_none_cannot_be_selected_and_changes_nothing() -> None:
     stream = compensation("constant")
     with pytest.raises(
-        ParameterError,
-        match=f"^controller = 'magic': must be one of {', '.join(NAMES)}$",
+        ParameterError, match=f"^controller = 'magic': must be one of {', '.join(NAMES)}$"
     ):
         stream.select("magic")
     assert stream.controller == "constant"

@@ -51,8 +51,7 @@ def estimator(**parameters: float) -> GripEstimator:
 def rig(handle: HandleParameters, noise: float = 0.0, rate: float = RATE) -> MasterRig:
     sensor = AccelerometerParameters(noise_density=noise, bits=32)
     return MasterRig(
-        MasterRigParameters(handle, drive=DriveParameters(bits=32), accelerometer=sensor),
-        rate,
+        MasterRigParameters(handle, drive=DriveParameters(bits=32), accelerometer=sensor), rate
     )
 
 
@@ -231,11 +230,7 @@ def test_some_missing_samples_do_no_harm_many_stop_it() -> None:
 
 
 @settings(deadline=None, max_examples=20)
-@given(
-    st.integers(0, 2**31),
-    st.floats(0.0, 100.0),
-    st.floats(0.0, 1e4),
-)
+@given(st.integers(0, 2**31), st.floats(0.0, 100.0), st.floats(0.0, 1e4))
 @example(0, 1.0, 0.0)
 def test_whatever_it_sees_the_grip_stays_in_the_safe_set(
     seed: int, force: float, acceleration: float

@@ -303,11 +303,7 @@ def test_forces_change_by_what_motion_and_the_fade_demand(
 
 @given(gain_sets, gain_sets, positions, positions, fades)
 def test_what_was_faded_in_holds_from_then_on(
-    old: CouplingParameters,
-    new: CouplingParameters,
-    lag: Vector,
-    moved: Vector,
-    samples: int,
+    old: CouplingParameters, new: CouplingParameters, lag: Vector, moved: Vector, samples: int
 ) -> None:
     coupling, expected = PositionPositionCoupling(old), PositionPositionCoupling(new)
     for each in (coupling, expected):

@@ -32,10 +32,7 @@ FREQUENCY = np.linspace(10.0, 450.0, 45)
 TABLE_I = HandleParameters()
 
 grips = st.builds(
-    HandleParameters,
-    m_h=st.floats(0.02, 1.0),
-    k_u=st.floats(0.0, 1e4),
-    b_u=st.floats(0.0, 100.0),
+    HandleParameters, m_h=st.floats(0.02, 1.0), k_u=st.floats(0.0, 1e4), b_u=st.floats(0.0, 100.0)
 )
 
 

@@ -103,11 +103,7 @@ class Rig:
         self.part = CouplingPart(coupling, engagement, RATE, longest=10)
         self.compensation = CompensationPart(compensation, RATE, latency, longest=10)
         self.loop = HostLoop(
-            sides,
-            self.part,
-            self.compensation,
-            failures=(BrokenError,),
-            failed=self._fail,
+            sides, self.part, self.compensation, failures=(BrokenError,), failed=self._fail
         )
 
     def steps(self, ticks: range) -> None:

@@ -221,9 +221,7 @@ def test_missed_ticks_are_left_out() -> None:
 @given(
     st.lists(
         st.tuples(
-            st.integers(-50, 50),
-            st.lists(st.floats(width=32), max_size=16),
-            st.floats(0.0, 0.1),
+            st.integers(-50, 50), st.lists(st.floats(width=32), max_size=16), st.floats(0.0, 0.1)
         ),
         max_size=60,
     )

@@ -75,10 +75,7 @@ def continuous(frequency: float, mode: tuple[float, float] | None = None) -> com
     s = 2j * math.pi * frequency
     spring = p.k_s + p.b_s * s
     motion = np.array(
-        [
-            [p.m_a * s**2 + spring, -spring],
-            [-spring, p.m_h * s**2 + spring + p.k_u + p.b_u * s],
-        ]
+        [[p.m_a * s**2 + spring, -spring], [-spring, p.m_h * s**2 + spring + p.k_u + p.b_u * s]]
     )
     _, y_h = np.linalg.solve(motion, np.array([-1.0, 1.0]))
     mount = 1.0 + 0j
@@ -90,10 +87,7 @@ def continuous(frequency: float, mode: tuple[float, float] | None = None) -> com
 
 
 def sampled(
-    frequency: float,
-    rate: float,
-    mode: tuple[float, float] | None = None,
-    delay: float = 0.0,
+    frequency: float, rate: float, mode: tuple[float, float] | None = None, delay: float = 0.0
 ) -> complex:
     """Return the same behind a zero-order hold, as samples see it: with all its aliases."""
     total = 0j
@@ -111,10 +105,7 @@ def sampled(
     ("mode", "delay"), [(None, 0.0), ((280.0, 0.18), 0.0), (None, 230e-6), ((320.0, 0.1), 1.3e-3)]
 )
 def test_the_handle_follows_eq_3_behind_hold_and_low_pass(
-    ideal_master: MasterRigParameters,
-    rate: float,
-    mode: tuple[float, float] | None,
-    delay: float,
+    ideal_master: MasterRigParameters, rate: float, mode: tuple[float, float] | None, delay: float
 ) -> None:
     parameters = replace(ideal_master, drive=replace(ideal_master.drive, delay=delay))
     if mode:
@@ -298,9 +289,7 @@ def test_undamped_stops_give_back_what_they_took() -> None:
     # Nothing takes energy away, so 300 ms of bouncing show what the stops make of it: they are
     # looked at every 50 us only, and may be left a little late.
     undamped = replace(
-        STILL,
-        handle=HandleParameters(b_s=0.0, b_u=0.0),
-        drive=DriveParameters(stop_damping=0.0),
+        STILL, handle=HandleParameters(b_s=0.0, b_u=0.0), drive=DriveParameters(stop_damping=0.0)
     )
     rig = MasterRig(undamped, RATE)
     rig.disturb(0.0, 3.0)

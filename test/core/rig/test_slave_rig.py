@@ -98,9 +98,7 @@ def test_dry_friction_is_a_constant_force_against_the_motion(
     assert rig.measure().velocity[0] == pytest.approx(0.5 - 0.1 / 0.060 * 0.1, rel=1e-3)
 
 
-def test_the_arm_s_motors_have_their_limit_and_ignore_nan(
-    ideal_slave: SlaveRigParameters,
-) -> None:
+def test_the_arm_s_motors_have_their_limit_and_ignore_nan(ideal_slave: SlaveRigParameters) -> None:
     rig = SlaveRig(replace(ideal_slave, tool=LOSSLESS.tool), RATE)
     rig.apply_arm_force((-1e9, 0.0, math.inf))
     rig.advance(PERIOD)
@@ -440,12 +438,7 @@ def test_dragged_over_any_surfaces_everything_stays_finite(
         rig.change_surface(other)
         run(rig, 200 + 50 * count, 250 + 50 * count)
         sample = rig.measure()
-        assert all(
-            map(
-                math.isfinite,
-                (*sample.position, *sample.velocity, *sample.acceleration),
-            )
-        )
+        assert all(map(math.isfinite, (*sample.position, *sample.velocity, *sample.acceleration)))
 
 
 def test_after_lifting_a_changed_surface_is_the_same_as_one_from_the_start() -> None:

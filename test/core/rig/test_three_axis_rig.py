@@ -242,11 +242,7 @@ def test_a_turned_accelerometer_measures_the_same_vector_in_its_own_frame(
     x, y, z = told.measure().acceleration
     # The sensor's x axis is turned from x towards y.
     assert turned.measure().acceleration == pytest.approx(
-        (
-            math.cos(angle) * x + math.sin(angle) * y,
-            math.cos(angle) * y - math.sin(angle) * x,
-            z,
-        ),
+        (math.cos(angle) * x + math.sin(angle) * y, math.cos(angle) * y - math.sin(angle) * x, z),
         abs=1e-6,
     )
 

@@ -148,8 +148,7 @@ def test_a_heartbeat_of_before_does_not_count() -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "fault"),
-    [(DRV_FAULT, "DRV_FAULT"), (0, "is not in closed loop but in IDLE")],
+    ("error", "fault"), [(DRV_FAULT, "DRV_FAULT"), (0, "is not in closed loop but in IDLE")]
 )
 def test_an_axis_that_does_not_obey_is_named(error: int, fault: str) -> None:
     bench = Bench(start_timeout=0.6)

@@ -238,10 +238,7 @@ def test_a_latency_of_20_samples_trips_no_time_out_and_silence_does() -> None:
 
 
 @settings(max_examples=40)
-@given(
-    st.integers(0, CLOCKS - 1),
-    st.lists(st.integers(-4000, 20_000), min_size=1, max_size=ROOM),
-)
+@given(st.integers(0, CLOCKS - 1), st.lists(st.integers(-4000, 20_000), min_size=1, max_size=ROOM))
 def test_at_each_tick_the_newest_that_is_due_acts(start: int, leads: Sequence[int]) -> None:
     host = scheduling(start=start)
     for counts, ahead in enumerate(leads, start=1):

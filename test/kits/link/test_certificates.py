@@ -45,10 +45,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def handshake(server: Path, client: Path, host: str) -> None:
     """Connect with mutual authentication."""
     contexts = []
-    for folder, protocol in (
-        (server, ssl.PROTOCOL_TLS_SERVER),
-        (client, ssl.PROTOCOL_TLS_CLIENT),
-    ):
+    for folder, protocol in ((server, ssl.PROTOCOL_TLS_SERVER), (client, ssl.PROTOCOL_TLS_CLIENT)):
         context = ssl.SSLContext(protocol)
         context.load_cert_chain(folder / CERTIFICATE, folder / KEY)
         context.load_verify_locations(folder / AUTHORITY)

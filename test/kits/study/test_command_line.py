@@ -203,9 +203,7 @@ def test_an_export_is_written_anew(simulated: Study) -> None:
 
 
 def test_a_participant_is_deleted_when_confirmed(
-    simulated: Study,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    simulated: Study, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO())
     assert status_of("study", "export", simulated.folder) == 0

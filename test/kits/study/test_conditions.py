@@ -123,11 +123,7 @@ def test_a_network_is_a_delay_with_jitter_and_loss(
 @pytest.mark.parametrize(
     ("factors", "graph", "message"),
     [
-        (
-            "{surface: [text, wood]}",
-            "{}",
-            "factors.surface = 'wood': must be one of plywood,",
-        ),
+        ("{surface: [text, wood]}", "{}", "factors.surface = 'wood': must be one of plywood,"),
         ("{surface: [text, wood.csv]}", "{}", "factors.surface = 'wood.csv': must be one of ply"),
         ("{controller: [none, best]}", "{}", "factors.controller = 'best': must be one of none, "),
         ("{gain: [1, 5]}", "{}", "factors.gain = 5.0: must be from 0 to 4"),

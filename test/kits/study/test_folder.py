@@ -159,10 +159,7 @@ def test_a_log_that_cannot_be_read_is_deleted_too(study: Study, content: bytes) 
 
 
 def test_a_running_session_is_not_deleted(study: Study) -> None:
-    with (
-        study.begin("P07"),
-        pytest.raises(ParameterError, match="another process"),
-    ):
+    with study.begin("P07"), pytest.raises(ParameterError, match="another process"):
         study.delete("P07")
     assert study.participant_folder("P07").exists()
 

@@ -68,11 +68,7 @@ SEEDS = condition(controller="none", seed=1.0), condition(controller="none", see
 
 
 @contextmanager
-def rig(
-    folder: Path,
-    *conditions: Condition,
-    **graph: str,
-) -> Iterator[LiveRig]:
+def rig(folder: Path, *conditions: Condition, **graph: str) -> Iterator[LiveRig]:
     """Give a live rig of a study with the conditions, on a hand that strokes by itself."""
     protocol = Protocol(
         title="",
@@ -96,10 +92,7 @@ def test_conditions_are_presented_in_turn_and_measured_until_an_emergency_stop(
     tmp_path: Path, observer: Observer, capfd: pytest.CaptureFixture[str]
 ) -> None:
     with rig(tmp_path, NOTHING) as live:
-        with (
-            pytest.raises(ParameterError, match="has a graph already"),
-            rig(tmp_path, WHOLE),
-        ):
+        with pytest.raises(ParameterError, match="has a graph already"), rig(tmp_path, WHOLE):
             pass
         nothing, whole, half, vinyl = (
             live.present(each, SECONDS) for each in (NOTHING, WHOLE, HALF, ON_VINYL)
@@ -128,7 +121,7 @@ def test_conditions_are_presented_in_turn_and_measured_until_an_emergency_stop(
         assert 0.0 <= each.late <= 100.0
     assert half.read_back == {"controller": "inverse", "gain": 0.5}
     assert vinyl.read_back == {
-        **{"controller": "adaptive", "surface": "vinyl", "grip": "hook", "gain": 1.0},
+        **{"controller": "adaptive", "surface": "vinyl", "grip": "hook", "gain": 1.0}
     }
     # One graph had all of them, and none of its output was seen.
     assert {each.bag for each in (nothing, whole, half, vinyl)} == {"bags/000"}

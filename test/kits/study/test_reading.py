@@ -178,43 +178,27 @@ def test_conditions_are_found_by_some_of_their_words() -> None:
             {"levels": LEVELS | {"factor": "colour"}},
             "levels.factor = 'colour': must be one of controller,",
         ),
-        (
-            {"factors": {"gain": [1, 2]}, "levels": LEVELS},
-            "factors.gain: must be in levels alone",
-        ),
+        ({"factors": {"gain": [1, 2]}, "levels": LEVELS}, "factors.gain: must be in levels alone"),
         (
             {"levels": LEVELS, "pairs": []},
             "pairs = []: must be different pairs, at least one, or levels",
         ),
-        (
-            {"procedure": {"kind": "staircase"}},
-            "procedure.kind = 'staircase': needs levels",
-        ),
+        ({"procedure": {"kind": "staircase"}}, "procedure.kind = 'staircase': needs levels"),
         (
             {"task": "preference", "procedure": {"kind": "quest_plus"}, "levels": LEVELS},
             "procedure.kind = 'quest_plus': must be constant for task 'preference'",
         ),
-        (
-            {"procedure": {"down": 3}},
-            "procedure.down: unknown: must be one of kind, repeats",
-        ),
+        ({"procedure": {"down": 3}}, "procedure.down: unknown: must be one of kind, repeats"),
         (
             {"levels": LEVELS, "procedure": {"kind": "staircase", "step_up": 1.0}},
             "procedure.step = 1: must be above 1 as a factor",
         ),
         (
-            {
-                "levels": LEVELS,
-                "procedure": {"kind": "quest_plus"},
-                "order": {"kind": "williams"},
-            },
+            {"levels": LEVELS, "procedure": {"kind": "quest_plus"}, "order": {"kind": "williams"}},
             "order.kind = 'williams': must be random, as answers choose the levels",
         ),
         (
-            {
-                "levels": LEVELS | {"factor": "latency"},
-                "procedure": {"kind": "staircase"},
-            },
+            {"levels": LEVELS | {"factor": "latency"}, "procedure": {"kind": "staircase"}},
             "levels.factor = 'latency': must not be whole numbers for a staircase",
         ),
         (

@@ -148,9 +148,7 @@ def words(study: Study, verb: str = "run") -> tuple[object, ...]:
 
 
 def test_a_participant_goes_through_a_study(
-    study: Study,
-    visitor: Callable[..., Visitor],
-    capsys: pytest.CaptureFixture[str],
+    study: Study, visitor: Callable[..., Visitor], capsys: pytest.CaptureFixture[str]
 ) -> None:
     visited = visitor()
     assert status_of(*words(study)) == 0
@@ -167,9 +165,7 @@ def test_a_participant_goes_through_a_study(
 
 
 def test_the_participant_stops_and_goes_on(
-    study: Study,
-    visitor: Callable[..., Visitor],
-    capsys: pytest.CaptureFixture[str],
+    study: Study, visitor: Callable[..., Visitor], capsys: pytest.CaptureFixture[str]
 ) -> None:
     def stop(screen: Mapping[str, Any]) -> tuple[str, Any] | None:
         return ("stop", None) if screen["kind"] == "break" else first_answer(screen)

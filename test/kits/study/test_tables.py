@@ -101,9 +101,7 @@ def test_wrong_catch_trials_exclude() -> None:
     )
     half = replace(found, records=wrong)
     assert catch_correct(half) == 50.0
-    assert exclusions(STUDY, [half]) == {
-        "P01": "50 % of catch trials correct, less than 75 %",
-    }
+    assert exclusions(STUDY, [half]) == {"P01": "50 % of catch trials correct, less than 75 %"}
 
 
 def test_trials_that_were_left_out_exclude_above_the_bound() -> None:

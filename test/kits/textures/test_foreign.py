@@ -418,11 +418,7 @@ def texture() -> TextureModel:
 def test_an_npz_file_is_read_alike_in_any_form(
     tmp_path: Path, name: str, others: Sequence[str], turned: bool, small: bool, kind: type
 ) -> None:
-    factors = {
-        "acc_z [g]": GRAVITY,
-        "Acceleration (mm/s^2)": 1e-3,
-        "acc_mg": GRAVITY / 1000,
-    }
+    factors = {"acc_z [g]": GRAVITY, "Acceleration (mm/s^2)": 1e-3, "acc_mg": GRAVITY / 1000}
     made = {"t": TIME, "force": np.ones(len(TIME)), "time [ms]": 1e3 * TIME}
     rows = np.array([*(made[each] for each in others), SIGNAL / factors.get(name, 1.0)], kind)
     write = np.savez_compressed if small else np.savez

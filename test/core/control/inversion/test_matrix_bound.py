@@ -55,13 +55,7 @@ def test_without_coupling_it_is_the_mean_of_those_of_the_axes() -> None:
     tool, axes = textures(0.5), (LATE, LIGHT, LATE)
     singles = [
         bounds(
-            own,
-            RATE,
-            along,
-            granted_delay=1,
-            noise=0.03,
-            high_pass_frequency=15.0,
-            actuator=COIL,
+            own, RATE, along, granted_delay=1, noise=0.03, high_pass_frequency=15.0, actuator=COIL
         )
         for own, along in zip(axes, tool.T, strict=True)
     ]

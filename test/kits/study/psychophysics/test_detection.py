@@ -211,11 +211,7 @@ def test_an_upper_limit_is_infinite_without_an_error() -> None:
 
 @pytest.mark.parametrize(
     "found",
-    [
-        d_prime("abx", 0, 0),
-        d_prime_by_answers(0, 0, 1, 2),
-        exact_binomial(0, 0, 0.5).interval,
-    ],
+    [d_prime("abx", 0, 0), d_prime_by_answers(0, 0, 1, 2), exact_binomial(0, 0, 0.5).interval],
 )
 def test_without_trials_there_is_no_number(found: Interval) -> None:
     assert math.isnan(found.value)
