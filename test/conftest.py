@@ -51,6 +51,9 @@ FUZZ_CASES = {"fuzz": (100, 1000), "fuzz few": (25, 100), "fuzz fewest": (5, 10)
 RERUN_REASONS = ("^MachineStoodStillError: ", "samples are missing")
 """Failures after which a live test is run once more: the machine was not there for the graph."""
 
+SLOW_TIME = 1800
+"""Time limit for a test marked slow, s, against a hang."""
+
 MOST_RERUNS = 3
 """Reruns in one session above which the session fails."""
 
@@ -82,6 +85,8 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark what has a ROS domain of its own as live; leave out what is slow unless asked for."""
     for item in items:
+        if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
+            item.add_marker(pytest.mark.timeout(SLOW_TIME))
         if "domain" in getattr(item, "fixturenames", ()) and not item.get_closest_marker("quiet"):
             item.add_marker("live")
         if item.get_closest_marker("live") and config.pluginmanager.hasplugin("rerunfailures"):

@@ -67,7 +67,6 @@ def test_coverage_leaves_out_what_is_refused_or_doubted() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)  # some ten seconds for each identification on an idle machine
 def test_intervals_cover_the_truth_on_random_rigs() -> None:
     errors = []
     for kind in KINDS:

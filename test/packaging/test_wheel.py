@@ -36,7 +36,6 @@ USER = "nobody"
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.timeout(400),
     pytest.mark.skipif(not (SOURCE / ".git").exists(), reason="is not a clone"),
 ]
 

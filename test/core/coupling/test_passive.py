@@ -404,7 +404,6 @@ def test_no_network_makes_the_coupling_give_more_than_was_granted(seed: int) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_a_thousand_networks_do_not_either() -> None:
     for seed in range(1000):
         trial = Trial(seed)

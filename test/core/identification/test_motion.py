@@ -152,7 +152,6 @@ def test_a_friction_that_is_not_as_expected_is_allowed_for() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)  # ten identifications, of some seconds each on an idle machine
 @pytest.mark.parametrize("rig", [PAPER, IDEAL], ids=["paper", "ideal"])
 def test_intervals_cover_the_truth_for_most_users(rig: MasterRigParameters) -> None:
     scaled = []

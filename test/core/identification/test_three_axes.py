@@ -111,7 +111,6 @@ def test_intervals_cover_the_parameters() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_intervals_cover_the_parameters_in_fifty_recordings() -> None:
     assert 0.9 <= covered(range(50)) <= 1.0
 

@@ -38,7 +38,6 @@ from wires import ADDRESSES, DEVICE, Wire, reason_against
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.timeout(300),
     pytest.mark.skipif(bool(reason_against()), reason=reason_against() or ""),
 ]
 

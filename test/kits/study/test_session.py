@@ -337,7 +337,6 @@ def run_killed(study: Study, notes: Path, seconds: float) -> bool:
     return status == 0
 
 
-@pytest.mark.timeout(600)
 @pytest.mark.parametrize("sessions", [30, pytest.param(200, marks=pytest.mark.slow)])
 def test_killed_sessions_lose_nothing_and_ask_nothing_twice(tmp_path: Path, sessions: int) -> None:
     durations = []
