@@ -317,9 +317,9 @@ def cleaned(name: str, samples: FloatArray, rate: float) -> FloatArray:
     for extreme, count in _piled(samples):
         warn_once(f"{name}: {count} samples are at the extreme {extreme:.4g}: saturated")
     lengths = np.diff(np.flatnonzero(np.diff(samples)))
-    if len(lengths) >= LEAST_RUNS and (mean := float(lengths.mean())) >= HELD:
-        shortest, longest = np.percentile(lengths, (5, 95))
-        if longest - shortest <= 1:
+    if len(lengths) >= LEAST_RUNS and np.ptp(usual := np.percentile(lengths, (5, 95))) <= 1:
+        mean = float(lengths[lengths <= usual[1]].mean())
+        if mean >= HELD:
             warn_once(
                 f"{name}: each value is held for {mean:.3g} samples: its sensor measures at about"
                 f" {rate / mean:.3g} Hz, not {rate:g} Hz"

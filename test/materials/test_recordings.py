@@ -224,7 +224,7 @@ MADE = {
     "tone": (tone(30.0, 1000.0), []),
     "steps of a converter": (np.round(20 * tone(31.7, 1000.0)), []),
     "quiet": (np.round(0.6 * NOISE), []),
-    "taps": (np.maximum(NOISE, 0.0), []),
+    "taps": (np.where(np.arange(4000) % 40 < 30, NOISE, 0.0), []),
     "8 bits": (EIGHT_BITS, []),
     "clipped": (np.clip(NOISE, -2.0, 1.5), ["88 samples at -2", "283 samples at 1.5"]),
     "clipped, 8 bits": (np.minimum(EIGHT_BITS, 0.5), ["samples at 0.5"]),
