@@ -63,6 +63,9 @@ WHOLE_RATE = 1e-3
 SPARSE = 10.0
 """Number of grid points per sample above which stamps count as without a grid."""
 
+RARE = 0.01
+"""Largest share of longer steps that are gaps of a recording, or a clock that was set forward."""
+
 LONGEST_STEP = 1.5
 """Step between successive stamps, in periods, above which samples are missing."""
 
@@ -136,10 +139,14 @@ def sampling_rate(stamps: IntArray, stated: float | None = None) -> float:
     duration = float(steps.sum())
     typical = float(np.median(steps))
     if duration > SPARSE * typical * len(stamps):
-        raise ParameterError(
-            f"rate not found: {len(stamps)} samples in {duration / NANOSECONDS:.5g} s are not"
-            " on a sampling grid"
-        )
+        is_gap = steps > round(SPARSE * typical)
+        if np.mean(is_gap) > RARE:
+            raise ParameterError(
+                f"rate not found: {len(stamps)} samples in {duration / NANOSECONDS:.5g} s are not"
+                " on a sampling grid"
+            )
+        # The recorder paused, or a clock was set forward.
+        steps, duration = steps[~is_gap], float(steps[~is_gap].sum())
     # Distant stamps on the grid give the period more accurately than adjacent ones.
     found = NANOSECONDS / (duration / max(1.0, float(np.rint(steps / typical).sum())))
     if stated is not None and same_rate(found, stated):

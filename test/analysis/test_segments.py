@@ -150,6 +150,15 @@ def test_times_without_any_signal_divide_a_trial_and_are_named(tmp_path: Path) -
         assert segment.delivery.missed["master"] == 0
 
 
+def test_a_clock_that_is_set_forward_divides_a_trial_and_is_named(tmp_path: Path) -> None:
+    bag = read_bag(write_bag(tmp_path / "bag", content(4.0)))
+    for signal in bag.signals.values():
+        signal.stamps[2000:] += 3600 * 10**9
+    found = cut(bag)
+    assert [segment.seconds for segment in found.segments] == [2.0, 2.0]
+    assert any("a clock was set forward" in problem for problem in found.problems)
+
+
 def test_a_short_segment_is_left_out_and_named(tmp_path: Path) -> None:
     found = cut_of(tmp_path, replace(content(3.0), gap=(0.5, 0.8)))
     assert len(found.segments) == 1

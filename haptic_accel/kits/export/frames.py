@@ -48,7 +48,7 @@ ACTION = (signals.MASTER_POSITION, signals.MASTER_VELOCITY)
 SETTLING = 1
 """Time before and after an engagement that the resampling's filter may use, s."""
 
-CLOCKS = "do the clocks of both hosts agree?"
+CLOCKS = "do the clocks of both hosts agree, or was one set forward while recording?"
 """Question where samples that belong together lie far apart."""
 
 MOST_HELD = 0.5
