@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 from lerobot.robots import Robot, RobotConfig, make_robot_from_config
 
+from haptic_accel.core.parameters import one_line
 from haptic_accel.kits.lerobot.interface import others
 from haptic_accel.kits.lerobot.robot import VibrationRobot
 
@@ -45,6 +46,12 @@ class HapticAccelRobot(VibrationRobot, Robot):
     name = NAME
 
     def __init__(self, config: HapticAccelRobotConfig) -> None:
-        follower = make_robot_from_config(config.follower)
+        try:
+            follower = make_robot_from_config(config.follower)
+        except ImportError as error:  # the motors' package is an extra of LeRobot
+            raise SystemExit(
+                f"robot.follower: {one_line(error)}; install the extra of its"
+                " motors, as in: pip install 'lerobot[feetech]'"
+            ) from None
         VibrationRobot.__init__(self, follower, config.arguments, config.fps)
         Robot.__init__(self, config)

@@ -20,6 +20,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -58,6 +59,19 @@ def test_a_follower_is_built_by_its_name_and_passes_everything_through(built: Pl
     finally:
         follower.disconnect()
     assert follower.calls == [("connect", True), {"joint.pos": 0.1}, "disconnect"]
+
+
+@pytest.mark.parametrize(("arm", "kind"), [("leader", "teleoperator"), ("follower", "robot")])
+def test_motors_without_their_package_are_refused_in_one_line(
+    built: PlugIns, arm: str, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(_: object) -> None:
+        raise ModuleNotFoundError("No module named 'scservo_sdk'")
+
+    module = sys.modules[f"lerobot_{kind}_haptic_accel"]
+    monkeypatch.setattr(module, f"make_{kind}_from_config", missing)
+    with pytest.raises(SystemExit, match=rf"\.{arm}: .*'scservo_sdk'; .*'lerobot\[feetech\]'$"):
+        getattr(built, arm)()
 
 
 @pytest.mark.parametrize(("fps", "size"), [(30, 32), (60, 16), (24, 40)])
