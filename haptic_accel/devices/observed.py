@@ -40,6 +40,9 @@ KEPT = 20.0
 LOOKS = 4
 """Looks for samples in a period."""
 
+ATTEMPTS = 3
+"""Number of measurements after which a device that is interrupted in each is refused."""
+
 CATCH_UP = 0.1
 """Longest time without a tick whose samples are asked for afterwards, s."""
 
@@ -174,10 +177,24 @@ class ObservedDevice:
         return self._between(newest - count, newest)
 
     def observe(self, seconds: float) -> Observation:
-        """Return the samples of the next seconds, after they have passed."""
-        begun = self._tick
-        time.sleep(seconds + CATCH_UP)
-        return self._between(begun, begun + round(seconds * self._rate))
+        """Return the samples of the next seconds, after they have passed.
+
+        They are measured again where the device was interrupted.
+
+        Raises
+        ------
+        DeviceError
+            It was, each of `ATTEMPTS` times.
+        """
+        for _ in range(ATTEMPTS):
+            begun, before = self._tick, self._device.interruptions
+            time.sleep(seconds + CATCH_UP)
+            if not (lost := self._device.interruptions - before):
+                return self._between(begun, begun + round(seconds * self._rate))
+        raise DeviceError(
+            f"samples lost or shifted {lost} times in {seconds:g} s, must be none; measured"
+            f" {ATTEMPTS} times: close other programs, and run haptic-accel doctor"
+        )
 
     def _between(self, first: int, end: int) -> Observation:
         count = end - first

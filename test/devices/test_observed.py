@@ -64,6 +64,21 @@ def test_a_force_moves_the_handle_as_its_model_says() -> None:
     assert found.real > 0
 
 
+@pytest.mark.parametrize("last", [2, 3])
+def test_what_was_interrupted_is_measured_again_or_refused(last: int) -> None:
+    counts = iter([0, 1, 1, 2, 2, last])  # before and after each measurement
+
+    class Interrupted(SimulatedMaster):
+        interruptions = property(lambda _: next(counts))  # type: ignore[assignment]
+
+    with observed(Interrupted(MasterRigParameters(), RATE, 0)) as device:
+        if last == 2:
+            assert len(device.observe(0.1).acceleration) == 100
+            return
+        with pytest.raises(DeviceError, match="1 times in 0.1 s, must be none; measured 3 times"):
+            device.observe(0.1)
+
+
 def test_a_stopped_device_gets_no_force() -> None:
     master = SimulatedMaster(MasterRigParameters(), RATE, 0)
     forces: list[Vector] = []
