@@ -20,6 +20,7 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import os
 import re
 import socket
 import time
@@ -88,11 +89,16 @@ class Connections:
         Token without which a header is refused; empty if none is needed.
     refusal : bytes
         Answer to such a header: status, fields and body.
+
+    Attributes
+    ----------
+    strangers : dict
+        Open connections of strangers, with the parts of `STRANGER_TIME` that have passed.
     """
 
     def __init__(self, server: web.Server, token: str, refusal: bytes) -> None:
         self.server, self.refusal, self.token = server, refusal, token.encode()
-        self._strangers: dict[asyncio.Transport, float] = {}  # with parts of STRANGER_TIME
+        self.strangers: dict[asyncio.Transport, float] = {}
         self._admitted: dict[asyncio.Transport, float] = {}
         # More than strangers have connections would be of connections closed already.
         self._waiting = deque[Pass](maxlen=MOST_CONNECTIONS)
@@ -118,16 +124,12 @@ class Connections:
 
     def meet(self, transport: asyncio.Transport) -> None:
         """Count a new connection as a stranger's for `STRANGER_TIME`."""
-        _add(self._strangers, transport)
-
-    def forget(self, transport: asyncio.Transport) -> None:
-        """Remove a closed connection of a stranger from the count."""
-        self._strangers.pop(transport, None)
+        _add(self.strangers, transport)
 
     def admit(self, transport: asyncio.Transport | None) -> None:
         """Count an open connection as the newest of those with access."""
         if transport:
-            self._strangers.pop(transport, None)
+            self.strangers.pop(transport, None)
             self._admitted.pop(transport, None)
             _add(self._admitted, transport)
 
@@ -139,7 +141,7 @@ class Connections:
     def close(self) -> None:
         """Close the connections of strangers."""
         self._counting.cancel()
-        for transport in list(self._strangers):
+        for transport in list(self.strangers):
             transport.abort()
 
     def enter(self, transport: asyncio.Transport, command: bytes, passes: Pass) -> None:
@@ -147,8 +149,8 @@ class Connections:
 
         The latest is first, whose sender is the most likely to wait still.
         """
-        if transport in self._strangers:
-            self._strangers[transport] = -math.inf
+        if transport in self.strangers:
+            self.strangers[transport] = -math.inf
         if parsed(command) == STOP:
             passes()
             return
@@ -178,15 +180,15 @@ class Connections:
         rest = Rest()
         while True:
             await asyncio.sleep(STRANGER_TIME / TURNS)
-            for transport, parts in list(self._strangers.items()):
-                self._strangers[transport] = parts + 1
+            for transport, parts in list(self.strangers.items()):
+                self.strangers[transport] = parts + 1
                 if parts >= TURNS:
                     transport.abort()
             rest()
 
 
 class Rest:
-    """Rest of the calling thread while its process takes too much of a core."""
+    """Rest of the calling thread if it is real-time and its process takes too much of a core."""
 
     def __init__(self) -> None:
         self._begun, self._used = time.monotonic(), time.process_time()
@@ -195,7 +197,8 @@ class Rest:
         """Sleep if the process was busy since the last call; call it ever again."""
         passed, used = time.monotonic() - self._begun, time.process_time() - self._used
         if passed >= BREAK:
-            time.sleep(BREAK if used > BUSY * passed else 0.0)
+            urgent = hasattr(os, "sched_getscheduler") and os.sched_getscheduler(0)
+            time.sleep(BREAK if urgent and used > BUSY * passed else 0.0)
             self._begun, self._used = time.monotonic(), time.process_time()
 
 
@@ -241,7 +244,7 @@ class _Stranger(asyncio.Protocol):
 
     def connection_lost(self, reason: Exception | None) -> None:
         """Remove this connection from the count."""
-        self._connections.forget(self._transport)
+        self._connections.strangers.pop(self._transport, None)
 
 
 def parsed(text: Any) -> Any:
