@@ -28,15 +28,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from bag_maker import (
-    CHANGED,
-    NANOSECONDS,
-    Message,
-    change_bytes,
-    diagnostics_bytes,
-    vector_bytes,
-    write_messages,
-)
+import bag_maker
 from haptic_accel.bags.reading import Change, read_bag
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import (
@@ -51,10 +43,10 @@ from haptic_accel.core.topics import (
 
 def vector(
     topic: Topic, stamp: int, received: int, number: float = 0.0, graph: str = ""
-) -> Message:
+) -> bag_maker.Message:
     """Make a message of one of a graph's topics."""
-    data = vector_bytes(topic.type, stamp, topic.frame, (0.0, 0.0, number))
-    return Message(f"{graph}/{topic.name}", topic.type, received, data)
+    data = bag_maker.vector_bytes(topic.type, stamp, topic.frame, (0.0, 0.0, number))
+    return bag_maker.Message(f"{graph}/{topic.name}", topic.type, received, data)
 
 
 FORMATS = [
@@ -76,7 +68,7 @@ samples = st.lists(
     min_size=1,
     max_size=40,
 )
-begins = st.integers(0, (2**31 - 1) * NANOSECONDS)
+begins = st.integers(0, (2**31 - 1) * bag_maker.NANOSECONDS)
 """First stamps; samples follow each other by 1 ms."""
 
 
@@ -97,18 +89,18 @@ def test_what_was_written_is_read(
 ) -> None:
     rows = [(topic, begin + n * 10**6, *rest) for n, (topic, *rest) in enumerate(vectors)]
     written = [
-        Message(
+        bag_maker.Message(
             f"{namespace}/{topic.name}",
             topic.type,
             10**18 + n,
-            vector_bytes(topic.type, at, frame, v, little_endian=little_endian),
+            bag_maker.vector_bytes(topic.type, at, frame, v, little_endian=little_endian),
         )
         for n, (topic, at, frame, v) in enumerate(rows)
     ]
     with TemporaryDirectory() as folder:
         path = Path(folder) / "bag"
         storage, compression = form
-        write_messages(path, written, storage=storage, compression=compression)
+        bag_maker.write_messages(path, written, storage=storage, compression=compression)
         recorded = read_bag(path)
     assert recorded.problems == []
     assert sum(recorded.counts.values()) == len(rows)
@@ -124,7 +116,7 @@ def test_what_was_written_is_read(
 
 def test_of_topics_that_are_not_asked_for_only_the_stamps_are_kept(tmp_path: Path) -> None:
     rows = [vector(topic, 5, 10**18, 3.0) for topic in (TOOL_ACCELERATION, MASTER_POSITION)]
-    write_messages(tmp_path / "bag", rows)
+    bag_maker.write_messages(tmp_path / "bag", rows)
     found = read_bag(tmp_path / "bag", [TOOL_ACCELERATION.name]).signals
     tool, position = found[TOOL_ACCELERATION.name], found[MASTER_POSITION.name]
     assert (tool.stamps.tolist(), tool.values.tolist()) == ([5], [[0.0, 0.0, 3.0]])
@@ -135,7 +127,9 @@ def test_of_topics_that_are_not_asked_for_only_the_stamps_are_kept(tmp_path: Pat
 def long_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a bag of 9000 numbered samples: several chunks of a mebibyte or less."""
     path = tmp_path_factory.mktemp("bags") / "long"
-    return write_messages(path, (vector(TOOL_ACCELERATION, n, n, n) for n in range(9000)))
+    return bag_maker.write_messages(
+        path, (vector(TOOL_ACCELERATION, n, n, n) for n in range(9000))
+    )
 
 
 @settings(max_examples=60)
@@ -186,28 +180,30 @@ def test_without_metadata_the_messages_are_read_all_the_same(
 
 def test_splits_are_read_in_their_order(tmp_path: Path) -> None:
     for number in (10, 9, 2):
-        write_messages(tmp_path / f"p{number}", [vector(TOOL_ACCELERATION, number, 0)])
+        bag_maker.write_messages(tmp_path / f"p{number}", [vector(TOOL_ACCELERATION, number, 0)])
         target = tmp_path / "bag" / f"bag_{number}.mcap"
         target.parent.mkdir(exist_ok=True)
         (tmp_path / f"p{number}" / f"p{number}.mcap").rename(target)
     assert read_bag(tmp_path / "bag").signals[TOOL_ACCELERATION.name].stamps.tolist() == [2, 9, 10]
 
 
-def reported(received: int, name: str, message: str, topic: str = "/diagnostics") -> Message:
+def reported(
+    received: int, name: str, message: str, topic: str = "/diagnostics"
+) -> bag_maker.Message:
     """Make diagnostics with the status of a node."""
-    data = diagnostics_bytes(received, name, message, {"ticks": "3"})
-    return Message(topic, DIAGNOSTICS.type, received, data)
+    data = bag_maker.diagnostics_bytes(received, name, message, {"ticks": "3"})
+    return bag_maker.Message(topic, DIAGNOSTICS.type, received, data)
 
 
-def changed(received: int, node: str, controller: str) -> Message:
+def changed(received: int, node: str, controller: str) -> bag_maker.Message:
     """Make the event of a controller that was set."""
-    data = change_bytes(received, node, "controller", controller)
-    return Message("/parameter_events", CHANGED, received, data)
+    data = bag_maker.change_bytes(received, node, "controller", controller)
+    return bag_maker.Message("/parameter_events", bag_maker.CHANGED, received, data)
 
 
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 def test_facts_diagnostics_and_changes_are_read(tmp_path: Path, storage: StoragePlugin) -> None:
-    write_messages(
+    bag_maker.write_messages(
         tmp_path / "bag",
         [reported(5, "coupler: coupling", "alone"), changed(6, "/x/compensator", "inverse")],
         storage=storage,
@@ -235,7 +231,7 @@ def test_facts_diagnostics_and_changes_are_read(tmp_path: Path, storage: Storage
     ids=["now", "until 0.2.0"],
 )
 def test_of_two_graphs_in_a_bag_one_speaks(tmp_path: Path, topic: str, name: str) -> None:
-    write_messages(
+    bag_maker.write_messages(
         tmp_path / "bag",
         [
             reported(1, name, "ours", topic),
@@ -253,7 +249,7 @@ def test_of_two_graphs_in_a_bag_one_speaks(tmp_path: Path, topic: str, name: str
 def test_another_graph_and_another_type_are_named_and_left_out(tmp_path: Path) -> None:
     topic = TOOL_ACCELERATION.name
     other = next(kind for kind in VECTORS if kind.endswith("WrenchStamped"))
-    write_messages(
+    bag_maker.write_messages(
         tmp_path / "bag",
         [
             vector(TOOL_ACCELERATION, 1, 1, graph="/left"),
@@ -273,7 +269,7 @@ def test_a_malformed_message_is_named_and_the_others_are_read(tmp_path: Path) ->
     topic = SIGNALS[0]
     rows = [vector(topic, n, n, n) for n in range(4)]
     rows[2] = rows[2]._replace(data=rows[2].data[:9])
-    recorded = read_bag(write_messages(tmp_path / "bag", rows))
+    recorded = read_bag(bag_maker.write_messages(tmp_path / "bag", rows))
     assert recorded.problems == [f"/{topic.name}: malformed messages are not read"]
     signal = recorded.signals[topic.name]
     assert signal.stamps.tolist() == [0, 1, 3]
@@ -304,7 +300,7 @@ def test_a_pipe_in_place_of_a_compressed_file_is_missing_and_others_are_read(
     tmp_path: Path,
 ) -> None:
     row = vector(TOOL_ACCELERATION, 1, 1)
-    write_messages(tmp_path / "bag", [row], compression=CompressionMode.FILE)
+    bag_maker.write_messages(tmp_path / "bag", [row], compression=CompressionMode.FILE)
     (file,) = (tmp_path / "bag").glob("*.zstd")
     file.rename(file.with_name("other.mcap.zstd"))
     os.mkfifo(file)

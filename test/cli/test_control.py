@@ -29,14 +29,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 
 from haptic_accel.bags.delivery import read_delivery
 from haptic_accel.bags.reading import read_bag
-from haptic_accel.core.topics import (
-    ACTUATOR_FORCE,
-    CONTACT_FORCE,
-    HANDLE_ACCELERATION,
-    MASTER_ARM_FORCE,
-    SLAVE_ARM_FORCE,
-    TOOL_ACCELERATION,
-)
+from haptic_accel.core import topics
 from haptic_accel.setup.arguments import SCENE
 from haptic_accel.setup.files import surface_parameters
 from observing import Observer
@@ -64,7 +57,7 @@ def check_taken_over(bag: Path) -> None:
     values = read_delivery(bag, RATE).nodes["compensator"]
     assert values["controller"] == "adaptive"
     assert values["frozen"] == "true"
-    force = read_bag(bag).signals[ACTUATOR_FORCE.name].values[:, 2]
+    force = read_bag(bag).signals[topics.ACTUATOR_FORCE.name].values[:, 2]
     at = int(np.argmax(force != 0.0))
     assert 0 < at < len(force) - 100, "no change within the recording"
     # Faded in: the first of some five samples is a fifth of what follows, at most.
@@ -101,7 +94,7 @@ def change_rig(graph: Command, observer: Observer, ask: Ask) -> None:
     assert {name: value("slave_device", name) for name in expected} == expected
     assert value("master_device", "simulated.grip.posture") == "hook"
     observer.status("coupler", "let go on request")
-    for force in (MASTER_ARM_FORCE, SLAVE_ARM_FORCE):
+    for force in (topics.MASTER_ARM_FORCE, topics.SLAVE_ARM_FORCE):
         name = force.name
         wait_until(lambda name=name: not observer.node.count_publishers(name), "the arms are left")
     so_far = len(graph.lines)
@@ -122,7 +115,9 @@ def change_rig(graph: Command, observer: Observer, ask: Ask) -> None:
     assert "simulated.tool.mass" in reason_of("slave_device", tool__mass=1.0)
     assert value("slave_device", "simulated.surface.friction") == 0.7
     assert value("master_device", "simulated.grip.variation") != 0.1
-    for messages in observer.collect((TOOL_ACCELERATION, HANDLE_ACCELERATION), 200).values():
+    for messages in observer.collect(
+        (topics.TOOL_ACCELERATION, topics.HANDLE_ACCELERATION), 200
+    ).values():
         felt = np.array([message.accel.linear.z for message in messages])
         assert np.all(np.isfinite(felt))
         assert np.any(felt)
@@ -156,7 +151,7 @@ def test_another_scene_comes_under_the_tool_while_the_graph_runs(
     assert said.endswith(str(tmp_path / "mat.yaml"))
 
     def presses() -> bool:
-        found = observer.collect((CONTACT_FORCE,), 50)[CONTACT_FORCE.name]
+        found = observer.collect((topics.CONTACT_FORCE,), 50)[topics.CONTACT_FORCE.name]
         return max(message.wrench.force.z for message in found) > 0.5
 
     wait_until(presses, "the hand presses on the mat")
@@ -166,7 +161,7 @@ def test_another_scene_comes_under_the_tool_while_the_graph_runs(
     # Of the start, as much as the recorder heard of it.
     assert {*scenes[:-1]} <= {"workshop"}
     assert scenes[-1] == "mat"
-    assert len(bag.signals[CONTACT_FORCE.name].values) > 100
+    assert len(bag.signals[topics.CONTACT_FORCE.name].values) > 100
 
 
 @pytest.mark.quiet

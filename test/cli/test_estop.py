@@ -28,15 +28,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
 from haptic_accel.bags.reading import read_bag
-from haptic_accel.core.topics import (
-    ACTUATOR_FORCE,
-    COUPLER_STOPPED,
-    DIAGNOSTICS,
-    EMERGENCY_STOP,
-    MASTER_ARM_FORCE,
-    MASTER_STOPPED,
-    SLAVE_STOPPED,
-)
+from haptic_accel.core import topics
 from haptic_accel.graph.stop_signal import PendingStop
 from haptic_accel.nodes.topic_node import quality
 from observing import Observer
@@ -45,7 +37,7 @@ from running import BAG_PLAYER, Command, wait_until
 Start = Callable[..., Command]
 Ask = Callable[..., tuple[int, str]]
 
-STOPPED = (COUPLER_STOPPED, MASTER_STOPPED, SLAVE_STOPPED)
+STOPPED = (topics.COUPLER_STOPPED, topics.MASTER_STOPPED, topics.SLAVE_STOPPED)
 
 APPLIED = ("arm force count", "actuator force count")
 """Counts of the forces that the master device applied."""
@@ -65,7 +57,7 @@ def stop_from_a_terminal(
     graph: Command, haptic_accel: Start, observer: Observer, ask: Ask
 ) -> None:
     """Stop a graph by the command, check that it applies no force, and release it."""
-    observer.collect((ACTUATOR_FORCE,), 100)
+    observer.collect((topics.ACTUATOR_FORCE,), 100)
     seen = len(graph.lines)
     stop = haptic_accel("estop")
     assert stop.end() == 0, stop.text
@@ -75,7 +67,7 @@ def stop_from_a_terminal(
     graph.wait_for("let go: emergency stop", after=seen)
     before = applied(observer)
     # The compensator goes on: what it sends meanwhile is refused.
-    observer.collect((ACTUATOR_FORCE,), 100)
+    observer.collect((topics.ACTUATOR_FORCE,), 100)
     assert applied(observer) == before
     refused = "haptic-accel: coupler: emergency stop: release it first"
     assert ask("control", "engage:=true") == (1, refused)
@@ -96,13 +88,13 @@ def stop_by_whoever_publishes(graph: Command, observer: Observer) -> None:
     """Stop a graph by the topic, reliably or not, and release it."""
     for reliable in (True, False):
         # As `ros2 topic pub --once` does: nothing latched, gone soon after.
-        volatile = replace(EMERGENCY_STOP, reliable=reliable, latched=False)
+        volatile = replace(topics.EMERGENCY_STOP, reliable=reliable, latched=False)
         publisher = observer.node.create_publisher(Bool, volatile.name, quality(volatile))
         wait_until(lambda found=publisher: found.get_subscription_count() >= 3, "all found")
         seen = len(graph.lines)
         publisher.publish(Bool(data=True))
         graph.wait_for("let go: emergency stop", after=seen)
-        for topic in (MASTER_STOPPED, SLAVE_STOPPED):
+        for topic in (topics.MASTER_STOPPED, topics.SLAVE_STOPPED):
             observer.wait_for_state(topic, True)
         observer.node.destroy_publisher(publisher)
         engage(graph, observer)
@@ -117,7 +109,7 @@ def engage(graph: Command, observer: Observer) -> None:
 
 def released(observer: Observer) -> tuple[bool, str]:
     """Ask the coupler for the release; return whether it is granted, and its message."""
-    answer = observer.call(SetBool, EMERGENCY_STOP.name, SetBool.Request(data=False))
+    answer = observer.call(SetBool, topics.EMERGENCY_STOP.name, SetBool.Request(data=False))
     return answer.success, answer.message
 
 
@@ -182,9 +174,9 @@ def test_a_bag_of_a_stop_and_its_release_can_be_played_and_does_not_more_than_st
 ) -> None:
     graph = haptic_accel("teleop", "rate:=200", "bag:=bag")
     graph.wait_for("engaged")
-    observer.collect((ACTUATOR_FORCE,), 100)
+    observer.collect((topics.ACTUATOR_FORCE,), 100)
     button = observer.node.create_publisher(
-        Bool, EMERGENCY_STOP.name, quality(EMERGENCY_STOP, depth=1)
+        Bool, topics.EMERGENCY_STOP.name, quality(topics.EMERGENCY_STOP, depth=1)
     )
     seen = len(graph.lines)
     button.publish(Bool(data=True))
@@ -194,15 +186,17 @@ def test_a_bag_of_a_stop_and_its_release_can_be_played_and_does_not_more_than_st
     button.publish(Bool(data=False))
     engage(graph, observer)
     observer.node.destroy_publisher(button)
-    observer.collect((ACTUATOR_FORCE,), 100)
+    observer.collect((topics.ACTUATOR_FORCE,), 100)
     assert graph.end(signal.SIGINT) == 0, graph.text
     counts = read_bag(tmp_path / "bag").counts
-    assert all(counts[f"/{topic.name}"] for topic in (EMERGENCY_STOP, *STOPPED))
+    assert all(counts[f"/{topic.name}"] for topic in (topics.EMERGENCY_STOP, *STOPPED))
 
     graph = haptic_accel("teleop", "rate:=200", "record:=false")
     graph.wait_for("engaged")
-    observer.collect((MASTER_ARM_FORCE,), 100)  # the device counts again at the arm's first force
-    observer.call(SetBool, EMERGENCY_STOP.name, SetBool.Request(data=True))
+    observer.collect(
+        (topics.MASTER_ARM_FORCE,), 100
+    )  # the device counts again at the arm's first force
+    observer.call(SetBool, topics.EMERGENCY_STOP.name, SetBool.Request(data=True))
     graph.wait_for("let go: emergency stop")
     so_far, before = len(graph.lines), applied(observer)
     player = start(BAG_PLAYER, tmp_path / "bag", "all")
@@ -245,7 +239,7 @@ def test_a_stop_outlasts_who_gave_it_and_the_coupler_and_all_are_released_or_non
     wait_until(lambda: any(told in node.text for node in nodes.values()), "the first to stop says")
     engage(nodes["coupler"], observer)
     assert not PendingStop(domain, "").is_new()
-    observer.call(SetBool, EMERGENCY_STOP.name, SetBool.Request(data=True))
+    observer.call(SetBool, topics.EMERGENCY_STOP.name, SetBool.Request(data=True))
     for topic in STOPPED:
         observer.wait_for_state(topic, True)
     nodes["slave_device"].process.send_signal(signal.SIGSTOP)
@@ -259,13 +253,13 @@ def test_a_stop_outlasts_who_gave_it_and_the_coupler_and_all_are_released_or_non
     nodes["coupler"].wait_for(
         "only (slave and master|master and slave) stopped; all are stopped again"
     )
-    observer.wait_for_state(COUPLER_STOPPED, True)
+    observer.wait_for_state(topics.COUPLER_STOPPED, True)
     wait_until(lambda: released(observer)[0], "released, once the coupler is old enough")
     nodes["coupler"].wait_for("engaged")
 
     # Forces flow; then the one who sends them dies.
-    observer.collect((ACTUATOR_FORCE,), 100)
-    with observer.watching(DIAGNOSTICS) as reported:
+    observer.collect((topics.ACTUATOR_FORCE,), 100)
+    with observer.watching(topics.DIAGNOSTICS) as reported:
         # Found before that dies, as it is reported once.
         reported(lambda array: array.status[0].name.startswith("master_device"))
         os.kill(nodes["compensator"].process.pid, signal.SIGKILL)
@@ -273,10 +267,10 @@ def test_a_stop_outlasts_who_gave_it_and_the_coupler_and_all_are_released_or_non
         reported(lambda array: any(timed_out in one.message for one in array.status))
     # Anybody may stop by the topic alone, and be gone.
     anybody = observer.node.create_publisher(
-        Bool, EMERGENCY_STOP.name, quality(EMERGENCY_STOP, depth=1)
+        Bool, topics.EMERGENCY_STOP.name, quality(topics.EMERGENCY_STOP, depth=1)
     )
     anybody.publish(Bool(data=True))
-    for topic in (MASTER_STOPPED, SLAVE_STOPPED):
+    for topic in (topics.MASTER_STOPPED, topics.SLAVE_STOPPED):
         observer.wait_for_state(topic, True)
     nodes["coupler"].wait_for("let go: emergency stop")
     observer.node.destroy_publisher(anybody)
@@ -291,5 +285,5 @@ def test_a_stop_outlasts_who_gave_it_and_the_coupler_and_all_are_released_or_non
     status, said = ask("estop")
     assert (status, len(said.splitlines())) == (1, 1), said
     assert "not confirmed: slave_device did not answer in 3 attempts; the stop is" in said
-    observer.wait_for_state(MASTER_STOPPED, True)
+    observer.wait_for_state(topics.MASTER_STOPPED, True)
     assert nodes["master_device"].end(signal.SIGINT) == 0, nodes["master_device"].text

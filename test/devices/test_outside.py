@@ -31,13 +31,8 @@ from rclpy.parameter import Parameter
 
 from foreign_packages import declare
 from haptic_accel.bags.reading import read_bag
+from haptic_accel.core import topics
 from haptic_accel.core.process import module_command
-from haptic_accel.core.topics import (
-    DESIRED_ACCELERATION,
-    HANDLE_ACCELERATION,
-    TOOL_ACCELERATION,
-    Topic,
-)
 from haptic_accel.devices import RESERVED
 from haptic_accel.setup.arguments import PLAYED_TOPICS
 from haptic_accel.setup.node_parameters import NODES
@@ -184,7 +179,7 @@ def test_a_driver_is_offered_where_its_arm_is(install: Install) -> None:
 def test_drivers_have_the_parameters_that_they_are_described_to_have_and_to_change(
     install: Install, haptic_accel: Callable[..., Command], observer: Observer, tmp_path: Path
 ) -> None:
-    def felt(topic: Topic) -> float:
+    def felt(topic: topics.Topic) -> float:
         found = observer.collect((topic,), 3)[topic.name]
         return float(found[-1].accel.linear.z)
 
@@ -197,13 +192,13 @@ def test_drivers_have_the_parameters_that_they_are_described_to_have_and_to_chan
     arms = "master:=lab", "slave:=borrowing", "params_file:=lab.yaml"
     graph = haptic_accel("teleop", *arms, "rate:=200.0", "record:=false")
     graph.wait_for("engaged")
-    assert felt(TOOL_ACCELERATION) == 7.0
-    assert felt(HANDLE_ACCELERATION) == 7.0
+    assert felt(topics.TOOL_ACCELERATION) == 7.0
+    assert felt(topics.HANDLE_ACCELERATION) == 7.0
     value = Parameter("lab.bias", value=8.0).to_parameter_msg()
     request = SetParameters.Request(parameters=[value])
     (result,) = observer.call(SetParameters, "master_device/set_parameters", request).results
     assert result.successful, result.reason
-    assert felt(HANDLE_ACCELERATION) == 8.0
+    assert felt(topics.HANDLE_ACCELERATION) == 8.0
     assert graph.end(signal.SIGINT) == 0, graph.text
 
 
@@ -219,7 +214,7 @@ def test_a_handle_turned_like_the_tool_has_its_vibration_in_the_same_axes(
     assert graph.end() == 0, graph.text
     tool, desired = (
         read_bag(tmp_path / "bag").signals[topic.name].values
-        for topic in (TOOL_ACCELERATION, DESIRED_ACCELERATION)
+        for topic in (topics.TOOL_ACCELERATION, topics.DESIRED_ACCELERATION)
     )
     assert tool[-1] == pytest.approx((0.0, tool[-1, 1], 2 * tool[-1, 1]))  # in the base's axes
     x, y, z = desired[len(desired) // 2 :].T

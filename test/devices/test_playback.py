@@ -34,14 +34,7 @@ from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import Topic
 from haptic_accel.core.track import FADE, QUIET
-from haptic_accel.devices import MASTERS, SLAVES, Device
-from haptic_accel.devices.playback import (
-    ReplayMaster,
-    ReplayParameters,
-    ReplaySlave,
-    bag_rate,
-    start_offset,
-)
+from haptic_accel.devices import MASTERS, SLAVES, Device, playback
 
 RATE = 1000.0
 PERIOD = 1 / RATE
@@ -73,7 +66,7 @@ def bag(tmp_path: Path) -> Path:
 
 
 def opened(kind: type[Device], bag: Path, rate: float = RATE, **fields: Any) -> Device:
-    device = kind(ReplayParameters(str(bag), **fields), rate, 0)
+    device = kind(playback.ReplayParameters(str(bag), **fields), rate, 0)
     device.open()
     device.write(0.0, arm_force=(0.0, 0.0, 0.0))
     return device
@@ -84,16 +77,16 @@ def play(device: Device, samples: int = SAMPLES, rate: float = RATE) -> list[Any
 
 
 def test_both_sides_can_be_replayed() -> None:
-    assert MASTERS["replay"] is ReplayMaster
-    assert SLAVES["replay"] is ReplaySlave
+    assert MASTERS["replay"] is playback.ReplayMaster
+    assert SLAVES["replay"] is playback.ReplaySlave
 
 
 @pytest.mark.parametrize(
     ("kind", "signals"),
     [
-        (ReplaySlave, topics.SLAVE_SIGNALS),
+        (playback.ReplaySlave, topics.SLAVE_SIGNALS),
         (
-            ReplayMaster,
+            playback.ReplayMaster,
             (topics.HANDLE_ACCELERATION, topics.MASTER_POSITION, topics.MASTER_VELOCITY),
         ),
     ],
@@ -111,7 +104,7 @@ def test_every_sample_of_the_bag_comes_back_bit_by_bit(
 def test_lost_samples_hold_the_one_before_and_are_counted_and_told(tmp_path: Path) -> None:
     lost = {topic.name: {100, 101, 300} for topic in rows()}
     bag = recorded(tmp_path / "bag", dropped=lost)
-    device = opened(ReplaySlave, bag)
+    device = opened(playback.ReplaySlave, bag)
     played = play(device)
     expected = rows()[topics.TOOL_ACCELERATION][99, 2]
     assert (
@@ -132,13 +125,16 @@ def test_it_plays_from_where_the_arms_were_coupled(tmp_path: Path) -> None:
         dropped={topics.SLAVE_ARM_FORCE.name: range(200)},
     )
     tool = rows()[topics.TOOL_ACCELERATION]
-    assert play(opened(ReplaySlave, bag))[0].acceleration[ACTUATOR_AXIS] == tool[200, 2]
-    assert play(opened(ReplaySlave, bag, start=0.1))[0].acceleration[ACTUATOR_AXIS] == tool[300, 2]
-    assert start_offset(read_bag(bag), 0.1) == pytest.approx(0.3)
+    assert play(opened(playback.ReplaySlave, bag))[0].acceleration[ACTUATOR_AXIS] == tool[200, 2]
+    assert (
+        play(opened(playback.ReplaySlave, bag, start=0.1))[0].acceleration[ACTUATOR_AXIS]
+        == tool[300, 2]
+    )
+    assert playback.start_offset(read_bag(bag), 0.1) == pytest.approx(0.3)
 
 
 def test_it_ends_after_its_rest_and_not_when_looped(bag: Path) -> None:
-    once, looped = opened(ReplaySlave, bag), opened(ReplaySlave, bag, loop=True)
+    once, looped = opened(playback.ReplaySlave, bag), opened(playback.ReplaySlave, bag, loop=True)
     play(once, SAMPLES + TAIL - 1)
     assert not once.ended
     last = play(once, SAMPLES + TAIL)[-1]
@@ -152,7 +148,7 @@ def test_it_ends_after_its_rest_and_not_when_looped(bag: Path) -> None:
 
 
 def test_forces_do_nothing_and_are_counted(bag: Path) -> None:
-    quiet, pushed = opened(ReplayMaster, bag), opened(ReplayMaster, bag)
+    quiet, pushed = opened(playback.ReplayMaster, bag), opened(playback.ReplayMaster, bag)
     pushed.write(0.0, arm_force=(3.0, 0.0, 0.0), actuator_force=along_actuator(6.0))
     assert play(pushed) == play(quiet)
     pushed.close()
@@ -162,7 +158,7 @@ def test_forces_do_nothing_and_are_counted(bag: Path) -> None:
 
 @pytest.mark.parametrize(("rate", "speed"), [(500.0, 1.0), (2000.0, 1.0), (1000.0, 2.0)])
 def test_another_rate_or_speed_is_told(bag: Path, rate: float, speed: float) -> None:
-    device = opened(ReplaySlave, bag, rate, speed=speed)
+    device = opened(playback.ReplaySlave, bag, rate, speed=speed)
     assert ("resampled from 1000 to" in device.remark) == (rate != RATE)
     assert ("2 times the speed" in device.remark) == (speed != 1.0)
     length = round(SAMPLES / RATE / speed * rate)
@@ -174,17 +170,17 @@ def test_another_rate_or_speed_is_told(bag: Path, rate: float, speed: float) -> 
 
 def test_the_bag_s_own_word_on_its_rate_counts(tmp_path: Path) -> None:
     bag = recorded(tmp_path / "bag", facts={"arguments": {"rate": 999.0}})
-    assert bag_rate(read_bag(bag)) == 999.0
-    assert bag_rate(read_bag(recorded(tmp_path / "other"))) == RATE
+    assert playback.bag_rate(read_bag(bag)) == 999.0
+    assert playback.bag_rate(read_bag(recorded(tmp_path / "other"))) == RATE
 
 
 def test_a_file_of_a_bag_will_do_and_so_will_a_bag_without_motion(
     tmp_path: Path, bag: Path
 ) -> None:
     (file,) = bag.glob("*.mcap")
-    assert play(opened(ReplaySlave, file)) == play(opened(ReplaySlave, bag))
+    assert play(opened(playback.ReplaySlave, file)) == play(opened(playback.ReplaySlave, bag))
     only = {topics.TOOL_ACCELERATION: rows()[topics.TOOL_ACCELERATION]}
-    still = opened(ReplaySlave, recorded(tmp_path / "still", only))
+    still = opened(playback.ReplaySlave, recorded(tmp_path / "still", only))
     assert {sample.position for sample in play(still)} == {(0.0, 0.0, 0.0)}
     assert "arm stands still" in still.remark
 
@@ -198,10 +194,10 @@ def test_csv_and_wav_files_are_played_too(tmp_path: Path) -> None:
         file.setparams((1, 2, 1000, 0, "NONE", ""))
         file.writeframes(struct.pack("<1500h", *(tone * 668.0).astype(int)))
     for parameters in (
-        ReplayParameters(str(table), rate=1000.0, column="z"),
-        ReplayParameters(str(sound)),
+        playback.ReplayParameters(str(table), rate=1000.0, column="z"),
+        playback.ReplayParameters(str(sound)),
     ):
-        device = ReplaySlave(parameters, RATE, 0)
+        device = playback.ReplaySlave(parameters, RATE, 0)
         device.write(0.0, arm_force=(0.0, 0.0, 0.0))
         played = [sample.acceleration[ACTUATOR_AXIS] for sample in play(device, 1500)]
         assert played == pytest.approx(tone, abs=2e-3)
@@ -243,24 +239,24 @@ def test_what_cannot_be_replayed_is_refused_in_one_line(
     bag: Path, make: Callable[[Path], Path], named: str
 ) -> None:
     with pytest.raises(ParameterError, match=named) as caught:
-        opened(ReplaySlave, make(bag))
+        opened(playback.ReplaySlave, make(bag))
     assert "\n" not in str(caught.value)
 
 
 def test_nothing_to_play_is_refused_by_name() -> None:
     with pytest.raises(ParameterError, match="replay.file = ''"):
-        ReplaySlave(ReplayParameters(), RATE, 0)
+        playback.ReplaySlave(playback.ReplayParameters(), RATE, 0)
 
 
 def test_what_is_too_short_at_a_speed_is_refused(bag: Path) -> None:
     with pytest.raises(ParameterError, match="speed = 10"):
-        opened(ReplaySlave, bag, speed=10.0)
+        opened(playback.ReplaySlave, bag, speed=10.0)
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.05, 11.0, -1.0])
 def test_speeds_out_of_range_are_refused(speed: float) -> None:
     with pytest.raises(ParameterError, match="speed = .*from 0.1 to 10"):
-        ReplayParameters("bag", speed=speed)
+        playback.ReplayParameters("bag", speed=speed)
 
 
 def test_a_bag_that_was_cut_off_is_played_as_far_as_it_is_whole(tmp_path: Path, bag: Path) -> None:
@@ -269,7 +265,7 @@ def test_a_bag_that_was_cut_off_is_played_as_far_as_it_is_whole(tmp_path: Path, 
     (file,) = cut.glob("*.mcap")
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     try:
-        played = opened(ReplaySlave, cut)
+        played = opened(playback.ReplaySlave, cut)
     except ParameterError as error:
         # One chunk holds all of so short a bag: then there is nothing left.
         assert "\n" not in str(error)
@@ -280,7 +276,7 @@ def test_a_bag_that_was_cut_off_is_played_as_far_as_it_is_whole(tmp_path: Path, 
 
 
 def test_a_force_between_a_tick_s_time_and_a_late_tick_shifts_no_sample(bag: Path) -> None:
-    prompt, late = opened(ReplaySlave, bag), opened(ReplaySlave, bag)
+    prompt, late = opened(playback.ReplaySlave, bag), opened(playback.ReplaySlave, bag)
     expected = play(prompt)
     for index, sample in enumerate(expected):
         late.write(100.0 + (index + 0.9) * PERIOD, arm_force=(0.1, 0.0, 0.0))
@@ -290,5 +286,5 @@ def test_a_force_between_a_tick_s_time_and_a_late_tick_shifts_no_sample(bag: Pat
 def test_stamps_and_not_arrivals_count(tmp_path: Path) -> None:
     bag = recorded(tmp_path / "bag", delay=lambda place: place * 777_000)
     prompt = recorded(tmp_path / "prompt")
-    assert play(opened(ReplaySlave, bag)) == play(opened(ReplaySlave, prompt))
+    assert play(opened(playback.ReplaySlave, bag)) == play(opened(playback.ReplaySlave, prompt))
     assert read_bag(bag).signals[topics.TOOL_ACCELERATION.name].stamps[0] == START

@@ -38,6 +38,7 @@ from port_audio import BLOCK, RATE, PortAudio, Stream
 from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.model import LATER, HandleParameters
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.devices import sound_bench
 from haptic_accel.devices.audio import (
     JACK,
     AudioActuator,
@@ -46,13 +47,6 @@ from haptic_accel.devices.audio import (
     recorded,
 )
 from haptic_accel.devices.interface import DeviceError, NoParameters
-from haptic_accel.devices.sound_bench import (
-    BenchOutput,
-    CardAccelerometer,
-    CardClock,
-    NoArm,
-    likest,
-)
 from haptic_accel.setup.node_parameters import build_device, node_parameters
 from running import Command, nodes_of, wait_until
 from sound_cards import SOUND_RIG, sound_world
@@ -64,7 +58,7 @@ Start = Callable[..., Command]
 @given(st.floats(-3e-4, 3e-4), st.floats(0.0, 1e5), st.integers(0, 2**32 - 1))
 def test_a_cards_clock_is_known_from_late_readings(drift: float, start: float, seed: int) -> None:
     late = np.random.default_rng(seed).exponential(2e-4, 20_000)
-    clock, true = CardClock(RATE), RATE * (1 + drift)
+    clock, true = sound_bench.CardClock(RATE), RATE * (1 + drift)
     errors = []
     for tick, delay in enumerate(late):
         now = start + tick * 1e-3 + delay
@@ -79,7 +73,7 @@ def test_a_cards_clock_is_known_from_late_readings(drift: float, start: float, s
 
 @pytest.mark.parametrize("samples", [RATE // 50, BLOCK])
 def test_lost_samples_begin_the_clock_again(samples: int) -> None:
-    clock = CardClock(RATE)
+    clock = sound_bench.CardClock(RATE)
     for tick in range(1000):
         lost = 0 if tick < 500 else samples
         clock.observe(48 * tick - lost, 10.0 + tick * 1e-3)
@@ -93,9 +87,9 @@ def test_an_answer_is_found_after_its_delay_and_silence_is_none() -> None:
     silence = np.random.default_rng(1).normal(0, 1, (22_000, 1))
     answer = silence.copy()
     answer[777:20_777, 0] -= noise
-    assert likest(noise, answer) == 777
+    assert sound_bench.likest(noise, answer) == 777
     with pytest.raises(DeviceError, match="does not answer the coil .correlation 0.0"):
-        likest(noise, silence)
+        sound_bench.likest(noise, silence)
 
 
 @pytest.mark.parametrize(
@@ -115,15 +109,17 @@ def test_an_answer_is_found_after_its_delay_and_silence_is_none() -> None:
 )
 def test_wrong_inputs_are_refused(given: dict[str, Any], refused: str) -> None:
     with pytest.raises(ParameterError, match=re.escape(refused)):
-        CardAccelerometer(InputParameters(**given), 1000.0, NoArm(NoParameters(), 1e3, 0), False)
+        sound_bench.CardAccelerometer(
+            InputParameters(**given), 1000.0, sound_bench.NoArm(NoParameters(), 1e3, 0), False
+        )
 
 
 def sensor_on(card: PortAudio, patched: pytest.MonkeyPatch, kind: type = InputParameters) -> Any:
     """Return the accelerometer of a handle on a card."""
     for module in ("audio", "sound_bench"):
         patched.setattr(f"haptic_accel.devices.{module}.sound_library", lambda: card)
-    arm = NoArm(NoParameters(), 1e3, 0)
-    return CardAccelerometer(kind(scales="100"), 1000.0, arm, to_base_axes=False)
+    arm = sound_bench.NoArm(NoParameters(), 1e3, 0)
+    return sound_bench.CardAccelerometer(kind(scales="100"), 1000.0, arm, to_base_axes=False)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30, -1.5, 1.0])
@@ -162,7 +158,7 @@ def test_a_card_that_cannot_be_a_bench_is_refused_in_one_line(
 ) -> None:
     monkeypatch.setattr("haptic_accel.devices.sound_bench.FIRST_BLOCK", 0.3)
     sensor = sensor_on(card, monkeypatch, AudioParameters)
-    output = partial(BenchOutput, sensor=sensor)
+    output = partial(sound_bench.BenchOutput, sensor=sensor)
     device = AudioActuator(AudioParameters(channels="2"), 1e3, sensor, 9, card=output)
     with pytest.raises((DeviceError, ParameterError)) as found:
         device.open()

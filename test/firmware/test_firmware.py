@@ -24,14 +24,7 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.devices.serial.protocol import (
-    FIRMWARE,
-    VERSION,
-    Decoder,
-    FrameType,
-    Identity,
-    encode,
-)
+from haptic_accel.devices.serial import protocol
 from host_firmware import (
     HERE,
     PROCESSORS,
@@ -45,19 +38,19 @@ from host_firmware import (
     run,
 )
 
-HANDLE = Identity((1, 2, 3), 0b101, 10_000, 84.6, (0.0, 0.0, 2.75), "7654321")
+HANDLE = protocol.Identity((1, 2, 3), 0b101, 10_000, 84.6, (0.0, 0.0, 2.75), "7654321")
 FRAMES = 3_000
 
 
 @pytest.mark.parametrize("processor", PROCESSORS)
 def test_both_sides_read_and_write_the_same_bytes(tmp_path: Path, processor: Processor) -> None:
     rng = random.Random(1)
-    decoder = Decoder()
+    decoder = protocol.Decoder()
     script, expected = [], []
     for frame in random_frames(rng, FRAMES):
-        wire = garbled(rng, encode(frame))
+        wire = garbled(rng, protocol.encode(frame))
         script.append(b"e" + struct.pack("<H", len(wire)) + wire)
-        expected += [record(b"F", encode(found)) for found in decoder.feed(wire)]
+        expected += [record(b"F", protocol.encode(found)) for found in decoder.feed(wire)]
         counts = struct.pack("<III", decoder.received, decoder.damaged, decoder.lost)
         expected.append(record(b"C", counts))
     assert decoder.received > FRAMES / 3
@@ -77,11 +70,13 @@ def test_the_sketch_compiles(coils: int, processor: Processor) -> None:
 
 def test_the_sketch_states_the_version_that_the_driver_asks_for() -> None:
     sketch = (SKETCH / "haptic_handle.ino").read_text(encoding="utf-8")
-    assert f"{{{', '.join(map(str, FIRMWARE))}}}, AXES" in sketch
-    assert f"uint8_t VERSION = {VERSION};" in (SKETCH / "protocol.h").read_text(encoding="utf-8")
+    assert f"{{{', '.join(map(str, protocol.FIRMWARE))}}}, AXES" in sketch
+    assert f"uint8_t VERSION = {protocol.VERSION};" in (SKETCH / "protocol.h").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_the_numbers_of_frames_are_alike() -> None:
     header = (SKETCH / "protocol.h").read_text(encoding="utf-8")
-    for kind in FrameType:
+    for kind in protocol.FrameType:
         assert f"  {kind.name} = 0x{kind:02X},\n" in header

@@ -29,15 +29,9 @@ import rclpy
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from rcl_interfaces import srv
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterValue, SetParametersResult
-from rcl_interfaces.srv import (
-    DescribeParameters,
-    GetParameters,
-    GetParameterTypes,
-    SetParameters,
-    SetParametersAtomically,
-)
 from rclpy.clock import ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -131,11 +125,11 @@ class Node:
     def ask(self, kind: Any, **fields: Any) -> Any:
         """Return the response of one of its parameter services to a request."""
         services = {
-            DescribeParameters: "describe_parameters",
-            GetParameters: "get_parameters",
-            GetParameterTypes: "get_parameter_types",
-            SetParameters: "set_parameters",
-            SetParametersAtomically: "set_parameters_atomically",
+            srv.DescribeParameters: "describe_parameters",
+            srv.GetParameters: "get_parameters",
+            srv.GetParameterTypes: "get_parameter_types",
+            srv.SetParameters: "set_parameters",
+            srv.SetParametersAtomically: "set_parameters_atomically",
         }
         return self._observer.call(kind, f"slave_device/{services[kind]}", kind.Request(**fields))
 
@@ -229,9 +223,9 @@ def test_what_asks_for_no_parameter_gets_nothing_and_what_sets_none_the_reason(
 ) -> None:
     before = slave.values()
     for kind, field in (
-        (GetParameterTypes, "types"),
-        (GetParameters, "values"),
-        (DescribeParameters, "descriptors"),
+        (srv.GetParameterTypes, "types"),
+        (srv.GetParameters, "values"),
+        (srv.DescribeParameters, "descriptors"),
     ):
         for names in (["no_such"], ["rate", ""], ["\x1b[2J\n", "x" * 60_000]):
             assert len(getattr(slave.ask(kind, names=names), field)) == 0
@@ -243,8 +237,8 @@ def test_what_asks_for_no_parameter_gets_nothing_and_what_sets_none_the_reason(
         ("use_sim_time", 0, "use_sim_time = None: must be false"),
     ):
         parameters = [ParameterMessage(name=name, value=ParameterValue(type=kind))]
-        atomically = slave.ask(SetParametersAtomically, parameters=parameters).result
-        (one,) = slave.ask(SetParameters, parameters=parameters).results
+        atomically = slave.ask(srv.SetParametersAtomically, parameters=parameters).result
+        (one,) = slave.ask(srv.SetParameters, parameters=parameters).results
         for result in (atomically, one):
             assert not result.successful
             assert result.reason.startswith(reason)

@@ -27,14 +27,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import pytest
 
 from browsing import done, violations
-from haptic_accel.analysis import load
+from haptic_accel.analysis import experiment, load
 from haptic_accel.analysis.comparison import compared
-from haptic_accel.analysis.experiment import (
-    Run,
-    recorded_conditions,
-    run_lockstep,
-    write_experiment,
-)
 from haptic_accel.analysis.writing import write_analysis
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.paced_rig import PacedRig
@@ -121,15 +115,17 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (folder / name).mkdir()
     every = GraphArguments(surface="text", duration=2.0)
     plan = [replace(every, controller=each) for each in ("none", "constant", "dynamic")]
-    conditions = recorded_conditions(plan, folder / "bags", None, lockstep=True)
+    conditions = experiment.recorded_conditions(plan, folder / "bags", None, lockstep=True)
     for each in conditions:
-        run_lockstep(each)
+        experiment.run_lockstep(each)
     analysis = load(folder / "bags")
     comparison = compared(analysis, "controller:none,dynamic")
     write_analysis(analysis, folder / "analysis", comparison)
     arguments = {each.bag: each.arguments for each in conditions}
-    live = Run(every, arguments, None, lockstep=False, expected=dict.fromkeys(arguments, 70.0))
-    write_experiment(live, analysis, folder / "experiment", "A warning.")
+    live = experiment.Run(
+        every, arguments, None, lockstep=False, expected=dict.fromkeys(arguments, 70.0)
+    )
+    experiment.write_experiment(live, analysis, folder / "experiment", "A warning.")
     words = ("--lockstep", "--grips", "pinch,hook", "trials:=2", "duration:=1")
     words += WITHOUT_FRICTION
     assert status_of("identify", *words, "--out", folder / "identification") == 0

@@ -114,23 +114,30 @@ def test_a_delay_in_samples_is_read_as_a_time_with_one_warning(
     assert Setup.of(both).values["compensator"]["adaptive.granted_time"] == 0.002
 
 
+DELAY, CARD = ("compensator", "inverse"), ("master_device", "audio")
+
+
 @pytest.mark.parametrize(
-    ("given", "reason"),
+    ("node", "part", "given", "reason"),
     [
-        ("{granted_delay: 2.5}", "granted_delay = 2.5: must be a whole number of samples, from 0"),
-        ("{granted_delay: -1}", "granted_delay = -1: must be a whole number of samples, from 0"),
+        (*DELAY, "{granted_delay: 2.5}", "granted_delay = 2.5: must be a whole number of samples"),
+        (*DELAY, "{granted_delay: -1}", "granted_delay = -1: must be a whole number of samples"),
+        (*DELAY, "{granted_delay: 2, granted_time: 0.002}", "granted_delay = 2: must be left out"),
+        (*CARD, "{channel: 0}", "channel = 0: must be a whole number from 1; or give audio.chan"),
         (
-            "{granted_delay: 2, granted_time: 0.002}",
-            "granted_delay = 2: must be left out, as inverse.granted_time is given",
+            *CARD,
+            "{channel: '3'}",
+            "channel = 3: must be a whole number from 1; or give audio.chan",
         ),
+        (*CARD, "{channel: 3, channels: '4'}", "channel = 3: must be left out"),
     ],
 )
-def test_a_delay_in_samples_that_means_nothing_or_two_things_is_refused(
-    tmp_path: Path, given: str, reason: str
+def test_a_former_name_that_means_nothing_or_two_things_is_refused(
+    tmp_path: Path, node: str, part: str, given: str, reason: str
 ) -> None:
     file = tmp_path / "mine.yaml"
-    file.write_text(f"compensator: {{ros__parameters: {{inverse: {given}}}}}")
-    with pytest.raises(ParameterError, match=re.escape(f"{file}: inverse.{reason}")):
+    file.write_text(f"{node}: {{ros__parameters: {{{part}: {given}}}}}")
+    with pytest.raises(ParameterError, match=re.escape(f"{file}: {part}.{reason}")):
         Setup.of(GraphArguments(params_file=str(file)))
 
 
@@ -152,26 +159,6 @@ def test_a_former_channel_of_a_sound_card_is_read_with_one_warning(
     assert caplog.messages == [
         f"{file}: audio.channel = 3 is audio.channels = '3'; it is read until the next release"
     ]
-
-
-@pytest.mark.parametrize(
-    ("given", "reason"),
-    [
-        ("{channel: 0}", "channel = 0: must be a whole number from 1; or give audio.channels"),
-        ("{channel: '3'}", "channel = 3: must be a whole number from 1; or give audio.channels"),
-        (
-            "{channel: 3, channels: '4'}",
-            "channel = 3: must be left out, as audio.channels is given",
-        ),
-    ],
-)
-def test_a_former_channel_that_means_nothing_or_two_things_is_refused(
-    tmp_path: Path, given: str, reason: str
-) -> None:
-    file = tmp_path / "mine.yaml"
-    file.write_text(f"master_device: {{ros__parameters: {{audio: {given}}}}}")
-    with pytest.raises(ParameterError, match=re.escape(f"{file}: audio.{reason}")):
-        Setup.of(GraphArguments(params_file=str(file)))
 
 
 def test_a_surface_of_ones_own_is_a_file(tmp_path: Path) -> None:

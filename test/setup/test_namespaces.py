@@ -29,16 +29,8 @@ from std_srvs.srv import SetBool
 
 from haptic_accel.analysis import load
 from haptic_accel.bags.reading import Bag, read_bag
+from haptic_accel.core import topics
 from haptic_accel.core.emergency_stop import LATCHED_SETTLING
-from haptic_accel.core.topics import (
-    ACTUATOR_FORCE,
-    COMMON_STOP,
-    COUPLER_STOPPED,
-    EMERGENCY_STOP,
-    MASTER_STOPPED,
-    SIGNALS,
-    SLAVE_STOPPED,
-)
 from observing import Observer
 from running import Command, wait_until
 from verbs import refusal
@@ -62,7 +54,7 @@ def check_whole(bag: Bag, namespace: str) -> None:
     """Assert that a bag holds one graph, with all signals, and without gaps in a force's."""
     assert bag.problems == []
     assert all(name.startswith(f"/{namespace}/") for name in names_of(bag)), names_of(bag)
-    assert set(bag.signals) == {topic.name for topic in SIGNALS}
+    assert set(bag.signals) == {topic.name for topic in topics.SIGNALS}
     assert bag.facts["arguments"].items() >= CONDITIONS[namespace].items()
     reported = {
         said.values["controller"] for said in bag.diagnostics if said.node == "compensator"
@@ -74,15 +66,15 @@ def stop_by_topic(graphs: dict[str, Command], observer: Observer) -> None:
     """Stop the graphs of all namespaces by one topic, which releases none, and release each."""
 
     def wait_for_states(side: str, stopped: bool) -> None:
-        for topic in (COUPLER_STOPPED, MASTER_STOPPED, SLAVE_STOPPED):
+        for topic in (topics.COUPLER_STOPPED, topics.MASTER_STOPPED, topics.SLAVE_STOPPED):
             observer.wait_for_state(replace(topic, name=f"{side}/{topic.name}"), stopped)
 
     def release(side: str) -> bool:
-        name = f"{side}/{EMERGENCY_STOP.name}"
+        name = f"{side}/{topics.EMERGENCY_STOP.name}"
         return bool(observer.call(SetBool, name, SetBool.Request(data=False)).success)
 
     # As `ros2 topic pub --once /estop` does: reliable, nothing latched.
-    publisher = observer.node.create_publisher(Bool, COMMON_STOP.name, 1)
+    publisher = observer.node.create_publisher(Bool, topics.COMMON_STOP.name, 1)
     wait_until(lambda: publisher.get_subscription_count() >= 6, "all nodes found")
     seen = {side: len(graph.lines) for side, graph in graphs.items()}
     publisher.publish(Bool(data=True))
@@ -123,13 +115,14 @@ def test_two_graphs_run_side_by_side_and_do_not_mix(
     assert (status, "surface.name vinyl -> plywood" in line) == (0, True), line
 
     stopped = {
-        name: replace(MASTER_STOPPED, name=f"{name}/{MASTER_STOPPED.name}") for name in graphs
+        name: replace(topics.MASTER_STOPPED, name=f"{name}/{topics.MASTER_STOPPED.name}")
+        for name in graphs
     }
     stop_by_topic(graphs, observer)
     assert ask("estop", "namespace:=right")[0] == 0
     observer.wait_for_state(stopped["right"], state=True)
     observer.wait_for_state(stopped["left"], state=False)
-    force = replace(ACTUATOR_FORCE, name=f"left/{ACTUATOR_FORCE.name}")
+    force = replace(topics.ACTUATOR_FORCE, name=f"left/{topics.ACTUATOR_FORCE.name}")
     # As long as a trial must be at least, 0.9 s at 500 Hz, and longer.
     forces = observer.collect((force,), 600)[force.name]
     assert np.ptp([message.wrench.force.z for message in forces]) > 0

@@ -37,17 +37,7 @@ import numpy as np
 from hypothesis import strategies as st
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from bag_maker import (
-    CHANGED,
-    START,
-    STRING,
-    Message,
-    change_bytes,
-    diagnostics_bytes,
-    facts,
-    vector_bytes,
-    write_messages,
-)
+import bag_maker
 from haptic_accel.bags.facts import PREFIX
 from haptic_accel.core import topics
 from haptic_accel.core.parameters import ParameterError
@@ -142,7 +132,7 @@ class BagForm:
         none.
     """
 
-    messages: tuple[Message, ...]
+    messages: tuple[bag_maker.Message, ...]
     custom: Mapping[str, str]
     splits: tuple[float, ...] = ()
     names: str = "bag_{0}"
@@ -162,7 +152,7 @@ def write_form(form: BagForm, folder: Path) -> Path:
     entries = []
     parts = [(a, b) for a, b in itertools.pairwise(edges) if b > a]
     for number, (begin, end) in enumerate(parts):
-        part = write_messages(
+        part = bag_maker.write_messages(
             folder / f"part_{number}",
             form.messages[begin:end],
             storage=form.storage,
@@ -181,7 +171,7 @@ def write_form(form: BagForm, folder: Path) -> Path:
         shutil.copy(bag / entries[0][0], bag / f"copy of {entries[0][0]}")
     if form.beside == "other":
         other = tuple(restamped(each, lambda time: time + OTHER) for each in form.messages)
-        part = write_messages(folder / "other", other, custom=form.custom)
+        part = bag_maker.write_messages(folder / "other", other, custom=form.custom)
         shutil.move(part / "other.mcap", bag)
         shutil.rmtree(part)
     if form.listed != "none":
@@ -205,9 +195,9 @@ def _write_metadata(bag: Path, entries: list[tuple[str, Path]], form: BagForm) -
     whole.write(bag)
 
 
-def restamped(message: Message, moved: Callable[[int], int]) -> Message:
+def restamped(message: bag_maker.Message, moved: Callable[[int], int]) -> bag_maker.Message:
     """Return a message with another stamp, if it has one, and time of reception."""
-    if message.kind == STRING:
+    if message.kind == bag_maker.STRING:
         return message._replace(received=moved(message.received))
     seconds, rest = struct.unpack_from("<iI", message.data, 4)
     data = bytearray(message.data)
@@ -275,10 +265,10 @@ def _below(form: BagForm, where: float, much: float) -> BagForm:
     if any(message.topic.startswith("/lab") for message in form.messages):
         return form
 
-    def renamed(message: Message) -> Message:
-        if message.kind != CHANGED:
+    def renamed(message: bag_maker.Message) -> bag_maker.Message:
+        if message.kind != bag_maker.CHANGED:
             return message._replace(topic=f"{below}{message.topic}")
-        data = change_bytes(message.received, f"{below}/{SET[0]}", *SET[1:])
+        data = bag_maker.change_bytes(message.received, f"{below}/{SET[0]}", *SET[1:])
         return message._replace(data=data)
 
     return replace(form, messages=tuple(map(renamed, form.messages)))
@@ -347,21 +337,27 @@ def _right_bag() -> BagForm:
         topics.ACTUATOR_FORCE: 0.1 * actual,
         topics.MASTER_ARM_FORCE: np.ones(SAMPLES),
     }
-    stated = facts("constant", "vinyl", rate=RATE)
+    stated = bag_maker.facts("constant", "vinyl", rate=RATE)
     text = json.dumps(stated).encode() + b"\0"
     described = b"\0\1\0\0" + struct.pack("<I", len(text)) + text
-    messages = [Message(f"/{topics.DESCRIPTION.name}", STRING, START, described)]
+    messages = [
+        bag_maker.Message(
+            f"/{topics.DESCRIPTION.name}", bag_maker.STRING, bag_maker.START, described
+        )
+    ]
     for place in range(SAMPLES):
-        stamp = START + round(place * 1e9 / RATE)
+        stamp = bag_maker.START + round(place * 1e9 / RATE)
         for topic, values in along.items():
-            data = vector_bytes(topic.type, stamp, "", (0.0, 0.0, float(values[place])))
-            messages.append(Message(f"/{topic.name}", topic.type, stamp, data))
+            data = bag_maker.vector_bytes(topic.type, stamp, "", (0.0, 0.0, float(values[place])))
+            messages.append(bag_maker.Message(f"/{topic.name}", topic.type, stamp, data))
         if place % 100 == 50:
-            data = diagnostics_bytes(stamp, "compensator", "OK", {"samples": str(place)})
-            messages.append(Message("/diagnostics", topics.DIAGNOSTICS.type, stamp, data))
+            data = bag_maker.diagnostics_bytes(stamp, "compensator", "OK", {"samples": str(place)})
+            messages.append(
+                bag_maker.Message("/diagnostics", topics.DIAGNOSTICS.type, stamp, data)
+            )
         if place == SAMPLES - 1:
-            data = change_bytes(stamp, f"/{SET[0]}", *SET[1:])
-            messages.append(Message("/parameter_events", CHANGED, stamp, data))
+            data = bag_maker.change_bytes(stamp, f"/{SET[0]}", *SET[1:])
+            messages.append(bag_maker.Message("/parameter_events", bag_maker.CHANGED, stamp, data))
     custom = {
         PREFIX + name: value if isinstance(value, str) else json.dumps(value)
         for name, value in stated.items()

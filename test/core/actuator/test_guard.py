@@ -26,16 +26,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from haptic_accel.core import model
 from haptic_accel.core.actuator.guard import CUSHION, ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
-from haptic_accel.core.model import (
-    GRAVITY,
-    AccelerometerParameters,
-    FloatArray,
-    GripParameters,
-    MountParameters,
-)
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.exploration import ExplorationParameters
 from haptic_accel.core.rig.held_rig import DriveParameters
@@ -46,7 +40,7 @@ RATES = [1000.0, 4000.0]
 COIL = ActuatorParameters()
 PEAK_FORCE, CONTINUOUS_FORCE, TRAVEL = COIL.peak_force, COIL.continuous_force, COIL.travel
 STILL = ExplorationParameters(stroke_speed=0.0, press_depth=0.0, height=0.0)
-SENSOR_RANGE = 5 * GRAVITY
+SENSOR_RANGE = 5 * model.GRAVITY
 
 forces = st.lists(
     st.one_of(st.floats(-10.0, 10.0), st.floats(-1e300, 1e300), st.just(PEAK_FORCE)),
@@ -204,7 +198,7 @@ def driven(
     guarded: bool,
     rig: MasterRigParameters | None = None,
     seconds: float = 1.0,
-) -> tuple[MasterRig, ActuatorGuard, FloatArray, FloatArray]:
+) -> tuple[MasterRig, ActuatorGuard, model.FloatArray, model.FloatArray]:
     """Let a command drive the simulated actuator; return force and energy by sample too."""
     master = MasterRig(rig or MasterRigParameters(exploration=STILL), rate)
     limits = guard(rate=rate)
@@ -234,7 +228,7 @@ def hits(master: MasterRig) -> int:
 def test_an_absurd_command_does_not_hit_the_stops(
     rate: float, frequency: float, gravity: float
 ) -> None:
-    rig = MasterRigParameters(exploration=STILL, grip=GripParameters(gravity=gravity))
+    rig = MasterRigParameters(exploration=STILL, grip=model.GripParameters(gravity=gravity))
 
     def command(time: float) -> float:
         return 3.0 * math.sin(2 * math.pi * frequency * time)
@@ -255,8 +249,8 @@ def test_nor_does_it_on_a_rig_like_the_papers_in_another_grip(
 ) -> None:
     rig = MasterRigParameters(
         exploration=STILL,
-        grip=GripParameters(posture=posture),
-        mount=MountParameters(280.0, 0.127),
+        grip=model.GripParameters(posture=posture),
+        mount=model.MountParameters(280.0, 0.127),
         drive=DriveParameters(delay=225e-6),
     )
 
@@ -271,7 +265,7 @@ def test_nor_does_it_on_a_rig_like_the_papers_in_another_grip(
 @pytest.mark.parametrize("rate", [500.0, *RATES])
 def test_the_cushion_brakes_once_adds_no_energy_and_does_not_ring(rate: float) -> None:
     rig = MasterRigParameters(
-        exploration=STILL, accelerometer=AccelerometerParameters(noise_density=0.0, bits=32)
+        exploration=STILL, accelerometer=model.AccelerometerParameters(noise_density=0.0, bits=32)
     )
     pushed = 4e-3
 

@@ -24,17 +24,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from haptic_accel.core import model
 from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.control.arm_cancellation import ArmCancellation, cancelling_sections
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.control.filters import high_passed, section_response
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.model import (
-    AccelerometerParameters,
-    FloatArray,
-    HandleParameters,
-    Suspension,
-)
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 
 CORNER = 5.0
@@ -53,7 +48,7 @@ def test_the_arm_and_the_coil_cancel_above_the_corner(
     # By eq. (1) and (2) the arm's force moves the handle by s^2 (m_a s^2 + b_s s + k_s) / D, the
     # coil's by m_a s^4 / D. What is left of the arm's part is 1 - (s / (s + w))^3, at any grip.
     rate = 20_000.0
-    sections = cancelling_sections(Suspension(m_a=m_a, k_s=k_s, b_s=b_s), CORNER, rate)
+    sections = cancelling_sections(model.Suspension(m_a=m_a, k_s=k_s, b_s=b_s), CORNER, rate)
     s = 2j * math.pi * frequency
     coil = -section_response(sections, np.array([frequency]), rate)[0]
     left = 1.0 + coil * m_a * s**2 / (m_a * s**2 + b_s * s + k_s)
@@ -62,7 +57,7 @@ def test_the_arm_and_the_coil_cancel_above_the_corner(
 
 
 def test_a_steady_force_of_the_arm_needs_none_of_the_coil() -> None:
-    cancellation = ArmCancellation(Suspension(), CORNER, 1000.0)
+    cancellation = ArmCancellation(model.Suspension(), CORNER, 1000.0)
     assert cancellation.process(0.1) == pytest.approx(-0.1, rel=0.1)
     for _ in range(2000):
         force = cancellation.process(0.1)
@@ -73,8 +68,8 @@ def test_a_steady_force_of_the_arm_needs_none_of_the_coil() -> None:
 
 def shaken(controller: str, rate: float, gain: float = 1.0) -> tuple[float, float]:
     """Shake a handle by steps of the arm's force; return RMS acceleration and coil force."""
-    handle = HandleParameters()
-    silent = AccelerometerParameters(noise_density=0.0)
+    handle = model.HandleParameters()
+    silent = model.AccelerometerParameters(noise_density=0.0)
     rig = MasterRig(MasterRigParameters(handle=handle, accelerometer=silent), rate)
     parameters = CompensationParameters(controller=controller, gain=gain)
     compensation = Compensation(parameters, rate, {"plant": Plant(handle)}, latency=1)
@@ -98,7 +93,7 @@ def shaken(controller: str, rate: float, gain: float = 1.0) -> tuple[float, floa
         due, pushed = coil[2], force
         forces.append(due)
     settled = round(rate)
-    vibration: FloatArray = high_passed(np.array(felt), 30.0, rate)
+    vibration: model.FloatArray = high_passed(np.array(felt), 30.0, rate)
     return float(np.std(vibration[settled:])), float(np.std(forces[settled:]))
 
 

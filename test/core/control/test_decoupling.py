@@ -17,11 +17,7 @@
 import numpy as np
 import pytest
 
-from haptic_accel.core.control.decoupling import (
-    VectorConvolution,
-    full_decoupling,
-    static_decoupling,
-)
+from haptic_accel.core.control import decoupling
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, vector
@@ -55,14 +51,14 @@ def test_a_coupling_with_a_known_inverse_gets_it() -> None:
     # (I + N z^-1)^-1 = I - N z^-1 + N^2 z^-2, as N^3 = 0.
     nilpotent = np.array([[0.0, 0.4, -0.2], [0.0, 0.0, 0.3], [0.0, 0.0, 0.0]])
     inverse = np.stack([np.eye(3), -nilpotent, nilpotent @ nilpotent], axis=2)
-    found = full_decoupling(coupled_by(np.stack([np.eye(3), nilpotent], axis=2)))
+    found = decoupling.full_decoupling(coupled_by(np.stack([np.eye(3), nilpotent], axis=2)))
     assert response(found, 1000.0) == pytest.approx(response(inverse, 1000.0), abs=3e-3)
 
 
 @pytest.mark.parametrize("rate", [1000.0, 4000.0])
 def test_a_coupling_that_rings_is_undone_on_both_sides(rate: float) -> None:
     coupling = ringing(rate)
-    found = full_decoupling(coupled_by(coupling, rate))
+    found = decoupling.full_decoupling(coupled_by(coupling, rate))
     coupled, decoupled = response(coupling, rate), response(found, rate)
     unity = np.broadcast_to(np.eye(3), coupled.shape)
     assert np.abs(coupled - unity).max() > 0.2
@@ -73,13 +69,13 @@ def test_a_coupling_that_rings_is_undone_on_both_sides(rate: float) -> None:
 def test_a_coupling_without_dynamics_is_inverted_exactly() -> None:
     directions = np.array([[1.0, 0.2, 0.0], [-0.1, 1.0, 0.3], [0.0, 0.1, 1.0]])
     plant = coupled_by(directions[:, :, np.newaxis])
-    for found in (full_decoupling(plant), static_decoupling(plant)):
+    for found in (decoupling.full_decoupling(plant), decoupling.static_decoupling(plant)):
         assert found.shape == (3, 3, 1)
         assert found[:, :, 0] @ directions == pytest.approx(np.eye(3))
 
 
 def test_no_coupling_changes_no_bit() -> None:
-    found = full_decoupling(MatrixPlant.uncoupled(Plant(), 1000.0))
+    found = decoupling.full_decoupling(MatrixPlant.uncoupled(Plant(), 1000.0))
     assert np.array_equal(found, np.eye(3)[:, :, np.newaxis])
 
 
@@ -90,12 +86,12 @@ def test_a_sample_is_filtered_as_the_whole_signal() -> None:
         np.stack([np.convolve(values[:, of], taps[to, of])[:40] for to in range(3)], axis=1)
         for of in range(3)
     )
-    stream = VectorConvolution(taps)
+    stream = decoupling.VectorConvolution(taps)
     assert [stream.process(vector(each)) for each in values] == pytest.approx(whole)
 
 
 def test_a_constant_past_is_no_step() -> None:
     taps = np.random.default_rng(0).normal(size=(3, 3, 7))
-    stream = VectorConvolution(taps)
+    stream = decoupling.VectorConvolution(taps)
     stream.fill((0.0, 1.0, 9.8))
     assert stream.process((0.0, 1.0, 9.8)) == pytest.approx(taps.sum(axis=2) @ (0.0, 1.0, 9.8))

@@ -24,14 +24,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from scipy import signal
 
-from haptic_accel.core.control.filters import (
-    HIGH_PASS_FREQUENCY,
-    SampleFilter,
-    comparable,
-    high_pass,
-    inverse_of,
-    without_hand_motion,
-)
+from haptic_accel.core.control import filters
 from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray
 
 untimed = settings(deadline=None)
@@ -41,7 +34,7 @@ signals = arrays.arrays(np.float64, st.integers(1, 200), elements=st.floats(-1e3
 def response(sections: FloatArray, frequency: FloatArray, rate: float) -> ComplexArray:
     """Frequency response of a filter, from the impulse response that it really has."""
     seconds = 2.0  # every pole here has decayed by 1e-19 by then
-    stream = SampleFilter(sections)
+    stream = filters.SampleFilter(sections)
     count = int(seconds * rate)
     impulse = np.array([stream.process(float(index == 0)) for index in range(count)])
     turn = np.exp(-2j * np.pi * np.outer(frequency, np.arange(count)) / rate)
@@ -55,20 +48,22 @@ def response(sections: FloatArray, frequency: FloatArray, rate: float) -> Comple
 def test_the_high_pass_is_a_butterworth_of_fourth_order(rate: float) -> None:
     frequency = np.array([1.0, 5.0, 10.0, 15.0, 20.0, 50.0, 100.0, 200.0, 400.0])
     # The bilinear transform maps f to tan(pi f / rate); the corner stays where it is.
-    ratio = np.tan(np.pi * frequency / rate) / np.tan(np.pi * HIGH_PASS_FREQUENCY / rate)
+    ratio = np.tan(np.pi * frequency / rate) / np.tan(np.pi * filters.HIGH_PASS_FREQUENCY / rate)
     expected = np.sqrt(ratio**8 / (1 + ratio**8))
-    magnitude = np.abs(response(high_pass(HIGH_PASS_FREQUENCY, rate), frequency, rate))
+    magnitude = np.abs(
+        response(filters.high_pass(filters.HIGH_PASS_FREQUENCY, rate), frequency, rate)
+    )
     assert magnitude == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize("rate", [1000.0, 4000.0])
 def test_it_is_3_db_down_at_15_hz(rate: float) -> None:
-    (at_corner,) = np.abs(response(high_pass(15.0, rate), np.array([15.0]), rate))
+    (at_corner,) = np.abs(response(filters.high_pass(15.0, rate), np.array([15.0]), rate))
     assert 20 * np.log10(at_corner) == pytest.approx(-3.01, abs=0.005)
 
 
 def test_a_constant_leaves_nothing() -> None:
-    stream = SampleFilter(high_pass(15.0, 1000.0))
+    stream = filters.SampleFilter(filters.high_pass(15.0, 1000.0))
     output = [stream.process(9.81) for _ in range(2000)]
     assert abs(output[0]) > 1.0
     assert max(map(abs, output[-100:])) < 1e-9
@@ -84,7 +79,7 @@ def test_hand_motion_goes_and_what_is_felt_stays_in_phase(
     time = np.arange(round(4 * rate)) / rate
     wave = np.cos(2 * np.pi * frequency * time)
     middle = slice(round(rate), -round(rate))
-    found = without_hand_motion(9.81 + wave, 15.0, rate)
+    found = filters.without_hand_motion(9.81 + wave, 15.0, rate)
     assert found[middle] == pytest.approx(gain * wave[middle], abs=2e-3)
 
 
@@ -99,7 +94,7 @@ def test_a_handle_that_moves_as_desired_has_no_error(
     desired = np.sin(2 * np.pi * frequency * time + 0.3)
     if axes == 3:
         desired, sway = np.outer(desired, (1.0, -0.5, 0.2)), np.outer(sway, (0.1, 0.2, 1.0))
-    expected, actual = comparable(desired, desired + sway, 15.0, rate)
+    expected, actual = filters.comparable(desired, desired + sway, 15.0, rate)
     assert np.linalg.norm(actual - expected) < 1e-3 * np.linalg.norm(expected)
     assert np.linalg.norm(expected) > 0.9 * np.linalg.norm(desired)
 
@@ -107,7 +102,7 @@ def test_a_handle_that_moves_as_desired_has_no_error(
 @untimed
 @given(signals)
 def test_hand_motion_can_be_taken_out_of_any_signal(values: FloatArray) -> None:
-    found = without_hand_motion(values, 15.0, 1000.0)
+    found = filters.without_hand_motion(values, 15.0, 1000.0)
     assert found.shape == values.shape
     assert np.isfinite(found).all()
 
@@ -121,15 +116,15 @@ def test_a_stream_equals_the_whole_signal(
     values: FloatArray, frequency: float, order: int
 ) -> None:
     sections = np.asarray(signal.butter(order, frequency, fs=1000.0, output="sos"))
-    stream = SampleFilter(sections)
+    stream = filters.SampleFilter(sections)
     output = [stream.process(value) for value in values.tolist()]
     assert np.array(output) == pytest.approx(signal.sosfilt(sections, values), abs=1e-9)
 
 
 @given(signals, signals)
 def test_reset_forgets_the_past(past: FloatArray, values: FloatArray) -> None:
-    sections = high_pass(15.0, 1000.0)
-    fresh, used = SampleFilter(sections), SampleFilter(sections)
+    sections = filters.high_pass(15.0, 1000.0)
+    fresh, used = filters.SampleFilter(sections), filters.SampleFilter(sections)
     for value in past.tolist():
         used.process(value)
     used.reset()
@@ -156,15 +151,15 @@ def test_the_inverse_times_the_model_is_one(
     rate: float, low: float, high: float, tolerance: float
 ) -> None:
     frequency = np.linspace(low, high, 100)
-    inverse = response(inverse_of(ApproximateModel(), rate), frequency, rate)
+    inverse = response(filters.inverse_of(ApproximateModel(), rate), frequency, rate)
     product = inverse * ApproximateModel().model().response(frequency)
     assert np.abs(product - 1).max() < tolerance
 
 
 def test_the_inverse_divides_by_the_gain() -> None:
     frequency = np.array([1.0, 30.0, 200.0])
-    one = response(inverse_of(ApproximateModel(), 1000.0), frequency, 1000.0)
-    four = response(inverse_of(ApproximateModel(gain=4.0), 1000.0), frequency, 1000.0)
+    one = response(filters.inverse_of(ApproximateModel(), 1000.0), frequency, 1000.0)
+    four = response(filters.inverse_of(ApproximateModel(gain=4.0), 1000.0), frequency, 1000.0)
     assert four == pytest.approx(one / 4)
 
 
@@ -181,7 +176,7 @@ def test_any_model_is_inverted_where_it_acts(
         **{f"{pair}_damping": d for pair, d in zip(PAIRS, damping, strict=True)},
     )
     frequency = np.array([0.0, 2.0, 5.0, 10.0, 20.0, 50.0])
-    _, inverse = signal.sosfreqz(inverse_of(model, 20e3), frequency, fs=20e3)
+    _, inverse = signal.sosfreqz(filters.inverse_of(model, 20e3), frequency, fs=20e3)
     assert np.abs(inverse * model.model().response(frequency) - 1).max() < 1e-3
 
 

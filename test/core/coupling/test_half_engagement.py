@@ -25,20 +25,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_accel.core.arm_endpoint import ArmEndpoint
+from haptic_accel.core.coupling import half_engagement
 from haptic_accel.core.coupling.engagement import (
     FREE_TIME,
     STEP_PERIOD,
     STOPPED,
     EngagementParameters,
-)
-from haptic_accel.core.coupling.half_engagement import (
-    DIFFERENT,
-    LOST,
-    RESTARTED,
-    RESUME_TIME,
-    SILENT,
-    STOPPED_THERE,
-    HalfEngagement,
 )
 from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.coupling.passive import PassiveParameters
@@ -60,7 +52,7 @@ class Host:
     def __init__(self, side: str, session: int, now: float, recovery: str) -> None:
         parameters = EngagementParameters(timeout=TIMEOUT, listeners=0, recovery=recovery)
         self.side = side
-        self.engagement = HalfEngagement(parameters, now - LATCHED_SETTLING, side)
+        self.engagement = half_engagement.HalfEngagement(parameters, now - LATCHED_SETTLING, side)
         end = ArmEndpoint(side, PassiveParameters(), RATE, 1, session)
         self.part = HalfCouplingPart(end, self.engagement, TIMEOUT)
         self.end = end.endpoint
@@ -159,7 +151,7 @@ def test_a_host_alone_waits_for_packets() -> None:
     run.kill(SLAVE)
     run.run(1.0)
     assert not run.host(MASTER).engagement.engaged
-    assert run.missing(MASTER) == SILENT
+    assert run.missing(MASTER) == half_engagement.SILENT
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -169,7 +161,7 @@ def test_neither_engages_while_packets_go_one_way_only(side: str) -> None:
     run.cut(side)
     run.run(2.0)
     assert run.engaged == (False, False)
-    assert (run.missing(side), run.missing(other)) == (UNHEARD, SILENT)
+    assert (run.missing(side), run.missing(other)) == (UNHEARD, half_engagement.SILENT)
     run.mend()
     run.run(0.2)
     assert run.engaged == (True, True)
@@ -221,7 +213,7 @@ def test_losses_in_succession_keep_the_reference_positions() -> None:
 def test_after_a_long_loss_a_request_or_a_stop_the_arms_engage_where_they_are(side: str) -> None:
     run = engaged_run()
     run.cut(side)
-    run.run(RESUME_TIME + 0.2)
+    run.run(half_engagement.RESUME_TIME + 0.2)
     run.mend()
     run.run(0.2)
     assert (run.engaged, run.resumes) == ((True, True), (False, False))
@@ -246,7 +238,7 @@ def test_hosts_that_disagree_on_the_reference_positions_engage_once_more(side: s
     packet = host.end.peer
     assert packet
     host.engagement.peer_heard(packet._replace(resumes=True), run.now)
-    assert host.part.poll(run.now, 0).warning == f"let go: {DIFFERENT}"
+    assert host.part.poll(run.now, 0).warning == f"let go: {half_engagement.DIFFERENT}"
     run.run(FREE_TIME + 0.2)
     assert (run.engaged, run.resumes) == ((True, True), (False, False))
 
@@ -259,7 +251,7 @@ def test_a_peer_that_starts_again_is_engaged_with_anew() -> None:
     run.run(FREE_TIME + 0.2)
     assert run.engaged == (True, True)
     assert run.host(SLAVE).log == ["engaged"]
-    assert run.host(MASTER).log == ["engaged", f"let go: {SILENT}", "engaged"]
+    assert run.host(MASTER).log == ["engaged", f"let go: {half_engagement.SILENT}", "engaged"]
 
 
 def test_a_peer_that_starts_again_unnoticed_is_not_taken_for_the_one_before() -> None:
@@ -268,7 +260,7 @@ def test_a_peer_that_starts_again_unnoticed_is_not_taken_for_the_one_before() ->
     packet = run.host(MASTER).end.peer
     assert packet
     master.peer_heard(packet._replace(session=99), run.now)
-    assert master.decide(run.now, 0).warning == f"let go: {RESTARTED}"
+    assert master.decide(run.now, 0).warning == f"let go: {half_engagement.RESTARTED}"
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.5])
@@ -296,7 +288,7 @@ def test_manual_recovery_returns_after_a_loss_only_when_asked(side: str) -> None
     run.mend()
     run.run(1.0)
     assert run.engaged == (False, False)
-    assert run.missing(side) == LOST
+    assert run.missing(side) == half_engagement.LOST
     for each in SIDES:
         assert run.engaged == (False, False)
         run.host(each).engagement.request(True)
@@ -316,7 +308,7 @@ def test_a_stop_stops_both_hosts_and_each_is_released_by_itself(side: str) -> No
     run.release(other)
     run.run(2.0)
     assert not run.host(other).engagement.stop.stopped, "stopped again, though nobody stopped it"
-    assert run.missing(other) == STOPPED_THERE
+    assert run.missing(other) == half_engagement.STOPPED_THERE
     assert run.engaged == (False, False)
     run.release(side)
     run.run(0.2)

@@ -27,29 +27,20 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from haptic_accel.core.evaluation.metrics import (
-    PAPER_DELAY,
-    TABLE_II,
-    FloatArray,
-    align,
-    evaluate,
-    nrmse,
-    regress,
-    spectra,
-)
+from haptic_accel.core.evaluation import metrics
 
 RATE = 1000.0
 
 untimed = settings(deadline=None)
 
 
-def sine(gain: float = 1.0, phase: float = 0.0, frequency: float = 50.0) -> FloatArray:
+def sine(gain: float = 1.0, phase: float = 0.0, frequency: float = 50.0) -> metrics.FloatArray:
     """Two seconds of a sine: a whole number of periods."""
     time = np.arange(int(2 * RATE)) / RATE
     return gain * np.sin(2 * np.pi * frequency * time + phase)
 
 
-def white_noise(sigma: float, seconds: float = 60.0, seed: int = 0) -> FloatArray:
+def white_noise(sigma: float, seconds: float = 60.0, seed: int = 0) -> metrics.FloatArray:
     return np.random.default_rng(seed).normal(0.0, sigma, int(seconds * RATE))
 
 
@@ -59,7 +50,7 @@ signals = arrays.arrays(np.float64, st.integers(3, 60), elements=st.floats(-1e3,
 
 
 @st.composite
-def pairs(draw: st.DrawFn) -> tuple[FloatArray, FloatArray]:
+def pairs(draw: st.DrawFn) -> tuple[metrics.FloatArray, metrics.FloatArray]:
     """Two signals of equal length, both clearly varying."""
     desired = draw(signals)
     actual = draw(arrays.arrays(np.float64, len(desired), elements=st.floats(-1e3, 1e3)))
@@ -74,13 +65,13 @@ def pairs(draw: st.DrawFn) -> tuple[FloatArray, FloatArray]:
 def test_align_pairs_each_cause_with_its_delayed_effect() -> None:
     desired = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
     actual = np.array([0.0, 0.0, 1.0, 2.0, 3.0])
-    for first, second in zip(*align(desired, actual, 2), strict=True):
+    for first, second in zip(*metrics.align(desired, actual, 2), strict=True):
         assert first == second
-    assert len(align(desired, actual, 2)[0]) == 3
+    assert len(metrics.align(desired, actual, 2)[0]) == 3
 
 
 def test_align_by_nothing_keeps_both() -> None:
-    desired, actual = align(sine(), sine(0.5), 0)
+    desired, actual = metrics.align(sine(), sine(0.5), 0)
     assert np.array_equal(desired, sine())
     assert np.array_equal(actual, sine(0.5))
 
@@ -88,7 +79,7 @@ def test_align_by_nothing_keeps_both() -> None:
 @pytest.mark.parametrize("samples", [-1, 5, 6])
 def test_align_refuses_a_shift_out_of_range(samples: int) -> None:
     with pytest.raises(ValueError, match=r"^samples = -?\d: .*5$"):
-        align(np.ones(5), np.ones(5), samples)
+        metrics.align(np.ones(5), np.ones(5), samples)
 
 
 # Error
@@ -98,24 +89,26 @@ def test_align_refuses_a_shift_out_of_range(samples: int) -> None:
 @given(gains, phases)
 def test_nrmse_of_a_sine(gain: float, phase: float) -> None:
     expected = math.sqrt(max(1.0 - 2.0 * gain * math.cos(phase) + gain**2, 0.0))
-    assert nrmse(sine(), sine(gain, phase)) == pytest.approx(expected, abs=1e-6)
+    assert metrics.nrmse(sine(), sine(gain, phase)) == pytest.approx(expected, abs=1e-6)
 
 
 def test_nrmse_of_no_motion_is_one() -> None:
-    assert nrmse(sine(), np.zeros_like(sine())) == pytest.approx(1.0)
+    assert metrics.nrmse(sine(), np.zeros_like(sine())) == pytest.approx(1.0)
 
 
 def test_nrmse_keeps_offsets() -> None:
-    assert nrmse(np.full(10, 2.0), np.full(10, 3.0)) == pytest.approx(0.5)
+    assert metrics.nrmse(np.full(10, 2.0), np.full(10, 3.0)) == pytest.approx(0.5)
 
 
 @untimed
 @given(pairs(), st.floats(1e-3, 1e3))
 def test_nrmse_does_not_depend_on_the_unit(
-    pair: tuple[FloatArray, FloatArray], scale: float
+    pair: tuple[metrics.FloatArray, metrics.FloatArray], scale: float
 ) -> None:
     desired, actual = pair
-    assert nrmse(scale * desired, scale * actual) == pytest.approx(nrmse(desired, actual))
+    assert metrics.nrmse(scale * desired, scale * actual) == pytest.approx(
+        metrics.nrmse(desired, actual)
+    )
 
 
 # Regression
@@ -124,7 +117,7 @@ def test_nrmse_does_not_depend_on_the_unit(
 @untimed
 @given(gains, phases)
 def test_regression_of_a_sine(gain: float, phase: float) -> None:
-    found = regress(sine(), sine(gain, phase))
+    found = metrics.regress(sine(), sine(gain, phase))
     assert found.r2 == pytest.approx(math.cos(phase) ** 2, abs=1e-9)
     assert found.slope_actual_on_desired == pytest.approx(gain * math.cos(phase), abs=1e-8)
     assert found.slope_desired_on_actual == pytest.approx(math.cos(phase) / gain, abs=1e-7)
@@ -133,7 +126,7 @@ def test_regression_of_a_sine(gain: float, phase: float) -> None:
 @pytest.mark.parametrize("slope", [-2.0, 0.5])
 def test_regression_of_a_line(slope: float) -> None:
     desired = sine()
-    found = regress(desired, slope * desired + 3.0)
+    found = metrics.regress(desired, slope * desired + 3.0)
     assert found.r2 == pytest.approx(1.0)
     assert found.slope_actual_on_desired == pytest.approx(slope)
     assert found.slope_desired_on_actual == pytest.approx(1.0 / slope)
@@ -141,7 +134,7 @@ def test_regression_of_a_line(slope: float) -> None:
 
 def test_regression_of_four_points_by_hand() -> None:
     # Sums of squares about the means 1.5 and 2: 5 and 10; of products: 5.
-    found = regress(np.array([0.0, 1.0, 2.0, 3.0]), np.array([1.0, 0.0, 4.0, 3.0]))
+    found = metrics.regress(np.array([0.0, 1.0, 2.0, 3.0]), np.array([1.0, 0.0, 4.0, 3.0]))
     assert found.slope_actual_on_desired == pytest.approx(1.0)
     assert found.slope_desired_on_actual == pytest.approx(0.5)
     assert found.r2 == pytest.approx(0.5)
@@ -150,7 +143,7 @@ def test_regression_of_four_points_by_hand() -> None:
 @pytest.mark.parametrize("constant", [0.0, 0.1, -9.80665])
 def test_a_constant_signal_explains_nothing(constant: float) -> None:
     still = np.full_like(sine(), constant)
-    for found in (regress(sine(), still), regress(still, sine())):
+    for found in (metrics.regress(sine(), still), metrics.regress(still, sine())):
         assert found.r2 == 0.0
         assert found.slope_actual_on_desired == 0.0
         assert found.slope_desired_on_actual == 0.0
@@ -158,8 +151,8 @@ def test_a_constant_signal_explains_nothing(constant: float) -> None:
 
 @untimed
 @given(pairs())
-def test_product_of_the_slopes_is_r2(pair: tuple[FloatArray, FloatArray]) -> None:
-    found = regress(*pair)
+def test_product_of_the_slopes_is_r2(pair: tuple[metrics.FloatArray, metrics.FloatArray]) -> None:
+    found = metrics.regress(*pair)
     assert 0.0 <= found.r2 <= 1.0
     product = found.slope_actual_on_desired * found.slope_desired_on_actual
     assert product == pytest.approx(found.r2, abs=1e-12)
@@ -167,8 +160,8 @@ def test_product_of_the_slopes_is_r2(pair: tuple[FloatArray, FloatArray]) -> Non
 
 @untimed
 @given(pairs())
-def test_directions_mirror_each_other(pair: tuple[FloatArray, FloatArray]) -> None:
-    found, mirrored = regress(*pair), regress(*reversed(pair))
+def test_directions_mirror_each_other(pair: tuple[metrics.FloatArray, metrics.FloatArray]) -> None:
+    found, mirrored = metrics.regress(*pair), metrics.regress(*reversed(pair))
     assert found.slope_actual_on_desired == pytest.approx(mirrored.slope_desired_on_actual)
     assert found.r2 == pytest.approx(mirrored.r2)
 
@@ -176,21 +169,21 @@ def test_directions_mirror_each_other(pair: tuple[FloatArray, FloatArray]) -> No
 @untimed
 @given(pairs())
 def test_error_of_zero_mean_signals_follows_from_slope_and_r2(
-    pair: tuple[FloatArray, FloatArray],
+    pair: tuple[metrics.FloatArray, metrics.FloatArray],
 ) -> None:
     desired, actual = (values - values.mean() for values in pair)
-    found = regress(desired, actual)
+    found = metrics.regress(desired, actual)
     assume(found.r2 > 1e-6)
     slope = found.slope_actual_on_desired
     expected = 1.0 - 2.0 * slope + slope**2 / found.r2
-    assert nrmse(desired, actual) ** 2 == pytest.approx(expected, rel=1e-5, abs=1e-7)
+    assert metrics.nrmse(desired, actual) ** 2 == pytest.approx(expected, rel=1e-5, abs=1e-7)
 
 
 # Spectra
 
 
 def test_density_of_white_noise() -> None:
-    found = spectra(white_noise(2.0), white_noise(0.5, seed=1), RATE)
+    found = metrics.spectra(white_noise(2.0), white_noise(0.5, seed=1), RATE)
     inside = (found.frequency > 10.0) & (found.frequency < 490.0)
     for density, sigma in ((found.desired, 2.0), (found.actual, 0.5)):
         expected = sigma / math.sqrt(RATE / 2.0)
@@ -199,7 +192,7 @@ def test_density_of_white_noise() -> None:
 
 
 def test_density_of_a_sine_holds_its_power_at_its_frequency() -> None:
-    found = spectra(sine(3.0, frequency=80.0), sine(frequency=120.0), RATE)
+    found = metrics.spectra(sine(3.0, frequency=80.0), sine(frequency=120.0), RATE)
     assert found.frequency[np.argmax(found.desired)] == pytest.approx(80.0)
     assert found.frequency[np.argmax(found.actual)] == pytest.approx(120.0)
     step = found.frequency[1]
@@ -207,7 +200,7 @@ def test_density_of_a_sine_holds_its_power_at_its_frequency() -> None:
 
 
 def test_frequencies_go_to_half_the_rate_in_steps_of_four_hertz() -> None:
-    found = spectra(white_noise(1.0), white_noise(1.0), 4 * RATE)
+    found = metrics.spectra(white_noise(1.0), white_noise(1.0), 4 * RATE)
     assert found.frequency[0] == 0.0
     assert found.frequency[-1] == pytest.approx(2 * RATE)
     assert np.diff(found.frequency) == pytest.approx(4.0)
@@ -217,38 +210,38 @@ def test_frequencies_go_to_half_the_rate_in_steps_of_four_hertz() -> None:
 
 def test_coherence_of_a_copy_is_one() -> None:
     noise = white_noise(1.0)
-    assert spectra(noise, -0.3 * noise, RATE).coherence == pytest.approx(1.0)
+    assert metrics.spectra(noise, -0.3 * noise, RATE).coherence == pytest.approx(1.0)
 
 
 def test_coherence_with_added_noise() -> None:
     # gamma^2 = S / (S + N) for noise N on one side only; here S = N.
     noise = white_noise(1.0)
-    found = spectra(noise, noise + white_noise(1.0, seed=1), RATE)
+    found = metrics.spectra(noise, noise + white_noise(1.0, seed=1), RATE)
     assert np.mean(found.coherence[3:-3]) == pytest.approx(0.5, abs=0.03)
 
 
 def test_coherence_of_unrelated_signals_is_small() -> None:
-    found = spectra(white_noise(1.0), white_noise(1.0, seed=1), RATE)
+    found = metrics.spectra(white_noise(1.0), white_noise(1.0, seed=1), RATE)
     assert np.mean(found.coherence) < 0.01
 
 
 def test_coherence_of_short_unrelated_signals_is_not_one() -> None:
-    found = spectra(white_noise(1.0, 0.2), white_noise(1.0, 0.2, seed=1), RATE)
+    found = metrics.spectra(white_noise(1.0, 0.2), white_noise(1.0, 0.2, seed=1), RATE)
     assert np.mean(found.coherence) < 0.5
 
 
 @pytest.mark.parametrize("constant", [0.0, 0.1])
 def test_coherence_with_a_constant_is_zero(constant: float) -> None:
-    found = spectra(sine(), np.full_like(sine(), constant), RATE)
+    found = metrics.spectra(sine(), np.full_like(sine(), constant), RATE)
     assert np.all(found.actual == 0.0)
     assert np.all(found.coherence == 0.0)
 
 
 @untimed
 @given(signals, st.floats(10.0, 1e5))
-def test_spectra_are_finite(values: FloatArray, rate: float) -> None:
+def test_spectra_are_finite(values: metrics.FloatArray, rate: float) -> None:
     values = np.resize(values, 64)
-    found = spectra(values, values[::-1], rate)
+    found = metrics.spectra(values, values[::-1], rate)
     for array in (found.desired, found.actual, found.coherence):
         assert np.all(np.isfinite(array))
         assert np.all(array >= 0.0)
@@ -261,8 +254,8 @@ def test_spectra_are_finite(values: FloatArray, rate: float) -> None:
 def test_the_papers_delay_is_one_sample_at_its_rate() -> None:
     desired = white_noise(1.0, 1.0)
     actual = np.concatenate([[7.0], desired[:-1]])
-    found = evaluate(desired, actual, 1000.0)
-    assert PAPER_DELAY == 1.0e-3
+    found = metrics.evaluate(desired, actual, 1000.0)
+    assert metrics.PAPER_DELAY == 1.0e-3
     assert found.nrmse_percent == pytest.approx(0.0, abs=1e-9)
     assert found.slope_desired_on_actual == pytest.approx(1.0)
     assert found.slope_actual_on_desired == pytest.approx(1.0)
@@ -276,11 +269,13 @@ def test_the_papers_delay_is_one_sample_at_its_rate() -> None:
 def test_delay_is_taken_to_the_nearest_sample(rate: float, delay: float, samples: int) -> None:
     desired = white_noise(1.0, 1.0)
     actual = np.concatenate([np.full(samples, 7.0), desired[: len(desired) - samples]])
-    assert evaluate(desired, actual, rate, delay).nrmse_percent == pytest.approx(0.0, abs=1e-9)
+    assert metrics.evaluate(desired, actual, rate, delay).nrmse_percent == pytest.approx(
+        0.0, abs=1e-9
+    )
 
 
 def test_evaluation_is_in_percent() -> None:
-    found = evaluate(sine(), sine(0.5), RATE, delay=0.0)
+    found = metrics.evaluate(sine(), sine(0.5), RATE, delay=0.0)
     assert found.nrmse_percent == pytest.approx(50.0)
     assert found.slope_actual_on_desired == pytest.approx(0.5)
     assert found.slope_desired_on_actual == pytest.approx(2.0)
@@ -288,10 +283,10 @@ def test_evaluation_is_in_percent() -> None:
 
 @untimed
 @given(signals, signals)
-def test_evaluation_is_valid_json(desired: FloatArray, actual: FloatArray) -> None:
+def test_evaluation_is_valid_json(desired: metrics.FloatArray, actual: metrics.FloatArray) -> None:
     assume(np.linalg.norm(desired[:-1]) > 1e-90)
     actual = np.resize(actual, len(desired))
-    json.dumps(dataclasses.asdict(evaluate(desired, actual, RATE)), allow_nan=False)
+    json.dumps(dataclasses.asdict(metrics.evaluate(desired, actual, RATE)), allow_nan=False)
 
 
 @pytest.mark.parametrize(
@@ -308,29 +303,31 @@ def test_evaluation_is_valid_json(desired: FloatArray, actual: FloatArray) -> No
         (np.ones(5), np.full(5, 1e200), "actual: holds NaN, infinity or a value beyond 1e"),
     ],
 )
-def test_unfit_signals_are_refused(desired: FloatArray, actual: FloatArray, message: str) -> None:
+def test_unfit_signals_are_refused(
+    desired: metrics.FloatArray, actual: metrics.FloatArray, message: str
+) -> None:
     with pytest.raises(ValueError, match=message) as raised:
-        evaluate(desired, actual, RATE)
+        metrics.evaluate(desired, actual, RATE)
     assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, math.inf])
 def test_unfit_rates_are_refused(rate: float) -> None:
     with pytest.raises(ValueError, match=r"^rate = "):
-        evaluate(sine(), sine(), rate)
+        metrics.evaluate(sine(), sine(), rate)
     with pytest.raises(ValueError, match=r"^rate = "):
-        spectra(sine(), sine(), rate)
+        metrics.spectra(sine(), sine(), rate)
 
 
 @pytest.mark.parametrize("delay", [-1e-3, math.nan, math.inf])
 def test_unfit_delays_are_refused(delay: float) -> None:
     with pytest.raises(ValueError, match=r"^delay = "):
-        evaluate(sine(), sine(), RATE, delay)
+        metrics.evaluate(sine(), sine(), RATE, delay)
 
 
 def test_spectra_of_too_few_samples_are_refused() -> None:
     with pytest.raises(ValueError, match="15 samples, must be at least 16"):
-        spectra(np.ones(15), np.ones(15), RATE)
+        metrics.spectra(np.ones(15), np.ones(15), RATE)
 
 
 # The paper
@@ -348,7 +345,7 @@ def test_table_two_as_printed() -> None:
         for controller, row in rows.items()
         for surface, percent in zip(surfaces, row, strict=True)
     }
-    assert dict(TABLE_II) == expected
+    assert dict(metrics.TABLE_II) == expected
 
 
 def test_printed_averages_agree_with_the_printed_regression() -> None:
@@ -356,4 +353,4 @@ def test_printed_averages_agree_with_the_printed_regression() -> None:
     for controller, slope, r2 in (("constant", 0.60, 0.65), ("dynamic", 0.64, 0.71)):
         b = r2 / slope
         percent = 100.0 * math.sqrt(1.0 - 2.0 * b + b**2 / r2)
-        assert percent == pytest.approx(TABLE_II["average", controller], abs=1.0)
+        assert percent == pytest.approx(metrics.TABLE_II["average", controller], abs=1.0)

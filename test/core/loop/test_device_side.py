@@ -29,16 +29,7 @@ from haptic_accel.core.actuator.safety import (
     SafetyLayer,
 )
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
-from haptic_accel.core.loop.device_side import (
-    ACTUATOR,
-    ARM,
-    KEPT,
-    SAMPLE_TIMEOUT,
-    ArmWork,
-    DeviceSide,
-    TickSample,
-    rig_side,
-)
+from haptic_accel.core.loop import device_side
 from haptic_accel.core.model import LATER, ZERO, Reading, Sample, Vector
 from haptic_accel.core.sampling import NANOSECONDS
 
@@ -79,20 +70,22 @@ def rig() -> Rig:
     return Rig()
 
 
-def side(rig: Rig, latency: int) -> DeviceSide:
-    return rig_side(rig, MasterSafetyParameters(hardware=ActuatorParameters()), RATE, latency)
+def side(rig: Rig, latency: int) -> device_side.DeviceSide:
+    return device_side.rig_side(
+        rig, MasterSafetyParameters(hardware=ActuatorParameters()), RATE, latency
+    )
 
 
 def serve(
-    side: DeviceSide, tick: int, arm: Vector | None, actuator: float | None = None
-) -> list[TickSample]:
+    side: device_side.DeviceSide, tick: int, arm: Vector | None, actuator: float | None = None
+) -> list[device_side.TickSample]:
     side.begin(tick)
     taken = list(side.read())
     moment = tick * NANOSECONDS / RATE
     if arm is not None:
-        side.command(ARM, moment, arm)
+        side.command(device_side.ARM, moment, arm)
     if actuator is not None:
-        side.command(ACTUATOR, moment, along_actuator(actuator))
+        side.command(device_side.ACTUATOR, moment, along_actuator(actuator))
     side.apply()
     side.watch()
     return taken
@@ -171,10 +164,10 @@ class Clock:
 STILL = Sample(ZERO, ZERO, ZERO)
 
 
-def clocked(device: Slow, clock: Clock, **options: Any) -> DeviceSide:
+def clocked(device: Slow, clock: Clock, **options: Any) -> device_side.DeviceSide:
     safety = SafetyLayer(MasterSafetyParameters(hardware=ActuatorParameters()), RATE)
     safety.enable(0.0, True)
-    return DeviceSide(device, safety, RATE, 1, clock, **options)
+    return device_side.DeviceSide(device, safety, RATE, 1, clock, **options)
 
 
 def test_a_sample_that_comes_later_is_the_one_of_its_tick() -> None:
@@ -193,7 +186,7 @@ def test_a_sample_that_comes_later_is_the_one_of_its_tick() -> None:
 def test_a_sample_is_waited_for_so_long_and_no_longer() -> None:
     device, clock = Slow(), Clock()
     part = clocked(device, clock)
-    ticks = round(SAMPLE_TIMEOUT * RATE) + 10
+    ticks = round(device_side.SAMPLE_TIMEOUT * RATE) + 10
     for tick in range(ticks):
         part.begin(tick)
         assert list(part.read()) == []
@@ -202,7 +195,7 @@ def test_a_sample_is_waited_for_so_long_and_no_longer() -> None:
 
 @pytest.mark.parametrize(
     ("counted", "deadlines", "longest"),
-    [(None, (2, 1), 0.7e-3), ([ACTUATOR], (0, 0), 0.0)],
+    [(None, (2, 1), 0.7e-3), ([device_side.ACTUATOR], (0, 0), 0.0)],
     ids=["arm", "no arm"],
 )
 def test_a_force_that_comes_after_its_tick_acts_at_once_and_is_late(
@@ -210,18 +203,18 @@ def test_a_force_that_comes_after_its_tick_acts_at_once_and_is_late(
 ) -> None:
     device, clock = Slow(), Clock()
     part = clocked(device, clock, counted=counted)
-    part.command(ARM, 9e6, (0.0, 0.0, 0.5))
+    part.command(device_side.ARM, 9e6, (0.0, 0.0, 0.5))
     clock.now = 0.010
     part.begin(10)
     part.apply()
-    assert device.written == [(0.010, {ARM: (0.0, 0.0, 0.5)})]
+    assert device.written == [(0.010, {device_side.ARM: (0.0, 0.0, 0.5)})]
     clock.now = 0.0115
     part.begin(11)
     part.apply()
     clock.now = 0.0117
-    part.command(ARM, 10e6, (0.0, 0.0, 0.6))
+    part.command(device_side.ARM, 10e6, (0.0, 0.0, 0.6))
     part.apply_late()
-    assert device.written[1:] == [(0.0117, {ARM: (0.0, 0.0, 0.6)})]
+    assert device.written[1:] == [(0.0117, {device_side.ARM: (0.0, 0.0, 0.6)})]
     assert (part.deadlines, part.longest) == (deadlines, pytest.approx(longest))
     assert ("arm force due" in part.diagnostics()) == (counted is None)
 
@@ -230,7 +223,7 @@ def test_an_old_force_reaches_no_device() -> None:
     device, clock = Slow(), Clock()
     part = clocked(device, clock)
     for moment in (clock.now - 1.1 * MAX_AGE, clock.now + 1.1 * MAX_AGE):
-        part.command(ARM, moment * NANOSECONDS, (0.0, 0.0, 0.5))
+        part.command(device_side.ARM, moment * NANOSECONDS, (0.0, 0.0, 0.5))
         part.begin(1)
         part.apply()
     # Nor is one of the future, once its time has come.
@@ -247,25 +240,25 @@ def test_an_old_force_reaches_no_device() -> None:
 def test_a_pause_before_the_write_leaves_no_force(looks: int, written: list[Vector]) -> None:
     device, clock = Slow(), Clock()
     part = clocked(device, clock)
-    part.command(ARM, 0.0, (0.0, 0.0, 0.5))
+    part.command(device_side.ARM, 0.0, (0.0, 0.0, 0.5))
     part.begin(1)
     # The process is stopped for 8 s after so many looks at the clock, the last before the write.
     moments = iter([0.001] * looks)
     part.clock = lambda: next(moments, 8.0)
     part.apply()
-    assert [forces[ARM] for _, forces in device.written] == written
+    assert [forces[device_side.ARM] for _, forces in device.written] == written
 
 
 def test_a_device_with_a_clock_gets_forces_before_they_are_due() -> None:
     device, clock = Slow(), Clock()
-    part = clocked(device, clock, ahead=[ACTUATOR])
+    part = clocked(device, clock, ahead=[device_side.ACTUATOR])
     device.late = 7
-    part.command(ARM, 9e6, ZERO)  # the arms engage: those before do not count
+    part.command(device_side.ARM, 9e6, ZERO)  # the arms engage: those before do not count
     part.begin(10)
     clock.now = 0.0101
-    part.command(ACTUATOR, 10e6, along_actuator(0.1))
+    part.command(device_side.ACTUATOR, 10e6, along_actuator(0.1))
     ((time, forces),) = device.written
-    assert (time, list(forces)) == (0.011, [ACTUATOR])
+    assert (time, list(forces)) == (0.011, [device_side.ACTUATOR])
     device.late += 3
     assert part.deadlines == (2, 3)
 
@@ -279,7 +272,7 @@ def along_x(value: float) -> Vector:
 
 def test_the_work_on_a_body_is_its_kinetic_energy() -> None:
     mass, position, velocity = 0.1, 0.0, 0.0
-    work = ArmWork()
+    work = device_side.ArmWork()
     for tick in range(1000):
         done = work.until(tick * PERIOD, along_x(position))
         assert done == pytest.approx(along_x(mass * velocity**2 / 2), abs=1e-12)
@@ -290,7 +283,7 @@ def test_the_work_on_a_body_is_its_kinetic_energy() -> None:
 
 
 def test_a_late_force_counts_for_what_is_left_of_the_period() -> None:
-    work = ArmWork()
+    work = device_side.ArmWork()
     work.until(0.0, ZERO)
     work.apply(0.0, (1.0, 2.0, 0.0))
     work.apply(0.75 * PERIOD, (5.0, 0.0, 4.0))
@@ -299,7 +292,7 @@ def test_a_late_force_counts_for_what_is_left_of_the_period() -> None:
 
 
 def test_a_sample_may_be_read_after_the_next_forces() -> None:
-    work = ArmWork()
+    work = device_side.ArmWork()
     work.until(0.0, ZERO)
     work.apply(0.0, along_x(1.0))
     work.apply(PERIOD, along_x(2.0))
@@ -308,7 +301,7 @@ def test_a_sample_may_be_read_after_the_next_forces() -> None:
 
 
 def test_a_lost_sample_divides_the_way_by_time() -> None:
-    work = ArmWork()
+    work = device_side.ArmWork()
     work.until(0.0, ZERO)
     for tick, force in enumerate((1.0, 2.0)):
         work.apply(tick * PERIOD, along_x(force))
@@ -317,9 +310,9 @@ def test_a_lost_sample_divides_the_way_by_time() -> None:
 
 
 def test_forces_without_samples_take_no_memory_without_end() -> None:
-    work = ArmWork()
+    work = device_side.ArmWork()
     work.until(0.0, ZERO)
-    for tick in range(3 * KEPT):
+    for tick in range(3 * device_side.KEPT):
         work.apply(tick * PERIOD, along_x(1.0))
-    kept_of_the_way = work.until(3 * KEPT * PERIOD, along_x(3.0))
+    kept_of_the_way = work.until(3 * device_side.KEPT * PERIOD, along_x(3.0))
     assert kept_of_the_way == pytest.approx(along_x(1.0))

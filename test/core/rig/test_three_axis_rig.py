@@ -26,20 +26,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from haptic_accel.core import model
 from haptic_accel.core.handle.response import cross_coupling, sampled_response
 from haptic_accel.core.handle.three_axis import (
     BodyParameters,
     CoilMounting,
     SensorMounts,
     mass_matrix,
-)
-from haptic_accel.core.model import (
-    AccelerometerParameters,
-    FloatArray,
-    GripParameters,
-    HandleParameters,
-    MountParameters,
-    Vector,
 )
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.exploration import ExplorationParameters
@@ -50,7 +43,7 @@ from haptic_accel.core.rig.three_axis_rig import ThreeAxisParameters, ThreeAxisR
 
 RATE = 1000.0
 PERIOD = 1 / RATE
-TABLE_I = HandleParameters()
+TABLE_I = model.HandleParameters()
 STRAIGHT = CoilMounting(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 CENTRED = BodyParameters(sensor_x=0.0, sensor_y=0.0, sensor_z=0.0)
 LOSSLESS = replace(TABLE_I, b_s=0.0, b_u=0.0)
@@ -62,7 +55,7 @@ slow = st.tuples(*[st.floats(-0.05, 0.05)] * 3)
 
 @pytest.fixture
 def ideal(
-    ideal_accelerometer: AccelerometerParameters,
+    ideal_accelerometer: model.AccelerometerParameters,
     ideal_arm: ArmParameters,
     still_hand: ExplorationParameters,
 ) -> ThreeAxisParameters:
@@ -100,7 +93,7 @@ def test_without_tilts_and_offsets_each_axis_is_that_of_one_coil(
     mode: float, delay: float
 ) -> None:
     frequency = np.linspace(5.0, 490.0, 50)
-    mount = MountParameters(mode, 0.1)
+    mount = model.MountParameters(mode, 0.1)
     straight = ThreeAxisParameters(
         body=CENTRED,
         coils=STRAIGHT,
@@ -118,7 +111,7 @@ def test_it_then_moves_as_the_rig_with_one_coil(
     ideal: ThreeAxisParameters, ideal_master: MasterRigParameters
 ) -> None:
     drive = DriveParameters(bits=14, delay=1.3e-3, coulomb_friction=0.05)
-    grip = GripParameters(variation=0.15, gravity=6.9)
+    grip = model.GripParameters(variation=0.15, gravity=6.9)
     exploration = ExplorationParameters()
     same: dict[str, Any] = {"drive": drive, "grip": grip, "exploration": exploration}
     three = ThreeAxisRig(replace(ideal, coils=STRAIGHT, body=CENTRED, **same), RATE, seed=3)
@@ -144,7 +137,8 @@ def test_at_high_frequencies_masses_alone_decide() -> None:
     tiny = replace(TABLE_I, m_a=1e-6, k_s=0.0, b_s=0.0)
     rate = 1e6
     unfiltered = replace(
-        ThreeAxisParameters(handle=tiny), accelerometer=AccelerometerParameters(bandwidth=100e3)
+        ThreeAxisParameters(handle=tiny),
+        accelerometer=model.AccelerometerParameters(bandwidth=100e3),
     )
     rig = ThreeAxisRig(unfiltered, rate)
     frequency = np.array([3000.0])
@@ -182,7 +176,7 @@ def test_a_coil_moves_another_as_much_as_that_one_moves_it(ideal: ThreeAxisParam
     assert np.abs(travels[0, 1]).max() > 0.01 * np.abs(travels[0, 0]).max()
 
 
-def vector_along(axis: int, value: float) -> Vector:
+def vector_along(axis: int, value: float) -> model.Vector:
     x, y, z = (value if axis == each else 0.0 for each in range(3))
     return x, y, z
 
@@ -192,7 +186,7 @@ def test_the_rig_follows_its_response(ideal: ThreeAxisParameters, turned: float)
     parameters = replace(
         ideal,
         body=BodyParameters(sensor_rotation=turned, sensor_axis="x"),
-        mounts=SensorMounts(*(MountParameters(f, 0.1) for f in (240.0, 0.0, 287.0))),
+        mounts=SensorMounts(*(model.MountParameters(f, 0.1) for f in (240.0, 0.0, 287.0))),
         drive=DriveParameters(bits=32, delay=230e-6, force_scale=-0.9),
     )
     rig = ThreeAxisRig(parameters, RATE)
@@ -252,7 +246,7 @@ def test_another_mount_changes_nothing_at_once_and_then_rings(ideal: ThreeAxisPa
     rig.apply_actuator_force((1.0, -0.5, 0.7))
     rig.advance(0.05)
     before = rig.measure()
-    rig.change_mount(MountParameters(200.0, 0.01))
+    rig.change_mount(model.MountParameters(200.0, 0.01))
     assert rig.measure() == before
     rig.apply_actuator_force((0.0, 0.0, 0.0))
     rung = []
@@ -284,8 +278,8 @@ def test_the_arm_s_force_is_held_by_the_grip_along_all_axes(ideal: ThreeAxisPara
 
 
 def test_a_handle_held_against_gravity_is_at_rest(ideal: ThreeAxisParameters) -> None:
-    mounts = SensorMounts(*[MountParameters(280.0, 0.1)] * 3)
-    held = replace(ideal, grip=GripParameters(gravity=6.9), mounts=mounts)
+    mounts = SensorMounts(*[model.MountParameters(280.0, 0.1)] * 3)
+    held = replace(ideal, grip=model.GripParameters(gravity=6.9), mounts=mounts)
     rig = ThreeAxisRig(held, RATE)
     rig.apply_arm_force((0.0, 0.0, 0.0))
     start = rig.measure().position
@@ -311,7 +305,9 @@ def test_the_hand_leads_the_handle_along_x_and_z(ideal: ThreeAxisParameters) -> 
 
 @few
 @given(slow, slow, slow)
-def test_without_damping_energy_is_conserved(handle: Vector, coils: Vector, spin: Vector) -> None:
+def test_without_damping_energy_is_conserved(
+    handle: model.Vector, coils: model.Vector, spin: model.Vector
+) -> None:
     rig = ThreeAxisRig(replace(STILL, handle=LOSSLESS), RATE)
     rig.disturb(handle, coils, spin)
     thrown = rig.energy()
@@ -321,7 +317,7 @@ def test_without_damping_energy_is_conserved(handle: Vector, coils: Vector, spin
 
 @few
 @given(speeds, speeds)
-def test_damping_only_takes_energy(handle: Vector, coils: Vector) -> None:
+def test_damping_only_takes_energy(handle: model.Vector, coils: model.Vector) -> None:
     rig = ThreeAxisRig(STILL, RATE)
     rig.disturb(handle, coils)
     energies = run(rig, 500)
@@ -332,7 +328,7 @@ def test_damping_only_takes_energy(handle: Vector, coils: Vector) -> None:
 @few
 @given(speeds, speeds, st.floats(1e-3, 0.5), st.sampled_from([1000.0, 4000.0]))
 def test_dry_friction_only_takes_energy(
-    handle: Vector, coils: Vector, friction: float, rate: float
+    handle: model.Vector, coils: model.Vector, friction: float, rate: float
 ) -> None:
     drive = DriveParameters(coulomb_friction=friction)
     rig = ThreeAxisRig(replace(STILL, handle=LOSSLESS, drive=drive), rate)
@@ -346,7 +342,7 @@ def test_dry_friction_only_takes_energy(
 
 @few
 @given(speeds, st.tuples(*[st.sampled_from([-3.0, 0.0, 3.0])] * 3).filter(any))
-def test_travel_stops_only_take_energy(handle: Vector, coils: Vector) -> None:
+def test_travel_stops_only_take_energy(handle: model.Vector, coils: model.Vector) -> None:
     rig = ThreeAxisRig(STILL, RATE)
     rig.disturb(handle, coils)
     energies = run(rig, 300)
@@ -373,7 +369,7 @@ def test_the_axes_have_independent_noise_and_z_that_of_one_coil() -> None:
         rig.apply_arm_force((0.0, 0.0, 0.0))
     three, one = (np.array([rig.measure().acceleration for _ in range(4000)]) for rig in rigs)
     assert three[:, 2] == pytest.approx(one[:, 2])
-    assert three.std(axis=0) == pytest.approx(AccelerometerParameters().noise, rel=0.05)
+    assert three.std(axis=0) == pytest.approx(model.AccelerometerParameters().noise, rel=0.05)
     assert np.abs(np.corrcoef(three.T) - np.eye(3)).max() < 0.06
 
 
@@ -381,8 +377,8 @@ def test_another_grip_changes_nothing_at_once() -> None:
     rig = ThreeAxisRig(STILL, RATE)
     rig.disturb((0.1, 0.2, -0.1))
     rig.advance(0.005)
-    before: FloatArray = np.array(rig.measure().position + rig.travel)
-    rig.hold(GripParameters(posture="pinch"))
+    before: model.FloatArray = np.array(rig.measure().position + rig.travel)
+    rig.hold(model.GripParameters(posture="pinch"))
     assert rig.handle.k_u == pytest.approx(0.75 * 1500.0)
     assert np.array(rig.measure().position + rig.travel) == pytest.approx(before, abs=1e-12)
 

@@ -27,22 +27,14 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.surfaces.taps import (
-    CROSS_FADE,
-    REFRACTORY_TIME,
-    THRESHOLD_SPEED,
-    Mode,
-    Tap,
-    TapModel,
-    fitted_modes,
-)
+from haptic_accel.core.surfaces import taps
 
 RATE = 1000.0
-WOOD = Mode(frequency=230.0, decay=90.0, amplitude=60.0)
-METAL = Mode(frequency=410.0, decay=25.0, amplitude=30.0, phase=0.7)
+WOOD = taps.Mode(frequency=230.0, decay=90.0, amplitude=60.0)
+METAL = taps.Mode(frequency=410.0, decay=25.0, amplitude=30.0, phase=0.7)
 
 
-def theory(modes: tuple[Mode, ...], rate: float, count: int) -> FloatArray:
+def theory(modes: tuple[taps.Mode, ...], rate: float, count: int) -> FloatArray:
     """Return A exp(-B t) sin(2 pi f t + phase), from one period after contact onwards."""
     time = np.arange(1, count + 1) / rate
     return sum(
@@ -53,13 +45,13 @@ def theory(modes: tuple[Mode, ...], rate: float, count: int) -> FloatArray:
     ) + np.zeros(count)
 
 
-def played(tap: Tap, count: int) -> FloatArray:
+def played(tap: taps.Tap, count: int) -> FloatArray:
     return np.array([tap.synthesize() for _ in range(count)])
 
 
 @pytest.mark.parametrize("rate", [1000.0, 4000.0, 10000.0])
 def test_a_tap_is_there_with_the_next_sample_and_rings_down_to_nothing(rate: float) -> None:
-    tap = Tap(TapModel(modes=(WOOD, METAL)), rate)
+    tap = taps.Tap(taps.TapModel(modes=(WOOD, METAL)), rate)
     assert tap.synthesize() == 0.0
     tap.strike(0.2)
     expected = 0.2 * theory((WOOD, METAL), rate, round(0.2 * rate))
@@ -69,25 +61,25 @@ def test_a_tap_is_there_with_the_next_sample_and_rings_down_to_nothing(rate: flo
 
 
 def test_a_mode_beyond_half_the_rate_is_left_out() -> None:
-    high = Mode(frequency=700.0)
-    tap = Tap(TapModel(modes=(WOOD, high)), RATE)
+    high = taps.Mode(frequency=700.0)
+    tap = taps.Tap(taps.TapModel(modes=(WOOD, high)), RATE)
     tap.strike(1.0)
     assert played(tap, 20) == pytest.approx(theory((WOOD,), RATE, 20))
 
 
 def test_slow_contact_and_bouncing_begin_no_tap() -> None:
-    tap = Tap(TapModel(modes=(WOOD,)), RATE)
-    tap.strike(0.9 * THRESHOLD_SPEED)
+    tap = taps.Tap(taps.TapModel(modes=(WOOD,)), RATE)
+    tap.strike(0.9 * taps.THRESHOLD_SPEED)
     assert not played(tap, 10).any()
     tap.strike(0.1)
-    first = played(tap, round(REFRACTORY_TIME * RATE) - 1)
+    first = played(tap, round(taps.REFRACTORY_TIME * RATE) - 1)
     tap.strike(0.5)
     rest = played(tap, 1)
     assert np.append(first, rest) == pytest.approx(0.1 * theory((WOOD,), RATE, len(first) + 1))
 
 
 def test_a_second_tap_adds_to_the_ringing_of_the_first() -> None:
-    tap = Tap(TapModel(modes=(METAL,)), RATE)
+    tap = taps.Tap(taps.TapModel(modes=(METAL,)), RATE)
     tap.strike(0.1)
     first = 0.1 * theory((METAL,), RATE, 140)
     assert played(tap, 40) == pytest.approx(first[:40])
@@ -96,11 +88,11 @@ def test_a_second_tap_adds_to_the_ringing_of_the_first() -> None:
 
 
 def test_the_texture_comes_in_while_the_tap_fades() -> None:
-    tap = Tap(TapModel(modes=(WOOD,)), RATE)
+    tap = taps.Tap(taps.TapModel(modes=(WOOD,)), RATE)
     assert tap.texture_share == 1.0
     tap.strike(0.1)
     shares = []
-    for _ in range(round(CROSS_FADE * RATE) + 1):
+    for _ in range(round(taps.CROSS_FADE * RATE) + 1):
         shares.append(tap.texture_share)
         tap.synthesize()
     assert shares[0] == 0.0
@@ -119,17 +111,17 @@ def test_the_texture_comes_in_while_the_tap_fades() -> None:
     ],
 )
 def test_recorded_taps_follow_the_impact_speed(speed: float, row: list[float]) -> None:
-    model = TapModel(
+    model = taps.TapModel(
         speeds=np.array([0.1, 0.3]), samples=np.array([[1.0, -2.0], [9.0, -4.0]]), rate=RATE
     )
-    tap = Tap(model, RATE)
+    tap = taps.Tap(model, RATE)
     tap.strike(speed)
     assert played(tap, 3) == pytest.approx([*row, 0.0])
 
 
 def test_a_recorded_tap_keeps_its_peak_at_another_rate() -> None:
     fast = theory((WOOD,), 10e3, 1000)
-    tap = Tap(TapModel(speeds=np.ones(1), samples=fast[np.newaxis], rate=10e3), 4000.0)
+    tap = taps.Tap(taps.TapModel(speeds=np.ones(1), samples=fast[np.newaxis], rate=10e3), 4000.0)
     tap.strike(1.0)
     assert np.abs(played(tap, 400)).max() == pytest.approx(np.abs(fast).max(), rel=0.1)
 
@@ -138,7 +130,7 @@ def test_a_recorded_tap_keeps_its_peak_at_another_rate() -> None:
 @given(
     st.lists(
         st.builds(
-            Mode,
+            taps.Mode,
             frequency=st.sampled_from([40.0, 90.0, 160.0, 230.0, 310.0, 440.0]),
             decay=st.floats(10.0, 120.0),
             amplitude=st.floats(5.0, 100.0),
@@ -149,8 +141,8 @@ def test_a_recorded_tap_keeps_its_peak_at_another_rate() -> None:
         unique_by=lambda mode: mode.frequency,
     )
 )
-def test_modes_are_found_again(modes: list[Mode]) -> None:
-    found = fitted_modes(theory(tuple(modes), RATE, 200), RATE, len(modes))
+def test_modes_are_found_again(modes: list[taps.Mode]) -> None:
+    found = taps.fitted_modes(theory(tuple(modes), RATE, 200), RATE, len(modes))
     assert len(found) == len(modes)
     by_frequency = zip(sorted(map(astuple, found)), sorted(map(astuple, modes)), strict=True)
     for mode, expected in by_frequency:
@@ -160,15 +152,15 @@ def test_modes_are_found_again(modes: list[Mode]) -> None:
 def test_modes_are_found_in_noise_with_their_peak() -> None:
     clean = theory((WOOD, METAL), RATE, 150)
     noise = np.random.default_rng(4).normal(0.0, 0.5, len(clean))
-    found = fitted_modes(clean + noise, RATE, 2)
+    found = taps.fitted_modes(clean + noise, RATE, 2)
     assert sorted(mode.frequency for mode in found) == pytest.approx([230.0, 410.0], rel=0.02)
     again = theory(found, RATE, len(clean))
     assert np.abs(again).max() == pytest.approx(np.abs(clean).max(), rel=0.1)
 
 
 def test_a_signal_without_ringing_has_no_modes() -> None:
-    assert fitted_modes(np.zeros(100), RATE, 2) == ()
-    assert fitted_modes(np.exp(-np.arange(100) / 20), RATE, 1) == ()
+    assert taps.fitted_modes(np.zeros(100), RATE, 2) == ()
+    assert taps.fitted_modes(np.exp(-np.arange(100) / 20), RATE, 1) == ()
 
 
 @pytest.mark.parametrize(
@@ -185,10 +177,10 @@ def test_a_signal_without_ringing_has_no_modes() -> None:
 )
 def test_a_wrong_model_is_refused(arguments: dict[str, object], words: str) -> None:
     with pytest.raises(ParameterError, match=words):
-        TapModel(**arguments)  # type: ignore[arg-type]
+        taps.TapModel(**arguments)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("length", "count", "words"), [(100, 4, "count = 4"), (10, 2, "10 samp")])
 def test_a_fit_that_cannot_be_is_refused(length: int, count: int, words: str) -> None:
     with pytest.raises(ParameterError, match=words):
-        fitted_modes(np.ones(length), RATE, count)
+        taps.fitted_modes(np.ones(length), RATE, count)

@@ -29,23 +29,12 @@ from hypothesis import strategies as st
 from fuzzing import fuzz, mutated
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import from_flat
+from haptic_accel.devices.can import protocol
 from haptic_accel.devices.can.arm import LONGEST_QUEUED, REPEAT_PERIOD, DrivenArm, State
 from haptic_accel.devices.can.parameters import CanParameters
-from haptic_accel.devices.can.protocol import (
-    WATCHDOG_TIMER_EXPIRED,
-    AxisState,
-    Command,
-    Estimates,
-    Frame,
-    Heartbeat,
-    SetState,
-    SetTorque,
-    parse_order,
-    parse_report,
-)
 
 STEP = 1e-3  # s
-CLOSED, IDLE = AxisState.CLOSED_LOOP_CONTROL, AxisState.IDLE
+CLOSED, IDLE = protocol.AxisState.CLOSED_LOOP_CONTROL, protocol.AxisState.IDLE
 DRV_FAULT = 0x20  # of firmware 0.6
 
 
@@ -55,21 +44,21 @@ class Bench:
     def __init__(self, **values: Any) -> None:
         names = {name.replace("__", "."): value for name, value in values.items()}
         self.parameters = from_flat(CanParameters, names)
-        self.sent: list[Frame] = []
+        self.sent: list[protocol.Frame] = []
         self.arm = DrivenArm(self.parameters, self._send)
         self.now = 0.0
         self.errors = dict.fromkeys(self.arm.nodes, 0)
         self.states = dict.fromkeys(self.arm.nodes, IDLE)
-        self.silent: set[Command] = set()
+        self.silent: set[protocol.Command] = set()
         self.obedient = True
 
-    def _send(self, frames: Sequence[Frame]) -> bool:
+    def _send(self, frames: Sequence[protocol.Frame]) -> bool:
         self.sent += frames
         for frame in frames:
-            order = parse_order(frame)
-            if isinstance(order, SetState) and self.obedient:
-                self.states[order.node] = AxisState(order.state)
-            elif order and frame.command == Command.CLEAR_ERRORS and self.obedient:
+            order = protocol.parse_order(frame)
+            if isinstance(order, protocol.SetState) and self.obedient:
+                self.states[order.node] = protocol.AxisState(order.state)
+            elif order and frame.command == protocol.Command.CLEAR_ERRORS and self.obedient:
                 self.errors[order.node] = 0
         return True
 
@@ -77,10 +66,10 @@ class Bench:
         for _ in range(round(seconds / STEP)):
             self.now += STEP
             for node in self.arm.nodes:
-                if Command.ENCODER_ESTIMATES not in self.silent:
-                    self.arm.receive(Estimates(node, 0.1 * node, 0.0).frame(), self.now)
-                if Command.HEARTBEAT not in self.silent:
-                    beat = Heartbeat(node, self.errors[node], self.states[node]).frame()
+                if protocol.Command.ENCODER_ESTIMATES not in self.silent:
+                    self.arm.receive(protocol.Estimates(node, 0.1 * node, 0.0).frame(), self.now)
+                if protocol.Command.HEARTBEAT not in self.silent:
+                    beat = protocol.Heartbeat(node, self.errors[node], self.states[node]).frame()
                     self.arm.receive(beat, self.now)
             self.arm.update(self.now)
 
@@ -100,17 +89,19 @@ class Bench:
 
     def released(self) -> bool:
         """Return True where every axis was last told no torque, and to be idle."""
-        last = {frame.id: parse_order(frame) for frame in self.sent}
+        last = {frame.id: protocol.parse_order(frame) for frame in self.sent}
         return all(
-            last.get(node << 5 | Command.SET_INPUT_TORQUE) == SetTorque(node, 0.0)
-            and last.get(node << 5 | Command.SET_AXIS_STATE) == SetState(node, IDLE)
+            last.get(node << 5 | protocol.Command.SET_INPUT_TORQUE)
+            == protocol.SetTorque(node, 0.0)
+            and last.get(node << 5 | protocol.Command.SET_AXIS_STATE)
+            == protocol.SetState(node, IDLE)
             for node in self.arm.nodes
         )
 
 
-def torques(frames: Iterable[Frame]) -> list[float]:
-    orders = map(parse_order, frames)
-    return [order.torque for order in orders if isinstance(order, SetTorque)]
+def torques(frames: Iterable[protocol.Frame]) -> list[float]:
+    orders = map(protocol.parse_order, frames)
+    return [order.torque for order in orders if isinstance(order, protocol.SetTorque)]
 
 
 # Arming
@@ -123,10 +114,10 @@ def test_arming_tells_each_axis_what_it_is_for() -> None:
     bench.arm.arm(bench.now)
     commands = [frame.command for frame in bench.sent if frame.node == 1]
     assert commands == [
-        Command.SET_CONTROLLER_MODE,
-        Command.SET_INPUT_TORQUE,
-        Command.CLEAR_ERRORS,
-        Command.SET_AXIS_STATE,
+        protocol.Command.SET_CONTROLLER_MODE,
+        protocol.Command.SET_INPUT_TORQUE,
+        protocol.Command.CLEAR_ERRORS,
+        protocol.Command.SET_AXIS_STATE,
     ]
     assert torques(bench.sent) == [0.0] * 3
 
@@ -141,7 +132,7 @@ def test_before_it_is_armed_no_force_goes_out() -> None:
 def test_a_heartbeat_of_before_does_not_count() -> None:
     bench = Bench()
     bench.go_on(0.01)
-    bench.silent = {Command.HEARTBEAT}
+    bench.silent = {protocol.Command.HEARTBEAT}
     bench.arm.arm(bench.now)
     bench.go_on(0.05)
     assert bench.arm.state is State.ARMING
@@ -161,7 +152,7 @@ def test_an_axis_that_does_not_obey_is_named(error: int, fault: str) -> None:
     assert bench.arm.state is State.DISARMED
     assert bench.arm.fault == f"joint3 (node 2): {fault}"
     assert bench.released()
-    tries = sum(frame.id == 2 << 5 | Command.CLEAR_ERRORS for frame in bench.sent)
+    tries = sum(frame.id == 2 << 5 | protocol.Command.CLEAR_ERRORS for frame in bench.sent)
     assert tries == (1 if error else 3), "an error that stays is not cleared over and over"
 
 
@@ -170,7 +161,7 @@ def test_a_watchdog_that_expires_while_an_axis_is_armed_is_cleared() -> None:
     bench.go_on(0.01)
     bench.obedient = False
     bench.arm.arm(bench.now)
-    bench.errors[1] = WATCHDOG_TIMER_EXPIRED["0.6"]
+    bench.errors[1] = protocol.WATCHDOG_TIMER_EXPIRED["0.6"]
     bench.go_on(0.01)
     bench.obedient = True
     bench.go_on(0.3)
@@ -180,9 +171,9 @@ def test_a_watchdog_that_expires_while_an_axis_is_armed_is_cleared() -> None:
 
 def test_which_axes_are_missing_is_said() -> None:
     bench = Bench(joint2__node_id=9)
-    bench.silent = {Command.HEARTBEAT}
+    bench.silent = {protocol.Command.HEARTBEAT}
     bench.go_on(0.01)
-    bench.arm.receive(Heartbeat(0, 0, 1).frame(), bench.now)
+    bench.arm.receive(protocol.Heartbeat(0, 0, 1).frame(), bench.now)
     assert bench.arm.missing(bench.now) == "joint2 (node 9), joint3 (node 2)"
 
 
@@ -235,7 +226,7 @@ def test_gear_direction_and_offset_count() -> None:
     )
     for bench, turns in ((plain, 1.0), (geared, -5.0)):
         bench.now += 1.0  # turned there meanwhile
-        bench.arm.receive(Estimates(0, turns, turns).frame(), bench.now)
+        bench.arm.receive(protocol.Estimates(0, turns, turns).frame(), bench.now)
         sample = bench.arm.read(bench.now)
         assert sample.position == pytest.approx((0.0, 0.0, 0.04))
         assert sample.velocity == pytest.approx((0.0, 0.0, 0.04))
@@ -298,12 +289,12 @@ def go_wrong(bench: Bench, what: str) -> None:
     elif what == "idle":
         bench.states[1] = IDLE
     elif what == "heartbeat":
-        bench.silent = {Command.HEARTBEAT}
+        bench.silent = {protocol.Command.HEARTBEAT}
     elif what == "estimates":
-        bench.silent = {Command.ENCODER_ESTIMATES}
+        bench.silent = {protocol.Command.ENCODER_ESTIMATES}
     else:
         bench.arm.lose()
-        bench.silent = {Command.HEARTBEAT, Command.ENCODER_ESTIMATES}
+        bench.silent = {protocol.Command.HEARTBEAT, protocol.Command.ENCODER_ESTIMATES}
     bench.go_on(0.4)
 
 
@@ -328,7 +319,7 @@ def test_torques_come_back_when_asked_or_when_what_was_lost_is_back(what: str, r
     go_wrong(bench, what)
     bench.silent.clear()
     if WRONG[what][1]:  # cut off, the axes have let go
-        bench.errors[0] = WATCHDOG_TIMER_EXPIRED["0.6"]
+        bench.errors[0] = protocol.WATCHDOG_TIMER_EXPIRED["0.6"]
     bench.go_on(0.1)
     by_itself = rearm == "auto" and WRONG[what][1]
     assert (bench.arm.state is State.ARMED) == by_itself
@@ -391,13 +382,13 @@ def test_when_the_bus_is_back_the_first_thing_is_to_let_go() -> None:
 # Whatever comes
 
 heartbeats = st.builds(
-    lambda node, error, state: Heartbeat(node, error, state).frame(),
+    lambda node, error, state: protocol.Heartbeat(node, error, state).frame(),
     st.integers(0, 3),
     st.sampled_from([0, 0, 0, 0, DRV_FAULT, 2**32 - 1]),
     st.sampled_from([CLOSED, CLOSED, CLOSED, CLOSED, IDLE, 255]),
 )
 estimates = st.builds(
-    lambda node, turns, speed: Estimates(node, turns, speed).frame(),
+    lambda node, turns, speed: protocol.Estimates(node, turns, speed).frame(),
     st.integers(0, 3),
     st.floats(width=32),
     st.floats(width=32),
@@ -407,7 +398,9 @@ changed = st.builds(
     heartbeats | estimates,
     mutated(estimates.map(lambda frame: frame.data), st.binary(max_size=3)),
 )
-anything = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8), remote=st.booleans())
+anything = st.builds(
+    protocol.Frame, st.integers(0, 0x7FF), st.binary(max_size=8), remote=st.booleans()
+)
 passing = st.sampled_from([0.0, 1e-4, 1e-3, 1e-3, 0.06, 0.4])
 traffic = st.lists(
     st.tuples(st.one_of(heartbeats, estimates, changed, anything), passing, force), max_size=20
@@ -417,7 +410,7 @@ traffic = st.lists(
 @fuzz
 @given(traffic, st.sampled_from(["stage", "planar", "arm"]), st.sampled_from(["auto", "manual"]))
 def test_no_frames_lead_to_an_exception_or_an_unlawful_torque(
-    came: list[tuple[Frame, float, float]], kinematics: str, rearm: str
+    came: list[tuple[protocol.Frame, float, float]], kinematics: str, rearm: str
 ) -> None:
     limited = {"joint1__torque_limit": 0.2, "joint2__torque_limit": 0.0}
     bench = Bench(kinematics=kinematics, rearm=rearm, **limited).armed()
@@ -431,19 +424,23 @@ def test_no_frames_lead_to_an_exception_or_an_unlawful_torque(
         assert sample is None or all(map(math.isfinite, (*sample.position, *sample.velocity)))
         assert bench.arm.fault.isprintable()
         assert bench.arm.state is State.ARMED or not any(torques(bench.sent))
-        for order in map(parse_order, bench.sent):
-            if isinstance(order, SetTorque):
+        for order in map(protocol.parse_order, bench.sent):
+            if isinstance(order, protocol.SetTorque):
                 joint = [*bench.parameters.joints.values()][bench.arm.nodes.index(order.node)]
                 assert abs(order.torque) <= joint.torque_limit * (1 + 1e-6)
-        report = parse_report(frame)
-        if isinstance(report, Heartbeat) and report.node in bench.arm.nodes and report.error:
+        report = protocol.parse_report(frame)
+        if (
+            isinstance(report, protocol.Heartbeat)
+            and report.node in bench.arm.nodes
+            and report.error
+        ):
             assert bench.arm.state is not State.ARMED
 
 
 def test_without_estimates_there_is_no_sample_which_is_counted() -> None:
     bench = Bench().armed()
     assert bench.arm.read(bench.now) is not None
-    bench.silent = {Command.ENCODER_ESTIMATES}
+    bench.silent = {protocol.Command.ENCODER_ESTIMATES}
     bench.go_on(0.2)
     assert bench.arm.read(bench.now) is None
     assert bench.arm.counters()["samples_missing"] == 1
@@ -466,7 +463,7 @@ def test_no_motion_of_one_motor_is_a_jump(
 ) -> None:
     bench = Bench().armed()
     turn = 2 * math.pi * frequency
-    bench.arm.receive(Estimates(0, 0.0, amplitude * turn).frame(), bench.now)
+    bench.arm.receive(protocol.Estimates(0, 0.0, amplitude * turn).frame(), bench.now)
     moved = received = bench.now
     for period, waits in zip(periods, late, strict=False):
         moved += period
@@ -474,7 +471,7 @@ def test_no_motion_of_one_motor_is_a_jump(
         received = received if waits else max(received, moved)
         phase = turn * (moved - bench.now)
         motion = amplitude * math.sin(phase), amplitude * turn * math.cos(phase)
-        bench.arm.receive(Estimates(0, *motion).frame(), received)
+        bench.arm.receive(protocol.Estimates(0, *motion).frame(), received)
     assert bench.arm.counters()["position_jumps"] == 0
 
 
@@ -491,7 +488,7 @@ def test_two_drives_with_one_node_id_are_refused_and_named(
     others = [*itertools.chain(*order), *OTHER, *OWN]
     for jumps, other in zip(itertools.accumulate(others), others, strict=True):
         bench.now += period
-        bench.arm.receive(Estimates(0, between * other, 0.0).frame(), bench.now)
+        bench.arm.receive(protocol.Estimates(0, between * other, 0.0).frame(), bench.now)
         assert bench.arm.read(bench.now) == (None if jumps else at_rest)
     assert bench.arm.state is State.DISARMED
     assert bench.released()
@@ -501,13 +498,13 @@ def test_two_drives_with_one_node_id_are_refused_and_named(
     assert bench.arm.counters()["position_jumps"] == sum(others)
     bench.arm.arm(bench.now)
     bench.now += period
-    bench.arm.receive(Estimates(0, between, 0.0).frame(), bench.now)
+    bench.arm.receive(protocol.Estimates(0, between, 0.0).frame(), bench.now)
     assert bench.arm.state is State.DISARMED
 
 
 def test_a_motor_that_was_turned_while_it_was_silent_is_no_jump() -> None:
     bench = Bench().armed()
-    bench.arm.receive(Estimates(0, 3.0, 0.0).frame(), bench.now + 0.1)
+    bench.arm.receive(protocol.Estimates(0, 3.0, 0.0).frame(), bench.now + 0.1)
     assert bench.arm.state is State.ARMED
 
 

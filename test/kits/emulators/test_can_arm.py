@@ -30,15 +30,11 @@ from haptic_accel.core.coupling.position_position import (
 )
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.devices import simulated
 from haptic_accel.devices.can import protocol
 from haptic_accel.devices.can.arm import DrivenArm, State
 from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.devices.interface import Device
-from haptic_accel.devices.simulated import (
-    SimulatedMaster,
-    SimulatedSlave,
-    SimulatedSlaveParameters,
-)
 from haptic_accel.kits.emulators.can_arm import EmulatedArm, EmulatedAxis
 
 RATE = 500.0
@@ -144,11 +140,11 @@ frames = st.builds(
 
 
 def new_slave() -> Device:
-    return SimulatedSlave(SimulatedSlaveParameters(), RATE, 0)
+    return simulated.SimulatedSlave(simulated.SimulatedSlaveParameters(), RATE, 0)
 
 
 def new_master() -> Device:
-    return SimulatedMaster(MasterRigParameters(), RATE, 0)
+    return simulated.SimulatedMaster(MasterRigParameters(), RATE, 0)
 
 
 @given(st.lists(frames, max_size=30))

@@ -33,19 +33,10 @@ from haptic_accel.core.coupling.position_position import (
 )
 from haptic_accel.core.model import Vector
 from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.devices import simulated
 from haptic_accel.devices.serial import protocol
-from haptic_accel.devices.simulated import (
-    SimulatedMaster,
-    SimulatedSlave,
-    SimulatedSlaveParameters,
-)
+from haptic_accel.kits.emulators import serial_line
 from haptic_accel.kits.emulators.pseudo_terminal import PseudoTerminal
-from haptic_accel.kits.emulators.serial_line import (
-    CLOCK_START,
-    CoupledArms,
-    EmulatedBoard,
-    SerialLines,
-)
 from running import wait_until
 
 HANDLE = protocol.Identity((1, 0, 0), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle")
@@ -57,13 +48,13 @@ class Bench:
 
     def __init__(self, folder: Path) -> None:
         self.devices = (
-            SimulatedMaster(MasterRigParameters(), 1000.0, 0),
-            SimulatedSlave(SimulatedSlaveParameters(), 1000.0, 0),
+            simulated.SimulatedMaster(MasterRigParameters(), 1000.0, 0),
+            simulated.SimulatedSlave(simulated.SimulatedSlaveParameters(), 1000.0, 0),
         )
         self.currents: list[float] = []
         self.changes: list[float] = []
         self.boards = [
-            EmulatedBoard(
+            serial_line.EmulatedBoard(
                 HANDLE,
                 folder / f"port{place}",
                 lambda time, device=device: device.read(time).acceleration,
@@ -71,10 +62,10 @@ class Bench:
             )
             for place, device in enumerate(self.devices)
         ]
-        self.arms = CoupledArms(
+        self.arms = serial_line.CoupledArms(
             self.boards, self.devices, PositionPositionCoupling(CouplingParameters())
         )
-        self.lines = SerialLines(self.boards, self.arms)
+        self.lines = serial_line.SerialLines(self.boards, self.arms)
         self.hosts = [
             os.open(folder / f"port{place}", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
             for place in range(2)
@@ -185,7 +176,7 @@ def test_the_current_of_a_board_drives_its_actuator(bench: Bench) -> None:
 def test_a_late_wake_up_applies_each_set_point_at_its_tick(bench: Bench) -> None:
     bench.say(0, protocol.Configure(1000, 4, 1), protocol.ArmRequest())
     bench.go_on(0.004)
-    stamp = CLOCK_START + 4000
+    stamp = serial_line.CLOCK_START + 4000
     for place in (1, 2):
         due = (stamp + 1000 * place) % protocol.CLOCKS
         bench.say(0, protocol.ScheduleCurrent((protocol.FULL_SCALE // place,), due))

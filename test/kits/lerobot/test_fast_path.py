@@ -34,15 +34,8 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import DeviceError
 from haptic_accel.graph.stop_signal import PendingStop
+from haptic_accel.kits.lerobot import fast_path
 from haptic_accel.kits.lerobot.exchange import LATE, TICKS
-from haptic_accel.kits.lerobot.fast_path import (
-    FastPath,
-    join,
-    leave,
-    read_arguments,
-    samples_per_frame,
-    tool_axes,
-)
 from haptic_accel.nodes.timing import RateKeeper
 from running import wait_until
 from sound_cards import NAME, received, sound_card
@@ -55,20 +48,20 @@ STEP = 1e-3
 
 
 @pytest.fixture
-def start() -> Iterator[Callable[[str], FastPath]]:
+def start() -> Iterator[Callable[[str], fast_path.FastPath]]:
     """Return a function that joins a fast path, which ends with the test."""
     joined = []
 
-    def join_it(text: str = "") -> FastPath:
-        joined.append(join(read_arguments(text)))
+    def join_it(text: str = "") -> fast_path.FastPath:
+        joined.append(fast_path.join(fast_path.read_arguments(text)))
         return joined[-1]
 
     yield join_it
     for path in joined:
-        leave(path)
+        fast_path.leave(path)
 
 
-Start = Callable[..., FastPath]
+Start = Callable[..., fast_path.FastPath]
 
 
 def has_ended(process: int) -> bool:
@@ -85,7 +78,7 @@ def test_windows_are_contiguous_and_right(start: Start, tmp_path: Path) -> None:
     lines = "\n".join(f"{value:.6f}" for value in ramp)
     (tmp_path / "ramp.csv").write_text(f"acceleration\n{lines}\n")
     path = start(f"slave:=replay replay:={tmp_path}/ramp.csv recording_rate:={RATE:g}")
-    size = samples_per_frame(RATE, 30)
+    size = fast_path.samples_per_frame(RATE, 30)
     assert size == 32
 
     def moving() -> tuple[int, np.ndarray] | None:
@@ -189,15 +182,18 @@ def test_a_process_that_hangs_is_noticed(start: Start) -> None:
 
 
 def test_all_devices_share_one_fast_path_which_ends_with_the_last() -> None:
-    first, second = join(read_arguments("")), join(read_arguments("rate:=960"))
+    first, second = (
+        fast_path.join(fast_path.read_arguments("")),
+        fast_path.join(fast_path.read_arguments("rate:=960")),
+    )
     try:
         assert first is second
         with pytest.raises(ParameterError, match="must be 'rate:=960', as leader and follower"):
-            join(read_arguments("rate:=480"))
+            fast_path.join(fast_path.read_arguments("rate:=480"))
     finally:
-        leave(first)
+        fast_path.leave(first)
         assert not second.problem
-        leave(second)
+        fast_path.leave(second)
     assert has_ended(first.process.pid)
 
 
@@ -215,7 +211,7 @@ def card(tmp_path: Path) -> Iterator[SimpleNamespace]:
 def test_the_coil_moves_while_it_is_asked_for_and_no_stop_is_pending(
     card: SimpleNamespace, domain: int, stopped: bool
 ) -> None:
-    path, pending = join(read_arguments(card.words)), PendingStop(domain, "")
+    path, pending = fast_path.join(fast_path.read_arguments(card.words)), PendingStop(domain, "")
     asked = iter([False, True, stopped, stopped])
 
     def play() -> None:
@@ -237,7 +233,7 @@ def test_the_coil_moves_while_it_is_asked_for_and_no_stop_is_pending(
         play()
     finally:
         pending.withdraw()
-        leave(path)
+        fast_path.leave(path)
     played = received(card.folder)
     loud = np.flatnonzero(played.any(axis=1))
     # Four parts of the same length, after the card's start; a request holds for a third of one.
@@ -267,7 +263,7 @@ def test_the_coil_moves_while_it_is_asked_for_and_no_stop_is_pending(
 )
 def test_wrong_arguments_are_refused_in_one_line(text: str, refused: str) -> None:
     with pytest.raises(ParameterError, match=re.escape(refused)) as error:
-        tool_axes(read_arguments(text))
+        fast_path.tool_axes(fast_path.read_arguments(text))
     assert "\n" not in str(error.value)
 
 
@@ -285,7 +281,7 @@ def test_a_frame_without_whole_samples_or_with_too_many_is_refused(
     fps: int, rate: float, refused: str
 ) -> None:
     with pytest.raises(ParameterError, match=refused):
-        samples_per_frame(rate, fps)
+        fast_path.samples_per_frame(rate, fps)
 
 
 @pytest.mark.parametrize(
@@ -300,6 +296,6 @@ def test_what_cannot_start_is_told_in_one_line(
 ) -> None:
     monkeypatch.setenv("ALSA_CONFIG_PATH", os.devnull)  # no card
     with pytest.raises(DeviceError, match=re.escape(refused)) as error:
-        join(read_arguments(text))
+        fast_path.join(fast_path.read_arguments(text))
     assert "\n" not in str(error.value)
     assert "Traceback" not in str(error.value)

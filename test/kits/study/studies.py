@@ -23,6 +23,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from haptic_accel.kits.study import trials
 from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.log import Log
 from haptic_accel.kits.study.plan import Plan
@@ -30,14 +31,6 @@ from haptic_accel.kits.study.protocol import Condition, Protocol
 from haptic_accel.kits.study.session import Session
 from haptic_accel.kits.study.simulation import SimulatedParticipant, SimulatedRig
 from haptic_accel.kits.study.templates import PROTOCOL
-from haptic_accel.kits.study.trials import (
-    Answer,
-    PlannedTrial,
-    PresentedStimulus,
-    Rig,
-    Screen,
-    SessionRecord,
-)
 
 TEXT = """\
 title: Compensated or not
@@ -75,10 +68,10 @@ class Scripted:
     """
 
     def __init__(
-        self, study: Study, acts: Mapping[str, Callable[[Screen], str | None]] | None = None
+        self, study: Study, acts: Mapping[str, Callable[[trials.Screen], str | None]] | None = None
     ) -> None:
         self.noise: float | None = None
-        self.screens: list[Screen] = []
+        self.screens: list[trials.Screen] = []
         self._acts = acts or {}
         self._observer = SimulatedParticipant(study.protocol, 1)
 
@@ -86,17 +79,19 @@ class Scripted:
     def kinds(self) -> list[str]:
         return [screen.kind for screen in self.screens]
 
-    def of(self, kind: str) -> list[Screen]:
+    def of(self, kind: str) -> list[trials.Screen]:
         return [screen for screen in self.screens if screen.kind == kind]
 
-    def show(self, screen: Screen) -> None:
+    def show(self, screen: trials.Screen) -> None:
         self._see(screen)
 
-    def ask(self, screen: Screen, trial: PlannedTrial | None = None) -> Answer:
+    def ask(
+        self, screen: trials.Screen, trial: trials.PlannedTrial | None = None
+    ) -> trials.Answer:
         given = self._see(screen)
-        return self._observer.ask(screen, trial) if given is None else Answer(given, 1.0)
+        return self._observer.ask(screen, trial) if given is None else trials.Answer(given, 1.0)
 
-    def _see(self, screen: Screen) -> str | None:
+    def _see(self, screen: trials.Screen) -> str | None:
         self.screens.append(screen)
         act = self._acts.get(screen.kind)
         return act(screen) if act else None
@@ -115,7 +110,7 @@ class FaultyRig(SimulatedRig):
 
     def present(
         self, condition: Condition, seconds: float, begun: Callable[[], None] = lambda: None
-    ) -> PresentedStimulus:
+    ) -> trials.PresentedStimulus:
         fault = self._faults.get(next(self._numbers), {})
         if isinstance(fault, Exception):
             raise fault
@@ -123,8 +118,8 @@ class FaultyRig(SimulatedRig):
 
 
 def run_session(
-    study: Study, log: Log, participant: Scripted | None = None, rig: Rig | None = None
-) -> SessionRecord:
+    study: Study, log: Log, participant: Scripted | None = None, rig: trials.Rig | None = None
+) -> trials.SessionRecord:
     """Run a session without delays, from where its log ends; close the log."""
     with log:
         begun = log.record

@@ -27,16 +27,8 @@ from hypothesis import strategies as st
 from kits.study.protocol_maker import make_levels, make_protocol
 
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits.study import procedures
 from haptic_accel.kits.study.plan import Plan
-from haptic_accel.kits.study.procedures import (
-    LAPSES,
-    SLOPES,
-    QuestPlus,
-    Span,
-    Staircase,
-    family,
-    method,
-)
 from haptic_accel.kits.study.protocol import Condition, Levels, Pair, Procedure, Protocol
 
 WIDE = Levels("gain", 0.0, (0.01, 100.0))
@@ -46,7 +38,9 @@ def _weibull(distance: float, threshold: float, guess: float = 0.5, lapse: float
     return float(1 - lapse - (1 - guess - lapse) * np.exp(-((distance / threshold) ** 2)))
 
 
-def _distances(track: Staircase | QuestPlus, correct: Callable[[float], bool]) -> list[float]:
+def _distances(
+    track: procedures.Staircase | procedures.QuestPlus, correct: Callable[[float], bool]
+) -> list[float]:
     distances = []
     while track.progress < 1:
         distances.append(track.distance)
@@ -54,8 +48,8 @@ def _distances(track: Staircase | QuestPlus, correct: Callable[[float], bool]) -
     return distances
 
 
-def _staircase(levels: Levels = WIDE, **changes: Any) -> Staircase:
-    return Staircase(Procedure("staircase", **changes), Span(levels))
+def _staircase(levels: Levels = WIDE, **changes: Any) -> procedures.Staircase:
+    return procedures.Staircase(Procedure("staircase", **changes), procedures.Span(levels))
 
 
 def _answers(seed: int, proportion: Callable[[float], float]) -> Callable[[float], bool]:
@@ -87,7 +81,7 @@ def test_a_weighted_staircase_settles_where_kaernbach_says(
     _settles(staircase, expected, 0.025)
 
 
-def _settles(staircase: Staircase, expected: float, tolerance: float) -> None:
+def _settles(staircase: procedures.Staircase, expected: float, tolerance: float) -> None:
     """Run a staircase for long, and compare the proportion correct at its levels."""
     answers = _answers(4, _linear)
     for _ in range(100):
@@ -162,7 +156,7 @@ def test_a_trial_that_was_left_out_moves_no_staircase() -> None:
 
 def test_tracks_are_interleaved_and_each_ends_by_itself() -> None:
     procedure = Procedure("staircase", tracks=3, trials=10, step_up=0.1, step_down=0.1)
-    work = method(
+    work = procedures.method(
         make_levels(surfaces=("wood", "foam"), procedure=procedure), 0, np.random.default_rng(1)
     )
     tracks = []
@@ -175,7 +169,7 @@ def test_tracks_are_interleaved_and_each_ends_by_itself() -> None:
 
 
 def test_levels_below_the_reference_go_up_towards_it() -> None:
-    span = Span(Levels("gain", 1.0, (0.2, 0.6, 0.9)))
+    span = procedures.Span(Levels("gain", 1.0, (0.2, 0.6, 0.9)))
     assert span.level(span.largest) == 0.2
     assert span.level(span.moved(span.largest, -0.3)) == 0.5
     assert span.level(span.moved(span.largest, -5.0)) == 0.9
@@ -183,8 +177,8 @@ def test_levels_below_the_reference_go_up_towards_it() -> None:
 
 def test_pairs_that_differ_in_their_level_alone_are_a_family() -> None:
     low, high = Condition((("gain", 1.0),)), Condition((("gain", 2.0),))
-    assert family(Pair(low, high, 2.0)) == "all levels"
-    assert family(Pair(low, high)) == "gain=1 / gain=2"
+    assert procedures.family(Pair(low, high, 2.0)) == "all levels"
+    assert procedures.family(Pair(low, high)) == "gain=1 / gain=2"
 
 
 @pytest.mark.parametrize(
@@ -206,7 +200,7 @@ def test_a_procedure_that_cannot_work_is_refused_in_one_line(
     protocol: Protocol, message: str
 ) -> None:
     with pytest.raises(ParameterError) as raised:
-        method(protocol, 0, np.random.default_rng(1))
+        procedures.method(protocol, 0, np.random.default_rng(1))
     assert str(raised.value) == message
 
 
@@ -215,7 +209,7 @@ GRID = np.geomspace(0.1, 10.0, 31)
 
 @pytest.mark.parametrize("threshold", [0.4, 1.0, 3.0])
 def test_quest_plus_presents_levels_near_the_threshold(threshold: float) -> None:
-    quest = QuestPlus(GRID, 0.5, 100)
+    quest = procedures.QuestPlus(GRID, 0.5, 100)
     answers = _answers(2, lambda distance: _weibull(distance, threshold, lapse=0.02))
     distances = _distances(quest, answers)
     assert len(distances) == 100
@@ -226,14 +220,14 @@ def test_quest_plus_presents_levels_near_the_threshold(threshold: float) -> None
 @given(st.lists(st.booleans(), min_size=40, max_size=400))
 def test_quest_plus_goes_on_after_any_answers(answers: list[bool]) -> None:
     # PsychoPy's procedure stopped at a trial whose probabilities were no longer numbers (#4305).
-    quest = QuestPlus(GRID, 1 / 3, len(answers))
+    quest = procedures.QuestPlus(GRID, 1 / 3, len(answers))
     for correct in answers:
         quest.update(correct)
         assert quest.distance in GRID
 
 
 def test_quest_plus_goes_on_after_a_thousand_wrong_answers() -> None:
-    quest = QuestPlus(GRID, 0.5, 2000)
+    quest = procedures.QuestPlus(GRID, 0.5, 2000)
     for _ in range(1000):
         quest.update(False)
     quest.update(True)
@@ -241,7 +235,7 @@ def test_quest_plus_goes_on_after_a_thousand_wrong_answers() -> None:
 
 
 def test_quest_plus_ignores_a_trial_that_was_left_out() -> None:
-    quest = QuestPlus(GRID, 0.5, 10)
+    quest = procedures.QuestPlus(GRID, 0.5, 10)
     before = quest.distance
     quest.update(None)
     assert (quest.distance, quest.progress) == (before, 0.1)
@@ -257,15 +251,15 @@ def test_quest_plus_chooses_as_another_program(guess: float, scale: str, seed: i
         stim_domain={"intensity": grid},
         param_domain={
             "threshold": grid,
-            "slope": SLOPES,
+            "slope": procedures.SLOPES,
             "lower_asymptote": np.array([guess]),
-            "lapse_rate": LAPSES,
+            "lapse_rate": procedures.LAPSES,
         },
         outcome_domain={"response": ["right", "wrong"]},
         func="weibull",
         stim_scale=scale,
     )
-    quest = QuestPlus(GRID, guess, 40)
+    quest = procedures.QuestPlus(GRID, guess, 40)
     answers = _answers(seed, lambda distance: _weibull(distance, 1.3, guess, 0.02))
     for _ in range(40):
         chosen = other.next_stim

@@ -26,6 +26,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
+from haptic_accel.core import model
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.channel import build_controller
 from haptic_accel.core.control.compensation import LARGEST_ACCELERATION
@@ -41,12 +42,6 @@ from haptic_accel.core.control.inversion.design import Goal, design_inverse
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.control.inversion.spectrum import SENSOR_DENSITY, measured_spectrum
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.model import (
-    AccelerometerParameters,
-    FloatArray,
-    HandleParameters,
-    MountParameters,
-)
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.rig.exploration import ExplorationParameters
 from haptic_accel.core.rig.held_rig import DriveParameters
@@ -56,15 +51,15 @@ from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.trial import Trial, run_trial
 
 RATE = 1000.0
-SILENT = AccelerometerParameters(noise_density=0.0, bits=32)
-MOUNT = MountParameters(280.0, 0.127)
+SILENT = model.AccelerometerParameters(noise_density=0.0, bits=32)
+MOUNT = model.MountParameters(280.0, 0.127)
 STILL = ExplorationParameters(stroke_speed=0.0, press_depth=0.0, height=0.0)
 """Without the hand's own motion, the handle does what the actuator makes it do."""
 
 UNLIMITED = ActuatorParameters(travel=0.1, continuous_force=100.0)
 
 
-def texture(rate: float, seconds: float = 4.0) -> FloatArray:
+def texture(rate: float, seconds: float = 4.0) -> model.FloatArray:
     """Noise from 60 to 200 Hz, 1.5 m/s^2 RMS."""
     random = np.random.default_rng(1)
     count = round(seconds * rate)
@@ -78,11 +73,11 @@ def texture(rate: float, seconds: float = 4.0) -> FloatArray:
 def follow(
     controller: str,
     rate: float = RATE,
-    mount: MountParameters | None = None,
+    mount: model.MountParameters | None = None,
     delay: float = 0.0,
     latency: int = LATENCY,
 ) -> tuple[Trial, Plant]:
-    mount = mount or MountParameters()
+    mount = mount or model.MountParameters()
     master = MasterRigParameters(
         mount=mount,
         drive=DriveParameters(delay=delay, bits=32),
@@ -112,9 +107,9 @@ def test_it_is_registered() -> None:
 
 
 @pytest.mark.parametrize(("rate", "latency"), [(1000.0, 0), (1000.0, 3), (4000.0, 1)])
-@pytest.mark.parametrize(("mount", "delay"), [(MountParameters(), 0.0), (MOUNT, 225e-6)])
+@pytest.mark.parametrize(("mount", "delay"), [(model.MountParameters(), 0.0), (MOUNT, 225e-6)])
 def test_a_rig_without_noise_follows_as_predicted(
-    rate: float, latency: int, mount: MountParameters, delay: float
+    rate: float, latency: int, mount: model.MountParameters, delay: float
 ) -> None:
     trial, plant = follow("inverse", rate, mount, delay, latency)
     plant = plant.coupled().delayed(latency)
@@ -251,7 +246,7 @@ def test_its_metric_is_the_trials() -> None:
     )
 
 
-HANDLE = HandleParameters()
+HANDLE = model.HandleParameters()
 
 
 def test_without_friction_it_gives_nothing() -> None:

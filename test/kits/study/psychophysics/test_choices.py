@@ -26,12 +26,7 @@ from hypothesis import strategies as st
 from scipy import optimize, stats
 
 from haptic_accel.core.model import FloatArray
-from haptic_accel.kits.study.psychophysics.choices import (
-    bradley_terry,
-    confusion_matrix,
-    information_transfer,
-    scale_dissimilarities,
-)
+from haptic_accel.kits.study.psychophysics import choices
 
 # Citations between Biometrika, Comm. Statist., JASA and JRSS-B (Stigler 1994): Agresti,
 # "Categorical Data Analysis", 2002, page 448, and the R package BradleyTerry2, whose maximum
@@ -62,7 +57,7 @@ def wins_of(home: list[list[tuple[int, int]]]) -> FloatArray:
 
 
 def relative(wins: FloatArray | list[list[int]], to: int) -> FloatArray:
-    worths = np.array([each.value for each in bradley_terry(wins)])
+    worths = np.array([each.value for each in choices.bradley_terry(wins)])
     return worths - worths[to]
 
 
@@ -94,7 +89,7 @@ def test_worths_are_the_maximum_of_the_likelihood_under_jeffreys_prior() -> None
 @given(st.integers(0, 40), st.integers(0, 40))
 def test_two_conditions_have_the_corrected_log_odds(first: int, second: int) -> None:
     if first + second:
-        found = bradley_terry([[0, first], [second, 0]])
+        found = choices.bradley_terry([[0, first], [second, 0]])
         # Haldane 1955, Anscombe 1956: half a choice is added to either side.
         odds = math.log((first + 0.5) / (second + 0.5))
         assert found[0].value - found[1].value == pytest.approx(odds, abs=1e-6)
@@ -102,7 +97,7 @@ def test_two_conditions_have_the_corrected_log_odds(first: int, second: int) -> 
 
 def test_conditions_that_are_never_compared_are_refused() -> None:
     with pytest.raises(ValueError, match="must connect all conditions"):
-        bradley_terry([[0, 3, 0], [2, 0, 0], [0, 0, 0]])
+        choices.bradley_terry([[0, 3, 0], [2, 0, 0], [0, 0, 0]])
 
 
 def preferences(worths: FloatArray, spread: float, rng: np.random.Generator) -> FloatArray:
@@ -118,7 +113,7 @@ def preferences(worths: FloatArray, spread: float, rng: np.random.Generator) -> 
 def test_worths_of_many_studies_are_unbiased_and_covered(spread: float) -> None:
     worths = np.array([0.6, 0.1, -0.2, -0.5])
     found = [
-        bradley_terry(preferences(worths, spread, np.random.default_rng([seed, 6])))
+        choices.bradley_terry(preferences(worths, spread, np.random.default_rng([seed, 6])))
         for seed in range(300)
     ]
     values = np.array([[each.value for each in study] for study in found])
@@ -136,7 +131,7 @@ def test_information_is_the_likelihood_ratio_of_scipy() -> None:
     # fricatives of Miller and Nicely's tables: near-diagonal, unequal margins.
     counts = np.array([[80, 43, 64, 17], [71, 84, 55, 5], [66, 76, 107, 12], [18, 12, 9, 175]])
     g = stats.chi2_contingency(counts, correction=False, lambda_="log-likelihood").statistic
-    found = information_transfer(counts)
+    found = choices.information_transfer(counts)
     n = counts.sum()
     assert found.uncorrected == pytest.approx(g / (2 * n * math.log(2)))
     assert found.bits == pytest.approx((g - 9) / (2 * n * math.log(2)))
@@ -146,17 +141,18 @@ def test_information_is_the_likelihood_ratio_of_scipy() -> None:
 def test_known_channels() -> None:
     # Shannon 1948: four symbols without error are 2 bits; a binary channel with one error in ten
     # transfers 1 - H(0.1) = 0.531 bits.
-    assert information_transfer(np.eye(4) * 10**6).bits == pytest.approx(2.0, abs=1e-4)
-    binary = information_transfer(np.array([[9, 1], [1, 9]]) * 10**5)
+    assert choices.information_transfer(np.eye(4) * 10**6).bits == pytest.approx(2.0, abs=1e-4)
+    binary = choices.information_transfer(np.array([[9, 1], [1, 9]]) * 10**5)
     assert binary.bits == pytest.approx(0.531, abs=1e-3)
-    assert information_transfer(np.ones((3, 3))).bits == 0.0
-    assert math.isnan(information_transfer(np.zeros((3, 3))).bits)
+    assert choices.information_transfer(np.ones((3, 3))).bits == 0.0
+    assert math.isnan(choices.information_transfer(np.zeros((3, 3))).bits)
 
 
 def test_the_information_of_guesses_is_corrected() -> None:
     rng = np.random.default_rng(8)
     found = [
-        information_transfer(rng.multinomial(125, [1 / 25] * 25).reshape(5, 5)) for _ in range(300)
+        choices.information_transfer(rng.multinomial(125, [1 / 25] * 25).reshape(5, 5))
+        for _ in range(300)
     ]
     assert np.mean([each.uncorrected for each in found]) > 0.08
     unclipped = np.mean([each.uncorrected for each in found]) - 16 / (2 * 125 * math.log(2))
@@ -165,12 +161,12 @@ def test_the_information_of_guesses_is_corrected() -> None:
 
 
 def test_confusions_are_counted() -> None:
-    found = confusion_matrix(["a", "b", "a"], ["a", "a", "b"], ["a", "b"])
+    found = choices.confusion_matrix(["a", "b", "a"], ["a", "a", "b"], ["a", "b"])
     assert found.tolist() == [[1, 1], [1, 0]]
 
 
 def test_a_textbook_scaling() -> None:
-    found = scale_dissimilarities(BORG_GROENEN)
+    found = choices.scale_dissimilarities(BORG_GROENEN)
     distances = np.linalg.norm(found.points[:, None] - found.points, axis=2)
     raw = np.sum((np.array(BORG_GROENEN) - distances) ** 2) / 2
     assert raw == pytest.approx(0.0175, abs=2e-4)
@@ -182,7 +178,7 @@ def test_a_textbook_scaling() -> None:
 def test_distances_in_a_plane_are_recovered(k: int, seed: int) -> None:
     points = np.random.default_rng(seed).normal(size=(k, 2))
     wanted = np.linalg.norm(points[:, None] - points, axis=2)
-    found = scale_dissimilarities(wanted)
+    found = choices.scale_dissimilarities(wanted)
     distances = np.linalg.norm(found.points[:, None] - found.points, axis=2)
     assert distances == pytest.approx(wanted, abs=1e-6)
     assert found.stress == pytest.approx(0.0, abs=1e-6)
@@ -192,7 +188,7 @@ def test_distances_in_a_plane_are_recovered(k: int, seed: int) -> None:
 def test_majorization_improves_on_classical_scaling() -> None:
     wanted = np.abs(np.random.default_rng(3).normal(3.0, 1.0, (6, 6)))
     wanted = (wanted + wanted.T) * (1 - np.eye(6)) / 2
-    found = scale_dissimilarities(wanted)
+    found = choices.scale_dissimilarities(wanted)
 
     def loss(flat: FloatArray) -> float:
         points = flat.reshape(6, 2)
