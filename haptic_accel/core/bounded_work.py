@@ -32,8 +32,9 @@ from haptic_accel.core.process import DONE, WRONG_ARGUMENTS, module_command, sig
 
 MEGABYTE = 10**6
 
-GRACE_TIME = 10.0
-"""Maximum time for the start and the waiting of a process, s."""
+GRACE_TIME, SLOWNESS = 10.0, 2.0
+"""Maximum time for the start and the waiting of a process, s. Factor of processor time on a busy
+machine, which leaves it half a core."""
 
 _ENDED = tuple(-number for number in signals("SIGXCPU", "SIGKILL", "SIGALRM"))
 """Exit statuses of a process that exceeded its time."""
@@ -83,7 +84,7 @@ def run_bounded(module: str, words: Sequence[str], seconds: float) -> None:
                 cwd=folder,
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
-                timeout=2 * (seconds + GRACE_TIME),
+                timeout=2 * (SLOWNESS * seconds + GRACE_TIME),
                 check=False,
             )
             status, lines = done.returncode, done.stdout.decode(errors="replace").splitlines()
@@ -123,7 +124,7 @@ def bounded(work: Callable[[], None], seconds: float, megabytes: float) -> None:
         lowest = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
         resource.setrlimit(kind, (lowest, hard))
     # Also ends waiting, for example for the other end of a pipe.
-    signal.setitimer(signal.ITIMER_REAL, seconds + GRACE_TIME)
+    signal.setitimer(signal.ITIMER_REAL, SLOWNESS * seconds + GRACE_TIME)
     try:
         work()
     except ParameterError as error:
