@@ -118,17 +118,11 @@ def verb(tmp_path: Path, domain: int) -> Iterator[Callable[[int], Verb]]:
 pytestmark = pytest.mark.quiet
 
 
-def test_a_pipe_that_is_closed_ends_the_graph_in_order(verb: Callable[[int], Verb]) -> None:
-    read, write = os.pipe()
-    running = verb(write)
-    os.close(write)
-    wait_until(lambda: running.lines > 0, "its graph talks")
-    os.close(read)
-    assert running.end() == (0, "", True)
-
-
-def test_a_terminal_that_is_closed_ends_the_graph_in_order(verb: Callable[[int], Verb]) -> None:
-    here, there = pty.openpty()
+@pytest.mark.parametrize("opened", [os.pipe, pty.openpty], ids=["pipe", "terminal"])
+def test_an_output_that_is_closed_ends_the_graph_in_order(
+    verb: Callable[[int], Verb], opened: Callable[[], tuple[int, int]]
+) -> None:
+    here, there = opened()
     running = verb(there)
     os.close(there)
     wait_until(lambda: running.lines > 0, "its graph talks")

@@ -253,12 +253,6 @@ def test_the_end_of_a_process_ends_all_and_the_recorder_is_waited_for(
     assert patience["recorder"] > patience["composed"] > TEARDOWN
 
 
-def test_a_process_that_fails_fails_the_launch(start: Start) -> None:
-    node = start("teleop")["composed"]
-    with pytest.raises(RuntimeError, match="composed ended with status 1"):
-        ended(node, 1)
-
-
 def test_a_node_that_comes_back_ends_nothing(start: Start) -> None:
     nodes = start("teleop", respawn="true", scope="true")
     coming = [name for name, node in nodes.items() if node.respawn]
