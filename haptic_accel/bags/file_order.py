@@ -153,7 +153,9 @@ def recordings(
         Custom data of metadata.yaml.
     """
     spans = {number: span for number, file in enumerate(files) if (span := _span(file))}
-    left, own = _order(files, spans, listed), dict(custom)
+    left, stated = _order(files, spans, listed), dict(custom)
+    # Metadata that were edited, which no file repeats, hold for the first recording all the same.
+    own = {} if all(_foreign(file, stated) for file in files) else stated
     while left:
         notes: list[str] = []
         used: list[int] = []
@@ -170,9 +172,8 @@ def recordings(
             notes.append(f"{METADATA} lists its files in another order than that of their content")
         ranks = np.full(len(files), -1, np.int64)
         ranks[used] = np.arange(len(used))
-        if used:
-            yield Recording([files[number] for number in used], ranks, own, notes)
-        left, own = [number for number in left if number not in used], {}
+        yield Recording([files[number] for number in used], ranks, stated or own, notes)
+        left, own, stated = [number for number in left if number not in used], {}, {}
 
 
 def contradictions(
