@@ -26,6 +26,7 @@ import os
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 from sphinx.application import Sphinx
 
@@ -153,6 +154,15 @@ def read(app: Sphinx, page: str, source: list[str]) -> None:
     source[0] = text
 
 
+def add_levels(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], tree: object
+) -> None:
+    """Add the level to the sidebar's headings, which WAI-ARIA requires."""
+    name = "furo_navigation_tree"
+    context[name] = context[name].replace('role="heading"', 'role="heading" aria-level="2"')
+
+
 def setup(app: Sphinx) -> None:
     """Connect to Sphinx."""
     app.connect("source-read", read)
+    app.connect("html-page-context", add_levels, priority=900)  # after the theme

@@ -84,6 +84,8 @@ def test_the_sidebar_has_the_sections_of_the_index(site: Path) -> None:
     headings = re.findall(r"^## (.*)$", index, re.MULTILINE)
     for page in (site / "docs").glob("*.html"):
         assert re.findall(r'class="caption-text">([^<]*)<', page.read_text()) == headings
+        # WAI-ARIA requires a level of each heading that is none by its element.
+        assert not re.findall(r'role="heading"(?! aria-level)', page.read_text())
 
 
 @pytest.mark.slow
