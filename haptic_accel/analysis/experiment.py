@@ -53,6 +53,9 @@ AGES = ("p50", "p99", "max")
 LOST_SHARE = 0.01
 """Fraction of missing samples of a signal, or of late forces, above which there is a warning."""
 
+LATE = "took effect late"
+"""Words on forces after their due time."""
+
 RUN_NOTES = {
     True: "Every condition ran in lockstep: no ROS, no clock, same numbers for the same seed.",
     False: "Every condition ran through the live graph, and was read back from its bag.",
@@ -146,7 +149,8 @@ def experiment_warnings(analysis: Analysis, *, composed: bool) -> Iterator[str]:
 
     Warnings of nodes are in the page's notes on single trials.
     """
-    too_late = after_tick = False
+    found: dict[str, list[tuple[float, str]]] = {}
+    longest = -math.inf
     for trial in analysis.trials:
         delivery = trial.segment.delivery
         missing = [
@@ -157,24 +161,25 @@ def experiment_warnings(analysis: Analysis, *, composed: bool) -> Iterator[str]:
         samples = trial.segment.seconds * trial.segment.rate
         late, missed = _worst(delivery, "missed")
         past, behind = _worst(delivery, "past_tick")
-        longest = latest_words(delivery.deadlines.get(late, {}).get("longest_us", math.nan))
-        felt = f"{longest}, which a hand on a real handle would feel."
-        shares = {
-            "samples are missing, which makes the error larger.": max(missing, default=0)
-            / samples,
-            f"{past}s came after their tick, which makes the error larger.": behind,
-            f"{late}s took effect late{felt}": missed,
-        }
-        name = f"{trial.surface} / {trial.controller}"
-        for what, share in shares.items():
+        longest = max(longest, delivery.deadlines.get(late, {}).get("longest_us", -math.inf))
+        for what, share in (
+            ("samples are missing", max(missing, default=0) / samples),
+            (f"{past}s came after their tick", behind),
+            (f"{late}s {LATE}", missed),
+        ):
             if share > LOST_SHARE:
-                yield f"{name}: {100 * share:.1f} % of the {what}"
-        too_late |= missed > LOST_SHARE
-        after_tick |= behind > LOST_SHARE
-    if after_tick:
-        change = "latency:=4" if composed else "composed:=true or latency:=4"
-        yield f"Fewer come after their tick with {change}."
-    if too_late:
+                found.setdefault(what, []).append((share, f"{trial.surface} / {trial.controller}"))
+    for what, trials in found.items():
+        share, worst = max(trials)
+        is_late = what.endswith(LATE)
+        effect = " a hand on a real handle would feel" if is_late else " makes the error larger"
+        yield (
+            f"In {len(trials)} of {len(analysis.trials)} trials, up to {100 * share:.1f} %"
+            f" ({worst}) of the {what}{latest_words(longest) * is_late}, which{effect}."
+        )
+    if any(what.endswith("after their tick") for what in found):
+        yield f"Fewer come too late with {'' if composed else 'composed:=true or '}latency:=4."
+    if any(what.endswith(LATE) for what in found):
         yield "haptic-accel doctor looks at the machine, which did not run the nodes in time."
 
 

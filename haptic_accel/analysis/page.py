@@ -201,10 +201,7 @@ def _drawn(trial: AnalysedTrial, points: int) -> dict[str, Any]:
 
 def _likeness(portrait: Portrait | None) -> dict[str, Any]:
     """Return regression and spectra of one axis."""
-    return {
-        "cloud": _cloud(portrait) if portrait else None,
-        "spectra": _spectra(portrait) if portrait else None,
-    }
+    return {"cloud": portrait and _cloud(portrait), "spectra": portrait and _spectra(portrait)}
 
 
 def _packed_trace(trace: Trace) -> dict[str, Any]:

@@ -57,10 +57,10 @@ def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[st
         return [f"Nothing could be determined from {_many(analysis.bags, 'bag')}."]
     frame = trials(analysis)
     sentences = [
+        _errors(analysis),
         _extent(frame, analysis.bags),
         *_runs(frame),
         *_without_contact(frame),
-        _errors(analysis),
         *_lowest(analysis),
         *_directions(frame),
         *_reduced(frame),

@@ -30,6 +30,7 @@ import pytest
 from bag_maker import BagContent, of_trial, write_bag
 from haptic_accel.analysis import bands, compare, groups, load, signals, spectra, trials
 from haptic_accel.analysis.comparison import RUNS
+from haptic_accel.analysis.experiment import experiment_warnings
 from haptic_accel.analysis.frames import table_two
 from haptic_accel.analysis.loading import analyse
 from haptic_accel.analysis.summary import summary
@@ -514,9 +515,18 @@ def test_forces_that_were_late_as_the_arms_let_go_are_counted(tmp_path: Path) ->
 
     reports = [report(5.5, 1), report(6.5, 90), report(7.5, 95)]
     write_bag(tmp_path / "bag", replace(copy(seconds=6.0), diagnostics=reports))
-    (trial,) = load(tmp_path).trials
+    analysis = load(tmp_path)
+    (trial,) = analysis.trials
     counts = trial.segment.delivery.deadlines["actuator force"]
     assert (counts["missed"], counts["longest_us"], counts["late_s"]) == (90, 90e3, 0.09)
+    # However many trials had such forces, one line says so.
+    told, advice = experiment_warnings(replace(analysis, trials=[trial] * 12), composed=True)
+    assert told == (
+        f"In 12 of 12 trials, up to 9.0 % ({trial.surface} / {trial.controller}) of the"
+        " actuator forces took effect late, the latest by 90.0 ms, which a hand on a real"
+        " handle would feel."
+    )
+    assert advice.startswith("haptic-accel doctor")
 
 
 def test_an_older_bag_keeps_its_counts_and_says_what_they_leave_out(tmp_path: Path) -> None:
