@@ -385,9 +385,7 @@ def limited(limit: str, *words: object, output: str = "/dev/null") -> tuple[int,
     """
     command = shlex.join([*module_command("haptic_accel.cli.main"), *map(str, words)])
     done = subprocess.run(
-        ["bash", "-c", f"{limit}; exec {command} > {output}"],
-        stderr=subprocess.PIPE,
-        text=True,
+        ["bash", "-c", f"{limit}; exec {command} > {output}"], stderr=subprocess.PIPE, text=True
     )
     return done.returncode, done.stderr
 
@@ -406,8 +404,7 @@ main()
 
 
 @pytest.mark.parametrize(
-    "module",
-    ["haptic_accel.cli.main", "haptic_accel.cli.commands", "click", "haptic_accel.bags"],
+    "module", ["haptic_accel.cli.main", "haptic_accel.cli.commands", "click", "haptic_accel.bags"]
 )
 @pytest.mark.parametrize(("ignored", "status"), [(False, 130), (True, 2)])
 def test_an_interrupt_during_an_import_is_quiet_unless_a_script_ignores_it(

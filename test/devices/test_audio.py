@@ -154,9 +154,7 @@ def test_three_coils_are_driven_on_three_channels_with_one_due_time(bench: Bench
     assert device.counters()["audio_clipped"] == 0
 
 
-def test_force_beyond_one_coil_keeps_its_direction_and_no_number_is_no_force(
-    bench: Bench,
-) -> None:
+def test_force_beyond_one_coil_keeps_its_direction_and_no_number_is_no_force(bench: Bench) -> None:
     device = bench.device(inner=Still(ALL_AXES), full_scale=2.0)
     device.open()
     bench.run(device, np.tile([1.0, -4.0, 2.0], (50, 1)))

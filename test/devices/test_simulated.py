@@ -36,22 +36,16 @@ from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.core.surfaces.texture import TextureModel
-from haptic_accel.devices import MASTERS, SLAVES, Device, Sample
-from haptic_accel.devices.simulated import (
-    PointerMaster,
-    RecordingParameters,
-    SimulatedMaster,
-    SimulatedSlave,
-    SimulatedSlaveParameters,
-    played,
-)
+from haptic_accel.devices import MASTERS, SLAVES, Device, Sample, simulated
 from haptic_accel.materials.texture_files import write_texture
 
 RATE = 1000.0
 PERIOD = 1 / RATE
 
 few = settings(deadline=None, max_examples=20)
-both = pytest.mark.parametrize("device_class", [SimulatedMaster, SimulatedSlave])
+both = pytest.mark.parametrize(
+    "device_class", [simulated.SimulatedMaster, simulated.SimulatedSlave]
+)
 
 
 def opened(device_class: type[Device], seed: int = 0, **fields: Any) -> Device:
@@ -103,7 +97,7 @@ def test_forces_written_ahead_act_when_they_are_due(
 
 
 def test_an_overdue_force_discards_those_not_due_yet() -> None:
-    device = opened(SimulatedMaster)
+    device = opened(simulated.SimulatedMaster)
     device.read(0.0)
     device.write(0.005, actuator_force=along_actuator(1.0))
     device.write(0.002, actuator_force=along_actuator(0.0))
@@ -112,8 +106,8 @@ def test_an_overdue_force_discards_those_not_due_yet() -> None:
 
 
 def test_both_sides_have_a_simulated_device() -> None:
-    assert MASTERS["simulated"] is SimulatedMaster
-    assert SLAVES["simulated"] is SimulatedSlave
+    assert MASTERS["simulated"] is simulated.SimulatedMaster
+    assert SLAVES["simulated"] is simulated.SimulatedSlave
 
 
 @both
@@ -127,7 +121,7 @@ def test_parameters_can_be_given_by_dotted_name(device_class: type[Device]) -> N
 
 
 def test_the_master_explores_once_it_gets_a_force() -> None:
-    device = opened(SimulatedMaster)
+    device = opened(simulated.SimulatedMaster)
     at_rest = read(device, 0, 500)
     assert {sample.position for sample in at_rest} == {at_rest[0].position}
     for index in range(499, 1499):
@@ -138,7 +132,7 @@ def test_the_master_explores_once_it_gets_a_force() -> None:
 
 
 def test_the_slave_follows_the_arm_s_force() -> None:
-    device = opened(SimulatedSlave)
+    device = opened(simulated.SimulatedSlave)
     device.write(0.0, arm_force=(0.0, 0.0, -1.0))
     assert read(device, 1, 300)[-1].position[2] == pytest.approx(0.0, abs=60e-6)
 
@@ -152,7 +146,7 @@ def test_before_its_first_force_every_sample_is_the_same(device_class: type[Devi
 
 @few
 @given(
-    st.sampled_from([SimulatedMaster, SimulatedSlave]),
+    st.sampled_from([simulated.SimulatedMaster, simulated.SimulatedSlave]),
     st.integers(0, 400),
     st.floats(0.0, 2e9),
     st.sampled_from([333.0, 1000.0, 3000.0, 4000.0]),
@@ -205,7 +199,7 @@ offsets = st.lists(st.floats(0.0, 1.0), max_size=4).map(sorted)
 @given(offsets)
 def test_writing_the_same_force_in_between_does_not_change_the_master(parts: list[float]) -> None:
     exact = ArmParameters(position_resolution=0.0)
-    quiet, busy = (opened(SimulatedMaster, arm=exact) for _ in range(2))
+    quiet, busy = (opened(simulated.SimulatedMaster, arm=exact) for _ in range(2))
     for device in (quiet, busy):
         device.write(0.0, arm_force=(0.2, 0.0, -0.5), actuator_force=along_actuator(0.4))
     for index in range(100):
@@ -227,7 +221,7 @@ def test_writing_the_same_force_in_between_does_not_change_the_master(parts: lis
 @given(offsets)
 def test_nor_the_slave_by_more_than_its_integration_errs(parts: list[float]) -> None:
     exact = ArmParameters(position_resolution=0.0)
-    quiet, busy = (opened(SimulatedSlave, arm=exact) for _ in range(2))
+    quiet, busy = (opened(simulated.SimulatedSlave, arm=exact) for _ in range(2))
     for device in (quiet, busy):
         device.write(0.0, arm_force=(0.3, 0.0, -0.8))
     tip = []
@@ -249,7 +243,9 @@ def test_a_force_acts_from_the_moment_it_is_written(part: float) -> None:
         "exploration.stroke_length": 0.001,
         "exploration.strokes": 1,
     }
-    device = SimulatedMaster(from_flat(SimulatedMaster.Parameters, still), RATE, 0)
+    device = simulated.SimulatedMaster(
+        from_flat(simulated.SimulatedMaster.Parameters, still), RATE, 0
+    )
     device.open()
     read(device, 0, 10)
     device.write((9 + part) * PERIOD, arm_force=(1.0, 0.0, 0.0))
@@ -259,7 +255,7 @@ def test_a_force_acts_from_the_moment_it_is_written(part: float) -> None:
 
 
 def test_what_is_not_written_stays_as_it_is() -> None:
-    alone, both_forces = opened(SimulatedMaster), opened(SimulatedMaster)
+    alone, both_forces = opened(simulated.SimulatedMaster), opened(simulated.SimulatedMaster)
     alone.write(0.0, arm_force=(0.5, 0.0, 0.0), actuator_force=along_actuator(0.3))
     alone.write(0.0, arm_force=(0.1, 0.0, 0.0))
     alone.write(0.0, actuator_force=along_actuator(0.6))
@@ -268,7 +264,7 @@ def test_what_is_not_written_stays_as_it_is() -> None:
 
 
 def test_a_slave_ignores_an_actuator_s_force() -> None:
-    with_force, without = opened(SimulatedSlave), opened(SimulatedSlave)
+    with_force, without = opened(simulated.SimulatedSlave), opened(simulated.SimulatedSlave)
     with_force.write(0.0, actuator_force=along_actuator(5.0))
     assert read(with_force, 0, 50) == read(without, 0, 50)
 
@@ -284,10 +280,10 @@ def test_a_command_that_is_no_number_gives_no_force(device_class: type[Device]) 
 
 
 def test_status_counts_what_was_cut() -> None:
-    device = opened(SimulatedMaster)
+    device = opened(simulated.SimulatedMaster)
     device.write(0.0, actuator_force=along_actuator(10.0))
     assert device.counters()["actuator_saturated"] == 1
-    assert set(opened(SimulatedSlave).counters()) == {"accelerometer_saturated"}
+    assert set(opened(simulated.SimulatedSlave).counters()) == {"accelerometer_saturated"}
 
 
 # Changing
@@ -301,8 +297,8 @@ def test_what_can_be_changed_is_among_the_parameters(device_class: type[Device])
 
 def test_a_slave_goes_on_on_another_surface() -> None:
     soft = SurfaceParameters(stiffness=1e4)
-    device, hard = opened(SimulatedSlave), opened(SimulatedSlave)
-    device.change(SimulatedSlaveParameters(surface=soft))
+    device, hard = opened(simulated.SimulatedSlave), opened(simulated.SimulatedSlave)
+    device.change(simulated.SimulatedSlaveParameters(surface=soft))
     for one in (device, hard):
         one.write(0.0, arm_force=(0.0, 0.0, -1.0))
     # 1 N into 1e4 N/m^1.5: (1e-4)^(2/3) m, 2.2 mm below the hard one.
@@ -326,9 +322,9 @@ def test_a_texture_adds_to_a_surface_and_a_wrong_one_is_refused(tmp_path: Path) 
             [device.read(index / 1000).acceleration[ACTUATOR_AXIS] for index in range(300)]
         )
 
-    smooth = SimulatedSlaveParameters()
+    smooth = simulated.SimulatedSlaveParameters()
     textured = dataclasses.replace(smooth, surface=SurfaceParameters(texture=str(file)))
-    plain, rough = (SimulatedSlave(each, 1000.0, 0) for each in (smooth, textured))
+    plain, rough = (simulated.SimulatedSlave(each, 1000.0, 0) for each in (smooth, textured))
     assert stroked(rough)[150:].std() > 3 * stroked(plain)[150:].std()
     plain.change(textured)
     assert plain.read(0.3).acceleration[ACTUATOR_AXIS] != 0.0
@@ -337,19 +333,19 @@ def test_a_texture_adds_to_a_surface_and_a_wrong_one_is_refused(tmp_path: Path) 
 
 
 def test_a_master_is_held_otherwise() -> None:
-    device = opened(SimulatedMaster)
+    device = opened(simulated.SimulatedMaster)
     device.change(MasterRigParameters(grip=GripParameters(posture="pinch")))
-    pinched = opened(SimulatedMaster, grip=GripParameters(posture="pinch"))
+    pinched = opened(simulated.SimulatedMaster, grip=GripParameters(posture="pinch"))
     for one in (device, pinched):
         one.write(0.0, arm_force=(0.0, 0.0, 1.0))
     assert read(device, 1, 100) == read(pinched, 1, 100)
 
 
 def test_under_a_recording_the_surface_stays(recording: Path) -> None:
-    playing = SimulatedSlaveParameters(
-        recording=RecordingParameters(str(recording), rate=500.0, column="z")
+    playing = simulated.SimulatedSlaveParameters(
+        recording=simulated.RecordingParameters(str(recording), rate=500.0, column="z")
     )
-    device = SimulatedSlave(playing, RATE, 0)
+    device = simulated.SimulatedSlave(playing, RATE, 0)
     with pytest.raises(ParameterError, match="surface: cannot be changed while a recording"):
         device.change(dataclasses.replace(playing, surface=SurfaceParameters(friction=1.0)))
 
@@ -387,10 +383,10 @@ def recording(tmp_path: Path) -> Path:
 
 
 def test_a_slave_plays_a_recording_resampled(recording: Path) -> None:
-    parameters = SimulatedSlaveParameters(
-        recording=RecordingParameters(str(recording), rate=500.0, column="z")
+    parameters = simulated.SimulatedSlaveParameters(
+        recording=simulated.RecordingParameters(str(recording), rate=500.0, column="z")
     )
-    device = SimulatedSlave(parameters, RATE, 0)
+    device = simulated.SimulatedSlave(parameters, RATE, 0)
     device.open()
     device.write(0.0, arm_force=(0.0, 0.0, 0.0))
     acceleration = np.array(
@@ -409,23 +405,25 @@ def test_a_slave_plays_a_recording_of_three_axes(tmp_path: Path) -> None:
     sines = np.sin(2 * np.pi * np.outer(np.arange(1000), (20.0, 30.0, 50.0)) / 500.0)
     path = tmp_path / "three.csv"
     np.savetxt(path, sines, delimiter=",", header="ay,ax,az", comments="")
-    found = played(RecordingParameters(str(path), 500.0, "ax, ay,az"), 1000.0)
+    found = simulated.played(simulated.RecordingParameters(str(path), 500.0, "ax, ay,az"), 1000.0)
     assert found is not None
     assert found.shape == (1950, 3)
     expected = np.sin(2 * np.pi * np.outer(np.arange(2000), (30.0, 20.0, 50.0)) / 1000.0)
     # The begin is faded over the end, and the edges of the resampling ring.
     assert found[100:-150] == pytest.approx(expected[150:-150], abs=1e-2)
-    recording = RecordingParameters(str(path), 1000.0, "ax,ay,az")
-    slave = opened(SimulatedSlave, recording=recording, tool=ToolParameters(axes="x, y, z"))
+    recording = simulated.RecordingParameters(str(path), 1000.0, "ax,ay,az")
+    slave = opened(
+        simulated.SimulatedSlave, recording=recording, tool=ToolParameters(axes="x, y, z")
+    )
     slave.write(0.0, arm_force=(0.0, 0.0, 0.0))
     moved = [sample.acceleration for sample in read(slave, 1, 900)]
-    assert np.array_equal(moved, played(recording, 1000.0)[:899])
+    assert np.array_equal(moved, simulated.played(recording, 1000.0)[:899])
     with pytest.raises(ParameterError, match=r"three\.csv: column = .*: must be one column, as"):
-        opened(SimulatedSlave, recording=recording)
+        opened(simulated.SimulatedSlave, recording=recording)
 
 
 def test_without_a_file_nothing_is_played() -> None:
-    assert played(RecordingParameters(), RATE) is None
+    assert simulated.played(simulated.RecordingParameters(), RATE) is None
 
 
 @pytest.mark.parametrize(
@@ -435,14 +433,14 @@ def test_without_a_file_nothing_is_played() -> None:
 def test_an_unusable_recording_is_refused_in_one_line(
     recording: Path, file: str, rate: float, column: str
 ) -> None:
-    wrong = RecordingParameters(str(recording.with_name(file)), rate, column)
+    wrong = simulated.RecordingParameters(str(recording.with_name(file)), rate, column)
     with pytest.raises(ParameterError) as caught:
-        SimulatedSlave(SimulatedSlaveParameters(recording=wrong), RATE, 0)
+        simulated.SimulatedSlave(simulated.SimulatedSlaveParameters(recording=wrong), RATE, 0)
     assert len(str(caught.value).splitlines()) == 1
 
 
 def test_a_device_opened_again_goes_on() -> None:
-    device = SimulatedSlave(SimulatedSlaveParameters(), 1000.0, 0)
+    device = simulated.SimulatedSlave(simulated.SimulatedSlaveParameters(), 1000.0, 0)
     device.open()
     device.write(5.0, arm_force=(0.0, 0.0, -1.0))
     before = device.read(5.02).position
@@ -456,7 +454,7 @@ def test_a_device_opened_again_goes_on() -> None:
 
 
 def test_a_pointer_leads_the_hand_of_the_simulated_master() -> None:
-    device = opened(PointerMaster)
+    device = opened(simulated.PointerMaster)
     device.write(0.0, arm_force=(0.0, 0.0, 0.0))
     resting = read(device, 1, 200)[-1].position
     assert resting == pytest.approx((0.0, 0.0, 0.01), abs=1e-4)
@@ -468,7 +466,7 @@ def test_a_pointer_leads_the_hand_of_the_simulated_master() -> None:
 
 
 def test_a_hand_that_was_led_rests_where_it_began_once_let_go() -> None:
-    device = opened(PointerMaster)
+    device = opened(simulated.PointerMaster)
     device.write(0.0, arm_force=(0.0, 0.0, 0.0))
     device.point((0.05, 0.0, 0.0))
     assert read(device, 1, 150)[-1].position[0] > 0
@@ -477,4 +475,4 @@ def test_a_hand_that_was_led_rests_where_it_began_once_let_go() -> None:
 
 def test_other_devices_have_no_hand_to_lead() -> None:
     with pytest.raises(NotImplementedError, match="SimulatedMaster has no hand to lead"):
-        opened(SimulatedMaster).point((0.0, 0.0, 0.0))
+        opened(simulated.SimulatedMaster).point((0.0, 0.0, 0.0))

@@ -24,14 +24,8 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from haptic_accel.core.model import GRAVITY, FloatArray
+from haptic_accel.devices import sound_calibration
 from haptic_accel.devices.serial.calibration import CalibrationError
-from haptic_accel.devices.sound_calibration import (
-    by_force,
-    by_gravity,
-    by_reference,
-    digital_scales,
-    relative,
-)
 
 RATE = 48_000
 """Samples per second, Hz."""
@@ -68,20 +62,20 @@ def test_gravity_gives_scale_and_polarity(size: float, is_swapped: bool, offset:
         (sign * GRAVITY + noise(seed, seconds=1)) / scale + offset
         for seed, sign in ((1, 1), (2, -1))
     )
-    found = by_gravity(up, down, "input 1")
+    found = sound_calibration.by_gravity(up, down, "input 1")
     assert found.scale == pytest.approx(scale, rel=1e-3)
     assert found.noise == pytest.approx(NOISE, rel=0.05)
 
 
 def test_an_ac_coupled_input_is_named() -> None:
     with pytest.raises(CalibrationError, match="input 1: .* AC-coupled"):
-        by_gravity(noise(1) / 100, noise(2) / 100, "input 1")
+        sound_calibration.by_gravity(noise(1) / 100, noise(2) / 100, "input 1")
 
 
 @pytest.mark.parametrize("scale", [80.0, -400.0])
 def test_a_sensor_beside_a_calibrated_one_has_its_scale_and_polarity(scale: float) -> None:
     moved = shaking()
-    found = by_reference(
+    found = sound_calibration.by_reference(
         (ac_coupled(moved) + noise(2)) / scale, noise(3) / scale, moved + noise(4), RATE, "input 2"
     )
     assert found.scale == pytest.approx(scale, rel=0.01)
@@ -102,7 +96,9 @@ def test_a_known_force_on_a_known_mass_gives_the_scale_whatever_the_delay(
     scale: float, delay: int
 ) -> None:
     force, response = forced(scale, delay)
-    found = by_force(force, response + noise(2) / scale, noise(3) / scale, RATE, MASS, "input 1")
+    found = sound_calibration.by_force(
+        force, response + noise(2) / scale, noise(3) / scale, RATE, MASS, "input 1"
+    )
     assert found.scale == pytest.approx(scale, rel=0.01)
 
 
@@ -110,36 +106,38 @@ def test_an_automatic_gain_is_refused() -> None:
     force, response = forced(80.0, 128)
     response[len(response) // 2 :] *= 2
     with pytest.raises(CalibrationError, match="differs from a strong one's by 100%.*automatic"):
-        by_force(force, response, noise(3) / 80, RATE, MASS, "input 1")
+        sound_calibration.by_force(force, response, noise(3) / 80, RATE, MASS, "input 1")
 
 
 def test_a_mass_that_resonates_is_refused() -> None:
     force, response = forced(80.0, 128)
     mode = signal.iirpeak(150.0, 3.0, fs=RATE)
     with pytest.raises(CalibrationError, match="input 1: its (gain changes|phase)"):
-        by_force(force, signal.lfilter(*mode, response), noise(3), RATE, MASS, "input 1")
+        sound_calibration.by_force(
+            force, signal.lfilter(*mode, response), noise(3), RATE, MASS, "input 1"
+        )
 
 
 def test_the_input_of_another_sensor_is_named() -> None:
     with pytest.raises(CalibrationError, match="input 2: coherence 0.*shaken"):
-        by_reference(noise(2) / 80, noise(3), shaking(), RATE, "input 2")
+        sound_calibration.by_reference(noise(2) / 80, noise(3), shaking(), RATE, "input 2")
 
 
 def test_clipping_and_an_unplugged_input_are_refused() -> None:
     moved = shaking()
     with pytest.raises(CalibrationError, match="input 2: [0-9]+ of 192000 samples at full scale"):
-        by_reference(np.clip(moved / 5, -1, 1), noise(3), moved, RATE, "input 2")
+        sound_calibration.by_reference(np.clip(moved / 5, -1, 1), noise(3), moved, RATE, "input 2")
     with pytest.raises(CalibrationError, match="input 2: constant; is it unplugged"):
-        by_reference(np.full(len(moved), 0.01), noise(3), moved, RATE, "input 2")
+        sound_calibration.by_reference(np.full(len(moved), 0.01), noise(3), moved, RATE, "input 2")
 
 
 def test_strokes_on_a_contact_microphone_get_a_usual_strength_and_no_unit() -> None:
     stroked, quiet = noise(1, 0.02), noise(2, 0.001)
-    found = relative(stroked, quiet, "input 1")
+    found = sound_calibration.relative(stroked, quiet, "input 1")
     assert np.std(stroked) * found.scale == pytest.approx(3.0)
     assert "relative, no acceleration" in found.text
     with pytest.raises(CalibrationError, match=r"input 1: strokes are 1\.0 times the noise"):
-        relative(noise(3, 0.001), quiet, "input 1")
+        sound_calibration.relative(noise(3, 0.001), quiet, "input 1")
 
 
 @pytest.mark.parametrize(
@@ -155,5 +153,5 @@ def test_strokes_on_a_contact_microphone_get_a_usual_strength_and_no_unit() -> N
 def test_a_sensor_states_its_scales_in_its_name(
     name: str, scales: tuple[float, float] | None
 ) -> None:
-    found = digital_scales(name)
+    found = sound_calibration.digital_scales(name)
     assert found == (scales and pytest.approx(scales))

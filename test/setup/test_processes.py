@@ -82,7 +82,7 @@ def test_beside_a_peer_the_link_has_a_process_of_its_own() -> None:
     processes = {process.executable: process for process in graph(given)}
     assert list(processes) == ["recorder", "composed_master", "link"]
     assert set(processes["composed_master"].parameters) == {
-        *("master_device", "coupler", "compensator"),
+        *("master_device", "coupler", "compensator")
     }
     assert processes["link"].respawn
 
@@ -462,10 +462,7 @@ def test_the_last_of_several_files_wins_and_the_replaced_value_is_stated(
 
 @pytest.mark.parametrize(
     ("typed", "unused"),
-    [
-        ([], []),
-        (["controller:=none"], ["not used, as the argument controller:= replaces it"]),
-    ],
+    [([], []), (["controller:=none"], ["not used, as the argument controller:= replaces it"])],
 )
 def test_of_two_files_that_decide_an_argument_the_earlier_is_stated_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, typed: list[str], unused: list[str]

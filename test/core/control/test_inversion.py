@@ -52,10 +52,7 @@ PAPER = Plant(mount=MountParameters(280.0, 0.127), delay=225e-6)
 FAST_SENSOR = Plant(bandwidth=100e3)
 
 grips = st.builds(
-    HandleParameters,
-    m_h=st.floats(0.02, 1.0),
-    k_u=st.floats(0.0, 1e4),
-    b_u=st.floats(0.0, 100.0),
+    HandleParameters, m_h=st.floats(0.02, 1.0), k_u=st.floats(0.0, 1e4), b_u=st.floats(0.0, 100.0)
 )
 
 
@@ -202,10 +199,7 @@ def test_another_grip_is_inverted_better_by_its_own_combination(
 ) -> None:
     handle = HandleParameters()
     other = replace(
-        handle,
-        m_h=mass * handle.m_h,
-        k_u=stiffness * handle.k_u,
-        b_u=damping * handle.b_u,
+        handle, m_h=mass * handle.m_h, k_u=stiffness * handle.k_u, b_u=damping * handle.b_u
     )
     plant = replace(PAPER, handle=other)
     terms = design_basis(PAPER, rate)

@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from haptic_accel.core import model
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.evaluation import Identification, identify_handle
 
@@ -32,13 +33,6 @@ from haptic_accel.core.identification.sweep import (
     SweepParameters,
     excitation,
     find_trials,
-)
-from haptic_accel.core.model import (
-    POSTURES,
-    GripParameters,
-    HandleParameters,
-    MountParameters,
-    held,
 )
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
@@ -56,12 +50,12 @@ def recorded(rig: MasterRigParameters, trials: int = 1) -> list[IdentificationTr
 
 def test_grips_are_fitted_one_by_one_and_together() -> None:
     of_grips = {
-        posture: recorded(replace(RIG, grip=GripParameters(posture=posture)), trials=2)
+        posture: recorded(replace(RIG, grip=model.GripParameters(posture=posture)), trials=2)
         for posture in ("pinch", "hook")
     }
     found = identify_handle(of_grips, SWEEP, SENSOR.range, SENSOR.bandwidth)
     for posture, grip in found.grips.items():
-        true = held(RIG.handle, GripParameters(posture=posture), seed=0)
+        true = model.held(RIG.handle, model.GripParameters(posture=posture), seed=0)
         assert grip.fit.handle.m_h == pytest.approx(true.m_h, rel=0.02)
         assert grip.fit.handle.k_u == pytest.approx(true.k_u, rel=0.05)
         assert len(grip.trials) == len(grip.responses) == 2
@@ -88,15 +82,19 @@ def test_the_delay_found_is_that_of_the_hardware_alone(latency: int) -> None:
 
 
 def test_table_i_lies_in_the_middle_of_the_postures() -> None:
-    assert POSTURES["average"] == (1.0, 1.0, 1.0)
-    assert np.multiply(POSTURES["pinch"], POSTURES["hook"]) == pytest.approx(1.0)
+    assert model.POSTURES["average"] == (1.0, 1.0, 1.0)
+    assert np.multiply(model.POSTURES["pinch"], model.POSTURES["hook"]) == pytest.approx(1.0)
 
 
 def test_an_actuator_measured_on_the_bench_is_taken_as_measured() -> None:
-    handle = HandleParameters(m_a=0.03, k_s=500.0)
+    handle = model.HandleParameters(m_a=0.03, k_s=500.0)
     trials = {"average": recorded(replace(RIG, handle=handle))}
     found = identify_handle(
-        trials, SWEEP, SENSOR.range, SENSOR.bandwidth, known=HandleParameters(m_a=0.03, k_s=500.0)
+        trials,
+        SWEEP,
+        SENSOR.range,
+        SENSOR.bandwidth,
+        known=model.HandleParameters(m_a=0.03, k_s=500.0),
     )
     assert found.fit.handle.m_h == pytest.approx(handle.m_h, rel=0.02)
     assert found.fit.handle.m_a == 0.03
@@ -105,7 +103,7 @@ def test_an_actuator_measured_on_the_bench_is_taken_as_measured() -> None:
         SWEEP,
         SENSOR.range,
         SENSOR.bandwidth,
-        known=HandleParameters(k_s=500.0),
+        known=model.HandleParameters(k_s=500.0),
         free=("m_a", "b_s", "m_h", "b_u", "delay"),
     )
     assert freed.fit.handle.m_a == pytest.approx(0.03, rel=0.05)
@@ -124,7 +122,7 @@ FULL = SweepParameters()
 HANDLE = ("b_s", "m_h", "k_u", "b_u")
 
 
-def loud(noise: float, corner: float, handle: HandleParameters) -> MasterRigParameters:
+def loud(noise: float, corner: float, handle: model.HandleParameters) -> MasterRigParameters:
     """Return a rig with noise of a standard deviation in m/s^2, and a sensor's corner in Hz."""
     density = noise / math.sqrt(math.pi / 2 * corner)
     sensor = replace(SENSOR, bandwidth=corner, noise_density=density)
@@ -134,7 +132,7 @@ def loud(noise: float, corner: float, handle: HandleParameters) -> MasterRigPara
 def identified(rig: MasterRigParameters, seed: int) -> Identification:
     """Identify a rig by four trials, with its true actuator and sensor."""
     trials = run_identification(rig, FULL, RATE, seed, trials=4, latency=0)
-    known = HandleParameters(m_a=rig.handle.m_a, k_s=rig.handle.k_s)
+    known = model.HandleParameters(m_a=rig.handle.m_a, k_s=rig.handle.k_s)
     sensor = rig.accelerometer
     return identify_handle({"average": trials}, FULL, sensor.range, sensor.bandwidth, known=known)
 
@@ -156,7 +154,7 @@ UNFILTERED = 100e3
 def test_noise_is_not_taken_for_a_mount_nor_for_a_delay() -> None:
     # The response of a sensor without low-pass jumps at whole samples of delay, and the truth lies
     # at a jump.
-    handle = HandleParameters(
+    handle = model.HandleParameters(
         m_a=0.02041, k_s=224.71, b_s=1.6951, m_h=0.15138, k_u=1638.4, b_u=7.953
     )
     rig = loud(0.95, UNFILTERED, handle)
@@ -168,10 +166,10 @@ def test_noise_is_not_taken_for_a_mount_nor_for_a_delay() -> None:
 
 
 def test_a_mount_is_found_beneath_loud_noise() -> None:
-    handle = HandleParameters(
+    handle = model.HandleParameters(
         m_a=0.01888, k_s=217.36, b_s=2.9209, m_h=0.11414, k_u=1184.9, b_u=13.169
     )
-    mount = MountParameters(frequency=298.3, damping=0.1375)
+    mount = model.MountParameters(frequency=298.3, damping=0.1375)
     rig = replace(loud(1.9, 500.0, handle), mount=mount)
     found = identified(rig, seed=28)
     assert found.fit.mount.frequency == pytest.approx(298.3, rel=0.03)
@@ -179,7 +177,7 @@ def test_a_mount_is_found_beneath_loud_noise() -> None:
 
 
 def test_two_dampings_that_noise_may_exchange_lie_within_their_intervals() -> None:
-    handle = HandleParameters(
+    handle = model.HandleParameters(
         m_a=0.02295, k_s=213.74, b_s=1.664, m_h=0.15914, k_u=1681.7, b_u=7.4043
     )
     rig = replace(loud(0.69, UNFILTERED, handle), drive=replace(RIG.drive, delay=40e-6))

@@ -22,16 +22,12 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
+from haptic_accel.core.identification import three_axes
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.fit import DEFAULT_FREE as WITHOUT_FRICTION
 from haptic_accel.core.identification.fit import INTERVAL
 from haptic_accel.core.identification.multisine import orthogonal_excitation
 from haptic_accel.core.identification.sweep import IdentificationTrial
-from haptic_accel.core.identification.three_axes import (
-    ThreeAxisIdentification,
-    identify_three_axes,
-    stages,
-)
 from haptic_accel.core.parameters import ParameterError
 from three_coils import BANDWIDTH, DIRECTIONS, RANGE, RATE, SWEEP, moved, plant, recorded, trials
 
@@ -40,8 +36,8 @@ FREQUENCY = np.arange(20.0, 401.0)
 
 def identify(
     recording: list[IdentificationTrial], free: tuple[str, ...] = WITHOUT_FRICTION
-) -> ThreeAxisIdentification:
-    return identify_three_axes(recording, SWEEP, RANGE, BANDWIDTH, free=free)
+) -> three_axes.ThreeAxisIdentification:
+    return three_axes.identify_three_axes(recording, SWEEP, RANGE, BANDWIDTH, free=free)
 
 
 def errors(found: MatrixPlant, true: MatrixPlant) -> tuple[float, float]:
@@ -55,10 +51,10 @@ def errors(found: MatrixPlant, true: MatrixPlant) -> tuple[float, float]:
 
 def test_the_plant_of_a_noisy_recording_is_within_a_tenth_of_a_decibel() -> None:
     told: list[str] = []
-    found = identify_three_axes(
+    found = three_axes.identify_three_axes(
         trials(plant()), SWEEP, RANGE, BANDWIDTH, free=WITHOUT_FRICTION, tell=told.append
     )
-    assert told == stages()
+    assert told == three_axes.stages()
     magnitude, phase = errors(found.plant, plant())
     assert magnitude < 0.1
     assert phase < 0.5

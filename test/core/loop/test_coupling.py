@@ -158,10 +158,7 @@ def moved(rate: float, seconds: float = 3.0) -> tuple[FloatArray, FloatArray]:
     """Return position and velocity of a tip that vibrates at 40 Hz while it creeps, m and m/s."""
     time = np.arange(round(seconds * rate)) / rate
     turn = 2 * math.pi * 40.0
-    return (
-        1e-3 * time + 30e-6 * np.sin(turn * time),
-        1e-3 + 30e-6 * turn * np.cos(turn * time),
-    )
+    return (1e-3 * time + 30e-6 * np.sin(turn * time), 1e-3 + 30e-6 * turn * np.cos(turn * time))
 
 
 def estimated(measured: FloatArray, velocity: FloatArray, rate: float) -> FloatArray:

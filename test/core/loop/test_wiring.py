@@ -23,11 +23,8 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyLayer, SafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
+from haptic_accel.core.coupling import position_position
 from haptic_accel.core.coupling.engagement import STEP_PERIOD, Engagement, EngagementParameters
-from haptic_accel.core.coupling.position_position import (
-    CouplingParameters,
-    PositionPositionCoupling,
-)
 from haptic_accel.core.loop.compensation import CompensationPart
 from haptic_accel.core.loop.coupling import CouplingPart
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide
@@ -96,8 +93,8 @@ class Rig:
         engagement = Engagement(EngagementParameters(), now=0.0)
         for arm in sides:
             engagement.arm_stopped(arm, False)
-        coupling = PositionPositionCoupling(
-            CouplingParameters(k_m=K_M, k_sl=K_SL, scale=1.0, damping=0.0)
+        coupling = position_position.PositionPositionCoupling(
+            position_position.CouplingParameters(k_m=K_M, k_sl=K_SL, scale=1.0, damping=0.0)
         )
         compensation = Compensation(CompensationParameters(controller="constant"), RATE)
         self.part = CouplingPart(coupling, engagement, RATE, longest=10)

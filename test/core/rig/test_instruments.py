@@ -30,13 +30,7 @@ from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.model import ZERO, AccelerometerParameters, FloatArray, Vector
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.instruments import (
-    PUT_BACK_AFTER,
-    Accelerometer,
-    ArmParameters,
-    Holding,
-    Quantizer,
-)
+from haptic_accel.core.rig import instruments
 from haptic_accel.core.rig.master_rig import MasterRig
 from haptic_accel.core.rig.slave_rig import SlaveRig
 from haptic_accel.core.rig.surface import SurfaceParameters
@@ -47,7 +41,7 @@ from haptic_accel.core.topics import ARMS
 
 
 def test_a_converter_rounds_to_its_steps() -> None:
-    converter = Quantizer(8.0, 4)  # sixteen steps of 1 over 16
+    converter = instruments.Quantizer(8.0, 4)  # sixteen steps of 1 over 16
     assert [converter.convert(v) for v in (0.0, 0.4, 0.6, -0.6, 1.4, -7.6)] == [
         0.0,
         0.0,
@@ -60,7 +54,7 @@ def test_a_converter_rounds_to_its_steps() -> None:
 
 
 def test_it_saturates_and_counts() -> None:
-    converter = Quantizer(8.0, 4)
+    converter = instruments.Quantizer(8.0, 4)
     assert [converter.convert(v) for v in (8.1, -9.0, math.inf, -math.inf, 8.0)] == [
         8.0,
         -8.0,
@@ -74,18 +68,18 @@ def test_it_saturates_and_counts() -> None:
 @given(st.floats(0.1, 100.0), st.integers(4, 24), st.floats(-1.0, 1.0))
 def test_it_is_off_by_half_a_step_at_the_most(full_scale: float, bits: int, part: float) -> None:
     value = part * full_scale
-    converted = Quantizer(full_scale, bits).convert(value)
+    converted = instruments.Quantizer(full_scale, bits).convert(value)
     step = 2 * full_scale / 2**bits
     assert abs(converted - value) <= step / 2 * (1 + 1e-6)
     assert converted / step == pytest.approx(round(converted / step), abs=1e-6)
-    assert Quantizer(full_scale, bits).convert(-value) == -converted
+    assert instruments.Quantizer(full_scale, bits).convert(-value) == -converted
 
 
 # The accelerometer
 
 
 def samples(parameters: AccelerometerParameters, count: int, *seeds: int) -> list[float]:
-    accelerometer = Accelerometer(parameters, *seeds)
+    accelerometer = instruments.Accelerometer(parameters, *seeds)
     return [accelerometer.measure(0.0) for _ in range(count)]
 
 
@@ -124,7 +118,9 @@ def test_two_accelerometers_of_one_seed_have_independent_noise() -> None:
 
 
 def test_without_noise_only_the_converter_is_left() -> None:
-    accelerometer = Accelerometer(AccelerometerParameters(range=8.0, noise_density=0.0, bits=4), 0)
+    accelerometer = instruments.Accelerometer(
+        AccelerometerParameters(range=8.0, noise_density=0.0, bits=4), 0
+    )
     assert accelerometer.measure(2.4) == 2.0
     assert accelerometer.measure(20.0) == 8.0
     assert accelerometer.saturated == 1
@@ -141,19 +137,21 @@ def test_the_paper_s_accelerometer_by_default() -> None:
 
 @given(st.floats(-1.0, 1.0))
 def test_encoders_have_steps(position: float) -> None:
-    arm = ArmParameters(position_resolution=55e-6)
+    arm = instruments.ArmParameters(position_resolution=55e-6)
     assert abs(arm.encoded(position) - position) <= 27.5e-6 * (1 + 1e-6)
     assert arm.encoded(position) / 55e-6 == pytest.approx(round(position / 55e-6), abs=1e-6)
-    assert ArmParameters(position_resolution=0.0).encoded(position) == position
+    assert instruments.ArmParameters(position_resolution=0.0).encoded(position) == position
 
 
 @given(st.floats(allow_nan=False))
 def test_motors_give_what_they_can(force: float) -> None:
-    assert ArmParameters(max_force=3.3).motor_force(force) == min(3.3, max(-3.3, force))
+    assert instruments.ArmParameters(max_force=3.3).motor_force(force) == min(
+        3.3, max(-3.3, force)
+    )
 
 
 def test_motors_give_nothing_for_nan() -> None:
-    assert ArmParameters().motor_force(math.nan) == 0.0
+    assert instruments.ArmParameters().motor_force(math.nan) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -253,17 +251,17 @@ def test_after_a_stop_the_tool_is_dragged_as_before(
 
 
 def test_a_coupling_in_balance_holds_an_arm_for_ever() -> None:
-    holding = Holding()
+    holding = instruments.Holding()
     for _ in range(100):
         holding.command(free=True)
-        assert not holding.ends(0.9 * PUT_BACK_AFTER)
+        assert not holding.ends(0.9 * instruments.PUT_BACK_AFTER)
 
 
 def test_an_arm_under_force_is_not_put_back() -> None:
-    holding = Holding()
+    holding = instruments.Holding()
     holding.command(free=False)
     assert not holding.ends(1e3)
 
 
 def test_an_arm_that_was_never_held_has_not_been_let_go() -> None:
-    assert not Holding().ends(1e3)
+    assert not instruments.Holding().ends(1e3)

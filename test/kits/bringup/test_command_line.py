@@ -113,8 +113,7 @@ def test_unknown_boards_become_a_rig_in_five_steps(
     terminals: Any, domain: int, tmp_path: Path
 ) -> None:
     boards = terminals(
-        *("-m", "haptic_accel.cli.main", "emulate", "serial", "folder:=boards"),
-        "fault_seconds:=3",
+        *("-m", "haptic_accel.cli.main", "emulate", "serial", "folder:=boards"), "fault_seconds:=3"
     )
     boards.wait_for("keys: ")
     hands = Hands(boards)

@@ -133,10 +133,7 @@ def test_a_full_disk_leaves_nothing_but_one_line(tmp_path: Path, recorded: Recor
     # The limit of a file's size has the same effect, for a disk of its own would need root.
     words = shlex.join([*MAIN, "export", str(recorded.path), *f"--format csv --out {out}".split()])
     done = subprocess.run(
-        ["bash", "-c", f"ulimit -f 50; exec {words}"],
-        capture_output=True,
-        text=True,
-        check=False,
+        ["bash", "-c", f"ulimit -f 50; exec {words}"], capture_output=True, text=True, check=False
     )
     assert done.returncode == 1
     line = f"haptic-accel: out = '{out}': cannot be written: File too large\n"
@@ -169,14 +166,8 @@ def test_an_existing_folder_is_not_touched(tmp_path: Path, recorded: Recorded) -
         ("csv --fps 30", "fps = 30: csv has none: leave it out"),
         ("hdf5 --task write", "task = write: hdf5 has none: leave it out"),
         ("wav --rate 960", "rate = 960.0: wav has none: leave it out"),
-        (
-            "lerobot --rate 1000",
-            "rate = 1000 Hz: must be a whole multiple of fps = 30, ...",
-        ),
-        (
-            "hdf5 --fps 1000 --rate 500",
-            "rate = 500 Hz: must be a whole multiple of ...",
-        ),
+        ("lerobot --rate 1000", "rate = 1000 Hz: must be a whole multiple of fps = 30, ..."),
+        ("hdf5 --fps 1000 --rate 500", "rate = 500 Hz: must be a whole multiple of ..."),
         ("lerobot --fps 0", "...--fps...0 is not in the range 1<=x<=1000."),
         ("png", "...--format...'png' is not one of ..."),
     ],

@@ -250,10 +250,7 @@ def test_the_coil_moves_while_it_is_asked_for_and_no_stop_is_pending(
         ("rate:=0", "rate = 0.0: must be"),
         ("latency:=99", "latency = 99: must be a whole number, from 0 to 20"),
         ("master:=can", "master = 'can': must be none or simulated or virtual or"),
-        (
-            "slave:=serial",
-            "slave = 'serial': must be none or simulated or virtual or",
-        ),
+        ("slave:=serial", "slave = 'serial': must be none or simulated or virtual or"),
         ("side:=master peer:=127.0.0.1 insecure:=true", "side = 'master': must be empty"),
         ("params_file:=missing.yaml", "missing.yaml"),
         ("slave:=none", "device = none: must come with accelerometers:=audio"),

@@ -28,6 +28,7 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits.study import trials
 from haptic_accel.kits.study.log import (
     CONSENT,
     END,
@@ -42,17 +43,10 @@ from haptic_accel.kits.study.log import (
     unseal,
 )
 from haptic_accel.kits.study.protocol import Condition
-from haptic_accel.kits.study.trials import (
-    MAIN,
-    Answer,
-    PlannedTrial,
-    PresentedStimulus,
-    TrialRecord,
-)
 
 NONE = Condition((("controller", "none"), ("gain", 1.0)))
 ADAPTIVE = Condition((("controller", "adaptive"), ("gain", 0.5)))
-PRESENTED = PresentedStimulus(
+PRESENTED = trials.PresentedStimulus(
     begin=5,
     end=6,
     bag="bags/1",
@@ -67,9 +61,13 @@ PRESENTED = PresentedStimulus(
 )
 
 
-def trial(number: int) -> TrialRecord:
-    planned = PlannedTrial(number, MAIN, (NONE, ADAPTIVE), ("1", "2"), "2", "pair", 0.5, 3)
-    return TrialRecord(planned, 1, (PRESENTED,), Answer("2", 0.7), 10, 20, 30, 40, "late")
+def trial(number: int) -> trials.TrialRecord:
+    planned = trials.PlannedTrial(
+        number, trials.MAIN, (NONE, ADAPTIVE), ("1", "2"), "2", "pair", 0.5, 3
+    )
+    return trials.TrialRecord(
+        planned, 1, (PRESENTED,), trials.Answer("2", 0.7), 10, 20, 30, 40, "late"
+    )
 
 
 @pytest.fixture
@@ -114,7 +112,7 @@ def test_a_session_ends_until_its_next_sitting(folder: Path) -> None:
 
 def test_conditions_are_not_read_by_accident(folder: Path) -> None:
     text = (folder / LOG).read_text()
-    for word in ("adaptive", "controller", "0.7", "1.5", "late", MAIN):
+    for word in ("adaptive", "controller", "0.7", "1.5", "late", trials.MAIN):
         assert word not in text
     assert unseal(seal({"controller": "none"})) == {"controller": "none"}
 

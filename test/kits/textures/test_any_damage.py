@@ -68,10 +68,7 @@ def wav(dtype: str) -> bytes:
 
 KINDS: dict[str, tuple[str, st.SearchStrategy[bytes]]] = {
     "acceleration, NPZ": ("a.npz", zipped(AXES) | other_arrays(AXES)),
-    "texture, XML": (
-        "a.xml",
-        text(hatt_file((4, 2), 12).encode()),
-    ),
+    "texture, XML": ("a.xml", text(hatt_file((4, 2), 12).encode())),
     "filter, JSON": ("a.json", written(FILTER)),
     "pattern, AHAP": ("a.ahap", written(AHAP)),
     "pattern, haptic": ("a.haptic", written(HAPTIC)),
