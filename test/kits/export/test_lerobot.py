@@ -98,11 +98,8 @@ def test_episodes_have_one_condition_each(tmp_path: Path, recorded: Recorded) ->
     messages = [Message(*row) for row in with_types(recorded.path)]
     for seconds, (node, *change) in moments.items():
         moment = START + seconds * 10**9
-        messages.append(
-            Message(
-                "/parameter_events", CHANGED, moment, change_bytes(moment, f"/{node}", *change)
-            )
-        )
+        data = change_bytes(moment, f"/{node}", *change)
+        messages.append(Message("/parameter_events", CHANGED, moment, data))
     messages.sort(key=lambda each: each.received)
     custom = read_metadata(recorded.path).custom
     bag = write_messages(tmp_path / "bag", messages, custom=custom)
@@ -130,18 +127,14 @@ def test_indices_and_times_follow_each_other(dataset: Path) -> None:
     assert ends[-1] == len(found)
 
 
-def test_each_task_is_a_text(dataset: Path) -> None:
-    tasks = pd.read_parquet(dataset / "meta" / "tasks.parquet")
-    assert tasks.index.tolist() == ["feel plywood with a tool", "feel vinyl with a tool"]
-    assert tasks["task_index"].tolist() == [0, 1]
-    assert rows(dataset).groupby("episode_index")["task_index"].first().tolist() == [0, 1]
-
-
-def test_an_episode_is_a_group_of_rows(dataset: Path) -> None:
-    file = parquet.ParquetFile(dataset / "data" / "chunk-000" / "file-000.parquet")
-    lengths = rows(dataset).groupby("episode_index").size().tolist()
-    groups = [file.metadata.row_group(n).num_rows for n in range(file.num_row_groups)]
-    assert groups == lengths
+def test_each_task_is_a_text_and_each_episode_a_group_of_rows(dataset: Path) -> None:
+    tasks = pd.read_parquet(dataset / "meta" / "tasks.parquet")["task_index"].to_dict()
+    assert tasks == {"feel plywood with a tool": 0, "feel vinyl with a tool": 1}
+    own = rows(dataset).groupby("episode_index")
+    assert own["task_index"].first().tolist() == [0, 1]
+    file = parquet.ParquetFile(dataset / "data" / "chunk-000" / "file-000.parquet").metadata
+    groups = [file.row_group(n).num_rows for n in range(file.num_row_groups)]
+    assert groups == own.size().tolist()
 
 
 def test_statistics_are_those_of_the_rows(dataset: Path) -> None:
