@@ -221,7 +221,7 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         yield file
 
 
-LATENCY = "latency:=9"
+LATENCY = "latency:=12"
 
 
 @pytest.mark.live

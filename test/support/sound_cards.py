@@ -116,12 +116,12 @@ master_device:
     device: none
     actuator_device: audio
     accelerometer_device: audio
-    audio: {device: system, inputs: "1", scales: "100", ac_corner: 10.0, full_scale: 5.0}
+    audio: {device: system, block: 96, inputs: "1", scales: "100", ac_corner: 10.0, full_scale: 5}
 slave_device:
   ros__parameters:
     device: none
     accelerometer_device: audio
-    audio: {device: system, inputs: "2", scales: "100", ac_corner: 10.0}
+    audio: {device: system, block: 96, inputs: "2", scales: "100", ac_corner: 10.0}
 """
 """Parameters of a graph before `sound_world`: sensors on inputs 1 and 2, coil on output 1."""
 

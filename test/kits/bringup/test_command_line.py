@@ -336,7 +336,7 @@ class CardHands:
 def test_handle_and_tool_on_a_sound_card_become_a_rig(
     domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    inputs = {"device": "system", "scales": "100", "ac_corner": 10.0}
+    inputs = {"device": "system", "block": 96, "scales": "100", "ac_corner": 10.0}
     given = {
         "/**/master_device": {"audio": inputs | {"full_scale": 5.0}},
         "/**/slave_device": {"audio": inputs | {"inputs": "2"}},
