@@ -29,7 +29,7 @@ import pytest
 from PIL import Image
 
 from bag_maker import of_trial, write_bag
-from browsing import chromium
+from browsing import PHONE, chromium
 from haptic_accel import __version__
 from haptic_accel.analysis import load
 from haptic_accel.analysis.loading import Analysis
@@ -100,6 +100,17 @@ def test_an_average_over_some_surfaces_is_not_compared_with_the_papers(tmp_path:
     # Only over surfaces that all controllers were tried on.
     assert page.row(0, "none") == ["1", "100.0", "99.6", "100.0", "99.5", "100.0", DASH]
     assert page.row(0, "constant")[1:3] == [DASH, "69.8"]
+
+
+def test_on_a_phone_errors_are_in_sight_and_pictures_keep_their_size(report: Path) -> None:
+    with chromium() as browser:
+        page = browser.new_page(viewport=PHONE)
+        page.goto((report / "index.html").as_uri())
+        box = page.locator("#all th", has_text="NRMSE").bounding_box()
+        assert box
+        assert box["x"] + box["width"] <= PHONE["width"]
+        assert page.locator("figure img").first.evaluate("each => each.clientWidth") == 688
+        assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
 
 
 def test_texts_of_a_setting_stay_text(report: Path) -> None:
