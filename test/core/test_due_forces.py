@@ -45,20 +45,15 @@ def test_a_force_in_time_is_applied_at_its_tick_and_neither_earlier_nor_later(
     assert (forces.due, forces.past_tick) == (100, 0)
 
 
-def test_without_latency_a_force_is_applied_on_arrival_and_has_no_due_time() -> None:
-    forces = DueForces(0, PERIOD)
-    assert forces.pop(5) is None
+@pytest.mark.parametrize(("latency", "counts"), [(0, (0, 0)), (1, (1, 1))])
+def test_a_force_that_comes_after_its_tick_is_there_at_once_and_counted_if_it_was_due(
+    latency: int, counts: tuple[int, int]
+) -> None:
+    forces = DueForces(latency, PERIOD)
+    assert forces.pop(5 + latency) is None
     forces.put(5, 5000, force(5))
-    assert forces.pop(5) == (5000, force(5))
-    assert (forces.due, forces.past_tick) == (0, 0)
-
-
-def test_a_force_that_comes_after_its_tick_is_counted_and_there_at_once() -> None:
-    forces = DueForces(1, PERIOD)
-    forces.pop(6)
-    forces.put(5, 5000, force(5))
-    assert forces.pop(6) == (5000, force(5))
-    assert (forces.due, forces.past_tick) == (1, 1)
+    assert forces.pop(5 + latency) == (5000, force(5))
+    assert (forces.due, forces.past_tick) == counts
 
 
 @given(st.lists(st.tuples(st.integers(0, 30), st.integers(0, 6)), max_size=60), st.integers(1, 4))

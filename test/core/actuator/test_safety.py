@@ -294,19 +294,11 @@ def test_where_recovery_is_manual_only_arming_gives_forces_again(stale: bool) ->
 
 def test_no_force_while_stopped_or_not_active() -> None:
     bench = Bench()
-    for refuse, allow, reason in (
-        (
-            lambda: bench.layer.stop(bench.now, True),
-            lambda: bench.layer.stop(0, False),
-            safety.STOPPED,
-        ),
-        (
-            lambda: bench.layer.enable(bench.now, False),
-            lambda: bench.layer.enable(0, True),
-            safety.INACTIVE,
-        ),
+    for change, refusing, reason in (
+        (bench.layer.stop, True, safety.STOPPED),
+        (bench.layer.enable, False, safety.INACTIVE),
     ):
-        refuse()
+        change(bench.now, refusing)
         assert bench.layer.actuator_force(bench.now, FRESH, along_actuator(1.0)) is None
         assert bench.layer.arm_force(bench.now, FRESH, (1.0, 0.0, 0.0)) is None
         assert bench.layer.arm() == bench.layer.refusal == reason
@@ -314,7 +306,7 @@ def test_no_force_while_stopped_or_not_active() -> None:
         bench.wait(1.0)
         bench.tick()
         assert bench.value("actuator force timeouts") == 0
-        allow()
+        change(0, not refusing)
         assert bench.layer.actuator_force(bench.now, FRESH, along_actuator(1.0)) == along_actuator(
             1.0
         )

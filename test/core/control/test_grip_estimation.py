@@ -16,6 +16,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import warnings
 from dataclasses import replace
 from itertools import pairwise
@@ -62,17 +63,25 @@ def drive(
     force: float = 0.5,
     start: float = 0.0,
     rate: float = RATE,
+    tone: float = 0.0,
+    missing_every: int = sys.maxsize,
 ) -> None:
-    """Excite the handle by white force, N RMS, and let the estimator see it."""
+    """Excite the handle by white force, N RMS, and let the estimator see it.
+
+    With a tone, Hz, the force is that, with `force` as its amplitude. Of so many accelerations one
+    is missing.
+    """
     random = np.random.default_rng(0)
     first = round(start * rate)
     applied = 0.0
     measured = 0.0
     for index in range(first, first + round(seconds * rate)):
         master.advance(index / rate)
-        of.observe(applied, measured)  # both of the sample before
+        # Both of the sample before.
+        of.observe(applied, math.nan if index % missing_every == missing_every - 1 else measured)
         measured = master.measure().acceleration[ACTUATOR_AXIS]
-        applied = float(random.normal(0.0, force)) if force else 0.0
+        wave = math.sin(2 * math.pi * tone * index / rate) if tone else random.normal()
+        applied = force * wave
         master.apply_actuator_force(along_actuator(applied))
         of.update()
 
@@ -186,7 +195,6 @@ def test_what_was_learnt_stays_while_nothing_is_felt() -> None:
     found = estimator()
     master = rig(SOFT, noise=0.00245)
     drive(found, master, 3.0)
-    learnt = found.grip.copy()
     drive(found, master, 1.0, force=0.0, start=3.0)  # the last look that saw excitation
     looks = found.estimates
     learnt = found.grip.copy()
@@ -197,15 +205,7 @@ def test_what_was_learnt_stays_while_nothing_is_felt() -> None:
 
 def test_a_single_frequency_leaves_no_nonsense() -> None:
     found = estimator()
-    master = rig(SOFT)
-    applied = measured = 0.0
-    for index in range(3000):
-        master.advance(index / RATE)
-        found.observe(applied, measured)
-        measured = master.measure().acceleration[ACTUATOR_AXIS]
-        applied = 0.5 * math.sin(2 * math.pi * 90.0 * index / RATE)
-        master.apply_actuator_force(along_actuator(applied))
-        found.update()
+    drive(found, rig(SOFT), 3.0, tone=90.0)
     factors = found.grip / grip_of(TABLE_I)
     assert np.all(factors > 0.3)
     assert np.all(factors < 3.0)
@@ -214,16 +214,7 @@ def test_a_single_frequency_leaves_no_nonsense() -> None:
 def test_some_missing_samples_do_no_harm_many_stop_it() -> None:
     for every, looks in ((200, True), (20, False)):
         found = estimator()
-        master = rig(SOFT)
-        random = np.random.default_rng(0)
-        applied = measured = 0.0
-        for index in range(3000):
-            master.advance(index / RATE)
-            found.observe(applied, math.nan if index % every == 0 else measured)
-            measured = master.measure().acceleration[ACTUATOR_AXIS]
-            applied = float(random.normal(0.0, 0.5))
-            master.apply_actuator_force(along_actuator(applied))
-            found.update()
+        drive(found, rig(SOFT), 3.0, missing_every=every)
         assert (found.estimates > 0) == looks
         if looks:
             assert found.grip[0] == pytest.approx(SOFT.m_h, rel=0.1)

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,12 +49,20 @@ def recorded(rig: MasterRigParameters, trials: int = 1) -> list[IdentificationTr
     return run_identification(rig, SWEEP, RATE, seed=3, trials=trials)
 
 
+def identify(
+    trials: dict[str, list[IdentificationTrial]],
+    bandwidth: float = SENSOR.bandwidth,
+    **options: Any,
+) -> Identification:
+    return identify_handle(trials, SWEEP, SENSOR.range, bandwidth, **options)
+
+
 def test_grips_are_fitted_one_by_one_and_together() -> None:
     of_grips = {
         posture: recorded(replace(RIG, grip=model.GripParameters(posture=posture)), trials=2)
         for posture in ("pinch", "hook")
     }
-    found = identify_handle(of_grips, SWEEP, SENSOR.range, SENSOR.bandwidth)
+    found = identify(of_grips)
     for posture, grip in found.grips.items():
         true = model.held(RIG.handle, model.GripParameters(posture=posture), seed=0)
         assert grip.fit.handle.m_h == pytest.approx(true.m_h, rel=0.02)
@@ -75,9 +84,7 @@ def test_grips_are_fitted_one_by_one_and_together() -> None:
 def test_the_delay_found_is_that_of_the_hardware_alone(latency: int) -> None:
     rig = replace(RIG, drive=replace(RIG.drive, delay=150e-6))
     trials = run_identification(rig, SWEEP, RATE, seed=3, latency=latency)
-    found = identify_handle(
-        {"average": trials}, SWEEP, SENSOR.range, SENSOR.bandwidth, free=OF_RESPONSES
-    )
+    found = identify({"average": trials}, free=OF_RESPONSES)
     assert found.fit.delay == pytest.approx(150e-6, abs=5e-6)
 
 
@@ -89,22 +96,11 @@ def test_table_i_lies_in_the_middle_of_the_postures() -> None:
 def test_an_actuator_measured_on_the_bench_is_taken_as_measured() -> None:
     handle = model.HandleParameters(m_a=0.03, k_s=500.0)
     trials = {"average": recorded(replace(RIG, handle=handle))}
-    found = identify_handle(
-        trials,
-        SWEEP,
-        SENSOR.range,
-        SENSOR.bandwidth,
-        known=model.HandleParameters(m_a=0.03, k_s=500.0),
-    )
+    found = identify(trials, known=model.HandleParameters(m_a=0.03, k_s=500.0))
     assert found.fit.handle.m_h == pytest.approx(handle.m_h, rel=0.02)
     assert found.fit.handle.m_a == 0.03
-    freed = identify_handle(
-        trials,
-        SWEEP,
-        SENSOR.range,
-        SENSOR.bandwidth,
-        known=model.HandleParameters(k_s=500.0),
-        free=("m_a", "b_s", "m_h", "b_u", "delay"),
+    freed = identify(
+        trials, known=model.HandleParameters(k_s=500.0), free=("m_a", "b_s", "m_h", "b_u", "delay")
     )
     assert freed.fit.handle.m_a == pytest.approx(0.03, rel=0.05)
 
@@ -112,7 +108,7 @@ def test_an_actuator_measured_on_the_bench_is_taken_as_measured() -> None:
 def test_no_trial_at_all_is_refused() -> None:
     for nothing in ({}, {"pinch": []}):
         with pytest.raises(ParameterError, match="at least one trial"):
-            identify_handle(nothing, SWEEP, SENSOR.range, SENSOR.bandwidth)
+            identify(nothing)
 
 
 # Loud noise
@@ -204,7 +200,7 @@ def test_what_the_sweep_hardly_shows_is_doubtful() -> None:
 
 def test_a_model_that_lacks_something_is_doubtful() -> None:
     trials = {"average": recorded(RIG)}
-    found = identify_handle(trials, SWEEP, SENSOR.range, bandwidth=50.0, free=HANDLE)
+    found = identify(trials, bandwidth=50.0, free=HANDLE)
     assert any("the model lacks something" in doubt for doubt in found.doubts)
 
 
@@ -228,9 +224,7 @@ def with_glitches(
 def test_glitches_are_replaced_and_counted() -> None:
     clean = recorded(RIG, trials=2)
     sound, mended = (
-        identify_handle(
-            {"pinch": trials}, SWEEP, SENSOR.range, SENSOR.bandwidth, free=OF_RESPONSES
-        )
+        identify({"pinch": trials}, free=OF_RESPONSES)
         for trials in (clean, with_glitches(clean, 7))
     )
     assert sound.outliers == []
@@ -246,7 +240,7 @@ def test_glitches_are_replaced_and_counted() -> None:
 def test_many_glitches_are_refused() -> None:
     trials = {"pinch": with_glitches(recorded(RIG), 60)}
     with pytest.raises(RecordingError, match="60 of 3000 samples are outliers: must be at most 1"):
-        identify_handle(trials, SWEEP, SENSOR.range, SENSOR.bandwidth)
+        identify(trials)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
