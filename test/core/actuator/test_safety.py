@@ -69,6 +69,11 @@ class Bench:
         applied = self.layer.arm_force(self.now, age, force)
         self.arm = self.arm if applied is None else applied
 
+    def command(self, force: float, age: float = FRESH) -> None:
+        """Command the actuator, and the arm along x."""
+        self.push(force, age)
+        self.pull((force, 0.0, 0.0), age)
+
     def run(self, forces: Iterable[float]) -> list[float]:
         """Command one force a tick, as a compensator does; return those applied."""
         applied = []
@@ -177,8 +182,7 @@ def test_a_force_above_its_peak_is_cut_and_keeps_its_direction() -> None:
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
 def test_what_is_not_finite_is_counted_and_does_not_feed_the_watchdog(wrong: float) -> None:
     bench = Bench()
-    bench.push(1.0)
-    bench.pull((1.0, 0.0, 0.0))
+    bench.command(1.0)
     for _ in range(3):
         bench.wait(safety.ARM_TIMEOUT / 2)
         bench.push(wrong)
@@ -192,8 +196,7 @@ def test_what_is_not_finite_is_counted_and_does_not_feed_the_watchdog(wrong: flo
 
 def test_silence_takes_each_force_off_after_its_own_time_and_is_reported_once() -> None:
     bench = Bench()
-    bench.push(1.0)
-    bench.pull((1.0, 0.0, 0.0))
+    bench.command(1.0)
     bench.wait(0.9 * safety.ACTUATOR_TIMEOUT)
     bench.tick()
     assert (bench.actuator, bench.arm) == (1.0, (1.0, 0.0, 0.0))
@@ -223,8 +226,7 @@ def test_silence_takes_each_force_off_after_its_own_time_and_is_reported_once() 
 def test_silence_after_a_force_of_zero_is_none() -> None:
     bench = Bench(recovery=safety.MANUAL)
     for force in (1.0, 0.0):
-        bench.push(force)
-        bench.pull((force, 0.0, 0.0))
+        bench.command(force)
     bench.wait(10 * safety.ARM_TIMEOUT)
     bench.tick()
     assert bench.layer.warnings() == []
@@ -247,10 +249,8 @@ def test_a_time_out_is_never_shorter_than_some_periods() -> None:
 @pytest.mark.parametrize("age", [1.1 * safety.MAX_AGE, -1.1 * safety.MAX_AGE, math.nan, math.inf])
 def test_a_command_out_of_date_gives_zero_until_one_in_date(age: float) -> None:
     bench = Bench()
-    bench.push(1.0)
-    bench.pull((1.0, 0.0, 0.0))
-    bench.push(2.0, age)
-    bench.pull((2.0, 0.0, 0.0), age)
+    bench.command(1.0)
+    bench.command(2.0, age)
     assert (bench.actuator, bench.arm) == (0.0, ZERO)
     assert bench.layer.warnings() == ["arm force out of date", "actuator force out of date"]
     bench.push(1.0)
@@ -260,8 +260,7 @@ def test_a_command_out_of_date_gives_zero_until_one_in_date(age: float) -> None:
 @pytest.mark.parametrize("recovery", [safety.AUTOMATIC, safety.MANUAL])
 def test_arming_while_forces_flow_does_not_hide_the_silence_that_follows(recovery: str) -> None:
     bench = Bench(recovery=recovery)
-    bench.push(1.0)
-    bench.pull((1.0, 0.0, 0.0))
+    bench.command(1.0)
     assert bench.layer.arm() == ""
     bench.wait(safety.ARM_TIMEOUT)
     bench.tick()
@@ -281,8 +280,7 @@ def test_where_recovery_is_manual_only_arming_gives_forces_again(stale: bool) ->
         bench.tick()
     (line,) = bench.layer.news(bench.now)
     assert line.endswith("no force until armed again")
-    bench.push(1.0)
-    bench.pull((1.0, 0.0, 0.0))
+    bench.command(1.0)
     assert (bench.actuator, bench.arm) == (0.0, (1.0, 0.0, 0.0)), "each for itself"
     assert bench.layer.diagnostics()["forces allowed"] == "false"
     assert bench.layer.warnings()[0].startswith("not armed: actuator force: ")
