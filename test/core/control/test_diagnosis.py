@@ -48,11 +48,12 @@ def named(
     coherence: float = 0.99,
     seconds: float = 0.5,
     evaluations: float = 8.0,
+    level: float = 1e-2,
 ) -> str:
     """Return the name for a response of the real plant over the described one."""
     ratio = np.ones(len(LINES), dtype=np.complex128)
     ratio[INNER] = response / described.response(LINES[INNER], RATE)
-    density = np.where((LINES > 20.0) & (LINES < 400.0), 1e-2, 0.0)
+    density = np.where((LINES > 20.0) & (LINES < 400.0), level, 0.0)
     diagnosis = Diagnosis(described, RATE, LINES)
     for _ in range(round(seconds / INTERVAL)):
         diagnosis.judge(ratio, np.full(len(LINES), coherence), density, INTERVAL, evaluations)
@@ -135,11 +136,7 @@ def test_an_incoherent_response_has_no_name(coherence: float) -> None:
 
 
 def test_a_weak_force_shows_nothing() -> None:
-    diagnosis = Diagnosis(IDEAL, RATE, LINES)
-    for _ in range(20):
-        ratio = np.full(len(LINES), -1.0 + 0j)
-        diagnosis.judge(ratio, np.ones(len(LINES)), np.full(len(LINES), 1e-6), INTERVAL, 8.0)
-    assert diagnosis.difference == ""
+    assert named(IDEAL, -response(IDEAL), seconds=20 * INTERVAL, level=1e-6) == ""
 
 
 def test_a_grip_without_a_spring_can_be_judged() -> None:

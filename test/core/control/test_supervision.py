@@ -68,21 +68,20 @@ def supervisor(plant: Plant = PLANT, rate: float = RATE) -> ResponseSupervisor:
     return ResponseSupervisor(plant.delayed(1), rate)
 
 
-@pytest.mark.parametrize(("frequency", "damping"), MODES)
-def test_an_unknown_mode_is_told_within_a_second(frequency: float, damping: float) -> None:
+@pytest.mark.parametrize(
+    ("known", "frequency", "damping"),
+    [*((PLANT, *mode) for mode in MODES), (with_mode(290.0, 0.11), 180.0, 0.05)],
+)
+def test_an_unknown_mode_is_told_within_a_second(
+    known: Plant, frequency: float, damping: float
+) -> None:
     sent = force(1.0)
-    watching = supervisor()
+    watching = supervisor(known)
     warning = feed(watching, sent, response(with_mode(frequency, damping), sent))[-1]
     assert warning.startswith("the handle is not as described ")
     assert " Hz: run identify" in warning
     assert not watching.described
     assert watching.fitting == 0.0
-
-
-def test_a_mode_in_the_place_of_another_is_told() -> None:
-    known = with_mode(290.0, 0.11)
-    sent = force(1.0)
-    assert feed(supervisor(known), sent, response(with_mode(180.0, 0.05), sent))[-1]
 
 
 def test_it_names_the_bands_that_deviate() -> None:

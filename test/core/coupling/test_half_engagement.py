@@ -146,14 +146,6 @@ def test_both_engage_once_each_knows_that_the_other_can(delay: float) -> None:
     assert [run.host(side).log for side in SIDES] == [["engaged"], ["engaged"]]
 
 
-def test_a_host_alone_waits_for_packets() -> None:
-    run = Run()
-    run.kill(SLAVE)
-    run.run(1.0)
-    assert not run.host(MASTER).engagement.engaged
-    assert run.missing(MASTER) == half_engagement.SILENT
-
-
 @pytest.mark.parametrize("side", SIDES)
 def test_neither_engages_while_packets_go_one_way_only(side: str) -> None:
     (other,) = set(SIDES) - {side}

@@ -53,19 +53,15 @@ def sweeps(draw: st.DrawFn) -> tuple[SweepParameters, float]:
 
 @untimed
 @given(sweeps())
-def test_the_force_stays_within_its_amplitude(case: tuple[SweepParameters, float]) -> None:
+def test_the_force_stays_within_its_amplitude_and_is_zero_at_both_ends(
+    case: tuple[SweepParameters, float],
+) -> None:
     parameters, rate = case
     force = sweep(parameters, rate)
     time = np.arange(len(force)) / rate
     first, last = parameters.start_amplitude, parameters.end_amplitude
     amplitude = first + (last - first) * time / parameters.duration
     assert (np.abs(force) <= amplitude * (1 + 1e-12)).all()
-
-
-@untimed
-@given(sweeps())
-def test_it_is_zero_at_both_ends(case: tuple[SweepParameters, float]) -> None:
-    force = sweep(*case)
     assert force[0] == 0.0
     assert force[-1] == 0.0
 
