@@ -66,8 +66,7 @@ _, axes = pyplot.subplots(figsize=(9, 4), layout="constrained")
 for frame in range(60, 63):
     times = (frame + np.arange(32) / 32) / 30
     axes.plot(times, windows[frame], ".-", label=f"window of frame {frame}")
-times = np.arange(2000, 2101) / 1000.0
-axes.plot(times, recorded[2000:2101], color="black", linewidth=0.6, label="recorded")
+axes.plot(np.arange(2000, 2101) / 1000, recorded[2000:2101], "k", linewidth=0.6, label="recorded")
 axes.legend()
 axes.set(xlabel="time (s)", ylabel="acceleration of the tool (m/s²)")
 

@@ -119,16 +119,17 @@ class DeviceNodeParameters(SampledParameters):
         "driver of the accelerometer: the device, or the inputs of a sound card",
         choices=("device", AUDIO),
     )
-    autostart: bool = parameter(
-        True, "configure and activate at the start; otherwise wait for a lifecycle client"
-    )
+    autostart: bool = parameter(True, "configure and activate at the start, or else by a client")
+
+
+DRIVER = "driver of the arm"
 
 
 @dataclass(frozen=True)
 class MasterNodeParameters(DeviceNodeParameters):
     """Parameters of the node `master_device`."""
 
-    device: str = parameter("simulated", "driver", choices=tuple(MASTERS), group=MASTERS_GROUP)
+    device: str = parameter("simulated", DRIVER, choices=tuple(MASTERS), group=MASTERS_GROUP)
     actuator_device: str = parameter(
         "device",
         "driver of the actuator: the master device, or a sound card with an amplifier",
@@ -140,7 +141,7 @@ class MasterNodeParameters(DeviceNodeParameters):
 class SlaveNodeParameters(DeviceNodeParameters):
     """Parameters of the node `slave_device`."""
 
-    device: str = parameter("simulated", "driver", choices=tuple(SLAVES), group=SLAVES_GROUP)
+    device: str = parameter("simulated", DRIVER, choices=tuple(SLAVES), group=SLAVES_GROUP)
 
 
 @dataclass(frozen=True)
