@@ -276,13 +276,15 @@ def use_every_group() -> dict[str, type[Controller]]:
             assert isinstance(masters[name].from_options(name, options, 1000.0, 0), Device)
         except (DeviceError, ParameterError) as error:
             assert str(error).isprintable()
-    controllers: dict[str, type[Controller]] = with_outside(
-        {},
+    known = with_outside(
+        CONTROLLERS,
         CONTROLLERS_GROUP,
         Controller,
         lambda kind, _: parameters_problem(kind.Parameters),
         RESERVED,
     )
+    assert known.items() >= CONTROLLERS.items()
+    controllers = {name: kind for name, kind in known.items() if name not in CONTROLLERS}
     with patch.dict(CONTROLLERS, controllers):
         for name in controllers:
             try:

@@ -1,0 +1,147 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Scripts that measure, run as a user runs them, small."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hostile_connections import KINDS
+
+from running import Command, nodes_of
+
+FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
+
+BURSTS = 48
+"""Bursts: of these, 14 to 20 had an effect while the present number of publishers decided."""
+
+Start = Callable[..., Command]
+Measured = Callable[..., tuple[Command, Any]]
+
+
+@pytest.fixture
+def measured(start: Start, tmp_path: Path) -> Measured:
+    """Run a benchmark to its end; return it and its figures."""
+
+    def run(script: str, *words: str) -> tuple[Command, Any]:
+        command = start(FOLDER / script, *words, "--json", "figures.json")
+        assert command.end() in (0, 1), command.text
+        return command, json.loads((tmp_path / "figures.json").read_text())
+
+    return run
+
+
+@pytest.mark.quiet
+def test_the_speed_of_a_trial_is_that_of_its_seconds(measured: Measured) -> None:
+    command, figures = measured("lockstep_speed.py", "--seconds", "2")
+    assert (figures["rate_hz"], figures["simulated_seconds"]) == (1000.0, 2.0)
+    assert figures["wall_seconds"] > 0
+    assert figures["times_real_time"] == pytest.approx(2.0 / figures["wall_seconds"])
+    assert "times real time" in command.text
+    assert command.process.returncode == 0
+
+
+@pytest.mark.slow
+@pytest.mark.quiet
+def test_each_kind_of_hostile_connection_is_measured(measured: Measured) -> None:
+    command, figures = measured("hostile_connections.py", "--connections", "20", "--trials", "2")
+    late = sum(row["late"] for row in figures["rows"])
+    assert command.process.returncode == (1 if late else 0), command.text
+    kinds = ["none", *KINDS, "all", "stall", "command"]
+    assert [row["hostile"] for row in figures["rows"]] == kinds
+
+
+@pytest.mark.slow
+def test_memory_stays_flat_with_recording(measured: Measured, domain: int) -> None:
+    command, figures = measured("memory.py", "--seconds", "12")
+    assert command.process.returncode == 0, command.text
+    nodes = {"composed", "recorder"}
+    assert figures["seconds"] == 12.0
+    assert set(figures["growth_mb"]) == set(figures["resident_mb"]) == nodes
+    assert max(figures["growth_mb"].values()) <= 5.0
+    assert set(figures["descriptors_growth"]) == nodes
+    assert max(figures["descriptors_growth"].values()) <= 0  # fewer as they end
+    for sizes in figures["resident_mb"].values():
+        assert len(sizes) == len(figures["moments_s"]) >= 6
+        assert min(sizes) > 10.0
+    assert "growth" in command.text
+    assert nodes_of(domain) == {}
+
+
+def test_a_device_in_its_own_process_applies_no_force_of_a_rival(
+    measured: Measured, domain: int
+) -> None:
+    command, found = measured("rival_bursts.py", "--bursts", str(BURSTS), "--domain", str(domain))
+    assert command.process.returncode == 0, command.text
+    assert found["sent_by_rival"] == 3 * BURSTS
+    assert found["applied_of_sender"] > 0
+    assert found["applied_of_rival"] == 0
+
+
+@pytest.mark.slow
+def test_the_graph_is_measured_without_and_with_a_scope_that_is_looked_at(
+    measured: Measured, domain: int
+) -> None:
+    words = ("rate:=200", "--seconds", "3", "--rounds", "1")
+    command, figures = measured("scope_cost.py", *words)
+    assert command.process.returncode == 0, command.text
+    (without,), (looked,) = figures["without"], figures["with"]
+    for run in (without, looked):
+        assert 0 < run["age_us"]["p50"] <= run["age_us"]["p99"]
+    assert "scope" not in without["cpu_cores"]
+    assert looked["cpu_cores"]["scope"] > 0
+    # Four traces of 200 samples a second, each of 8 bytes.
+    assert looked["sent"]["bytes_per_s"] > 0
+    assert looked["sent"]["frames_per_s"] > 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no Chromium")
+def test_a_tap_of_the_mouse_is_felt_sent_heard_and_seen(start: Start) -> None:
+    pytest.importorskip("playwright")
+    command = start(FOLDER / "motion_to_sound.py", "--taps", "1", "--json")
+    assert command.end() == 0, command.text
+    *stages, whole, picture = (median for median, _ in json.loads(command.lines[-1]).values())
+    assert min(*stages, picture) > 0
+    assert sum(stages) == pytest.approx(whole)
+
+
+@pytest.mark.parametrize(
+    ("script", "words", "named"),
+    [
+        ("memory.py", ["--seconds", "1"], "seconds"),
+        ("memory.py", ["--seconds", "10", "nothing:=1"], "nothing"),
+        ("hostile_connections.py", ["--trials", "0"], "trials"),
+        ("scope_cost.py", ["scope:=true"], "scope"),
+        ("scope_cost.py", ["duration:=3"], "duration"),
+        ("scope_cost.py", ["--seconds", "1"], "seconds"),
+        ("scope_cost.py", ["--seconds", "nan"], "seconds"),
+        ("scope_cost.py", ["--rounds", "0"], "rounds"),
+    ],
+)
+@pytest.mark.quiet
+def test_a_wrong_argument_is_named_in_one_line(
+    start: Start, script: str, words: list[str], named: str
+) -> None:
+    command = start(FOLDER / script, *words)
+    assert command.end() == 2
+    (line,) = command.lines
+    assert named in line
