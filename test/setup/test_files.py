@@ -34,6 +34,11 @@ from haptic_accel.setup.node_parameters import NODES, node_parameters, node_sche
 from haptic_accel.setup.setup import Setup
 
 
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "mine.yaml"
+
+
 def test_values_that_nodes_share_are_read_back(tmp_path: Path) -> None:
     file, handle = tmp_path / "handle.yaml", {"m_h": 0.2}
     nodes = {
@@ -86,8 +91,7 @@ def test_a_surface_file_leaves_nothing_of_the_surface_before(surface: str) -> No
     assert set(named) == set(surface_parameters(surface))
 
 
-def test_a_file_may_give_every_node_the_clock_that_it_has(tmp_path: Path) -> None:
-    file = tmp_path / "mine.yaml"
+def test_a_file_may_give_every_node_the_clock_that_it_has(file: Path) -> None:
     file.write_text("/**: {ros__parameters: {use_sim_time: false, rate: 500.0}}")
     assert read_parameter_file(file)["coupler"] == {"rate": 500.0}
     file.write_text("/**: {ros__parameters: {use_sim_time: true}}")
@@ -96,9 +100,8 @@ def test_a_file_may_give_every_node_the_clock_that_it_has(tmp_path: Path) -> Non
 
 
 def test_a_delay_in_samples_is_read_as_a_time_with_one_warning(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    file: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    file = tmp_path / "mine.yaml"
     file.write_text("compensator: {ros__parameters: {adaptive: {granted_delay: 6}}}")
     later = tmp_path / "later.yaml"
     later.write_text("compensator: {ros__parameters: {adaptive.granted_time: 0.002}}")
@@ -133,25 +136,22 @@ DELAY, CARD = ("compensator", "inverse"), ("master_device", "audio")
     ],
 )
 def test_a_former_name_that_means_nothing_or_two_things_is_refused(
-    tmp_path: Path, node: str, part: str, given: str, reason: str
+    file: Path, node: str, part: str, given: str, reason: str
 ) -> None:
-    file = tmp_path / "mine.yaml"
     file.write_text(f"{node}: {{ros__parameters: {{{part}: {given}}}}}")
     with pytest.raises(ParameterError, match=re.escape(f"{file}: {part}.{reason}")):
         Setup.of(GraphArguments(params_file=str(file)))
 
 
-def test_a_delay_in_samples_is_of_the_compensator_only(tmp_path: Path) -> None:
-    file = tmp_path / "mine.yaml"
+def test_a_delay_in_samples_is_of_the_compensator_only(file: Path) -> None:
     file.write_text("coupler: {ros__parameters: {inverse.granted_delay: 2}}")
     with pytest.raises(ParameterError, match=r"inverse\.granted_delay = 2: no such parameter"):
         read_parameter_file(file)
 
 
 def test_a_former_channel_of_a_sound_card_is_read_with_one_warning(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    file: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    file = tmp_path / "mine.yaml"
     file.write_text("master_device: {ros__parameters: {audio: {channel: 3}}}")
     values = Setup.of(GraphArguments(params_file=str(file))).values["master_device"]
     assert values["audio.channels"] == "3"
@@ -169,24 +169,21 @@ def test_a_surface_of_ones_own_is_a_file(tmp_path: Path) -> None:
         preset_file("surface", "cork")
 
 
-def test_wildcards_reach_the_nodes_that_have_the_parameter(tmp_path: Path) -> None:
-    file = tmp_path / "mine.yaml"
+def test_wildcards_reach_the_nodes_that_have_the_parameter(file: Path) -> None:
     file.write_text("/**: {ros__parameters: {latency: 2}}")
     values = read_parameter_file(file)
     assert values["master_device"] == values["compensator"] == {"latency": 2}
     assert values["recorder"] == {}
 
 
-def test_namespaces_before_a_node_are_understood(tmp_path: Path) -> None:
-    file = tmp_path / "mine.yaml"
+def test_namespaces_before_a_node_are_understood(file: Path) -> None:
     file.write_text("/bench/coupler: {ros__parameters: {k_m: 300}}")
     assert read_parameter_file(file)["coupler"] == {"k_m": 300}
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.one_of(st.binary(max_size=200), st.text(max_size=200).map(str.encode)))
-def test_any_file_is_read_or_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
-    file = tmp_path / "mine.yaml"
+def test_any_file_is_read_or_refused_in_one_line(file: Path, content: bytes) -> None:
     file.write_bytes(content)
     try:
         read_parameter_file(file)
@@ -226,8 +223,7 @@ pieces = values | st.sampled_from(
 
 @fuzz
 @given(mutated(own, pieces) | mutated(shipped, pieces) | nested)
-def test_any_damage_to_a_file_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
-    file = tmp_path / "mine.yaml"
+def test_any_damage_to_a_file_is_refused_in_one_line(file: Path, text: str) -> None:
     file.write_bytes(text.encode())
 
     def read() -> None:
@@ -239,8 +235,7 @@ def test_any_damage_to_a_file_is_refused_in_one_line(tmp_path: Path, text: str) 
 
 
 @pytest.mark.parametrize("value", ["1_000", "0x10", "\u0661\u0662", ".nan", "1:30", "0300"])
-def test_what_is_no_plain_decimal_is_no_number(tmp_path: Path, value: str) -> None:
-    file = tmp_path / "mine.yaml"
+def test_what_is_no_plain_decimal_is_no_number(file: Path, value: str) -> None:
     file.write_text(f"coupler: {{ros__parameters: {{k_m: {value}}}}}", encoding="utf-8")
     found = read_parameter_file(file)["coupler"]
     with pytest.raises(ParameterError, match=rf"k_m = '{value}': must be from 0"):
@@ -258,7 +253,6 @@ def test_what_is_no_plain_decimal_is_no_number(tmp_path: Path, value: str) -> No
     ],
     ids=["nesting", "alias", "newline", "escape", "size"],
 )
-def test_what_is_hostile_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
-    file = tmp_path / "mine.yaml"
+def test_what_is_hostile_is_refused_in_one_line(file: Path, text: str) -> None:
     file.write_text(text)
     assert not accepted(lambda: read_parameter_file(file))

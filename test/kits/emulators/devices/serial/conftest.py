@@ -19,11 +19,15 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from haptic_accel.core.model import Vector
+from haptic_accel.core.parameters import from_flat
+from haptic_accel.devices.serial.device import SerialDevice, SerialMaster
 from haptic_accel.devices.serial.protocol import (
     ONE_COIL,
     VERSION,
@@ -126,3 +130,34 @@ class OlderBoard(Board):
 def older(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let boards speak protocol 2."""
     monkeypatch.setattr("haptic_accel.kits.emulators.serial_line.Board", OlderBoard)
+
+
+Make = Callable[..., SerialDevice]
+
+
+@pytest.fixture
+def built(request: pytest.FixtureRequest) -> Make:
+    """Build devices for 1 kHz; `DEFAULTS` of the test's module are their parameters."""
+    defaults = getattr(request.module, "DEFAULTS", {})
+
+    def make(kind: type[SerialDevice] = SerialMaster, **values: Any) -> SerialDevice:
+        given = {name.replace("__", "."): value for name, value in {**defaults, **values}.items()}
+        return kind(from_flat(kind.Parameters, given), 1000.0, 0)
+
+    return make
+
+
+@pytest.fixture
+def connect(built: Make) -> Iterator[Make]:
+    """Open devices that are closed with the test."""
+    with ExitStack() as opened:
+
+        def make(
+            board: Any, kind: type[SerialDevice] = SerialMaster, **values: Any
+        ) -> SerialDevice:
+            device = built(kind, port=board.path, **values)
+            opened.callback(device.close)
+            device.open()
+            return device
+
+        yield make

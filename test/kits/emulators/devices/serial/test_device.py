@@ -37,8 +37,7 @@ from hypothesis import strategies as st
 from fuzzing import fuzz, mutated
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import ZERO
-from haptic_accel.core.parameters import from_flat
-from haptic_accel.devices import Device, DeviceError, Sample
+from haptic_accel.devices import DeviceError, Sample
 from haptic_accel.devices.interface import LATER
 from haptic_accel.devices.serial import protocol
 from haptic_accel.devices.serial.device import SerialDevice, SerialMaster, SerialSlave
@@ -52,27 +51,6 @@ TOOL = replace(HANDLE, full_scale_currents=ZERO, serial_number="tool-1")
 RATE = 1000.0
 
 Make = Callable[..., Any]
-
-
-@pytest.fixture
-def connect() -> Iterator[Callable[..., SerialDevice]]:
-    """Open devices that are closed with the test."""
-    opened: list[Device] = []
-
-    def make(board: Any, kind: type[SerialDevice] = SerialMaster, **values: Any) -> SerialDevice:
-        device = built(kind, port=board.path, **values)
-        opened.append(device)
-        device.open()
-        return device
-
-    yield make
-    for device in opened:
-        device.close()
-
-
-def built(kind: type[SerialDevice], **values: Any) -> SerialDevice:
-    flat = {name.replace("__", "."): value for name, value in values.items()}
-    return kind(from_flat(kind.Parameters, flat), RATE, 0)
 
 
 def tick(ahead: float = 0.0) -> float:
@@ -249,7 +227,7 @@ def test_silence_takes_the_current_off(bench: Make, connect: Make) -> None:
     push(device, board, 1.2, 0.5)
 
 
-def test_closing_leaves_no_current_and_no_samples(bench: Make, connect: Make) -> None:
+def test_closing_leaves_no_current_and_no_samples(bench: Make, connect: Make, built: Make) -> None:
     board = bench()
     device = connect(board)
     push(device, board, 1.2, 0.5)
@@ -367,7 +345,7 @@ class HostileBoard:
 
 
 @pytest.fixture
-def hostile(tmp_path: Path) -> Iterator[tuple[HostileBoard, SerialDevice]]:
+def hostile(tmp_path: Path, built: Make) -> Iterator[tuple[HostileBoard, SerialDevice]]:
     """Give a hostile board, and a driver that is connected to it."""
     board = HostileBoard(tmp_path / "port")
     device = built(SerialMaster, port=str(tmp_path / "port"))
@@ -378,7 +356,7 @@ def hostile(tmp_path: Path) -> Iterator[tuple[HostileBoard, SerialDevice]]:
 
 
 def test_a_board_that_would_hold_a_current_for_ever_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, built: Make
 ) -> None:
     monkeypatch.setattr("haptic_accel.devices.serial.link.ANSWER", 0.5)
     board = HostileBoard(tmp_path / "port", lets_go=False)

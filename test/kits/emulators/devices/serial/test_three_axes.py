@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -27,9 +27,8 @@ import pytest
 
 from haptic_accel.core.axes import ALL_AXES
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.parameters import from_flat
-from haptic_accel.devices.interface import Device, DeviceError, Sample
-from haptic_accel.devices.serial.device import SerialDevice, SerialMaster, SerialSlave
+from haptic_accel.devices.interface import DeviceError, Sample
+from haptic_accel.devices.serial.device import SerialDevice, SerialSlave
 from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
 from running import wait_until
 
@@ -39,28 +38,10 @@ RATE = 1000.0
 TURNED = "0 1 0, -1 0 0, 0 0 1"
 """Axes of a sensor, or coils, that are turned by 90 degrees about z."""
 
+DEFAULTS = {"axes": "x y z"}
+"""Parameters of each device."""
+
 Make = Callable[..., Any]
-
-
-@pytest.fixture
-def connect() -> Iterator[Callable[..., SerialDevice]]:
-    """Open devices with three axes that are closed with the test."""
-    opened: list[Device] = []
-
-    def make(board: Any, kind: type[SerialDevice] = SerialMaster, **values: Any) -> SerialDevice:
-        device = built(kind, port=board.path, **values)
-        opened.append(device)
-        device.open()
-        return device
-
-    yield make
-    for device in opened:
-        device.close()
-
-
-def built(kind: type[SerialDevice], **values: Any) -> SerialDevice:
-    flat = {name.replace("__", "."): value for name, value in {"axes": "x y z", **values}.items()}
-    return kind(from_flat(kind.Parameters, flat), RATE, 0)
 
 
 def feel(device: SerialDevice) -> Vector:
