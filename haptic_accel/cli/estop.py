@@ -68,7 +68,7 @@ def estop(signalled: Signalled | None, arguments: StopArguments) -> None:
     """
     domain, namespace = own_domain(), arguments.namespace
     if arguments.release:
-        line, silent = "", f"this {NEEDS_ROS}"  # LeRobot's fast path does not
+        line, silent = "", f"estop {NEEDS_ROS}"  # LeRobot's fast path does not
         if has_ros():
             from haptic_accel.nodes.emergency_stop import release
 
