@@ -43,8 +43,10 @@ def measured(start: Start, tmp_path: Path) -> Measured:
 
     def run(script: str, *words: str) -> tuple[Command, Any]:
         command = start(FOLDER / script, *words, "--json", "figures.json")
-        assert command.end() in (0, 1), command.text
-        return command, json.loads((tmp_path / "figures.json").read_text())
+        status = command.end()
+        figures = json.loads((tmp_path / "figures.json").read_text())
+        assert status == any(row["late"] for row in figures.get("rows", ())), command.text
+        return command, figures
 
     return run
 
@@ -56,15 +58,12 @@ def test_the_speed_of_a_trial_is_that_of_its_seconds(measured: Measured) -> None
     assert figures["wall_seconds"] > 0
     assert figures["times_real_time"] == pytest.approx(2.0 / figures["wall_seconds"])
     assert "times real time" in command.text
-    assert command.process.returncode == 0
 
 
 @pytest.mark.slow
 @pytest.mark.quiet
 def test_each_kind_of_hostile_connection_is_measured(measured: Measured) -> None:
-    command, figures = measured("hostile_connections.py", "--connections", "20", "--trials", "2")
-    late = sum(row["late"] for row in figures["rows"])
-    assert command.process.returncode == (1 if late else 0), command.text
+    _, figures = measured("hostile_connections.py", "--connections", "20", "--trials", "2")
     kinds = ["none", *KINDS, "all", "stall", "command"]
     assert [row["hostile"] for row in figures["rows"]] == kinds
 
@@ -72,7 +71,6 @@ def test_each_kind_of_hostile_connection_is_measured(measured: Measured) -> None
 @pytest.mark.slow
 def test_memory_stays_flat_with_recording(measured: Measured, domain: int) -> None:
     command, figures = measured("memory.py", "--seconds", "12")
-    assert command.process.returncode == 0, command.text
     nodes = {"composed", "recorder"}
     assert figures["seconds"] == 12.0
     assert set(figures["growth_mb"]) == set(figures["resident_mb"]) == nodes
@@ -89,8 +87,7 @@ def test_memory_stays_flat_with_recording(measured: Measured, domain: int) -> No
 def test_a_device_in_its_own_process_applies_no_force_of_a_rival(
     measured: Measured, domain: int
 ) -> None:
-    command, found = measured("rival_bursts.py", "--bursts", str(BURSTS), "--domain", str(domain))
-    assert command.process.returncode == 0, command.text
+    _, found = measured("rival_bursts.py", "--bursts", str(BURSTS), "--domain", str(domain))
     assert found["sent_by_rival"] == 3 * BURSTS
     assert found["applied_of_sender"] > 0
     assert found["applied_of_rival"] == 0
@@ -101,8 +98,7 @@ def test_the_graph_is_measured_without_and_with_a_scope_that_is_looked_at(
     measured: Measured, domain: int
 ) -> None:
     words = ("rate:=200", "--seconds", "3", "--rounds", "1")
-    command, figures = measured("scope_cost.py", *words)
-    assert command.process.returncode == 0, command.text
+    _, figures = measured("scope_cost.py", *words)
     (without,), (looked,) = figures["without"], figures["with"]
     for run in (without, looked):
         assert 0 < run["age_us"]["p50"] <= run["age_us"]["p99"]

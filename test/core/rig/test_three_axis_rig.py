@@ -37,7 +37,6 @@ from haptic_accel.core.handle.three_axis import (
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.exploration import ExplorationParameters
 from haptic_accel.core.rig.held_rig import DriveParameters
-from haptic_accel.core.rig.instruments import ArmParameters
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.three_axis_rig import ThreeAxisParameters, ThreeAxisRig
 
@@ -54,18 +53,10 @@ slow = st.tuples(*[st.floats(-0.05, 0.05)] * 3)
 
 
 @pytest.fixture
-def ideal(
-    ideal_accelerometer: model.AccelerometerParameters,
-    ideal_arm: ArmParameters,
-    still_hand: ExplorationParameters,
-) -> ThreeAxisParameters:
+def ideal(ideal_master: MasterRigParameters) -> ThreeAxisParameters:
     """Return the default handle with ideal instruments and a hand at rest."""
-    return ThreeAxisParameters(
-        drive=DriveParameters(bits=32),
-        accelerometer=ideal_accelerometer,
-        arm=ideal_arm,
-        exploration=still_hand,
-    )
+    same = ("drive", "accelerometer", "arm", "exploration")
+    return ThreeAxisParameters(**{name: getattr(ideal_master, name) for name in same})
 
 
 STILL = ThreeAxisParameters(

@@ -19,9 +19,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
-from refusals import assert_refused, rows, written
+from refusals import assert_refused, rows
 
 REFUSED = {
     "bringup redo:=paint": "redo = 'paint': must be one of ...",
@@ -30,12 +28,6 @@ REFUSED = {
     "bringup rate:=5": "rate = 5.0: must be from 100 to 10000 Hz",
 }
 """Line of each command line, in which ... stands for any text."""
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the files that the command lines name."""
-    return written(tmp_path_factory.mktemp("folder"), {})
 
 
 @rows(REFUSED)

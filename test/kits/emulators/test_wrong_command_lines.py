@@ -19,9 +19,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
-from refusals import assert_refused, rows, written
+from refusals import assert_refused, rows
 
 REFUSED = {
     "emulate can faults:=fire": "faults: 'fire': must be NAME or NAME@SECONDS of drop, ...",
@@ -37,12 +35,6 @@ REFUSED = {
     "emulate serial rate:=1000": "rate: no such argument; ...",
 }
 """Line of each command line, in which ... stands for any text."""
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the files that the command lines name."""
-    return written(tmp_path_factory.mktemp("folder"), {})
 
 
 @rows(REFUSED)

@@ -19,11 +19,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
 from kits.study.studies import TEXT
 
 from haptic_accel.kits.study.templates import templates
-from refusals import assert_refused, rows, written
+from refusals import assert_refused, rows
 
 TEMPLATES = ", ".join(templates())
 
@@ -51,12 +50,6 @@ REFUSED = {
     "study resume study --participant Anna": "participant = 'Anna': must be a pseudonym ...",
 }
 """Line of each command line, in which ... stands for any text."""
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the files that the command lines name."""
-    return written(tmp_path_factory.mktemp("folder"), FILES)
 
 
 @rows(REFUSED)

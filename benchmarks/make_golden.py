@@ -13,9 +13,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Makes the golden bags beside it, and the figures of their lockstep replay.
+"""Make the golden bags of the tests, and the figures of their lockstep replay.
 
-``python test/data/make_golden.py`` runs the simulated rig in lockstep and keeps what the slave
+``python benchmarks/make_golden.py`` runs the simulated rig in lockstep and keeps what the slave
 gave, and the handle's acceleration; for when what the bags hold is to change. With ``--figures``
 the bags stay and only the figures are made again, which a change of rig or controller may ask for,
 and whoever reads the change then sees.
@@ -31,7 +31,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test/support"))
 from bag_maker import BagContent, write_bag
 from haptic_accel.core import topics
 from haptic_accel.core.control.compensation import Compensation
@@ -44,7 +44,7 @@ from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.setup import Setup
 from verbs import status_of
 
-FOLDER = Path(__file__).parent
+FOLDER = Path(__file__).resolve().parents[1] / "test/data"
 FIGURES = FOLDER / "golden.json"
 SURFACES = ("plywood", "text")
 TOPICS = (*SLAVE_SIGNALS, topics.HANDLE_ACCELERATION)
@@ -57,6 +57,7 @@ SKIPPED, KEPT = 1.0, 1.1
 
 
 def main() -> None:
+    """Write the files."""
     bags = [FOLDER / surface for surface in SURFACES]
     if "--figures" not in sys.argv:
         for bag in bags:
@@ -102,7 +103,7 @@ def samples(arguments: GraphArguments) -> dict[Topic, FloatArray]:
             rows[topics.SLAVE_POSITION].append(tool.position)
             rows[topics.SLAVE_VELOCITY].append(tool.velocity)
             rows[topics.TOOL_ACCELERATION].append(tool.acceleration)
-    return {topic: np.float32(vectors).astype(float) for topic, vectors in rows.items()}
+    return {topic: np.array(vectors, np.float32).astype(float) for topic, vectors in rows.items()}
 
 
 if __name__ == "__main__":
