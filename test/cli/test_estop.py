@@ -166,7 +166,7 @@ def test_a_stop_that_cannot_be_confirmed_says_what_is_done(
     monkeypatch.setattr("haptic_accel.cli.estop.has_ros", lambda: False)
     released = "emergency stop released for graphs that start; none answers"
     assert unconfirmed("release:=true") == (0, released)
-    assert unconfirmed("release:=true")[1].startswith("haptic-accel: this needs ROS 2")
+    assert unconfirmed("release:=true")[1].startswith("haptic-accel: estop needs ROS 2")
 
 
 def test_a_bag_of_a_stop_and_its_release_can_be_played_and_does_not_more_than_stop(

@@ -224,6 +224,7 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 LATENCY = "latency:=12"
 
 
+@pytest.mark.slow  # an emulated card loses blocks here, and is then refused
 @pytest.mark.live
 def test_a_handle_is_identified_through_a_card(bench: Path, start: Start) -> None:
     command = start(
