@@ -168,7 +168,15 @@ def _coupled(bag: Bag, rate: float) -> tuple[int, int]:
         raise ParameterError(f"{bag.path}: its arms were never coupled")
     start, end = found[0]
     # The lockstep trial contains no switch of controller, surface or grip.
-    changed = [c.received for c in bag.changes if c.received > start]
+    # A declaration is no switch, and the recorder may receive it late.
+    first: dict[tuple[str, str], str] = {}
+    changed = [
+        change.received
+        for change in bag.changes
+        if first.setdefault((change.node, change.parameter), repr(change.value))
+        != repr(change.value)
+        and change.received > start
+    ]
     return start, round((min([end, *changed]) - start) * rate / NANOSECONDS) + 1
 
 
