@@ -29,7 +29,7 @@ from typing import Any
 
 from haptic_accel.cli.commands import command_line
 from haptic_accel.core.parameters import Checked, Specification, allowed_values, own_schema
-from haptic_accel.devices.audio_presets import PRESETS
+from haptic_accel.devices.audio import PRESETS
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.setup.node_parameters import NODES, node_schema
 from haptic_accel.setup.words import described, group

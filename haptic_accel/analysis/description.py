@@ -34,14 +34,7 @@ from haptic_accel.core.model import ACTUATOR, POSTURES, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.materials.folders import is_recording
-from haptic_accel.setup.arguments import (
-    PLAYED_TOPICS,
-    POINTER,
-    REPLAY,
-    SCENE,
-    SIMULATED,
-    VIRTUAL,
-)
+from haptic_accel.setup.arguments import PLAYED_TOPICS, POINTER, REPLAY, SCENE, SIMULATED, VIRTUAL
 from haptic_accel.setup.setup import Parameters, argument_of, known_arguments
 
 OPERATOR, ROBOT = "master", "slave"

@@ -282,10 +282,7 @@ class RecordedCondition:
 
 
 def recorded_conditions(
-    plan: Sequence[GraphArguments],
-    folder: Path,
-    channel: ChannelParameters | None,
-    lockstep: bool,
+    plan: Sequence[GraphArguments], folder: Path, channel: ChannelParameters | None, lockstep: bool
 ) -> list[RecordedCondition]:
     """Return the conditions with separate bags."""
     several = plan[0].seed != plan[-1].seed

@@ -27,13 +27,7 @@ import numpy as np
 import pandas as pd
 
 from haptic_accel.analysis.loading import Analysis, analyse
-from haptic_accel.analysis.metrics import (
-    METRICS,
-    MILLI,
-    VECTOR_METRICS,
-    AnalysedTrial,
-    Shift,
-)
+from haptic_accel.analysis.metrics import METRICS, MILLI, VECTOR_METRICS, AnalysedTrial, Shift
 from haptic_accel.analysis.segments import Segment, read_segment
 from haptic_accel.analysis.traces import named_components
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II

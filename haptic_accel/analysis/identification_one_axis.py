@@ -31,29 +31,14 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from haptic_accel.analysis import plots
-from haptic_accel.analysis.identification_result import (
-    ModelError,
-    Result,
-    fit_metrics,
-    plain,
-)
+from haptic_accel.analysis.identification_result import ModelError, Result, fit_metrics, plain
 from haptic_accel.analysis.plots import BLUE, DASHES, VERMILION, Style, frequency_axis, rule, short
 from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification.estimate import FrequencyResponse, dft_ratio
-from haptic_accel.core.identification.evaluation import (
-    GripIdentification,
-    Identification,
-    centred,
-)
+from haptic_accel.core.identification.evaluation import GripIdentification, Identification, centred
 from haptic_accel.core.identification.fit import HandleFit
 from haptic_accel.core.identification.sweep import SweepParameters
-from haptic_accel.core.model import (
-    ACTUATOR,
-    ComplexArray,
-    FloatArray,
-    Suspension,
-    handle_model,
-)
+from haptic_accel.core.model import ACTUATOR, ComplexArray, FloatArray, Suspension, handle_model
 from haptic_accel.core.parameters import own_schema
 from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.core.simulated_rig import RigParameters

@@ -259,12 +259,7 @@ class AnalysedTrial:
 
 
 def measure(
-    segment: Segment,
-    name: str,
-    source: Path,
-    shift: Shift,
-    *,
-    begin: float | None = None,
+    segment: Segment, name: str, source: Path, shift: Shift, *, begin: float | None = None
 ) -> AnalysedTrial:
     """Return the metrics of a segment.
 

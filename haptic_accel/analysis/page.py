@@ -30,13 +30,7 @@ import numpy as np
 from haptic_accel.analysis import frames
 from haptic_accel.analysis.comparison import Comparison
 from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.metrics import (
-    METRICS,
-    MILLI,
-    PERCENT,
-    VECTOR_METRICS,
-    AnalysedTrial,
-)
+from haptic_accel.analysis.metrics import METRICS, MILLI, PERCENT, VECTOR_METRICS, AnalysedTrial
 from haptic_accel.analysis.plots import PATH, Portrait
 from haptic_accel.analysis.provenance import provenance
 from haptic_accel.analysis.summary import summary

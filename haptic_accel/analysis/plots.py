@@ -38,13 +38,7 @@ from matplotlib.lines import Line2D
 
 from haptic_accel.analysis.traces import EXCERPT, excerpt_of, sampled
 from haptic_accel.core.evaluation.delay import ALIKE
-from haptic_accel.core.evaluation.metrics import (
-    Evaluation,
-    Spectra,
-    components,
-    lengths,
-    spectra,
-)
+from haptic_accel.core.evaluation.metrics import Evaluation, Spectra, components, lengths, spectra
 from haptic_accel.core.evaluation.statistics import Interval
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.tables import DASH, number

@@ -221,9 +221,7 @@ def _polarised(analysis: Analysis) -> dict[str, str]:
     return {f"polarisation_{re.sub(r'[^A-Za-z0-9.-]+', '_', s)}": s for s in sorted(surfaces)}
 
 
-def _components(
-    portraits: plots.Portraits,
-) -> Iterator[tuple[tuple[str, str], plots.Portrait]]:
+def _components(portraits: plots.Portraits) -> Iterator[tuple[tuple[str, str], plots.Portrait]]:
     """Yield portraits of one axis, under surfaces as in ``plywood, x`` if a trial has several."""
     for (controller, surface), portrait in portraits.items():
         if not portrait.by_axis:

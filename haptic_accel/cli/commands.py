@@ -35,11 +35,7 @@ BAG = LazyGroup(
 )
 BENCH = LazyGroup(
     "bench",
-    {
-        "Kinds": {
-            "latency": "latency, losses and CPU of the graph, beside two references",
-        }
-    },
+    {"Kinds": {"latency": "latency, losses and CPU of the graph, beside two references"}},
     help="Measure latency, CPU and losses of the graph on this machine.",
     moved={
         "fidelity": "python benchmarks/fidelity.py in the source",
@@ -49,18 +45,14 @@ BENCH = LazyGroup(
 )
 
 SECTIONS = {
-    "First touch": {
-        "touch": "touch a surface on a page, without ROS or hardware",
-    },
+    "First touch": {"touch": "touch a surface on a page, without ROS or hardware"},
     "Graph": {
         "teleop": "run the teleoperation graph",
         "control": "change controller, surface or grip of a running graph",
         "estop": "stop a running graph in an emergency, or release it",
         "scope": "serve a page that shows a running graph",
     },
-    "Devices": {
-        "calibrate": "measure gain and offset of an accelerometer by gravity",
-    },
+    "Devices": {"calibrate": "measure gain and offset of an accelerometer by gravity"},
     "Recording and analysis": {
         "record": "start, pause, split or stop the recording of a running graph",
         "bag": "inspect and repair bags",

@@ -29,7 +29,7 @@ from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, like, parameter, schema
 from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.topics import DEVICES
-from haptic_accel.setup.namespaces import NamespaceArguments
+from haptic_accel.setup.words import NamespaceArguments
 
 if TYPE_CHECKING:
     from haptic_accel.nodes.service_client import Request, ServiceClient

@@ -34,12 +34,12 @@ from haptic_accel.core.tables import ResultTable
 from haptic_accel.devices.audio import (
     AUDIO,
     JACK,
+    PRESETS,
     AudioParameters,
     ListedCard,
     SoundCard,
     sound_cards,
 )
-from haptic_accel.devices.audio_presets import PRESETS
 from haptic_accel.devices.interface import DeviceError
 from haptic_accel.setup.arguments import POINTER
 from haptic_accel.setup.files import EVERY_NODE

@@ -29,7 +29,7 @@ from haptic_accel.cli.options import arguments, verb
 from haptic_accel.core.parameters import one_line, parameter
 from haptic_accel.graph.ros_packages import NEEDS_ROS, has_ros
 from haptic_accel.graph.stop_signal import PendingStop, Signalled, age, own_domain, stop_graphs
-from haptic_accel.setup.namespaces import NamespaceArguments
+from haptic_accel.setup.words import NamespaceArguments
 
 TIMEOUT = 2.5
 """Time-out for the devices to be found and to confirm, s, before the graph is joined again."""

@@ -24,7 +24,7 @@ import click
 
 from haptic_accel.cli.options import arguments, one_of, verb
 from haptic_accel.cli.output import next_command
-from haptic_accel.setup.namespaces import NamespaceArguments
+from haptic_accel.setup.words import NamespaceArguments
 
 ANSWER_TIMEOUT = 30.0
 """Maximum time for an answer, s: a file that is finished is brought to the disk first."""

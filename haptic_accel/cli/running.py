@@ -23,6 +23,7 @@ import signal
 import sys
 import threading
 import time
+import webbrowser
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
@@ -49,6 +50,19 @@ from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import Outcome, Supervisor
 from haptic_accel.setup.processes import Process, arrangement
 from haptic_accel.setup.setup import LINK, SCOPE
+
+HOST = "127.0.0.1"
+"""Address of the page: this machine alone."""
+
+
+def show_page(address: str, *, opened: bool = True) -> None:
+    """Print the address of a page, and open it in a browser where there is a screen."""
+    print_line(f"{address} (Ctrl-C ends)")
+    # Elsewhere a browser would be one of text, in this terminal.
+    screens = map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY"))
+    if opened and (sys.platform in ("darwin", "win32") or any(screens)):
+        webbrowser.open(address)
+
 
 STOP_KEY = b" "
 """Key that stops a graph at once."""
@@ -206,11 +220,7 @@ def run_shown(
             progress.update(bar, completed=min(time.monotonic() - engaged[0], expected))
         return stop()
 
-    with (
-        on_keys({STOP_KEY: stop_forces}) as keys,
-        sole_graph(namespace),
-        stop_on_signal() as stop,
-    ):
+    with on_keys({STOP_KEY: stop_forces}) as keys, sole_graph(namespace), stop_on_signal() as stop:
         for hint in filter(None, (arrangement(processes), *_hints(processes, keys))):
             supervisor.say(hint)
         with progress:

@@ -25,10 +25,10 @@ from haptic_accel.cli.running import print_line, stop_on_signal
 from haptic_accel.core.parameters import schema
 from haptic_accel.core.process import FAILED
 from haptic_accel.graph.supervisor import Supervisor
-from haptic_accel.setup.namespaces import NamespaceArguments
 from haptic_accel.setup.node_parameters import ScopeNodeParameters
 from haptic_accel.setup.processes import Process
 from haptic_accel.setup.setup import SCOPE
+from haptic_accel.setup.words import NamespaceArguments
 
 
 @dataclass(frozen=True)

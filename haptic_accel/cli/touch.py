@@ -19,9 +19,8 @@ from __future__ import annotations
 
 import click
 
-from haptic_accel.cli.browser import HOST, show_page
 from haptic_accel.cli.options import verb
-from haptic_accel.cli.running import stop_on_signal
+from haptic_accel.cli.running import HOST, show_page, stop_on_signal
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.paced_rig import PacedRig
 from haptic_accel.scope.server import ScopeServer

@@ -25,13 +25,24 @@ from haptic_accel.devices.audio import AUDIO
 from haptic_accel.devices.can.device import CanMaster, CanSlave
 from haptic_accel.devices.combined import CombinedDevice, CombinedTool, combined
 from haptic_accel.devices.crtk.device import CrtkMaster, CrtkSlave
-from haptic_accel.devices.interface import Device, DeviceDescription, DeviceError, Sample
-from haptic_accel.devices.outside import MASTERS_GROUP, SLAVES_GROUP, driver_problem
+from haptic_accel.devices.interface import (
+    MASTERS_GROUP,
+    SLAVES_GROUP,
+    Device,
+    DeviceDescription,
+    DeviceError,
+    Sample,
+    driver_problem,
+)
 from haptic_accel.devices.playback import ReplayMaster, ReplaySlave
 from haptic_accel.devices.serial.device import SerialMaster, SerialSlave
-from haptic_accel.devices.simulated import PointerMaster, SimulatedMaster, SimulatedSlave
+from haptic_accel.devices.simulated import (
+    PointerMaster,
+    SimulatedMaster,
+    SimulatedSlave,
+    VirtualSlave,
+)
 from haptic_accel.devices.sound_bench import NO_ARM, NoArm
-from haptic_accel.devices.virtual import VirtualSlave
 
 RESERVED = (AUDIO, "safety", "servo_cp", "topics")
 """Names that no device may have: other parts of a device node, and what `ros2 bag play` plays."""

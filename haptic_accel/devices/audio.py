@@ -27,7 +27,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,10 +35,58 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import read_mounting
 from haptic_accel.core.model import ZERO, AccelerometerParameters, FloatArray, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, like, one_line, parameter, shown
-from haptic_accel.devices.audio_presets import PRESETS, AudioPreset
 from haptic_accel.devices.interface import LATER, Device, DeviceDescription, DeviceError, Reading
 from haptic_accel.devices.serial.device import SerialMasterParameters
 from haptic_accel.devices.simulated import SimulatedDevice
+
+
+class AudioPreset(NamedTuple):
+    """Coils behind a sound card whose handle has not been identified.
+
+    Attributes
+    ----------
+    device : str
+        Part of the sound card's name; empty for the default card.
+    channels : str
+        Output channels of the coils, from 1.
+    rate : float
+        Samples per second, Hz; 0 for the card's default.
+    assumed : str
+        Assumptions, and their source.
+    unknown : str
+        Properties that must be identified before forces are in newtons and controllers know the
+        handle.
+    """
+
+    device: str
+    channels: str
+    rate: float
+    assumed: str
+    unknown: str
+
+
+PRESETS = {
+    "dualsense": AudioPreset(
+        *("DualSense", "3, 4", 48000.0),
+        "a DualSense on USB, by its public descriptor: four channels of 16 bit at 48 kHz, of which"
+        " 3 and 4 are the voice coils in the left and right grip",
+        "force at full scale; the grips' dynamics: its own inertial sensor, at some 250 Hz, is too"
+        " slow, so fix an accelerometer to a grip",
+    ),
+    "exciter": AudioPreset(
+        *("", "1, 2", 0.0),
+        "an exciter on either channel of a stereo amplifier, fixed to the handle",
+        "force at full scale, which the amplifier's volume sets; resonance; mass of the handle",
+    ),
+    "bass_shaker": AudioPreset(
+        *("", "1, 2", 0.0),
+        "a bass shaker on either channel of a stereo amplifier, fixed to the handle",
+        "force at full scale, which the amplifier's volume sets; resonance, often at some 40 Hz,"
+        " above which the force falls; mass of the handle",
+    ),
+}
+"""Presets by name."""
+
 
 AUDIO = "audio"
 """Name of the actuator that a sound card drives."""

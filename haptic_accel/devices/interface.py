@@ -24,8 +24,32 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.model import LATER, Reading, Sample, Vector
-from haptic_accel.core.outside import OutsideError, guard
-from haptic_accel.core.parameters import Checked, ParameterError
+from haptic_accel.core.outside import OutsideError, guard, parameters_problem
+from haptic_accel.core.parameters import Checked, ParameterError, schema
+
+MASTERS_GROUP, SLAVES_GROUP = "haptic_accel.masters", "haptic_accel.slaves"
+"""Groups of entry points: drivers of the master's and of the slave's arm."""
+
+
+def driver_problem(kind: type[Device], known: Mapping[str, type[Device]]) -> str:
+    """Return the reason to refuse a class as a driver; empty for a driver."""
+    described, parameters = kind.description, kind.Parameters
+    if not isinstance(described, DeviceDescription):
+        return "description must be a DeviceDescription"
+    own = {name: each for name, each in known.items() if not each.description.parameters_of}
+    for name in described.parameters_of:
+        if name not in own:
+            return f"description.parameters_of: {name}: must be one of {', '.join(own)}"
+    if described.parameters_of:
+        parameters = own[described.parameters_of[0]].Parameters
+    if problem := parameters_problem(parameters):
+        return problem
+    names = schema(parameters)
+    for name in described.changeable:
+        if name not in names:
+            return f"description.changeable: {name}: must be one of {', '.join(names)}"
+    return ""
+
 
 __all__ = ["LATER", "Device", "DeviceDescription", "DeviceError", "Joints", "Reading", "Sample"]
 

@@ -19,9 +19,11 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import NamedTuple
 
 from haptic_accel.core.axes import ALL_AXES, Axes
+from haptic_accel.core.bounded_work import without_bounded_work
 from haptic_accel.core.model import FloatArray, GripParameters, Sample, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema, shown
 from haptic_accel.core.resampling import crossfaded
@@ -34,9 +36,11 @@ from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters, Vibrat
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.core.rig.three_axis_rig import ThreeAxisRig
 from haptic_accel.core.surfaces.texture import Texture
+from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
 from haptic_accel.devices.interface import Device, DeviceDescription
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.recordings import AXES, read_recording
+from haptic_accel.materials.scenes import read_scene
 from haptic_accel.materials.texture_files import read_texture
 
 
@@ -229,3 +233,44 @@ def played(
             " reduction it measures three"
         )
     return crossfaded(samples, rate)
+
+
+TOO_LONG = "takes longer than a running graph can wait: must be named at its start"
+"""Reason to refuse, for a running tool, a moving scene or a mesh without a grid."""
+
+
+@dataclass(frozen=True)
+class VirtualSlaveParameters(VirtualRigParameters):
+    """All parameters of the virtual slave."""
+
+    scene: str = parameter("", "file of the scene")
+
+
+class VirtualSlave(SimulatedDevice):
+    """Tool and arm in a scene."""
+
+    Parameters = VirtualSlaveParameters
+    description = DeviceDescription(changeable=("scene",), framed=True)
+
+    _rig: VirtualRig
+
+    def __init__(self, parameters: VirtualSlaveParameters, rate: float, seed: int) -> None:
+        scene = read_scene(Path(parameters.scene))
+        self._rig = VirtualRig(parameters, scene, rate, seed)
+        self.axes = Axes.parsed(parameters.tool.axes)
+
+    @property
+    def contact_force(self) -> Vector:
+        """Force of the scene on the tool at the last sample, N."""
+        return self._rig.contact_force
+
+    def change(self, parameters: VirtualSlaveParameters) -> None:
+        """Put another scene under the tool.
+
+        Raises
+        ------
+        ParameterError
+            The scene's file is not usable, or checking it would block the device.
+        """
+        with without_bounded_work(TOO_LONG):
+            self._rig.change_scene(read_scene(Path(parameters.scene)))

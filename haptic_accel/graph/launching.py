@@ -44,9 +44,8 @@ from haptic_accel.core.topics import JOINT_STATE_RATE
 from haptic_accel.graph.frames import Frame, description, frames_at_rest
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import KILLING, LAST_END, LATE_END, QUIET_END
-from haptic_accel.setup.namespaces import NamespaceArguments
 from haptic_accel.setup.processes import RESPAWN_DELAY, Process, arrangement
-from haptic_accel.setup.words import MOVED, given_keys, unknown_key
+from haptic_accel.setup.words import MOVED, NamespaceArguments, given_keys, unknown_key
 
 BLOCKED = (signal.SIGINT, EMERGENCY)
 """Signals that wait until a node handles them. Ctrl-C would interrupt Python while it starts, with

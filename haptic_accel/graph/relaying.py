@@ -111,10 +111,7 @@ def opened(arguments: RelayArguments) -> Relay:
         A host is unknown.
     """
     # The relay has the slave's place for the master, and the other way round.
-    routes = (
-        route(arguments.master, "slave", UDP, ""),
-        route(arguments.slave, "master", UDP, ""),
-    )
+    routes = (route(arguments.master, "slave", UDP, ""), route(arguments.slave, "master", UDP, ""))
     return Relay(routes, arguments.network, arguments.seed)
 
 

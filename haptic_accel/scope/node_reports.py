@@ -51,11 +51,7 @@ LEVELS = {0: "OK", 1: "warning", 2: "error"}
 
 def expected_nodes(side: str) -> list[str]:
     """Return the nodes expected on a host with the arm of `side`; empty for both arms."""
-    of_peer = {
-        "": (),
-        "master": ("slave_device",),
-        "slave": ("master_device", "compensator"),
-    }
+    of_peer = {"": (), "master": ("slave_device",), "slave": ("master_device", "compensator")}
     return [name for name in EXPECTED if name not in of_peer[side]]
 
 

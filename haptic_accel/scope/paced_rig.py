@@ -33,11 +33,7 @@ from haptic_accel.core.model import ACTUATOR, ZERO, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.simulated_rig import build_loop, build_parts
-from haptic_accel.devices.simulated import (
-    PointerMaster,
-    SimulatedSlave,
-    SimulatedSlaveParameters,
-)
+from haptic_accel.devices.simulated import PointerMaster, SimulatedSlave, SimulatedSlaveParameters
 from haptic_accel.scope.node_reports import NodeReport, NodeReports
 from haptic_accel.scope.server import CommandError, check_choice
 from haptic_accel.scope.state import choices, drawing, state_of

@@ -18,7 +18,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -34,8 +37,61 @@ from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import Spectra, evaluate, spectra
 from haptic_accel.core.handle.plant import Dynamics
 from haptic_accel.core.model import FloatArray, Vector
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import LATENCY, NANOSECONDS, IntArray, grid_indices, half_period
-from haptic_accel.scope.lowest_error import LOWEST_CORNER, LowestError
+
+PERIOD = 2.0
+"""Shortest time to the first computation and between two, s: the length of the inputs."""
+
+SHARE = 0.05
+"""Part of a core that the computations may take: one takes 0.15 s at 1 kHz, and longer at a higher
+rate."""
+
+LOWEST_CORNER = 0.1
+"""Corner of a high-pass that removes nothing of the desired acceleration, Hz: it has passed the
+compensator's already."""
+
+_beside = ThreadPoolExecutor(1, "lowest error")  # the page's server must not wait
+
+
+class LowestError:
+    """Lowest error for one input that goes on, computed now and then on a thread of its own."""
+
+    def __init__(self) -> None:
+        self._computed: Future[tuple[float | None, float]] | None = None
+        self._value: float | None = None
+        self._due = time.monotonic() + PERIOD
+
+    def follow(self, bound: Callable[[], float]) -> float | None:
+        """Return the last result; if it is time, have that of the latest input computed.
+
+        Parameters
+        ----------
+        bound : callable
+            Returns `limited_bound` of the latest input, %, or raises ValueError.
+
+        Returns
+        -------
+        float or None
+            Percent, as `Evaluation.nrmse_percent`; None if there is none yet.
+        """
+        if self._computed and self._computed.done():
+            self._value, taken = self._computed.result()
+            self._due = time.monotonic() + max(PERIOD, taken / SHARE)
+            self._computed = None
+        if self._computed is None and time.monotonic() >= self._due:
+            self._computed = _beside.submit(_timed, bound)
+        return self._value
+
+
+def _timed(bound: Callable[[], float]) -> tuple[float | None, float]:
+    """Return the bound, percent, and the CPU time that it took, s."""
+    begun = time.thread_time()
+    found = None
+    with suppress(ParameterError, ValueError):  # an input that is not finite, or too short
+        found = bound()
+    return found, time.thread_time() - begun
+
 
 LONGEST_WINDOW = 5.0
 """Longest time that a page can show, s."""

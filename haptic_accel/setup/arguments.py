@@ -39,9 +39,8 @@ from haptic_accel.devices import SLAVES
 from haptic_accel.links.parameters import LinkNodeParameters, check_peer
 from haptic_accel.materials.folders import is_recording, preset_file
 from haptic_accel.setup.files import parameter_paths, read_parameter_file, read_parameter_files
-from haptic_accel.setup.namespaces import NamespaceArguments
 from haptic_accel.setup.node_parameters import NODES, PASSIVE, node_schema
-from haptic_accel.setup.words import parse_words
+from haptic_accel.setup.words import NamespaceArguments, parse_words
 
 L = TypeVar("L", bound="LaunchArguments")
 
@@ -88,12 +87,7 @@ PLAYED_TOPICS = "topics"
 """Name for the topics that `ros2 bag play` publishes in place of a slave device."""
 
 
-THREE_AXIS_SWEEP = {
-    "start_frequency": 8.0,
-    "end_frequency": 450.0,
-    "duration": 1.0,
-    "trials": 2,
-}
+THREE_AXIS_SWEEP = {"start_frequency": 8.0, "end_frequency": 450.0, "duration": 1.0, "trials": 2}
 """Excitation of three coils, if not given: the band of the coupling, in the time that one coil
 takes (Hz, s)."""
 

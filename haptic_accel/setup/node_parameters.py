@@ -61,7 +61,7 @@ from haptic_accel.devices.audio import (
     InputParameters,
     SoundCard,
 )
-from haptic_accel.devices.outside import MASTERS_GROUP, SLAVES_GROUP
+from haptic_accel.devices.interface import MASTERS_GROUP, SLAVES_GROUP
 from haptic_accel.devices.sound_bench import NO_ARM, BenchOutput, CardAccelerometer
 from haptic_accel.links.parameters import LinkNodeParameters
 

@@ -20,12 +20,46 @@ Imports nothing heavy, so that an emergency stop starts at once.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from inspect import get_annotations
 from typing import Any, TypeVar
 
 from haptic_accel.core.decimals import read_decimal, read_whole
-from haptic_accel.core.parameters import Checked, ParameterError, schema, shown, suggestion
+from haptic_accel.core.parameters import (
+    Checked,
+    ParameterError,
+    parameter,
+    schema,
+    shown,
+    suggestion,
+)
+
+_NAMESPACE = re.compile("(/[A-Za-z_][A-Za-z0-9_]*)+")
+
+
+@dataclass(frozen=True)
+class NamespaceArguments(Checked):
+    """Namespace."""
+
+    namespace: str = parameter("", "namespace of the graph; empty for the root")
+
+    def __post_init__(self) -> None:
+        """Check all fields; the namespace then has a slash before, and none behind."""
+        super().__post_init__()
+        object.__setattr__(self, "namespace", _absolute(self.namespace))
+
+
+def _absolute(namespace: str) -> str:
+    """Return a namespace with a slash before and none behind; empty for the root."""
+    words = namespace.strip("/")
+    if words and not _NAMESPACE.fullmatch(f"/{words}"):
+        raise ParameterError(
+            f"namespace = {namespace!r}: must be letters, digits and _, with / between"
+        )
+    return words and f"/{words}"
+
 
 A = TypeVar("A", bound=Checked)
 

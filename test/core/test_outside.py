@@ -48,7 +48,7 @@ from haptic_accel.core.outside import OutsideError, guard, parameters_problem, w
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.warning import warn_once
 from haptic_accel.devices import Device, DeviceError
-from haptic_accel.devices.outside import MASTERS_GROUP, driver_problem
+from haptic_accel.devices.interface import MASTERS_GROUP, driver_problem
 from haptic_accel.devices.simulated import SimulatedMaster
 from haptic_accel.setup.executables import node_module
 

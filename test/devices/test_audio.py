@@ -41,8 +41,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.devices import Device, DeviceError, Sample
-from haptic_accel.devices.audio import AudioActuator, AudioParameters, HeldForce
-from haptic_accel.devices.audio_presets import PRESETS
+from haptic_accel.devices.audio import PRESETS, AudioActuator, AudioParameters, HeldForce
 from haptic_accel.devices.simulated import SimulatedMaster
 from sound_cards import JACK_NAME, NAME, QUAD, jack_card, received, received_of_four, sound_card
 from sound_cards import RATE as CARD_RATE

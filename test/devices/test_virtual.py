@@ -23,7 +23,7 @@ import pytest
 
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import ParameterError, schema
-from haptic_accel.devices.virtual import VirtualSlave, VirtualSlaveParameters
+from haptic_accel.devices.simulated import VirtualSlave, VirtualSlaveParameters
 from haptic_accel.materials.folders import preset_file
 
 WORKSHOP = VirtualSlaveParameters(scene=str(preset_file("scene", "workshop")))

@@ -32,8 +32,7 @@ from fuzzing import accepted, fuzz_few, in_child, measured, mutated, without_pro
 from haptic_accel.core.handle.discrete import read_discrete_model
 from haptic_accel.core.surfaces.taps import Tap
 from haptic_accel.materials.mesh_baking import baked
-from haptic_accel.materials.sampled_shapes import Sampling, read_heights
-from haptic_accel.materials.scenes import read_taps
+from haptic_accel.materials.scenes import Sampling, read_heights, read_taps
 from haptic_accel.materials.texture_files import read_texture, write_texture
 
 FRAME = {"speeds": np.array([0.0, 0.1, 0.0, 0.1]), "forces": np.array([0.0, 0.0, 1.0, 1.0])}

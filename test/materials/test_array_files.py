@@ -28,8 +28,7 @@ from archive_bombs import BOMBS, header
 from fuzzing import measured
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.materials.array_files import MOST_MEMBERS, MOST_NUMBERS, read_array, read_arrays
-from haptic_accel.materials.sampled_shapes import Sampling, read_heights
-from haptic_accel.materials.scenes import read_taps
+from haptic_accel.materials.scenes import Sampling, read_heights, read_taps
 from haptic_accel.materials.texture_files import read_texture
 
 ARRAYS: dict[str, Any] = {

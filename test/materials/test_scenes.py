@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +28,18 @@ from hypothesis import strategies as st
 
 from fuzzing import ODD_TEXTS, accepted, fuzz, mutated
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.surfaces.sampled_shapes import DistanceGrid
 from haptic_accel.core.surfaces.shapes import Box, Plane, Sphere
 from haptic_accel.core.surfaces.taps import Tap
 from haptic_accel.materials.folders import preset_file
-from haptic_accel.materials.scenes import is_scene, read_scene, read_taps
+from haptic_accel.materials.scenes import (
+    Sampling,
+    is_scene,
+    read_heights,
+    read_mesh,
+    read_scene,
+    read_taps,
+)
 
 SCENE = """start: [0.0, 0.0, 0.01]
 materials:
@@ -192,3 +201,172 @@ def test_a_file_without_speeds_is_refused(tmp_path: Path) -> None:
     np.savez(path, samples=np.ones((1, 4)))
     with pytest.raises(ParameterError, match=f"^{path}: speeds = nothing: must be given"):
         read_taps(path)
+
+
+# A box of 20 x 10 x 8, in mm.
+CORNERS = [(x, y, z) for x in (-10, 10) for y in (-5, 5) for z in (-4, 4)]
+FACES = [*((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1)), *((2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))]
+TRIANGLES = [triangle for a, b, c, d in FACES for triangle in ((a, b, c), (a, c, d))]
+MILLIMETRES = Sampling(spacing=2e-3, scale=1e-3)
+
+
+@pytest.fixture
+def brick(tmp_path: Path) -> Path:
+    lines = [f"v {x} {y} {z}" for x, y, z in CORNERS]
+    for a, b, c, d in FACES:
+        lines += [f"f {a + 1} {b + 1} {c + 1}", f"f {a + 1} {c + 1} {d + 1}"]
+    path = tmp_path / "brick.obj"
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_a_mesh_is_the_solid_that_it_encloses(
+    brick: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("trimesh")
+    baked, box = read_mesh(brick, MILLIMETRES), Box(0.020, 0.010, 0.008)
+    places = np.random.default_rng(0).uniform(-0.02, 0.02, (200, 3))
+    near = np.abs(box.distances(places)) < 2e-3
+    # The corners of the box are between samples.
+    assert baked.distances(places)[near] == pytest.approx(box.distances(places)[near], abs=1e-3)
+    # The next time it is not computed, and so needs no library.
+    monkeypatch.setitem(sys.modules, "trimesh.proximity", None)
+    assert np.array_equal(read_mesh(brick, MILLIMETRES).grid, baked.grid)
+    with pytest.raises(ParameterError, match=r"pip install 'haptic_accel\[mesh\]'"):
+        read_mesh(brick, Sampling(spacing=3e-3, scale=1e-3))
+
+
+@pytest.mark.parametrize(
+    ("text", "sampling", "error"),
+    [
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", MILLIMETRES, "encloses a volume without gaps"),
+        ("", MILLIMETRES, "brick.obj: must be a mesh"),
+        (None, Sampling(spacing=1e-5, scale=1e-3), "spacing = 1e-05: must be larger: .*0.02 x"),
+    ],
+)
+def test_a_wrong_mesh_is_refused(
+    brick: Path, text: str | None, sampling: Sampling, error: str
+) -> None:
+    pytest.importorskip("trimesh")
+    if text is not None:
+        brick.write_text(text)
+    with pytest.raises(ParameterError, match=error):
+        read_mesh(brick, sampling)
+
+
+def test_without_the_library_a_mesh_is_refused_in_one_line(
+    brick: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    monkeypatch.setitem(sys.modules, "trimesh.proximity", None)
+    with pytest.raises(ParameterError, match=r"^meshes need trimesh: pip install"):
+        read_mesh(brick, MILLIMETRES)
+
+
+def test_a_scene_has_heights_of_a_file_beside_it(tmp_path: Path) -> None:
+    np.save(tmp_path / "relief.npy", np.full((3, 4), 2.0))
+    scene = tmp_path / "relief.yaml"
+    scene.write_text(
+        "materials:\n  clay: {stiffness: 900.0}\n"
+        "objects:\n  relief:\n    shape: heights\n    material: clay\n"
+        "    file: relief.npy\n    spacing: 0.002\n    scale: 0.001\n"
+    )
+    (relief,) = read_scene(scene).objects
+    assert relief.distance(0.001, 0.002, 0.005) == pytest.approx(0.003)
+    (tmp_path / "relief.npy").unlink()
+    with pytest.raises(ParameterError, match=r"relief.yaml:7: .*relief.npy: must be"):
+        read_scene(scene)
+
+
+@pytest.mark.parametrize("damage", [b"", b"no array", "text"])
+def test_wrong_heights_are_refused(tmp_path: Path, damage: bytes | str) -> None:
+    path = tmp_path / "relief.npy"
+    if isinstance(damage, bytes):
+        path.write_bytes(damage)
+    else:
+        np.save(path, np.array([damage]))
+    with pytest.raises(ParameterError, match="relief.npy: must be an array of numbers"):
+        read_heights(path, Sampling())
+
+
+Body = tuple[list[tuple[float, float, float]], list[tuple[int, int, int]]]
+TINY = Sampling(spacing=1e-3, scale=1e-3)
+
+
+def box_of(low: float, high: float, inwards: bool = False, side: float = 5.0) -> Body:
+    """Return a body from `low` to `high` along x, and from -`side` to `side` along y and z, mm."""
+    corners = [
+        (low if x < 0 else high, side if y > 0 else -side, side if z > 0 else -side)
+        for x, y, z in CORNERS
+    ]
+    return corners, [each[::-1] if inwards else each for each in TRIANGLES]
+
+
+def write_bodies(path: Path, *bodies: Body) -> Path:
+    lines, count = [], 0
+    for corners, triangles in bodies:
+        lines += [f"v {x} {y} {z}" for x, y, z in corners]
+        lines += ["f " + " ".join(str(count + index + 1) for index in each) for each in triangles]
+        count += len(corners)
+    path.write_text("\n".join(lines))
+    return path
+
+
+def is_inside(grid: DistanceGrid, *along_x: float) -> list[bool]:
+    points = np.array([(x * 1e-3, 0.0, 0.0) for x in along_x])
+    return (grid.distances(points) < 0).tolist()
+
+
+def test_bodies_that_overlap_are_united(tmp_path: Path) -> None:
+    pytest.importorskip("trimesh")
+    path = write_bodies(tmp_path / "two.obj", box_of(0, 20), box_of(10, 30), box_of(36, 42))
+    united = read_mesh(path, TINY)
+    assert is_inside(united, 2, 9, 11, 15, 19, 21, 28) == [True] * 7
+    assert is_inside(united, -2, 32, 34, 38, 44) == [False, False, False, True, False]
+
+
+def test_a_body_with_faces_inwards_in_another_is_a_hollow(tmp_path: Path) -> None:
+    pytest.importorskip("trimesh")
+    inner = box_of(6, 24, inwards=True, side=4.0)
+    path = write_bodies(
+        tmp_path / "case.obj", box_of(0, 30, side=10.0), inner, box_of(12, 18, side=2)
+    )
+    found = is_inside(read_mesh(path, TINY), 3, 9, 15, 21, 27)
+    assert found == [True, False, True, False, True]
+
+
+def test_a_mesh_with_all_faces_inwards_is_turned_and_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    pytest.importorskip("trimesh")
+    path = write_bodies(tmp_path / "in.obj", box_of(0, 20, inwards=True))
+    right = write_bodies(tmp_path / "out.obj", box_of(0, 20))
+    turned = read_mesh(path, TINY)
+    assert caplog.messages == [f"{path}: its faces were inwards, and have been turned"]
+    assert turned.grid == pytest.approx(read_mesh(right, TINY).grid, abs=1e-12)
+
+
+def joined(one: Body, other: Body) -> Body:
+    """Return two boxes as one closed surface, joined by a tube between a triangle of each."""
+    first, last = one[1][0], [index + 8 for index in other[1][-1][::-1]]
+    tube = [
+        triangle
+        for a, b, c, d in zip(first, first[1:] + first[:1], last[1:] + last[:1], last, strict=True)
+        for triangle in ((a, b, c), (a, c, d))
+    ]
+    moved = [(a + 8, b + 8, c + 8) for a, b, c in other[1][:-1]]
+    return [*one[0], *other[0]], [*one[1][1:], *moved, *tube]
+
+
+def test_faces_that_contradict_each_other_are_refused(tmp_path: Path) -> None:
+    pytest.importorskip("trimesh")
+    apart = write_bodies(tmp_path / "a.obj", box_of(0, 20), box_of(30, 36, inwards=True))
+    with pytest.raises(ParameterError, match=rf"^{apart}: the faces of a body .* are inwards"):
+        read_mesh(apart, TINY)
+    corners, triangles = box_of(0, 20)
+    mixed = write_bodies(tmp_path / "b.obj", (corners, [triangles[0][::-1], *triangles[1:]]))
+    with pytest.raises(ParameterError, match=rf"^{mixed}: faces beside each other face inwards"):
+        read_mesh(mixed, TINY)
+    crossed = write_bodies(tmp_path / "c.obj", joined(box_of(0, 20), box_of(10, 30)))
+    with pytest.raises(ParameterError, match=rf"^{crossed}: .*the surface intersects itself"):
+        read_mesh(crossed, TINY)

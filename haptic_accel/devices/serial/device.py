@@ -67,11 +67,7 @@ class CalibrationParameters(Checked):
         choices=("x", "y", "z"),
     )
     offset: float = parameter(
-        0.0,
-        "reading of this axis without acceleration",
-        "counts",
-        low=-(2.0**15),
-        high=2.0**15,
+        0.0, "reading of this axis without acceleration", "counts", low=-(2.0**15), high=2.0**15
     )
     gain: float = parameter(
         0.0,

@@ -26,11 +26,10 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from haptic_accel.cli.browser import HOST, show_page
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.output import next_command
-from haptic_accel.cli.running import interrupted_by_signals, print_line
+from haptic_accel.cli.running import HOST, interrupted_by_signals, print_line, show_page
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, WRONG_ARGUMENTS
 from haptic_accel.kits.bringup.bench import STEPS, BringUpArguments, BringUpError, Watched

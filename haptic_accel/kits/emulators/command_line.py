@@ -375,12 +375,7 @@ def _currents(board: EmulatedBoard, device: SimulatedDevice) -> str:
 
 
 def _board(
-    rig: RigParameters,
-    side: str,
-    port: Path,
-    device: SimulatedDevice,
-    faults: Faults,
-    held: _Held,
+    rig: RigParameters, side: str, port: Path, device: SimulatedDevice, faults: Faults, held: _Held
 ) -> EmulatedBoard:
     """Return the board of one side; only the master's has an actuator."""
     from haptic_accel.devices.serial.protocol import FIRMWARE, Identity, axes_bits
@@ -434,10 +429,7 @@ def _announce(
 
 
 def _run(
-    lines: Sequence[CanLine | SerialLines],
-    duration: float,
-    begun: Callable[[], bool],
-    line: str,
+    lines: Sequence[CanLine | SerialLines], duration: float, begun: Callable[[], bool], line: str
 ) -> None:
     """Emulate until a signal or the end of the duration in s; print a line once it has begun."""
     start, printed = monotonic(), False

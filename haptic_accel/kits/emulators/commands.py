@@ -26,17 +26,11 @@ GROUP = LazyGroup(
             "can": "two arms of ODrives on CAN",
             "serial": "boards of handle and tool on USB serial",
         },
-        "Network": {
-            "network": "delay, jitter and loss between two hosts",
-        },
+        "Network": {"network": "delay, jitter and loss between two hosts"},
     },
     module="haptic_accel.kits.emulators.command_line",
     help="Emulate boards or arms to test the drivers without hardware, or a bad network.",
     examples=["haptic-accel emulate serial", "haptic-accel emulate can faults:=estimates@2"],
 )
 
-VERB = KitVerb(
-    "Devices",
-    "emulate boards or arms without hardware, or a bad network",
-    group=GROUP,
-)
+VERB = KitVerb("Devices", "emulate boards or arms without hardware, or a bad network", group=GROUP)

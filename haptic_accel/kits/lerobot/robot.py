@@ -24,8 +24,7 @@ import numpy as np
 from haptic_accel.core.axes import VIBRATION
 from haptic_accel.core.model import FloatArray
 from haptic_accel.kits.lerobot.fast_path import samples_per_frame, tool_axes
-from haptic_accel.kits.lerobot.interface import WrappedRobot
-from haptic_accel.kits.lerobot.wrapping import Wrapping
+from haptic_accel.kits.lerobot.wrapping import WrappedRobot, Wrapping
 
 VALID = f"{VIBRATION}.valid"
 """Key of an observation: 1 if the vibration was measured, 0 if the fast path has failed."""

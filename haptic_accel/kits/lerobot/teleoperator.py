@@ -19,8 +19,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from haptic_accel.kits.lerobot.interface import WrappedTeleoperator
-from haptic_accel.kits.lerobot.wrapping import Wrapping
+from haptic_accel.kits.lerobot.wrapping import WrappedTeleoperator, Wrapping
 
 
 class FeltTeleoperator(Wrapping, WrappedTeleoperator):

@@ -22,8 +22,75 @@ from contextlib import ExitStack
 from typing import Any
 
 from haptic_accel.kits.lerobot.fast_path import FastPath, join, leave, read_arguments
-from haptic_accel.kits.lerobot.interface import WrappedArm
 from haptic_accel.setup.arguments import SIMULATED
+
+
+class PassedOn:
+    """Attribute or method that is the wrapped device's own."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Take the name in the class."""
+        self._name = name
+
+    def __get__(self, device: Any, owner: type) -> Any:
+        """Return the attribute of the wrapped device."""
+        return self if device is None else getattr(device.wrapped, self._name)
+
+
+class WrappedArm:
+    """Members that teleoperators and robots have in common.
+
+    `haptic_accel.kits.lerobot.wrapping` adds to ``is_connected``, ``connect(calibrate)`` and
+    ``disconnect``.
+
+    Attributes
+    ----------
+    wrapped
+        Device of LeRobot.
+    """
+
+    wrapped: Any
+
+    action_features = PassedOn()
+    is_calibrated = PassedOn()
+    calibrate = PassedOn()
+    configure = PassedOn()
+
+
+class WrappedTeleoperator(WrappedArm):
+    """Members of a teleoperator; `FeltTeleoperator` adds to ``get_action``."""
+
+    feedback_features = PassedOn()
+    send_feedback = PassedOn()
+
+
+class WrappedRobot(WrappedArm):
+    """Members of a robot; `VibrationRobot` adds to the others.
+
+    These are ``observation_features``, of which `float` is a number, ``get_observation``, and
+    ``cameras``, which not every robot has.
+    """
+
+    send_action = PassedOn()
+
+
+CHOICE = "get_choice_class", "get_choice_name", "default_choice_name"
+"""Members of a choice of configurations, in addition to `get_known_choices`."""
+
+
+def others(registry: Any, own: str) -> Any:
+    """Return the choice among the configurations of a registry except one, as a field's type.
+
+    The field of a configuration that is among the field's own choices would be expanded without
+    end, for every program of LeRobot.
+    """
+
+    def known() -> dict[str, Any]:
+        return {name: each for name, each in registry.get_known_choices().items() if name != own}
+
+    members = {name: getattr(registry, name) for name in CHOICE}
+    return type("Others", (), {**members, "get_known_choices": staticmethod(known)})
+
 
 LOG = logging.getLogger(__name__)
 

@@ -23,20 +23,20 @@ from __future__ import annotations
 import gc
 import logging
 import select
+import socket
+import struct
 import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any, Protocol
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.stop_signal import own_domain
-from haptic_accel.kits.link.authentication import Authenticator, read_key
-from haptic_accel.kits.link.local import LINK, LocalEnd
-from haptic_accel.kits.link.peer_monitor import PeerMonitor, advice, described
-from haptic_accel.kits.link.udp import UdpCarrier
+from haptic_accel.kits.link.authentication import TAG_LENGTH, Authenticator, read_key
+from haptic_accel.kits.link.local import LINK, LONGEST_DATAGRAM, LocalEnd
 from haptic_accel.kits.link.zenoh import ZenohCarrier
 from haptic_accel.links.addresses import Route, bound, route
 from haptic_accel.links.parameters import UDP, LinkNodeParameters, check_peer
@@ -45,6 +45,170 @@ from haptic_accel.nodes.scheduling import LOOK_ROUND, TEARDOWN, Signals, run_pro
 from haptic_accel.setup.arguments import LOG_LEVELS
 from haptic_accel.setup.files import read_parameter_file
 from haptic_accel.setup.node_parameters import node_parameters
+
+END_CHECK_PERIOD = 0.25
+"""Interval of checks for the end while nothing is received, s."""
+
+BURST, BURST_TIME, BREAK = 500, 0.1, 1e-3
+"""Number of datagrams and time, s, that exceed any traffic between two hosts, and the pause that
+follows, s. A flooded port must not use up the processor."""
+
+
+class UdpCarrier:
+    """Transport of datagrams on one UDP port of this host; unknown senders get no answer.
+
+    Parameters
+    ----------
+    route : Route
+    authenticator : Authenticator
+    refused : callable
+        Called with the sender's address of a datagram with an invalid tag.
+
+    Raises
+    ------
+    ParameterError
+        The port is in use.
+    """
+
+    def __init__(
+        self, route: Route, authenticator: Authenticator, refused: Callable[[str], None]
+    ) -> None:
+        self._authenticator, self._refused = authenticator, refused
+        self._socket = bound(route.own, route.own_port)
+        # Closing a socket does not wake threads that wait for it.
+        pause = struct.pack("ll", 0, round(END_CHECK_PERIOD * 1e6))
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, pause)
+        family = self._socket.family
+        found = socket.getaddrinfo(route.peer, route.peer_port, family, socket.SOCK_DGRAM)
+        self._peer = found[0][4]
+        self._over = threading.Event()
+
+    def send(self, datagram: bytes) -> None:
+        """Send a datagram; discard it without a route or room."""
+        with suppress(OSError):
+            self._socket.sendto(
+                self._authenticator.tagged(datagram), socket.MSG_DONTWAIT, self._peer
+            )
+
+    def run(self, deliver: Callable[[bytes], object]) -> None:
+        """Pass the peer's datagrams on until `close` is called."""
+        receive, verified = self._socket.recvfrom, self._authenticator.verified
+        count, since = 0, time.monotonic()
+        while not self._over.is_set():
+            try:
+                data, sender = receive(LONGEST_DATAGRAM + TAG_LENGTH + 1)
+            except BlockingIOError:
+                continue
+            datagram = verified(data)
+            if datagram is None:
+                self._refused(sender[0])
+            elif len(datagram) <= LONGEST_DATAGRAM:
+                deliver(datagram)
+            count += 1
+            if count % BURST == 0:
+                if time.monotonic() - since < BURST_TIME:
+                    time.sleep(BREAK)
+                since = time.monotonic()
+        self._socket.close()
+
+    def close(self) -> None:
+        """End receiving."""
+        self._over.set()
+
+
+SILENCE = 5.0
+"""Time without datagrams that causes a log line, s."""
+
+REPEAT = 60.0
+"""Minimum interval between log lines on unknown senders, s, so that they do not fill the log."""
+
+
+class PeerMonitor:
+    """Convert reception and loss of datagrams to log lines, one for each change.
+
+    Parameters
+    ----------
+    peer : str
+        Name of the peer in the lines.
+    advice : str
+        Advice while nothing is received.
+    keys : str
+        Folder of this host's keys; empty for none.
+    now : float
+        Monotonic time, s.
+
+    Attributes
+    ----------
+    received : int
+        Number of datagrams from the peer.
+    problem : str
+        Reason why datagrams are rejected, one line; empty if none are.
+    """
+
+    def __init__(self, peer: str, advice: str, keys: str, now: float) -> None:
+        self.received = 0
+        self.problem = ""
+        self._peer, self._advice = peer, advice
+        self._keys = f"here keys:={keys}" if keys else "this host has none"
+        self._known, self._last, self._hears, self._silent = 0, now, False, False
+        self._strangers, self._stranger = 0, ""
+        self._refused, self._refused_at, self._said = 0, -SILENCE, -REPEAT
+
+    def refuse(self, address: str) -> None:
+        """Count a datagram without the link's key from an address."""
+        self._strangers += 1
+        self._stranger = address
+
+    def lines(self, now: float) -> list[str]:
+        """Return new log lines; call it often."""
+        return [line for line in (self._of_strangers(now), self._of_peer(now)) if line]
+
+    def _of_strangers(self, now: float) -> str:
+        if self._strangers != self._refused:
+            self._refused, self._refused_at = self._strangers, now
+            self.problem = (
+                f"datagrams from {self._stranger} do not have this link's key: both hosts need"
+                f" folders of one haptic-accel keys, {self._keys}; {self._refused} refused"
+            )
+        elif now - self._refused_at > SILENCE:
+            self.problem = ""
+        if not self.problem or now - self._said < REPEAT:
+            return ""
+        self._said = now
+        return self.problem
+
+    def _of_peer(self, now: float) -> str:
+        if self.received != self._known:
+            self._known, self._last = self.received, now
+            new, self._hears, self._silent = not self._hears, True, False
+            return f"{self._peer} is heard" if new else ""
+        if now - self._last < SILENCE or self._silent:
+            return ""
+        self._hears, self._silent = False, True
+        return f"{self._peer}: nothing received for {SILENCE:g} s; {self._advice}"
+
+
+def described(route: Route, side: str, transport: str) -> str:
+    """Return a description of the route: addresses and UDP ports."""
+    if transport == UDP:
+        return (
+            f"{side} at {route.own}, receives on port {route.own_port}/udp, sends to {route.peer}"
+            f" port {route.peer_port}/udp"
+        )
+    if side == "slave":
+        return f"slave at {route.own}, the peer connects to port {route.own_port}/udp (zenoh)"
+    return f"master at {route.own}, connects to {route.peer} port {route.peer_port}/udp (zenoh)"
+
+
+def advice(route: Route, side: str, transport: str) -> str:
+    """Return hints on a peer from which nothing is received."""
+    other = "slave" if side == "master" else "master"
+    return (
+        f"{described(route, side, transport)}: check that the firewalls of both hosts let this"
+        f" pass, and that the peer runs with side:={other} transport:={transport} and the same"
+        " namespace"
+    )
+
 
 SEARCH_PERIOD = 2.0
 """Interval between attempts to find the way to a peer, s."""

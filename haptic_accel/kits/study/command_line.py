@@ -31,11 +31,10 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import click
 from rich.progress import Progress
 
-from haptic_accel.cli.browser import show_page
 from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, json_option, one_of, verb, workers_options
 from haptic_accel.cli.output import make_folder, next_command, save
-from haptic_accel.cli.running import STOP_KEY, on_keys, progress_bar, stop_on_signal
+from haptic_accel.cli.running import STOP_KEY, on_keys, progress_bar, show_page, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import FAILED, INTERRUPTED
@@ -45,14 +44,21 @@ from haptic_accel.kits.study.authenticity import noted
 from haptic_accel.kits.study.conditions import check_blanks, check_deliverable
 from haptic_accel.kits.study.export import FORMS, export_study
 from haptic_accel.kits.study.exposure import daily_exposure
-from haptic_accel.kits.study.folder import ANALYSIS, EXPORT, UNBLINDING, Study
+from haptic_accel.kits.study.folder import (
+    ANALYSIS,
+    EXPORT,
+    PROTOCOL,
+    UNBLINDING,
+    Study,
+    templates,
+    write_template,
+)
 from haptic_accel.kits.study.log import Log
 from haptic_accel.kits.study.plan import Plan, describe
 from haptic_accel.kits.study.protocol import Protocol
 from haptic_accel.kits.study.session import Session
 from haptic_accel.kits.study.simulation import power, simulate_study, write_simulated
 from haptic_accel.kits.study.tables import exclusions, titled
-from haptic_accel.kits.study.templates import PROTOCOL, templates, write_template
 from haptic_accel.kits.study.trials import COMPLETE, SessionRecord, UndeliveredError
 
 if TYPE_CHECKING:

@@ -49,7 +49,5 @@ GROUP = LazyGroup(
 )
 
 VERB = KitVerb(
-    "Studies with participants",
-    "plan, run and analyse studies with participants",
-    group=GROUP,
+    "Studies with participants", "plan, run and analyse studies with participants", group=GROUP
 )

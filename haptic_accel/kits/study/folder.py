@@ -32,12 +32,14 @@ import os
 import re
 import secrets
 import shutil
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+from haptic_accel.bags.folder import MCAP, METADATA
 from haptic_accel.core.bounded_files import located, opened
-from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel.core.parameters import ParameterError, shown, suggestion
 from haptic_accel.core.safe_writing import replace_file
 from haptic_accel.kits.study.authenticity import (
     DELETION,
@@ -51,7 +53,6 @@ from haptic_accel.kits.study.authenticity import (
     head_entry,
     sitting_ends,
 )
-from haptic_accel.kits.study.deletion import BAGS, Deletion, plan_deletion
 from haptic_accel.kits.study.log import (
     LARGEST_LOG,
     LOG,
@@ -65,8 +66,130 @@ from haptic_accel.kits.study.log import (
 )
 from haptic_accel.kits.study.protocol import Protocol
 from haptic_accel.kits.study.reading import read_protocol
-from haptic_accel.kits.study.templates import PROTOCOL
 from haptic_accel.kits.study.trials import COMPLETE, SessionRecord
+from haptic_accel.materials.folders import config_folder
+
+PROTOCOL = "study.yaml"
+"""Name of the protocol in the folder of a study."""
+
+
+def templates() -> dict[str, Path]:
+    """Return the templates by name."""
+    return {path.stem: path for path in sorted((config_folder() / "studies").glob("*.yaml"))}
+
+
+def write_template(name: str, folder: Path) -> Path:
+    """Write a template into a folder, which is made if it is not there; return the file.
+
+    Raises
+    ------
+    ParameterError
+        There is no such template, or the folder has a protocol already.
+    """
+    known = templates()
+    if name not in known:
+        allowed = f"must be one of {', '.join(known)}{suggestion(name, known)}"
+        raise ParameterError(f"template = {name!r}: {allowed}")
+    path = folder / PROTOCOL
+    with located(shown(str(path)), unreadable="must be a new file: "):
+        folder.mkdir(parents=True, exist_ok=True)
+        with path.open("xb") as file:
+            file.write(known[name].read_bytes())
+    return path
+
+
+BAGS = "bags"
+"""Name in a participant's folder: a folder of bags, or a link to one."""
+
+BAG = re.compile(r"[0-9]{3,}")
+"""Names of bags, counted from 000."""
+
+
+@dataclass(frozen=True)
+class Deletion:
+    """Files, folders and links that a deletion removes, and those that it leaves.
+
+    Attributes
+    ----------
+    removed : tuple of Path
+        In this order; the log and its folder come last, so that an interrupted deletion can be
+        repeated.
+    left : tuple of Path
+        Targets of links, and what is beside the bags in the target of `BAGS`.
+    """
+
+    removed: tuple[Path, ...]
+    left: tuple[Path, ...]
+
+    def carry_out(self) -> None:
+        """Remove all that is to be removed."""
+        for path in self.removed:
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            else:
+                path.unlink()
+
+
+def plan_deletion(folder: Path, results: tuple[Path, ...]) -> Deletion:
+    """Return the data that the deletion of a participant removes, and the data that stay.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the participant, with a log.
+    results : tuple of Path
+        Folders of results, which hold all participants.
+
+    Raises
+    ------
+    ParameterError
+        The folder is a link or behind one, or shares a linked folder of bags.
+    """
+    for each in (folder, folder.parent):
+        if each.is_symlink():
+            raise ParameterError(
+                f"{each}: is a link to {each.resolve()}: must be a folder; nothing is deleted"
+                " behind a link, but bags"
+            )
+    bags = tuple(_linked_bags(folder / BAGS))
+    own = sorted(each for each in folder.iterdir() if each.name != LOG)
+    there = [each for each in results if each.is_symlink() or each.exists()]
+    removed = (*there, *bags, *own, folder / LOG, folder)
+    links = [each.resolve() for each in (*there, *own, folder / LOG) if each.is_symlink()]
+    beside = [
+        each
+        for target in ([(folder / BAGS).resolve()] if (folder / BAGS).is_symlink() else [])
+        if target.is_dir()
+        for each in sorted(target.iterdir())
+        if each not in bags
+    ]
+    return Deletion(removed, (*links, *beside))
+
+
+def _linked_bags(link: Path) -> Iterator[Path]:
+    """Yield the bags in the target of a link."""
+    if not (link.is_symlink() and link.is_dir()):
+        return
+    target = link.resolve()
+    for other in link.parent.parent.glob(f"*/{BAGS}"):
+        folder = other.resolve()
+        if other != link and (target in (folder, *folder.parents) or folder in target.parents):
+            raise ParameterError(
+                f"{link}: leads to {target}, as {other} does: must be a folder of its own, as it"
+                " is not known whose bags are there"
+            )
+    yield from sorted(each for each in target.iterdir() if _is_bag(each))
+
+
+def _is_bag(path: Path) -> bool:
+    """Return whether a path is a folder as the recorder makes them, and holds nothing else."""
+    if not BAG.fullmatch(path.name) or path.is_symlink() or not path.is_dir():
+        return False
+    return all(
+        each.is_file() and not each.is_symlink() and (each.name == METADATA or MCAP in each.name)
+        for each in path.iterdir()
+    )
+
 
 JOURNAL, PARTICIPANTS, VERSIONS = "journal.jsonl", "participants", "versions"
 ANALYSIS, EXPORT = "analysis", "export"

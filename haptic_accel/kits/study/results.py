@@ -49,11 +49,7 @@ PLANNED, EXPLORATORY, DELIVERED = "planned", "exploratory", "delivered"
 LEAST_P = 0.001
 """Probability below which a table for readers states no number."""
 
-_RANGES = {
-    "share_of_preference": (0.0, 1.0),
-    "bits": (0.0, math.inf),
-    "rms": (0.0, math.inf),
-}
+_RANGES = {"share_of_preference": (0.0, 1.0), "bits": (0.0, math.inf), "rms": (0.0, math.inf)}
 """Possible values of what strips show; any for other values."""
 
 UNITS = {"_m_s2": " (m/s²)", "_percent": " (%)", "_s": " (s)"}

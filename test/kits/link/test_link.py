@@ -32,8 +32,9 @@ import pytest
 
 from haptic_accel.core.process import DONE, EMERGENCY, WRONG_ARGUMENTS
 from haptic_accel.kits.link.authentication import Authenticator, read_key, write_new_key
-from haptic_accel.kits.link.link import SEARCH_PERIOD
+from haptic_accel.kits.link.link import REPEAT, SEARCH_PERIOD, SILENCE, PeerMonitor, advice
 from haptic_accel.kits.link.local import COUPLER, LONGEST_DATAGRAM, LocalEnd
+from haptic_accel.links.addresses import Route
 from haptic_accel.links.parameters import AUTHORITY
 from running import Command, free_ports, reserved_domain, wait_until
 
@@ -292,3 +293,42 @@ def test_a_link_waits_for_a_way_to_the_peer_and_says_once_why(pair: Pair, tmp_pa
         link.process.wait(1.5 * SEARCH_PERIOD)
     assert link.end(signal.SIGINT) == DONE
     assert len(link.lines) == 1
+
+
+def test_the_peer_is_reported_once_when_it_is_heard_and_once_when_it_is_not() -> None:
+    hearing = PeerMonitor("peer robot", "check it", "", 0.0)
+    assert hearing.lines(SILENCE - 0.1) == []
+    assert hearing.lines(SILENCE) == ["peer robot: nothing received for 5 s; check it"]
+    assert hearing.lines(3 * SILENCE) == []
+    hearing.received += 1
+    assert hearing.lines(20.0) == ["peer robot is heard"]
+    hearing.received += 1
+    assert hearing.lines(24.0) == []
+    assert hearing.lines(28.9) == []
+    assert hearing.lines(29.0)[0].startswith("peer robot: nothing received")
+
+
+def test_advice_names_addresses_ports_side_and_transport() -> None:
+    text = advice(Route("robot", "10.0.0.1", "10.0.0.2", 7300, 7301), "master", "udp")
+    for word in ("10.0.0.1", "10.0.0.2", "7300/udp", "7301/udp", "side:=slave", "transport:=udp"):
+        assert word in text
+    assert "\n" not in text
+
+
+def test_strangers_get_one_line_a_minute_however_many_they_are() -> None:
+    hearing = PeerMonitor("peer robot", "check it", "mine", 0.0)
+    said = []
+    for tick in range(round(2.5 * REPEAT)):
+        hearing.received += 1
+        for number in range(100):
+            hearing.refuse(f"10.0.0.{number}")
+        said += [line for line in hearing.lines(float(tick)) if "heard" not in line]
+        assert hearing.problem
+    assert len(said) == 3
+    assert said[0] == (
+        "datagrams from 10.0.0.99 do not have this link's key: both hosts need folders of one"
+        " haptic-accel keys, here keys:=mine; 100 refused"
+    )
+    assert said[1].endswith("; 6100 refused")
+    hearing.lines(2.5 * REPEAT + SILENCE)
+    assert hearing.problem == ""

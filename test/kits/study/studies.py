@@ -24,13 +24,12 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from haptic_accel.kits.study import trials
-from haptic_accel.kits.study.folder import Study
+from haptic_accel.kits.study.folder import PROTOCOL, Study
 from haptic_accel.kits.study.log import Log
 from haptic_accel.kits.study.plan import Plan
 from haptic_accel.kits.study.protocol import Condition, Protocol
 from haptic_accel.kits.study.session import Session
 from haptic_accel.kits.study.simulation import SimulatedParticipant, SimulatedRig
-from haptic_accel.kits.study.templates import PROTOCOL
 
 TEXT = """\
 title: Compensated or not

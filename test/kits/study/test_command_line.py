@@ -27,8 +27,7 @@ import pytest
 from kits.study.studies import TEXT, Scripted, run_session, write_study
 
 from haptic_accel.kits.study.export import FORMS
-from haptic_accel.kits.study.folder import Study
-from haptic_accel.kits.study.templates import templates
+from haptic_accel.kits.study.folder import Study, templates
 from haptic_accel.kits.study.trials import COMPLETE
 from page_content import Page
 from verbs import ODD_NAMES, next_command, next_words, output_of, refusal, status_of

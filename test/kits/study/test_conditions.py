@@ -26,9 +26,9 @@ import pytest
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.kits.study.conditions import arguments, channel, check_deliverable, live
+from haptic_accel.kits.study.folder import templates
 from haptic_accel.kits.study.protocol import Protocol, Value
 from haptic_accel.kits.study.reading import read_protocol
-from haptic_accel.kits.study.templates import templates
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.setup.arguments import GraphArguments
 

@@ -34,12 +34,11 @@ from kits.study.studies import TEXT, write_study
 from fuzzing import fuzz_few
 from haptic_accel.analysis.csv_tables import csv_text
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.kits.study.folder import JOURNAL, PARTICIPANTS, Study
+from haptic_accel.kits.study.folder import JOURNAL, PARTICIPANTS, PROTOCOL, Study
 from haptic_accel.kits.study.log import LOG
 from haptic_accel.kits.study.planned_tests import planned_tests
 from haptic_accel.kits.study.simulation import write_simulated
 from haptic_accel.kits.study.tables import exclusions, tables
-from haptic_accel.kits.study.templates import PROTOCOL
 
 Change = Callable[[Path], object]
 """Change of a study's folder."""

@@ -34,11 +34,11 @@ from kits.study.study_sessions import (
     single,
 )
 
+from haptic_accel.kits.study.folder import templates
 from haptic_accel.kits.study.planned_tests import counted, planned_tests, values
 from haptic_accel.kits.study.protocol import PlannedTest, Protocol, Rules
 from haptic_accel.kits.study.reading import read_protocol
 from haptic_accel.kits.study.simulation import simulate_study
-from haptic_accel.kits.study.templates import templates
 from haptic_accel.kits.study.trials import CATCH, PlannedTrial, SessionRecord
 
 

@@ -28,9 +28,9 @@ from hypothesis import strategies as st
 
 from fuzzing import ODD_TEXTS, accepted, fuzz, mutated
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits.study.folder import templates
 from haptic_accel.kits.study.protocol import Condition
 from haptic_accel.kits.study.reading import KEYS, MEASURES, matching, read_protocol
-from haptic_accel.kits.study.templates import templates
 
 PROTOCOL: dict[str, Any] = {
     "title": "Study",

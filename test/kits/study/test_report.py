@@ -37,13 +37,13 @@ from kits.study.study_sessions import (
 from PIL import Image
 
 from browsing import violations
+from haptic_accel.kits.study.folder import templates
 from haptic_accel.kits.study.planned_tests import distance_name
 from haptic_accel.kits.study.protocol import Levels, Pair, PlannedTest, Protocol, Rules
 from haptic_accel.kits.study.reading import read_protocol
 from haptic_accel.kits.study.report import StudyResult, analyse_study, write_report
 from haptic_accel.kits.study.results import EXPLORATORY, PLANNED, Result
 from haptic_accel.kits.study.simulation import simulate_study
-from haptic_accel.kits.study.templates import templates
 from haptic_accel.kits.study.trials import PlannedTrial, SessionRecord
 from page_content import Page
 

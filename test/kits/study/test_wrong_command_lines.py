@@ -21,7 +21,7 @@ from pathlib import Path
 
 from kits.study.studies import TEXT
 
-from haptic_accel.kits.study.templates import templates
+from haptic_accel.kits.study.folder import templates
 from refusals import assert_refused, rows
 
 TEMPLATES = ", ".join(templates())

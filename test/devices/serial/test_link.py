@@ -25,7 +25,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.devices.serial.clock import DeviceClock, unwrapped
+from haptic_accel.devices.serial.link import DeviceClock, unwrapped
 from haptic_accel.devices.serial.protocol import CLOCKS
 
 SHORTEST = 200e-6

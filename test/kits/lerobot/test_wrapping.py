@@ -22,11 +22,11 @@ from typing import get_type_hints
 
 from kits.lerobot.plug_ins import plug_ins
 
-from haptic_accel.kits.lerobot import interface
+from haptic_accel.kits.lerobot import wrapping
 
 
 def test_every_member_that_lerobot_asks_for_is_named() -> None:
-    named = Path(interface.__file__).read_text()
+    named = Path(wrapping.__file__).read_text()
     with plug_ins() as built:
         asked = {
             name
