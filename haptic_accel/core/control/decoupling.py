@@ -30,6 +30,7 @@ from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
 from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.model import FloatArray, Vector
+from haptic_accel.core.tick import dots
 
 DECOUPLING_LENGTH = 0.2
 """Length of a decoupling, s, as of an inverse: twenty times the decay of a structural mode at 100
@@ -132,6 +133,7 @@ class VectorConvolution:
         self._taps = np.ascontiguousarray(taps.transpose(0, 2, 1).reshape(3, self._length))
         self._past = np.zeros(2 * self._length)
         self._newest = self._length
+        self._products, self._sums = np.empty((3, self._length)), np.empty(3)
 
     def process(self, value: Vector) -> Vector:
         """Filter one sample."""
@@ -141,7 +143,8 @@ class VectorConvolution:
             past[newest + 3 :] = past[: self._length - 3]
         past[newest], past[newest + 1], past[newest + 2] = value
         self._newest = newest
-        x, y, z = self._taps.dot(past[newest : newest + self._length]).tolist()
+        dots(self._taps, past, newest, self._products, self._sums)
+        x, y, z = self._sums.tolist()
         return x, y, z
 
     def fill(self, past: Vector) -> None:

@@ -139,7 +139,8 @@ class ThreeAxisRig(HeldRig):
     def measure(self) -> Sample:
         """Return the present readings of encoders and accelerometer."""
         state = self._system.state
-        low_passed = self._sensor.dot(state[LOW_PASSED] + self._held).tolist()
+        x, y, z = (state[LOW_PASSED] + self._held).tolist()
+        low_passed = [a * x + b * y + c * z for a, b, c in self._sensor.tolist()]
         return self._p.arm.reading(
             vector(state[PLACE]),
             vector(state[SPEED]),
@@ -217,9 +218,9 @@ class ThreeAxisRig(HeldRig):
         # By the number of steps: responses to units of friction, and the travels among them.
         self._rubbed = np.stack(
             [self._system.step_response(each) for each in range(BETWEEN.start, BETWEEN.stop)],
-            axis=2,
+            axis=1,
         )
-        self._rubbed_travels = self._rubbed[:, TRAVEL].tolist()
+        self._rubbed_travels = self._rubbed[:, :, TRAVEL].transpose(0, 2, 1).tolist()
 
     def _rest(self) -> None:
         """Set the state of equilibrium of hand, springs and gravity."""
@@ -278,4 +279,6 @@ class ThreeAxisRig(HeldRig):
                 left = moved[coil] - own[0] * x - own[1] * y - own[2] * z
                 sticking = friction[coil] + (left - creep * friction[coil]) / (own[coil] + creep)
                 friction[coil] = min(self._friction, max(-self._friction, sticking))
-        np.subtract(free, self._rubbed[steps - 1].dot(friction), self._system.state)
+        x, y, z = self._rubbed[steps - 1]
+        rubbed = friction[0] * x + friction[1] * y + friction[2] * z
+        np.subtract(free, rubbed, self._system.state)

@@ -20,6 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.tick import dot
 
 
 class SampleWindow:
@@ -75,10 +76,11 @@ class SampleConvolution:
     def __init__(self, taps: FloatArray) -> None:
         self.taps = np.ascontiguousarray(taps, dtype=np.float64)
         self._window = SampleWindow(len(self.taps))
+        self._products = np.empty(len(self.taps))
 
     def process(self, value: float) -> float:
         """Filter one sample."""
-        return float(self.taps.dot(self._window.push(value)))
+        return dot(self.taps, self._window.push(value), 0, self._products)
 
     def reset(self) -> None:
         """Clear the state, as for zero past input."""

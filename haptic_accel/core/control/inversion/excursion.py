@@ -26,6 +26,7 @@ from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.inversion.convolution import SampleWindow
 from haptic_accel.core.control.inversion.design import InverseBank
 from haptic_accel.core.model import FloatArray, Suspension
+from haptic_accel.core.tick import row_dot
 
 HORIZON = 0.05
 """Prediction horizon of the travel, s: a period of the paper's actuator on its spring."""
@@ -219,6 +220,7 @@ class ExcursionControl:
         # Both inputs move the actuator: m_a d'' + b_s d' + k_s d = -f_a - m_a a_h.
         self._following = suspension.m_a * bank.motion
         self._window = SampleWindow(bank.taps.shape[1])
+        self._products = np.empty(bank.taps.shape[1])
         self._attack = -math.expm1(-1.0 / (ATTACK * rate))
         self._release = -math.expm1(-1.0 / (RELEASE * min(rate, PREDICTION_RATE)))
         self._fading = max(1, round(FADING * rate))
@@ -263,9 +265,9 @@ class ExcursionControl:
         self._move()
         member = int(self.position)
         share = self.position - member
-        force = float(self.taps[member].dot(latest))
+        force = row_dot(self.taps, member, latest, 0, self._products)
         if share:
-            force += share * (float(self.taps[member + 1].dot(latest)) - force)
+            force += share * (row_dot(self.taps, member + 1, latest, 0, self._products) - force)
         return force
 
     def _move(self) -> None:
