@@ -30,7 +30,6 @@ import numpy as np
 from handle_family import SPREAD, WIDE, hand
 from input_family import MEMBERS, SUDDEN_MEMBERS, band_noise, member, ringing, sudden, vector
 
-from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.inversion.bound import Bounds
 from haptic_accel.core.evaluation.metrics import Band, band_nrmse
@@ -41,6 +40,7 @@ from haptic_accel.core.resampling import crossfaded
 from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.core.tables import ResultTable, Row
 from haptic_accel.core.tables import number as figure
+from haptic_accel.core.tick import TravelEstimator
 from haptic_accel.core.trial import GripChange, Trial
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.setup.arguments import SURFACES, GraphArguments

@@ -40,11 +40,11 @@ from matplotlib.figure import Figure
 from haptic_accel.analysis.plots import BLACK, BLUE, GREEN, VERMILION
 from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers import Loop
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.tick import TravelEstimator
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial

@@ -31,7 +31,6 @@ from haptic_accel.analysis.segments import Segment
 from haptic_accel.analysis.traces import Traces
 from haptic_accel.bags.delivery import AGE_OF
 from haptic_accel.core import topics
-from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.axes import ALL_AXES, NAMES
 from haptic_accel.core.control.filters import comparable, without_hand_motion
 from haptic_accel.core.control.inversion.bound import bounds
@@ -55,6 +54,7 @@ from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.model import AccelerometerParameters, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tables import Column
+from haptic_accel.core.tick import TravelEstimator
 
 PERCENT = 100.0
 """Percent for a ratio of 1."""

@@ -27,11 +27,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haptic_accel.core.actuator.safety import SafetyLayer, SafetyParameters
+from haptic_accel.core.actuator.safety import SafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide
 from haptic_accel.core.model import ZERO, FloatArray
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.tick import SafetyLayer
 from haptic_accel.devices.interface import Device, DeviceError
 
 KEPT = 20.0

@@ -31,7 +31,7 @@ from rclpy.lifecycle import TransitionCallbackReturn as Outcome
 from std_msgs.msg import Bool
 
 from haptic_accel.core import operating_state
-from haptic_accel.core.actuator.safety import ArmLimits, SafetyLayer
+from haptic_accel.core.actuator.safety import ArmLimits
 from haptic_accel.core.coupling.position_servo import PositionServo, PositionServoParameters
 from haptic_accel.core.model import Sample, Vector
 from haptic_accel.core.operating_state import (
@@ -43,6 +43,7 @@ from haptic_accel.core.operating_state import (
     transitions,
 )
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.tick import SafetyLayer
 from haptic_accel.core.topics import ArmTopics, Topic
 from haptic_accel.devices.interface import Joints
 from haptic_accel.nodes.graph_node import GraphNode

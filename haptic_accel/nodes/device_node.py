@@ -27,12 +27,12 @@ from rclpy.lifecycle import TransitionCallbackReturn as Outcome
 from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
-from haptic_accel.core.actuator.safety import STOPPED, SafetyLayer
 from haptic_accel.core.cdr import unpack_stamped_vector
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, TickSample
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.tick import STOPPED, SafetyLayer
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.sound_bench import NoArm
 from haptic_accel.nodes.crtk import MotionCommands, OperatingState, Queries
@@ -368,10 +368,11 @@ class DeviceNode(Managed, GraphNode):
             self._contact_sender.send(stamp, contact)
         self._joint_states.add(stamp, sample.position)
         if self._queries.asked:
+            arm = self.safety.arm_limit
             self._queries.publish(
                 stamp,
                 sample,
-                self.safety.held_arm_force,
+                (arm.x, arm.y, arm.z),
                 self._motions.servo.set_point,
                 self.device.joints,
             )

@@ -22,13 +22,12 @@ import time
 from collections import deque
 
 from haptic_accel.core import topics
-from haptic_accel.core.actuator.safety import STOPPED
-from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.identification.multisine import repeats_of_trial, trial_forces
 from haptic_accel.core.model import ACTUATOR, ZERO, Vector
 from haptic_accel.core.process import REPEAT, TOO_STRONG, tell_supervisor
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.tick import STOPPED, TravelEstimator
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import run

@@ -28,7 +28,6 @@ from functools import partial
 import numpy as np
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.axes import ACTUATOR_AXIS, NAMES, Axes
 from haptic_accel.core.control import filters
 from haptic_accel.core.control.channel import FADING, LISTENING
@@ -39,6 +38,7 @@ from haptic_accel.core.handle.plant import Dynamics
 from haptic_accel.core.model import FloatArray, Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import LATENCY, NANOSECONDS, IntArray, grid_indices, half_period
+from haptic_accel.core.tick import TravelEstimator
 
 PERIOD = 2.0
 """Shortest time to the first computation and between two, s: the length of the inputs."""

@@ -23,12 +23,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from haptic_accel.core.actuator.guard import ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.actuator.safety import SafetyLayer
 from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.model import ACTUATOR, Vector
+from haptic_accel.core.tick import ActuatorGuard, SafetyLayer
 from haptic_accel.devices.serial.device import SerialMaster
 from haptic_accel.devices.simulated import SimulatedMaster
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
@@ -101,13 +100,15 @@ def test_all_that_drives_or_limits_the_coil_uses_it(file: Path) -> None:
     layer = SafetyLayer(master[SAFETY], RATE)
     layer.enable(0.0, True)
     peak = along_actuator(COIL.peak_force)
-    assert layer.actuator_force(0.0, 0.0, along_actuator(50.0)) == peak
+    assert layer.actuator_limit
+    assert layer.actuator_limit.command(0.0, 0.0, 0.0, 0.0, 50.0)
+    assert layer.actuator_limit.z == COIL.peak_force
 
     compensation = OneCoil(own, RATE, options)
     compensation.sample(0.0, 0.0)  # at rest
     assert compensation.sample(1000.0, 0.0)[1] == COIL.peak_force
     expected = ActuatorGuard(COIL, RATE)
-    expected.limited(50.0, 0.0)
+    expected.advance(expected.within(50.0, 0.0), 0.0)
     assert (compensation.guard.heat, compensation.guard.travel) == (expected.heat, expected.travel)
 
     simulated = SimulatedMaster(master["simulated"], RATE, 0)

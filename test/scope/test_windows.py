@@ -28,11 +28,11 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from fuzzing import fuzz
-from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.filters import high_pass, without_hand_motion
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import Suspension
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.tick import TravelEstimator
 from haptic_accel.scope import windows
 from haptic_accel.scope.frames import PLOTS, SAMPLES, TRACES, Cursor, places_frame, plots_frame
 from haptic_accel.scope.windows import (

@@ -17,10 +17,10 @@
 
 from __future__ import annotations
 
-from haptic_accel.core.actuator.guard import ActuatorGuard
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control.compensation import Compensation
 from haptic_accel.core.control.supervision import ResponseSupervisor
+from haptic_accel.core.tick import ActuatorGuard
 
 
 class OneCoil(Compensation):

@@ -21,7 +21,6 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
-from haptic_accel.core.actuator.guard import ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.arm_cancellation import ArmCancellation
 from haptic_accel.core.control.authority import Authority
@@ -39,6 +38,7 @@ from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.model import ACTUATOR, ApproximateModel
 from haptic_accel.core.outside import OutsideError, guard
 from haptic_accel.core.parameters import Checked, ParameterError
+from haptic_accel.core.tick import ActuatorGuard
 
 LISTENING = 0.5
 """Time for which a new controller only receives both accelerations, s."""
@@ -301,7 +301,7 @@ class Channel:
             "saturated": str(guard.saturated),
             "limited by heat": str(guard.heated),
             "limited by travel": str(guard.cushioned),
-            "heat (%)": f"{100 * guard.heat:.1f}",
+            "heat (%)": f"{100 * guard.heat_share():.1f}",
             "travel (mm)": f"{1e3 * guard.travel:.2f}",
             **controller.diagnostics(),
         }

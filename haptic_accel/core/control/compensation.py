@@ -22,9 +22,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from haptic_accel.core.actuator.guard import scaled_within
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION as LARGEST_ACCELERATION
 from haptic_accel.core.axes import ACTUATOR_AXES, ACTUATOR_AXIS, ALL_AXES, Axes
 from haptic_accel.core.control.alignment import Alignment
 from haptic_accel.core.control.authority import Authority
@@ -50,6 +48,8 @@ from haptic_accel.core.model import ACTUATOR, GRAVITY, ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.sampling import LATENCY
+from haptic_accel.core.tick import LARGEST_ACCELERATION as LARGEST_ACCELERATION
+from haptic_accel.core.tick import scale_within
 
 AT_RANGE = 0.999
 """Fraction of full scale above which a handle sample counts as saturated, as converters differ."""
@@ -541,7 +541,10 @@ class Compensation:
                 self._authority.limit(max(map(abs, force)) / max(map(abs, asked)))
             if self._seen and not self._per_axis:
                 # Again, for a coil that must be braked.
-                force = self._each_within(scaled_within(asked, force))
+                for coil, _, guard in self._guards:
+                    guard.asked, guard.allowed = asked[coil], force[coil]
+                scale_within([guard for _, _, guard in self._guards])
+                force = self._each_within([guard.allowed for _, _, guard in self._guards])
         for coil, index, guard in self._guards:
             guard.advance(force[coil], handle[index])
         return force

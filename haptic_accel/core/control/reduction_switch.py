@@ -20,11 +20,11 @@ import math
 from collections.abc import Callable
 from typing import TypeAlias
 
-from haptic_accel.core.actuator.travel import LARGEST_ACCELERATION
 from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.control.channel import FADING, LISTENING, RESTING
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.reduction import NO_REDUCTION, live_reduction
+from haptic_accel.core.tick import LARGEST_ACCELERATION
 
 Shaping: TypeAlias = Callable[[Vector], Vector]
 """Function from the tool's acceleration to the input of each coil's compensation, m/s^2."""

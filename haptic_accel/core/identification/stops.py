@@ -19,10 +19,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.identification.estimate import SMALLER, RecordingError
 from haptic_accel.core.identification.sweep import IdentificationTrial
 from haptic_accel.core.model import Suspension
+from haptic_accel.core.tick import TravelEstimator
 
 STOPS_HIT = "travel_stops_hit"
 """Status entry of a trial: number of contacts with a stop, if known."""

@@ -22,7 +22,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator
 from typing import Any, NamedTuple, Protocol
 
-from haptic_accel.core.actuator.safety import MAX_AGE, SafetyLayer, SafetyParameters
+from haptic_accel.core.actuator.safety import MAX_AGE, SafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.coupling.position_servo import PositionServo
 from haptic_accel.core.due_forces import DueForces
@@ -30,6 +30,7 @@ from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.model import LATER, ZERO, Reading, Sample, Vector
 from haptic_accel.core.rig.interface import Rig, SampledRig
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.tick import SafetyLayer
 
 ARM, ACTUATOR = "arm_force", "actuator_force"
 """Kinds of commands, named as in `DrivenDevice.write`."""
@@ -176,12 +177,12 @@ class DeviceSide:
     ) -> None:
         self.device = device
         self.safety, self._servo, self.receive = safety, servo, receive
+        self._arm, self._actuator = safety.arm_limit, safety.actuator_limit
         self.rate, self.latency, self.sampling = rate, latency, True
         self.clock = clock or self._time_of_tick
         self.tick = self.unread = 0
         self._watched = -1
         self._now = self.clock()
-        self._allowed = {ARM: safety.arm_force, ACTUATOR: self._allowed_actuator_force}
         self._clocked = ahead
         self.commands = {
             kind: Commands(latency, 1 / rate, ahead=framed or kind in ahead) for kind in kinds
@@ -286,10 +287,12 @@ class DeviceSide:
         time = self.tick / self.rate
         acceleration, self._acceleration = self._acceleration, None
         begun = self.clock()
-        ends = self.safety.tick(self._advanced(time, begun), acceleration)
-        for kind, force in zip((ARM, ACTUATOR), ends, strict=True):
-            if force is not None:
-                self._write(time, {kind: force}, begun)
+        x, y, z = acceleration or ZERO
+        now, arm, actuator = self._advanced(time, begun), self._arm, self._actuator
+        if arm.expires(now):
+            self._write(time, {ARM: (arm.x, arm.y, arm.z)}, begun)
+        if actuator and actuator.tick(now, acceleration is not None, x, y, z):
+            self._write(time, {ACTUATOR: (actuator.x, actuator.y, actuator.z)}, begun)
 
     def apply_late(self) -> None:
         """Apply the forces that arrived after their due tick."""
@@ -358,9 +361,9 @@ class DeviceSide:
             commands = self.commands[kind]
             if caused := commands.forces.pop(tick, ahead=commands.ahead):
                 moment, force = caused
-                allowed = self._allowed[kind](now, begun - moment / NANOSECONDS, force)
-                if allowed is not None:
-                    given[kind], moments[kind] = allowed, moment
+                limit = self._arm if kind == ARM else self._actuator
+                if limit and limit.command(now, begun - moment / NANOSECONDS, *force):
+                    given[kind], moments[kind] = (limit.x, limit.y, limit.z), moment
         try:
             if given:
                 self._write(time, given, begun)
@@ -386,9 +389,6 @@ class DeviceSide:
         """Return a time for the safety layer, s, which never decreases."""
         self._now = max(self._now, min(time, now))
         return self._now
-
-    def _allowed_actuator_force(self, now: float, age: float, force: Vector) -> Vector | None:
-        return self.safety.actuator_force(now, age, force)
 
     def _time_of_tick(self) -> float:
         return self.tick / self.rate

@@ -17,6 +17,14 @@
 
 from __future__ import annotations
 
+from haptic_accel.core.tick.guard import CUSHION as CUSHION
+from haptic_accel.core.tick.guard import CUSHION_END as CUSHION_END
+from haptic_accel.core.tick.guard import LARGEST_ACCELERATION as LARGEST_ACCELERATION
+from haptic_accel.core.tick.guard import ActuatorGuard as ActuatorGuard
+from haptic_accel.core.tick.guard import TravelEstimator as TravelEstimator
+from haptic_accel.core.tick.guard import scale_within as scale_within
 from haptic_accel.core.tick.kernels import add_scaled, dot, dots, peak, product, row_dot
+from haptic_accel.core.tick.limits import STOPPED as STOPPED
+from haptic_accel.core.tick.limits import SafetyLayer as SafetyLayer
 
 __all__ = ["add_scaled", "dot", "dots", "peak", "product", "row_dot"]

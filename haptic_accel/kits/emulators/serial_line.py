@@ -26,13 +26,14 @@ from collections.abc import Callable, Sequence
 from operator import attrgetter
 from pathlib import Path
 
-from haptic_accel.core.actuator.safety import SafetyLayer, SafetyParameters
+from haptic_accel.core.actuator.safety import SafetyParameters
 from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.loop.coupling import CouplingPart
 from haptic_accel.core.loop.device_side import ARM, DeviceSide
 from haptic_accel.core.loop.wiring import HostLoop
 from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.tick import SafetyLayer
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices.serial.protocol import CLOCKS, FULL_SCALE, Identity
 from haptic_accel.devices.simulated import SimulatedDevice

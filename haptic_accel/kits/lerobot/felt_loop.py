@@ -29,7 +29,6 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 
-from haptic_accel.core.actuator.safety import SafetyLayer
 from haptic_accel.core.control.compensation import Compensation
 from haptic_accel.core.loop.compensation import CompensationPart
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide
@@ -37,6 +36,7 @@ from haptic_accel.core.loop.wiring import MASTER, SLAVE
 from haptic_accel.core.parameters import ParameterError, one_line
 from haptic_accel.core.process import DONE, ENDING, FAILED
 from haptic_accel.core.simulated_rig import build_loop
+from haptic_accel.core.tick import SafetyLayer
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import Device, DeviceError
 from haptic_accel.graph.stop_signal import PendingStop, own_domain

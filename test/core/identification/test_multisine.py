@@ -22,7 +22,6 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.axes import ALL_AXES, Axes
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.multisine import (
@@ -34,6 +33,7 @@ from haptic_accel.core.identification.multisine import (
 from haptic_accel.core.identification.sweep import SweepParameters, excitation, find_trials, sweep
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.tick import TravelEstimator
 from three_coils import RATE, SWEEP
 
 

@@ -26,12 +26,12 @@ from haptic_accel.core.actuator.safety import (
     ARM_TIMEOUT,
     MAX_AGE,
     MasterSafetyParameters,
-    SafetyLayer,
 )
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.loop import device_side
 from haptic_accel.core.model import LATER, ZERO, Reading, Sample, Vector
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.tick import SafetyLayer
 
 RATE = 1000.0
 SPEED = 0.1

@@ -20,7 +20,7 @@ from __future__ import annotations
 import pytest
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyLayer, SafetyParameters
+from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.coupling import position_position
@@ -31,6 +31,7 @@ from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide
 from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
 from haptic_accel.core.model import LATER, ZERO, Reading, Sample, Vector
 from haptic_accel.core.sampling import RELEASED
+from haptic_accel.core.tick import SafetyLayer
 
 RATE = 1000.0
 K_M, K_SL = 100.0, 50.0

@@ -21,11 +21,11 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from haptic_accel.core.actuator.guard import CUSHION
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.parameters import Checked
+from haptic_accel.core.tick import CUSHION
 
 
 @dataclass(frozen=True)

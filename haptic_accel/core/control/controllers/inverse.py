@@ -21,7 +21,6 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.control.filters import SampleFilter
 from haptic_accel.core.control.inversion.design import (
@@ -39,6 +38,7 @@ from haptic_accel.core.control.inversion.excursion import ExcursionControl
 from haptic_accel.core.control.inversion.spectrum import TexturePrior
 from haptic_accel.core.model import Suspension
 from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.tick import TravelEstimator
 
 
 @dataclass(frozen=True)

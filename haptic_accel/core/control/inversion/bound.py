@@ -26,7 +26,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from haptic_accel.core.actuator.guard import COMFORT
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
 from haptic_accel.core.control.inversion.design import Goal, nearest
@@ -35,6 +34,7 @@ from haptic_accel.core.handle.grid import Grid, grid_for
 from haptic_accel.core.handle.plant import Dynamics
 from haptic_accel.core.handle.response import travel_response
 from haptic_accel.core.model import ComplexArray, FloatArray
+from haptic_accel.core.tick import CUSHION_END
 
 STEP = 0.05
 """Frequency resolution of the bounds, Hz: a memory of ten seconds."""
@@ -147,7 +147,7 @@ def limited_bound(
         high_pass_frequency,
     )
     actuator = actuator or ActuatorParameters()
-    longest = COMFORT.cushion_end * actuator.travel if travel_limit is None else travel_limit
+    longest = CUSHION_END * actuator.travel if travel_limit is None else travel_limit
     travel = travel_response(plant.handle, problem.grid.frequency)
     return problem.limited(travel, faded_in(acceleration, rate), longest, actuator.peak_force)
 

@@ -22,11 +22,10 @@ from collections import deque
 
 import numpy as np
 
-from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.inversion.convolution import SampleWindow
 from haptic_accel.core.control.inversion.design import InverseBank
 from haptic_accel.core.model import FloatArray, Suspension
-from haptic_accel.core.tick import row_dot
+from haptic_accel.core.tick import TravelEstimator, row_dot
 
 HORIZON = 0.05
 """Prediction horizon of the travel, s: a period of the paper's actuator on its spring."""

@@ -20,7 +20,6 @@ import math
 
 import numpy as np
 
-from haptic_accel.core.actuator.guard import COMFORT
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
 from haptic_accel.core.control.inversion.bound import (
@@ -37,6 +36,7 @@ from haptic_accel.core.handle.grid import Grid, grid_for
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.response import travel_response
 from haptic_accel.core.model import ComplexArray, FloatArray
+from haptic_accel.core.tick import CUSHION_END
 
 CONVERGED = 1e-6
 """Largest change of a spectral factor, relative to 1, that ends its iteration."""
@@ -104,7 +104,7 @@ def matrix_bounds(
         3 * 2.0 * noise**2 / rate * len(frequency),
     )
     actuator = actuator or ActuatorParameters()
-    longest = COMFORT.cushion_end * actuator.travel
+    longest = CUSHION_END * actuator.travel
     travels = np.array([travel_response(each.handle, frequency) for each in plant.axes])
     travel = travels[:, np.newaxis]  # of each coil, for all inputs
     causal = problem.best(np.zeros(travel.shape)).error

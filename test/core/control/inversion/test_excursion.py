@@ -27,9 +27,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from haptic_accel.core.actuator.guard import CUSHION, ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.actuator.travel import TravelEstimator
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
@@ -48,6 +46,7 @@ from haptic_accel.core.control.inversion.excursion import (
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, Suspension
 from haptic_accel.core.parameters import Checked
+from haptic_accel.core.tick import CUSHION, ActuatorGuard, TravelEstimator
 from one_coil import OneCoil
 
 RATE = 1000.0

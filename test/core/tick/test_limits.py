@@ -26,9 +26,10 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.actuator import safety
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.axes import ACTUATOR_AXIS, ALL_AXES, Axes, along_actuator
+from haptic_accel.core.axes import ACTUATOR_AXES, ACTUATOR_AXIS, ALL_AXES, Axes, along_actuator
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError, from_flat
+from haptic_accel.core.tick import SafetyLayer, limits
 from haptic_accel.core.trial import run_trial
 
 RATE = 1000.0
@@ -38,12 +39,29 @@ FRESH = 2e-4
 """Age of a sample when its command comes, s."""
 
 
+def commanded(
+    limit: limits.ArmLimit | limits.ActuatorLimit | None, now: float, age: float, force: Vector
+) -> Vector | None:
+    """Return the force that a device is given for a command; None for no change."""
+    assert limit
+    return (limit.x, limit.y, limit.z) if limit.command(now, age, *force) else None
+
+
+def ticked(layer: SafetyLayer, now: float, handle: Vector | None) -> Vector | None:
+    """Pass a tick to the layer; return the actuator's force if it changes."""
+    limit = layer.actuator_limit
+    assert limit
+    layer.arm_limit.expires(now)
+    changed = limit.tick(now, handle is not None, *(handle or ZERO))
+    return (limit.x, limit.y, limit.z) if changed else None
+
+
 class Bench:
     """A layer, and the forces that the device behind it holds."""
 
-    def __init__(self, rate: float = RATE, **values: object) -> None:
+    def __init__(self, rate: float = RATE, axes: Axes | None = None, **values: object) -> None:
         dotted = {name.replace("__", "."): value for name, value in values.items()}
-        self.layer = safety.SafetyLayer(from_flat(safety.MasterSafetyParameters, dotted), rate)
+        self.layer = SafetyLayer(from_flat(safety.MasterSafetyParameters, dotted), rate, axes)
         self.layer.enable(0.0, True)
         self.now = 0.0
         self.arm: Vector = ZERO
@@ -55,18 +73,18 @@ class Bench:
 
     def tick(self, acceleration: float | None = 0.0) -> None:
         measured = None if acceleration is None else along_actuator(acceleration)
-        arm, actuator = self.layer.tick(self.now, measured)
-        self.arm = self.arm if arm is None else arm
+        actuator, arm = ticked(self.layer, self.now, measured), self.layer.arm_limit
+        self.arm = arm.x, arm.y, arm.z
         self.actuator = self.actuator if actuator is None else actuator[ACTUATOR_AXIS]
 
     def push(self, force: float, age: float = FRESH) -> None:
         """Command the actuator."""
-        applied = self.layer.actuator_force(self.now, age, along_actuator(force))
+        applied = commanded(self.layer.actuator_limit, self.now, age, along_actuator(force))
         self.actuator = self.actuator if applied is None else applied[ACTUATOR_AXIS]
 
     def pull(self, force: Vector, age: float = FRESH) -> None:
         """Command the arm."""
-        applied = self.layer.arm_force(self.now, age, force)
+        applied = commanded(self.layer.arm_limit, self.now, age, force)
         self.arm = self.arm if applied is None else applied
 
     def command(self, force: float, age: float = FRESH) -> None:
@@ -103,33 +121,28 @@ steps = st.lists(
 )
 
 
-@given(steps, st.sampled_from(["automatic", "manual"]), st.sampled_from([0.0, 20.0]))
-def test_whatever_comes_only_less_of_it_is_applied(
-    steps: list[tuple[str, float, Vector, float]], recovery: str, slew: float
+@given(
+    steps,
+    st.sampled_from([safety.AUTOMATIC, safety.MANUAL]),
+    st.sampled_from([0.0, 20.0]),
+    st.sampled_from([ACTUATOR_AXES, ALL_AXES]),
+)
+def test_whatever_comes_only_less_of_it_in_its_direction_is_applied(
+    steps: list[tuple[str, float, Vector, float]], recovery: str, slew: float, axes: Axes
 ) -> None:
-    bench = Bench(recovery=recovery, arm__slew_rate=slew, actuator__slew_rate=slew)
-    layer = bench.layer
-    for what, seconds, force, number in steps:
+    bench = Bench(axes=axes, recovery=recovery, arm__slew_rate=slew, actuator__slew_rate=slew)
+    layer, arm, actuator = bench.layer, bench.layer.arm_limit, bench.layer.actuator_limit
+    assert actuator
+    asked: dict[limits.ForceLimit, Vector] = {arm: ZERO, actuator: ZERO}
+    for what, seconds, vector, age in steps:
         bench.wait(seconds)
         if what == "tick":
-            bench.tick(number)
-        elif what == "push":
-            allowed = layer.actuator_force(bench.now, number, along_actuator(force[0]))
-            applied = allowed[ACTUATOR_AXIS] if allowed else 0.0
-            if applied:
-                assert math.isfinite(applied)
-                assert 0.0 < applied / force[0] <= 1.0
-                assert abs(applied) <= COIL.peak_force
-                assert not layer.refusal
-                assert abs(number) <= safety.MAX_AGE
-        elif what == "pull":
-            vector = layer.arm_force(bench.now, number, force)
-            if vector and any(vector):
-                assert math.hypot(*vector) <= safety.ARM_PEAK_FORCE * (1 + 1e-12)
-                assert math.hypot(*vector) <= math.hypot(*force) * (1 + 1e-12)
-                assert all(v * f >= 0.0 for v, f in zip(vector, force, strict=True))
-                assert not layer.refusal
-                assert abs(number) <= safety.MAX_AGE
+            ticked(layer, bench.now, vector)
+        elif what in ("push", "pull"):
+            limit = actuator if what == "push" else arm
+            if commanded(limit, bench.now, age, vector):
+                asked[limit] = vector if limit is arm else axes.vector(axes.components(vector))
+                assert abs(age) <= safety.MAX_AGE or (limit.x, limit.y, limit.z) == ZERO
         elif what in ("stop", "release"):
             layer.stop(bench.now, what == "stop")
         elif what == "arm":
@@ -137,6 +150,15 @@ def test_whatever_comes_only_less_of_it_is_applied(
         else:
             layer.enable(bench.now, what == "on")
         layer.news(bench.now)
+        for limit, force in asked.items():
+            held = limit.x, limit.y, limit.z
+            if any(held):
+                assert not layer.refusal
+                most, size = max(map(abs, force)), max(map(abs, held))
+                assert size <= min(most * (1 + 1e-15), COIL.peak_force)
+                along = [each / most * size for each in force]
+                assert held == pytest.approx(along, rel=1e-9, abs=1e-300)
+        assert math.hypot(arm.x, arm.y, arm.z) <= safety.ARM_PEAK_FORCE * (1 + 1e-12)
     assert all(
         math.isfinite(float(value)) for name, value in layer.diagnostics().items() if "." in value
     )
@@ -211,7 +233,7 @@ def test_silence_takes_each_force_off_after_its_own_time_and_is_reported_once() 
     assert bench.layer.warnings() == ["arm force timed out", "actuator force still missing"]
     assert bench.layer.warnings() == ["arm force still missing", "actuator force still missing"]
     assert bench.layer.news(bench.now) == []
-    bench.wait(2 * safety.LASTING)
+    bench.wait(2 * limits.LOGGED_AFTER)
     (arm, actuator) = bench.layer.news(bench.now)
     assert arm == "arm force: none for 20 ms; no force until the next"
     assert actuator == "actuator force: none for 5 ms; no force until the next"
@@ -293,21 +315,21 @@ def test_where_recovery_is_manual_only_arming_gives_forces_again(stale: bool) ->
 def test_no_force_while_stopped_or_not_active() -> None:
     bench = Bench()
     for change, refusing, reason in (
-        (bench.layer.stop, True, safety.STOPPED),
-        (bench.layer.enable, False, safety.INACTIVE),
+        (bench.layer.stop, True, limits.STOPPED),
+        (bench.layer.enable, False, limits.NOT_ACTIVE),
     ):
         change(bench.now, refusing)
-        assert bench.layer.actuator_force(bench.now, FRESH, along_actuator(1.0)) is None
-        assert bench.layer.arm_force(bench.now, FRESH, (1.0, 0.0, 0.0)) is None
+        assert commanded(bench.layer.actuator_limit, bench.now, FRESH, along_actuator(1.0)) is None
+        assert commanded(bench.layer.arm_limit, bench.now, FRESH, (1.0, 0.0, 0.0)) is None
         assert bench.layer.arm() == bench.layer.refusal == reason
         assert bench.layer.warnings() == [reason]
         bench.wait(1.0)
         bench.tick()
         assert bench.value("actuator force timeouts") == 0
         change(0, not refusing)
-        assert bench.layer.actuator_force(bench.now, FRESH, along_actuator(1.0)) == along_actuator(
-            1.0
-        )
+        assert commanded(
+            bench.layer.actuator_limit, bench.now, FRESH, along_actuator(1.0)
+        ) == along_actuator(1.0)
 
 
 def test_a_force_that_two_nodes_command_is_refused_until_one_does() -> None:
@@ -320,7 +342,7 @@ def test_a_force_that_two_nodes_command_is_refused_until_one_does() -> None:
     assert bench.layer.news(bench.now) == []
     assert not any(bench.run([1.0] * 100))
     assert bench.layer.warnings() == [said], "and no time-out besides"
-    assert bench.layer.arm_force(bench.now, FRESH, (1.0, 0.0, 0.0)) == (1.0, 0.0, 0.0)
+    assert commanded(bench.layer.arm_limit, bench.now, FRESH, (1.0, 0.0, 0.0)) == (1.0, 0.0, 0.0)
     bench.layer.note_rivals("actuator force", "")
     news = bench.layer.news(bench.now) + bench.layer.news(bench.now)
     assert news == ["actuator force: allowed again: it has one sender"]
@@ -337,15 +359,14 @@ def test_a_held_force_ends_though_neither_of_two_senders_goes_on() -> None:
 
 
 def test_a_new_layer_allows_no_force() -> None:
-    layer = safety.SafetyLayer(safety.MasterSafetyParameters(), RATE)
-    assert layer.actuator_force(0.0, FRESH, along_actuator(1.0)) is None
+    layer = SafetyLayer(safety.MasterSafetyParameters(), RATE)
+    assert commanded(layer.actuator_limit, 0.0, FRESH, along_actuator(1.0)) is None
 
 
 def test_a_device_without_an_actuator_gets_no_force_for_one() -> None:
-    layer = safety.SafetyLayer(safety.SafetyParameters(), RATE)
+    layer = SafetyLayer(safety.SafetyParameters(), RATE)
     layer.enable(0.0, True)
-    assert layer.actuator_force(0.0, FRESH, along_actuator(1.0)) is None
-    assert layer.tick(1.0, ZERO) == (None, None)
+    assert layer.actuator_limit is None
     assert not [name for name in layer.diagnostics() if "actuator" in name]
 
 
@@ -479,37 +500,8 @@ def test_a_limit_that_cannot_be_is_refused_by_name(name: str, value: object) -> 
 # Three coils
 
 
-def three(**values: object) -> safety.SafetyLayer:
-    dotted = {name.replace("__", "."): value for name, value in values.items()}
-    layer = safety.SafetyLayer(from_flat(safety.MasterSafetyParameters, dotted), RATE, ALL_AXES)
-    layer.enable(0.0, True)
-    return layer
-
-
-def turn(vector: Vector) -> Vector:
-    x, y, z = vector
-    return z, x, y
-
-
-@given(steps, st.sampled_from([0.0, 20.0]))
-def test_of_three_coils_only_less_in_the_same_direction_is_applied(
-    steps: list[tuple[str, float, Vector, float]], slew: float
-) -> None:
-    layer, now = three(actuator__slew_rate=slew), 0.0
-    for what, seconds, force, number in steps:
-        now += seconds
-        if what == "tick":
-            layer.tick(now, turn(force))
-        elif what in ("stop", "release"):
-            layer.stop(now, what == "stop")
-        else:
-            applied = layer.actuator_force(now, number, force)
-            if applied and applied != ZERO:
-                share = math.hypot(*applied) / math.hypot(*force)
-                assert share <= 1.0 + 1e-12
-                assert applied == pytest.approx([share * each for each in force])
-                assert max(map(abs, applied)) <= COIL.peak_force
-                assert not layer.refusal
+def three(**values: object) -> SafetyLayer:
+    return Bench(axes=ALL_AXES, **values).layer
 
 
 @given(st.lists(st.floats(-20.0, 20.0), max_size=50), st.sampled_from([0.0, 500.0]))
@@ -520,9 +512,9 @@ def test_of_three_coils_each_is_limited_as_a_single_one(forces: list[float], sle
         single.now = now
         single.tick(force)
         single.push(force)
-        _, reduced = layer.tick(now, (0.0, force, 0.0))
+        reduced = ticked(layer, now, (0.0, force, 0.0))
         held = reduced or held
-        held = layer.actuator_force(now, FRESH, (0.0, force, 0.0)) or held
+        held = commanded(layer.actuator_limit, now, FRESH, (0.0, force, 0.0)) or held
         assert held == pytest.approx((0.0, single.actuator, 0.0), abs=1e-12)
     assert layer.diagnostics() == single.layer.diagnostics()
 
@@ -532,9 +524,9 @@ def test_a_warm_coil_scales_what_is_held_on_all() -> None:
     held, now = ZERO, 0.0
     for tick in range(1000):
         now = tick * PERIOD
-        reduced = layer.tick(now, ZERO)[1]
+        reduced = ticked(layer, now, ZERO)
         held = reduced or held
-        held = layer.actuator_force(now, FRESH, (5.0, 1.0, -2.0)) or held
+        held = commanded(layer.actuator_limit, now, FRESH, (5.0, 1.0, -2.0)) or held
     assert held[0] < 2.3
     assert held == pytest.approx((held[0], held[0] / 5.0, -2.0 * held[0] / 5.0))
     assert float(layer.diagnostics()["actuator force heat left (%)"]) < 10.0
@@ -542,9 +534,9 @@ def test_a_warm_coil_scales_what_is_held_on_all() -> None:
 
 def test_when_commands_of_three_coils_stop_so_do_all() -> None:
     layer = three()
-    layer.tick(0.0, ZERO)
-    assert layer.actuator_force(0.0, FRESH, (1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0)
-    assert layer.tick(safety.ACTUATOR_TIMEOUT, ZERO) == (None, ZERO)
+    ticked(layer, 0.0, ZERO)
+    assert commanded(layer.actuator_limit, 0.0, FRESH, (1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0)
+    assert ticked(layer, safety.ACTUATOR_TIMEOUT, ZERO) == ZERO
     assert "actuator force timed out" in layer.warnings()
 
 
@@ -554,11 +546,10 @@ def test_a_force_with_a_bad_component_is_rejected_as_a_whole(wrong: float, axis:
     layer = three()
     force = [1.0, 1.0, 1.0]
     force[axis] = wrong
-    assert layer.actuator_force(0.0, FRESH, (force[0], force[1], force[2])) is None
+    assert commanded(layer.actuator_limit, 0.0, FRESH, (force[0], force[1], force[2])) is None
     assert layer.warnings() == ["actuator force not finite"]
 
 
 def test_a_device_applies_no_force_along_axes_that_it_does_not_have() -> None:
-    layer = safety.SafetyLayer(safety.MasterSafetyParameters(), RATE, Axes(("x", "y")))
-    layer.enable(0.0, True)
-    assert layer.actuator_force(0.0, FRESH, (1.0, 2.0, 3.0)) == (1.0, 2.0, 0.0)
+    layer = Bench(axes=Axes(("x", "y"))).layer
+    assert commanded(layer.actuator_limit, 0.0, FRESH, (1.0, 2.0, 3.0)) == (1.0, 2.0, 0.0)

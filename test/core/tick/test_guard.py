@@ -27,13 +27,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core import model
-from haptic_accel.core.actuator.guard import CUSHION, ActuatorGuard
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
+from haptic_accel.core.identification.sweep import SweepParameters, excitation
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.exploration import ExplorationParameters
 from haptic_accel.core.rig.held_rig import DriveParameters
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+from haptic_accel.core.tick import CUSHION, ActuatorGuard, TravelEstimator
 
 RATE = 1000.0
 RATES = [1000.0, 4000.0]
@@ -52,6 +53,13 @@ handle_accelerations = st.floats(-1e4, 1e4)
 
 def guard(actuator: ActuatorParameters = COIL, rate: float = RATE) -> ActuatorGuard:
     return ActuatorGuard(actuator, rate)
+
+
+def limited(guard: ActuatorGuard, force: float, handle: float = 0.0) -> float:
+    """Return the force that acts until the next sample for a requested one, N."""
+    force = guard.within(force, handle)
+    guard.advance(force, handle)
+    return force
 
 
 def wide(**limits: float) -> ActuatorParameters:
@@ -90,73 +98,64 @@ def test_no_command_overheats_the_coil_or_exceeds_its_peak(
     actuator = ActuatorParameters(
         travel=travel, peak_force=peak, continuous_force=continuous, thermal_time=thermal_time
     )
-    limited = ActuatorGuard(actuator, rate)
+    coil = ActuatorGuard(actuator, rate)
     bearable = min(peak, continuous) ** 2
     heat, weight = 0.0, -math.expm1(-1 / (rate * thermal_time))
     for force in requested * repeats:
-        applied = limited.limited(force, handle)
+        applied = limited(coil, force, handle)
         assert abs(applied) <= peak
         heat += weight * (applied**2 - heat)
         assert heat <= bearable * (1 + 1e-9)
-    assert limited.heat == pytest.approx(heat / bearable if bearable else 0.0)
-    assert limited.heat <= 1 + 1e-9
+    assert coil.heat_share() == pytest.approx(heat / bearable if bearable else 0.0)
+    assert coil.heat_share() <= 1 + 1e-9
 
 
 def test_a_cold_coil_gives_its_peak() -> None:
     cold = guard(wide())
     # A tenth of what it bears takes 10 s x 0.1 x (2.2 / 6.6)^2 of the peak.
     requested = alternating(PEAK_FORCE, 110)
-    assert [cold.limited(force, 0.0) for force in requested] == requested
+    assert [limited(cold, force) for force in requested] == requested
     assert (cold.heated, cold.saturated) == (0, 0)
-    assert 0.09 < cold.heat < 0.1
+    assert 0.09 < cold.heat_share() < 0.1
 
 
 def test_the_continuous_force_is_free_for_ever() -> None:
     warm = guard(wide(thermal_time=0.1))
     requested = alternating(CONTINUOUS_FORCE, 20_000)
-    assert [warm.limited(force, 0.0) for force in requested] == requested
+    assert [limited(warm, force) for force in requested] == requested
     assert warm.heated == 0
-    assert warm.heat == pytest.approx(1.0)
+    assert warm.heat_share() == pytest.approx(1.0)
 
 
 def test_a_warm_coil_gives_what_it_bears_and_cools_again() -> None:
-    limited = guard(wide(thermal_time=0.1))
-    applied = [limited.limited(force, 0.0) for force in alternating(PEAK_FORCE, 2000)]
+    coil = guard(wide(thermal_time=0.1))
+    applied = [limited(coil, force) for force in alternating(PEAK_FORCE, 2000)]
     assert np.abs(applied[-100:]) == pytest.approx(CONTINUOUS_FORCE, rel=1e-3)
-    assert limited.heated > 1900
+    assert coil.heated > 1900
     for _ in range(300):
-        limited.limited(0.0, 0.0)
-    assert limited.limited(PEAK_FORCE, 0.0) == PEAK_FORCE
+        limited(coil, 0.0)
+    assert limited(coil, PEAK_FORCE) == PEAK_FORCE
 
 
 def test_a_coil_that_one_sample_would_overheat_gets_what_it_bears_of_it() -> None:
-    limited = guard(wide(continuous_force=0.1, thermal_time=0.1))
-    applied = [limited.limited(force, 0.0) for force in alternating(PEAK_FORCE, 100)]
+    coil = guard(wide(continuous_force=0.1, thermal_time=0.1))
+    applied = [limited(coil, force) for force in alternating(PEAK_FORCE, 100)]
     # Its whole heat in one sample: the square of a tenth of a newton a hundred times over.
     assert applied[0] == pytest.approx(1.0, rel=0.01)
-    assert limited.heat == pytest.approx(1.0)
+    assert coil.heat_share() == pytest.approx(1.0)
     assert np.abs(applied[1:]) == pytest.approx(0.1)
 
 
 def test_a_coil_that_bears_no_force_gets_none() -> None:
-    for limited in (guard(wide(continuous_force=0.0)), guard(wide(peak_force=0.0))):
-        assert [limited.limited(force, 0.0) for force in (1.0, -1e300)] == [0.0, 0.0]
-        assert limited.heat == 0.0
+    for coil in (guard(wide(continuous_force=0.0)), guard(wide(peak_force=0.0))):
+        assert [limited(coil, force) for force in (1.0, -1e300)] == [0.0, 0.0]
+        assert coil.heat_share() == 0.0
 
 
 @pytest.mark.parametrize("peak", [-1.0, math.nan, math.inf])
 def test_an_impossible_peak_is_refused(peak: float) -> None:
     with pytest.raises(ParameterError, match=f"^peak_force = {peak}: must be from 0 to 100 N"):
         guard(wide(peak_force=peak))
-
-
-def test_reset_takes_the_coil_for_cold_and_in_the_middle() -> None:
-    limited = guard(wide(thermal_time=0.01))
-    for _ in range(20):
-        limited.limited(PEAK_FORCE, 0.0)
-    assert limited.heat > 0.5
-    limited.reset()
-    assert (limited.heat, limited.travel) == (0.0, 0.0)
 
 
 # Travel
@@ -175,20 +174,20 @@ def test_within_the_free_travel_nothing_is_changed(
 ) -> None:
     free = guard(rate=rate)
     for force, handle in samples:
-        assert free.limited(force, handle) == force
+        assert limited(free, force, handle) == force
     assert free.cushioned == 0
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_force_that_would_press_it_on_its_stop_lets_it_rest_before(sign: float) -> None:
     pressed = guard()
-    applied = [pressed.limited(3.0 * sign, 0.0) for _ in range(2000)]
+    applied = [limited(pressed, 3.0 * sign) for _ in range(2000)]
     assert CUSHION * TRAVEL < abs(pressed.travel) < TRAVEL
     # There the spring alone holds what is left of the force, which no longer moves.
     assert applied[-1] == pytest.approx(-266.0 * pressed.travel, rel=1e-3)
     assert np.ptp(applied[-100:]) < 1e-6
     # A force that pulls it back is not touched.
-    assert pressed.limited(-3.0 * sign, 0.0) == -3.0 * sign
+    assert limited(pressed, -3.0 * sign) == -3.0 * sign
 
 
 def driven(
@@ -207,7 +206,7 @@ def driven(
         master.advance(index / rate)
         force = command(index / rate)
         if guarded:
-            force = limits.limited(force, heard)
+            force = limited(limits, force, heard)
         acceleration = master.measure().acceleration[ACTUATOR_AXIS]
         # As in the compensation: one sample old, and none where the sensor is at its range.
         heard = acceleration if abs(acceleration) < 0.999 * SENSOR_RANGE else 0.0
@@ -286,3 +285,69 @@ def test_the_cushion_brakes_once_adds_no_energy_and_does_not_ring(rate: float) -
     assert braking.min() >= 0.0
     assert braking.max() > 0.1
     assert sum(one == 0.0 < other for one, other in pairwise([0.0, *braking.tolist()])) == 1
+
+
+# Estimate of the travel
+
+
+def test_a_constant_force_stretches_the_spring() -> None:
+    estimator = TravelEstimator(model.Suspension(k_s=200.0), 1000.0)
+    for _ in range(2000):
+        travel = estimator.observe(0.3, 0.0)
+    assert travel == pytest.approx(-0.3 / 200.0)
+    estimator.reset()
+    assert estimator.travel == 0.0
+
+
+def test_gravity_that_the_accelerometer_feels_makes_it_sag() -> None:
+    suspension = model.Suspension()
+    estimator = TravelEstimator(suspension, 1000.0)
+    for _ in range(2000):
+        estimator.observe(0.0, 9.81)
+    assert estimator.travel == pytest.approx(-suspension.m_a * 9.81 / suspension.k_s)
+
+
+@pytest.mark.parametrize("rate", [500.0, 1000.0, 4000.0])
+def test_a_free_mass_rings_at_its_frequency_and_fades_with_its_damping(rate: float) -> None:
+    suspension = model.Suspension(b_s=0.2)
+    m_a, k_s, b_s = suspension.m_a, suspension.k_s, suspension.b_s
+    estimator = TravelEstimator(suspension, rate)
+    # After a blow of one sample: d(t) = v / w * exp(-b t / 2 m) * sin(w t).
+    estimator.observe(-1.0, 0.0)
+    found = np.array([estimator.observe(0.0, 0.0) for _ in range(round(0.3 * rate))])
+    damped = math.sqrt(k_s / m_a - (b_s / (2 * m_a)) ** 2)
+    crossings = np.flatnonzero(np.diff(np.sign(found)))
+    assert len(crossings) == pytest.approx(0.3 * damped / math.pi, abs=1)
+    turn = round(2 * math.pi / damped * rate)
+    at = int(np.argmax(np.abs(found)))
+    assert found[at + turn] / found[at] == pytest.approx(
+        math.exp(-b_s * turn / rate / (2 * m_a)), rel=0.05
+    )
+
+
+def test_it_follows_the_simulated_actuator_through_the_sweep() -> None:
+    rig = MasterRigParameters(
+        grip=model.GripParameters(gravity=6.9),
+        accelerometer=model.AccelerometerParameters(bandwidth=100e3, noise_density=0.0, bits=32),
+        exploration=ExplorationParameters(press_depth=0.0),
+    )
+    rate = 1000.0
+    master = MasterRig(rig, rate)
+    estimator = TravelEstimator(model.Suspension(), rate)
+    true, found = [], []
+    applied = 0.0
+    for index, force in enumerate(excitation(SweepParameters(), rate).tolist()):
+        master.advance(index / rate)
+        found.append(estimator.observe(applied, master.measure().acceleration[ACTUATOR_AXIS]))
+        true.append(master.travel)
+        master.apply_actuator_force(along_actuator(force))
+        applied = force
+    settled = slice(round(0.3 * rate), None)  # the estimate starts in the middle
+    error = np.array(found)[settled] - np.array(true)[settled]
+    # A sample of acceleration stands for the period before it, half a period late.
+    assert np.abs(error).max() < 0.05 * np.abs(true).max()
+
+
+def test_a_rate_that_is_none_is_refused() -> None:
+    with pytest.raises(ParameterError, match="rate = 0"):
+        TravelEstimator(model.Suspension(), 0.0)
