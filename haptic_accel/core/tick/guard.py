@@ -190,7 +190,7 @@ class ActuatorGuard(TravelEstimator):
         self._bearable: float = min(actuator.continuous_force, peak) ** 2
         self._staying: float = -1.0 / (rate * actuator.thermal_time)
         self._warming: float = -math.expm1(self._staying)
-        self._settling: int = math.ceil(rate * ACTUATOR_SETTLING)
+        self._settling: float = math.ceil(rate * ACTUATOR_SETTLING)
         self._k_s: float = actuator.k_s
         self._b_s: float = actuator.b_s
         self._soft: float = cushion * actuator.travel
@@ -218,10 +218,11 @@ class ActuatorGuard(TravelEstimator):
         """
         d = self.travel
         soft = self._soft
-        if abs(d) > soft or abs(d + self.velocity * self._ahead) > soft:
+        ahead = d + self.velocity * self._ahead
+        if d > soft or d < -soft or ahead > soft or ahead < -soft:
             force = self.braking_force(force, handle_acceleration)
         allowed = self._peak if self.heat <= self._cold else self.bearable_force()
-        if abs(force) > allowed:
+        if force > allowed or force < -allowed:
             if allowed < self._peak:
                 self.heated += 1
             else:
@@ -233,28 +234,6 @@ class ActuatorGuard(TravelEstimator):
         """Update heat and travel with the force, N, that acts for one sample."""
         self.heat += self._warming * (force * force - self.heat)
         self.observe(force, handle_acceleration)
-
-    def advance_mean(
-        self, force: float, handle_acceleration: float, square: float, samples: float
-    ) -> None:
-        """Update heat and travel with the forces that acted since the last sample.
-
-        Parameters
-        ----------
-        force : float
-            Mean of the force, N.
-        handle_acceleration : float
-            Measured handle acceleration, m/s^2.
-        square : float
-            Mean square of the force, N^2.
-        samples : float
-            Number of sampling periods of this force, one at least; above one if samples were
-            missed.
-        """
-        self.heat += -math.expm1(samples * self._staying) * (square - self.heat)
-        count: int = self._settling if samples > self._settling else int(samples)
-        for _ in range(count):
-            self.observe(force, handle_acceleration)
 
     def bearable_force(self) -> float:
         """Return the permitted force for the present heat, N."""
@@ -326,7 +305,8 @@ class Coil(ActuatorGuard):
 
     def tick(self, now: float, known: bool, handle_acceleration: float) -> None:
         """Pass the forces since the last tick to the guard, even after a long pause."""
-        if known and abs(handle_acceleration) <= LARGEST_ACCELERATION:  # false for NaN
+        # False for NaN, too.
+        if known and -LARGEST_ACCELERATION <= handle_acceleration <= LARGEST_ACCELERATION:
             self.acceleration = handle_acceleration
         self.hold(now, self.held)
         if not self._has_ticked:
@@ -338,7 +318,13 @@ class Coil(ActuatorGuard):
         if samples < 1.0:  # two ticks for one grid point: the forces are counted with the next
             return
         mean = self._impulse / elapsed
-        self.advance_mean(mean, self.acceleration, self._heating / elapsed, samples)
+        square = self._heating / elapsed
+        warming = self._warming if samples == 1.0 else -math.expm1(samples * self._staying)
+        self.heat += warming * (square - self.heat)
+        self.observe(mean, self.acceleration)
+        if samples > 1.0:
+            for _ in range(1, int(min(samples, self._settling))):
+                self.observe(mean, self.acceleration)
         self._ticked = now
         self._impulse = self._heating = 0.0
 

@@ -127,7 +127,7 @@ class ForceLimit:
         if self.contested:
             self.rest()
             return False
-        if not abs(age) <= self._max_age:  # also true for NaN
+        if not -self._max_age <= age <= self._max_age:  # also true for NaN
             self.outdated += 1
             # An outdated command before the first force needs no manual recovery.
             if self._expecting or not self._manual:
@@ -323,7 +323,7 @@ class ActuatorLimit(ForceLimit):
         if self.refused:
             return False
         x, y, z = x if self._has_x else 0.0, y if self._has_y else 0.0, z if self._has_z else 0.0
-        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+        if not math.isfinite(x + y + z):
             self.rejected += 1
             return False
         if not self.admits(now, age):
