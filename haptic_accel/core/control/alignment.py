@@ -22,6 +22,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from haptic_accel.core.axes import NAMES
+from haptic_accel.core.control.response_estimation import latest
+from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.model import FloatArray
 
 BLOCK = 0.016
@@ -78,12 +80,12 @@ class Alignment:
     it, shows other axes than those identified: the accelerometer was turned since, or a coil is
     bent. The gains are free, so that a hand is no fault.
 
-    `observe` only stores values; `update` does all computations.
-
     Parameters
     ----------
     rate : float
         Samples per second.
+    coils : sequence of ResponseSupervisor
+        What each axis is expected to do for its own force, and its decoupled acceleration.
 
     Attributes
     ----------
@@ -91,7 +93,7 @@ class Alignment:
         Name of the fault; empty if there is none.
     """
 
-    def __init__(self, rate: float) -> None:
+    def __init__(self, rate: float, coils: Sequence[ResponseSupervisor]) -> None:
         # Imported here, as scipy.signal is slow to import, and most nodes have no controller.
         from scipy import signal
 
@@ -101,57 +103,45 @@ class Alignment:
         corner = min(CORNER, 0.4 * rate)
         self._sections = np.asarray(signal.butter(2, corner, "high", fs=rate, output="sos"))
         self._filtered = signal.sosfilt
-        self._samples: list[float] = []
+        self._coils, self._trace = coils, coils[0].trace
         self.reset()
 
     def reset(self) -> None:
         """Forget all samples and names."""
-        self._samples.clear()
+        self._taken = 0  # count of the last block
         self._rest: FloatArray | None = None
         self._state = np.zeros((len(self._sections), 6, 2))
         self._powers = np.zeros((6, 6))
         self._squares = 0.0  # running sum of the blocks' squared shares in the power
-        self._held = 0  # samples to come that are not judged
-        self._is_clean = True
-        self._latest: Sequence[float] = (0.0, 0.0, 0.0)
+        self._held_until = 0  # count from which motion is judged
         self._over = self._under = 0.0
         self._angle = math.nan
         self.warning = ""
 
-    def observe(self, expected: Sequence[float], measured: Sequence[float]) -> None:
-        """Store a sample of all axes.
-
-        Parameters
-        ----------
-        expected : sequence of float
-            Acceleration of each axis by its model, for its own force, m/s^2.
-        measured : sequence of float
-            Decoupled acceleration of the same tick, m/s^2; NaN if missing, infinite if saturated.
-        """
-        if math.isfinite(measured[0]):
-            self._latest = measured
-        elif math.isinf(measured[0]):
-            self.hold()
-        if self._held:
-            self._held -= 1
-            self._is_clean = False
-        self._samples += expected
-        self._samples += self._latest
-
     def hold(self) -> None:
         """Judge no motion for a while, as a limit of the coils acts."""
-        self._held = self._settling
+        self._held_until = self._trace.count + self._settling
 
-    def update(self) -> None:
-        """Judge the axes if enough samples are stored."""
-        if len(self._samples) < 6 * self._length:
-            return
-        block = np.reshape(self._samples, (-1, 6)).T
-        self._samples.clear()
+    def update(self) -> int:
+        """Judge the axes if enough samples are stored; return the number until they are."""
+        trace = self._trace
+        length = min(trace.count - self._taken, len(trace.measured))
+        if length >= self._length:
+            self._look(length)
+        return self._taken + self._length - trace.count
+
+    def _look(self, length: int) -> None:
+        trace = self._trace
+        expected = [coil.expected(length, coil.trace.force) for coil in self._coils]
+        measured = [latest(coil.trace, coil.trace.measured, length) for coil in self._coils]
+        block = np.concatenate([expected, measured])
+        # A sensor at its range holds as a limit does.
+        saturated = trace.saturated[-1] + self._settling if trace.saturated else 0
+        is_clean = max(self._held_until, saturated) <= self._taken
+        self._taken = trace.count
         if self._rest is None:
             self._rest = block[:, :1]
         block, self._state = self._filtered(self._sections, block - self._rest, zi=self._state)
-        is_clean, self._is_clean = self._is_clean, True
         if not is_clean:
             return
         time = block.shape[1] * self._period

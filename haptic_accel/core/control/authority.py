@@ -18,12 +18,13 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
 
+from haptic_accel.core.control.response_estimation import latest
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.tick import Trace
 
 BLOCK = 0.016
 """Time between updates, s: a period of 60 Hz."""
@@ -194,8 +195,6 @@ class Authority:
     What cannot be seen in time is met with caution: the first contact of a handle that moves in
     silence, and a force that the actuator's limits cut on a handle that is not as described.
 
-    `observe` only stores values; `update` does all computations.
-
     In several axes, the powers of all components are added: one fraction scales the force of all
     coils, as a coil moves the other axes too, and the error counts as that of the vector.
 
@@ -203,8 +202,9 @@ class Authority:
     ----------
     rate : float
         Samples per second.
-    axes : int
-        Number of components of desired acceleration and motion.
+    traces : sequence of Trace
+        Desired acceleration and motion of each axis, the motion as known when the desired
+        acceleration was.
 
     Attributes
     ----------
@@ -216,38 +216,35 @@ class Authority:
         Least motion in silence, m/s^2 RMS; infinite while unknown.
     """
 
-    def __init__(self, rate: float, axes: int = 1) -> None:
+    def __init__(self, rate: float, traces: Sequence[Trace]) -> None:
         # Imported here, as scipy.signal is slow to import, and most nodes have no controller.
         from scipy import signal
 
-        self._rate, self._axes = rate, axes
+        self._rate, self.traces, self._axes = rate, traces, len(traces)
         self._length = max(1, round(BLOCK * rate))
         corner = min(CORNER, 0.4 * rate)
         self._sections = np.asarray(signal.butter(2, corner, "high", fs=rate, output="sos"))
         self._filtered = signal.sosfilt
+        for trace in traces:
+            trace.kept = max(trace.kept, 4 * self._length)
         self._delay = 0
-        self._desired: list[float] = []
-        self._measured: list[float] = []
-        self._state: FloatArray = np.zeros((len(self._sections), 2 * axes, 2))
+        self._state: FloatArray = np.zeros((len(self._sections), 2 * self._axes, 2))
         self.reset()
 
     def follow(self, delay: int) -> None:
         """Judge another controller, whose response appears after a delay in samples."""
         self._delay = delay
+        for trace in self.traces:
+            trace.kept = max(trace.kept, 4 * self._length + delay)
         self.reset()
 
     def reset(self) -> None:
         """Return to the full force."""
-        # The first one is due at once.
-        past: Sequence[float] = (0.0,) * self._axes
-        self._due = deque([past] * (self._delay + 1), maxlen=self._delay + 1)
+        self._start = self._taken = self.traces[0].count
         self.fraction = self._caution = self._ceiling = self._left = 1.0
         self._reduced_for = 0.0  # time for which the force is reduced notably, s
         self.reduced = self._rising = self._touched = False
         self._rests: FloatArray | None = None
-        self._latest = past
-        self._desired.clear()
-        self._measured.clear()
         self._state = np.zeros_like(self._state)
         # Running means of <d^2>, <d y>, <y^2>, and of the noise in the last one, (m/s^2)^2.
         self._desired_power = self._common = self._moved = 0.0
@@ -262,25 +259,10 @@ class Authority:
         """Factor of the force: the fraction, or less after silence."""
         return self.fraction * self._caution
 
-    def observe(self, desired: Sequence[float], measured: Sequence[float]) -> None:
-        """Store one sample.
-
-        Parameters
-        ----------
-        desired : sequence of float
-            Desired acceleration of each axis, m/s^2.
-        measured : sequence of float
-            Handle acceleration, which should equal the desired one of `follow`'s delay before,
-            m/s^2; NaN or infinite in all axes if unknown.
-        """
-        if math.isfinite(measured[-1]):
-            if self._rests is None:
-                self._rests = np.array(measured)  # gravity at the first sample
-                self._measured = list(measured) * (len(self._measured) // self._axes)
-            self._latest = measured
-        self._due.append(desired)
-        self._desired += self._due[0]
-        self._measured += self._latest
+    @property
+    def left(self) -> int:
+        """Number of samples until `update` has something to do."""
+        return max(1, self._taken + self._length - self.traces[0].count)
 
     def limit(self, share: float) -> None:
         """Take note that the limits of the actuator left only a share of a force."""
@@ -295,17 +277,12 @@ class Authority:
             True if the handle's response is as described, as far as known. Its motion in silence
             is then not caused by the force.
         """
-        length = len(self._desired) // self._axes
+        count = self.traces[0].count
+        length = min(count - self._taken, len(self.traces[0].measured))
         if length < self._length:
             return
-        block = np.array([self._desired, self._measured])
-        self._desired.clear()
-        self._measured.clear()
-        block = block.reshape(2, length, self._axes)
-        if self._rests is not None:
-            block[1] -= self._rests
-        block = block.swapaxes(1, 2).reshape(-1, length)
-        block, self._state = self._filtered(self._sections, block, zi=self._state)
+        block, self._state = self._filtered(self._sections, self._block(length), zi=self._state)
+        self._taken = count
         # The components of a vector, one after the other, have the sum of their powers.
         block = block.reshape(2, -1)
         desired_power, common, _, moved = (block @ block.T / length).ravel().tolist()
@@ -343,6 +320,30 @@ class Authority:
         limit = RESTORED if self._reduced_for else REDUCED
         self._reduced_for = self._reduced_for + time if self.fraction < limit else 0.0
         self.reduced = self._reduced_for >= LASTING
+
+    def _block(self, length: int) -> FloatArray:
+        """Return the latest desired accelerations, due after the delay, and motions.
+
+        Until a first measurement the handle is taken to be at rest: gravity is no step.
+        """
+        desired = [
+            latest(trace, trace.desired, length, self._delay, self._start) for trace in self.traces
+        ]
+        moved = np.array([trace.measured[-length:] for trace in self.traces])
+        if self._rests is None:
+            first = self._first_known(length)
+            moved[:, :first] = moved[:, first : first + 1] if first < length else 0.0
+            self._rests = moved[:, :1].copy() if first < length else None
+        if self._rests is not None:
+            moved -= self._rests
+        return np.concatenate([desired, moved])
+
+    def _first_known(self, length: int) -> int:
+        """Return the place of the first measurement among the latest samples."""
+        trace = self.traces[-1]
+        unknown = {*trace.missing, *trace.saturated}
+        places = range(trace.count - length, trace.count)
+        return next((n for n, place in enumerate(places) if place not in unknown), length)
 
     @property
     def _noise(self) -> float:

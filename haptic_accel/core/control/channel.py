@@ -38,7 +38,7 @@ from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.model import ACTUATOR, ApproximateModel
 from haptic_accel.core.outside import OutsideError, guard
 from haptic_accel.core.parameters import Checked, ParameterError
-from haptic_accel.core.tick import ActuatorGuard
+from haptic_accel.core.tick import ActuatorGuard, Trace
 
 LISTENING = 0.5
 """Time for which a new controller only receives both accelerations, s."""
@@ -102,11 +102,14 @@ class Channel:
     gain : float
         Factor of the desired acceleration.
     authority : Authority
-        Common to all channels; its owner observes, updates and reports it.
+        Common to all channels; its owner updates and reports it.
+    trace : Trace
+        What supervision and learning are to see.
 
     Attributes
     ----------
     guard : ActuatorGuard
+    trace : Trace
     asleep : bool
         True in the idle state.
     is_reducible : bool
@@ -123,6 +126,7 @@ class Channel:
         prepared: Sequence[str],
         gain: float,
         authority: Authority,
+        trace: Trace,
     ) -> None:
         self._options, self._loop, rate = options, loop, loop.rate
         self._sections = high_pass(loop.high_pass_frequency, rate)
@@ -138,7 +142,8 @@ class Channel:
             with suppress(OutsideError):  # said when the controller is selected
                 self._build(name)
         self._active = self._built[controller]
-        self._fallback = Fallback(loop, approximate, authority)
+        self._fallback = Fallback(loop, approximate, authority, trace)
+        self.trace = trace
         self._start_judging()
         self._follower: _Stage | None = None
         self._waiting: _Stage | None = None
@@ -250,18 +255,23 @@ class Channel:
         self._active.applied(force, self._gain.value)
         if self._follower:
             self._follower.applied(force, self._gain.value)
-        self._fallback.observe(desired, measured, force)
+        self.trace.push(desired, measured, force, self._fallback.requested)
 
-    def adapt(self) -> bool:
-        """Execute a part of the slow computations; return whether it was of the supervision."""
-        stages = [self._active, self._follower] if self._follower else [self._active]
+    def adapt(self) -> int:
+        """Execute a part of the slow computations; return the number of samples to the next."""
         fallback = self._fallback
         judged = fallback.update()
-        for stage in stages:
-            stage.controller.adapt()
+        left = fallback.left
+        for stage in filter(None, (self._active, self._follower)):
+            left = min(left, stage.controller.adapt() or 1)
             if judged:
                 stage.controller.judged(fallback.supervisor.fitting, fallback.fraction)
-        return fallback.is_supervising
+        return 1 if self._follower else left
+
+    @property
+    def is_supervising(self) -> bool:
+        """True in the samples in which the supervision has its turn."""
+        return self._fallback.is_supervising
 
     def mute(self, muted: bool) -> None:
         """Compute no force while the device applies none, for example during an emergency stop.

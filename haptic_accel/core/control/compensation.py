@@ -49,7 +49,7 @@ from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.tick import LARGEST_ACCELERATION as LARGEST_ACCELERATION
-from haptic_accel.core.tick import scale_within
+from haptic_accel.core.tick import Trace, scale_within
 
 AT_RANGE = 0.999
 """Fraction of full scale above which a handle sample counts as saturated, as converters differ."""
@@ -193,6 +193,8 @@ class Compensation:
         samples become zero, handle samples count as missing.
     untrusted : int
         Number of handle samples that were missing, or saturated in any component.
+    due : int
+        Count of samples, see `Trace`, from which `adapt` has something to do.
     count_force : tuple of float
         Part of the arm's force on the handle that its encoders' rounding causes, N; due with the
         coils' forces of the next sample.
@@ -241,7 +243,9 @@ class Compensation:
             self._high_pass = [SampleFilter(sections) for _ in plants]
         actuator = known.get(ACTUATOR, ActuatorParameters())
         assert isinstance(actuator, ActuatorParameters)
-        self._authority = Authority(rate, len(plants))
+        traces = [Trace() for _ in plants]
+        moved = traces if self._single else [Trace() for _ in plants]
+        self._authority = Authority(rate, moved)
         self.channels = [
             Channel(
                 parameters.controller,
@@ -250,19 +254,21 @@ class Compensation:
                 prepared,
                 parameters.gain,
                 self._authority,
+                trace,
             )
-            for each in plants
+            for each, trace in zip(plants, traces, strict=True)
         ]
         self._first = self.channels[0]
         # Tuples, as a loop over them takes half the time of one that pairs lists.
         self._coils = tuple(zip(range(len(plants)), self._indices, self.channels, strict=True))
         self._guards = tuple((coil, index, each.guard) for coil, index, each in self._coils)
-        self._alignment = None if self._single else Alignment(rate)
+        coils = [channel.supervisor for channel in self.channels]
+        self._alignment = None if self._single else Alignment(rate, coils)
         self._switch = ReductionSwitch(parameters.reduction, rate, shaping)
         self._per_axis = parameters.saturation == PER_AXIS
         self._handle_range = AT_RANGE * parameters.handle_range
         self._handle = self.count_force = ZERO
-        self.rejected = self.untrusted = 0
+        self.due = self.rejected = self.untrusted = 0
         self._begin_again()
 
     @property
@@ -345,28 +351,28 @@ class Compensation:
         if self._seen:
             desired, forces = self._desired(tool), self._driven(forces)
         forces = self._limited(forces)
-        if self._first.is_reducible:
+        if self._first.is_reducible and not self._single:
             self._observe(own, desired, measured)
-        if self._alignment:
-            expected = [channel.supervisor.expected for channel in self.channels]
-            self._alignment.observe(expected, measured)
         for coil, _, channel in self._coils:
             channel.settle(own[coil], measured[coil], forces[coil])
         return self._vector(desired), self._vector(forces)
 
     def adapt(self) -> None:
-        """Execute a part of the slow computations; call it when no force is due."""
-        if self.asleep:
+        """Execute a part of the slow computations, if any is due; call it when no force is."""
+        if self._first.trace.count < self.due or self.asleep:
             return
-        for channel in self.channels:
-            is_supervising = channel.adapt()  # all at the same time
+        left = [channel.adapt() for channel in self.channels]  # all at the same time
         if self._alignment:
-            self._alignment.update()
+            left.append(self._alignment.update())
         if self._is_alone != self._judged_alone:
             self._judge_anew()
-        elif self._first.is_reducible and not is_supervising:
-            described = [channel.supervisor.described for channel in self.channels]
-            self._authority.update(all(described))
+        elif self._first.is_reducible:
+            if not self._first.is_supervising:
+                self._authority.update(all(each.supervisor.described for each in self.channels))
+            left.append(self._authority.left)
+        if self._switch.name != self._switch.active or 0.0 < self._switch.alone < 1.0:
+            left.append(1)  # the coil along z may soon be alone, or no longer
+        self.due = self._first.trace.count + min(left)
 
     def mute(self, muted: bool) -> None:
         """Compute no force while the device applies none; see `Channel.mute`."""
@@ -424,6 +430,7 @@ class Compensation:
 
     def _begin_again(self) -> None:
         """Enter the idle state, until two samples differ."""
+        self.due = 0
         self._switch.settle()
         self._judge_anew()
         self._rest = ZERO
@@ -524,12 +531,14 @@ class Compensation:
     ) -> None:
         """Pass the desired motion of the driven coils, and the measured one, to the authority."""
         is_known = math.isfinite(measured[0])
-        moved = [self._handle[index] if is_known else math.nan for index in self._indices]
-        if self._judged_alone:
-            # What the coil along z shall cause is its own channel's.
-            desired = (0.0, 0.0, own[ACTUATOR_AXIS])
-            moved[:2] = 0.0, 0.0
-        self._authority.observe(desired, moved)
+        for coil, index, _ in self._coils:
+            wanted = desired[coil]
+            moved = self._handle[index] if is_known else math.nan
+            if self._judged_alone:
+                # What the coil along z shall cause is its own channel's.
+                is_driven = index == ACTUATOR_AXIS
+                wanted, moved = (own[coil], moved) if is_driven else (0.0, 0.0)
+            self._authority.traces[coil].push(wanted, moved, 0.0, 0.0)
 
     def _limited(self, asked: list[float]) -> list[float]:
         """Return the forces within the limits of all coils, in the direction of those asked."""

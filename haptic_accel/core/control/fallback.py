@@ -18,7 +18,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 
 import numpy as np
 
@@ -26,10 +25,10 @@ from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.control.controllers.dynamic import DynamicController
 from haptic_accel.core.control.controllers.interface import Loop
-from haptic_accel.core.control.inversion.convolution import SampleConvolution
-from haptic_accel.core.control.response_estimation import ResponseEstimator
+from haptic_accel.core.control.response_estimation import ResponseEstimator, latest
 from haptic_accel.core.control.supervision import HIGHEST_SHARE, ResponseSupervisor
 from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray
+from haptic_accel.core.tick import Trace
 
 NONE, DYNAMIC = "none", "dynamic"
 """Names of the substitute controllers."""
@@ -82,6 +81,17 @@ FILTER_SETTLING = 0.1
 """Time for which the filters of `dynamic` settle before it is faded in, s: its poles are at 9 Hz
 and above."""
 
+TURNS = 3
+"""Samples from one part of an evaluation to the next, so that two never have a part in the same
+sample."""
+
+
+class _Prospect(ResponseEstimator):
+    """Comparison of what a force would cause with what is desired."""
+
+    def _has_gaps(self, end: int) -> bool:
+        return False  # both are known
+
 
 class Fallback:
     """Reduce or replace the force of a controller that is worse than no compensation.
@@ -104,22 +114,31 @@ class Fallback:
     dynamic : ApproximateModel
         Parameters of the controller `dynamic`.
     authority : Authority
-        Common to all axes; its owner observes, updates and reports it.
+        Common to all axes; its owner updates and reports it.
+    trace : Trace
+        Desired acceleration and force sent at each sample, the force that the controller asked for
+        as `drive`, and the acceleration measured at the sample before.
 
     Attributes
     ----------
+    requested : float
+        Force of the last sample that the controller asked for, N.
     supervisor : ResponseSupervisor
     substitute : str
         Name of the substitute; empty if there is none.
     """
 
-    def __init__(self, loop: Loop, dynamic: ApproximateModel, authority: Authority) -> None:
-        self.supervisor = ResponseSupervisor(loop.plant, loop.rate)
+    def __init__(
+        self, loop: Loop, dynamic: ApproximateModel, authority: Authority, trace: Trace
+    ) -> None:
+        self.trace = trace
+        self.supervisor = ResponseSupervisor(loop.plant, loop.rate, trace)
         self._latency = loop.latency
         self._dynamic = DynamicController(dynamic, loop)
-        self._model = SampleConvolution(self.supervisor.taps)
-        self._tracking = ResponseEstimator(loop.rate, ERROR_MEMORY)
-        self._prospect = ResponseEstimator(loop.rate, ERROR_MEMORY)
+        self._tracking = ResponseEstimator(trace, loop.rate, ERROR_MEMORY)
+        self._tracking.read = self._tracked_pairs
+        self._prospect = _Prospect(trace, loop.rate, ERROR_MEMORY)
+        self._prospect.read = self._prospects
         lines = self._tracking.frequency
         self._counted = ((lines >= LOWEST) & (lines <= HIGHEST_SHARE * loop.rate)).astype(float)
         self._tracked = self._dynamic_response(loop)
@@ -153,9 +172,8 @@ class Fallback:
         """Return to the initial state, for a controller and its additional delay."""
         self.supervisor.reset()
         self._share, self._gain = 1.0, 0.0
-        self._requested = self._expected = 0.0
+        self.requested = 0.0
         self._running = 0  # number of samples of `dynamic` since it began
-        self._turn = 0  # part to compute next
         self.follow(name, granted_delay)
 
     def follow(self, name: str, granted_delay: int) -> None:
@@ -165,9 +183,11 @@ class Fallback:
         self._pace = self._step
         self._trial = math.inf  # time since the last return, s
         self._granted = granted_delay
-        length = self._latency + granted_delay + 2
-        self._authority.follow(length - 1)
-        self._desired = deque([0.0] * length, maxlen=length)  # the first one is due now
+        self._delay = self._latency + granted_delay + 1
+        self.trace.kept = max(self.trace.kept, 2 * len(self._counted) + self._delay)
+        self._authority.follow(self._delay)
+        # Counts before which no acceleration was desired of it, and no force asked for.
+        self._followed = self._replaced = self.trace.count
         self._pause = PAUSE
         self._probing = False
         self._part = 0.0
@@ -179,7 +199,7 @@ class Fallback:
         """Return the force to send in place of the controller's force, N."""
         if self._reducible:
             requested *= self._authority.used
-        self._requested = requested
+        self.requested = requested
         if self._share == 1.0 and not self.substitute and self._gain == 0.0:
             return requested
         self._running += 1
@@ -190,48 +210,45 @@ class Fallback:
         self._gain = self._faded(self._gain, float(settled and self.substitute == DYNAMIC))
         return self._share * requested + self._gain * substituted
 
-    def observe(self, desired: float, measured: float, force: float) -> None:
-        """Process one sample.
-
-        Parameters
-        ----------
-        desired : float
-            Desired acceleration at this sample, m/s^2.
-        measured : float
-            Handle acceleration of the previous sample, m/s^2; NaN or infinite if unknown.
-        force : float
-            Force sent at this sample, N.
-        """
-        self.supervisor.observe(measured, force)
-        if self._name == NONE:
-            return
-        if self._reducible:
-            return
-        self._desired.append(desired)
-        # `dynamic` lags by one sample, independent of the controller's granted delay.
-        later = max(0, self._granted - 1) if self.substitute == DYNAMIC else 0
-        self._tracking.observe(self._desired[later], measured)
-        if self.substitute:
-            self._prospect.observe(self._expected, self._desired[0])
-            self._expected = self._model.process(self._requested)
-
     def update(self) -> bool:
         """Execute a part of slow computations; return True after a new result."""
-        self._turn = (self._turn + 1) % 3
-        if self._turn == 0:
-            return self.supervisor.update()
-        if self._reducible:
-            return False
-        if self._turn == 1 and self._tracking.update():
-            self._judge()
-        if self._turn == 2 and self.substitute and self._prospect.update():
-            self._reconsider()
-        return False
+        turn, parts = self.trace.count % TURNS, self._parts
+        done = turn < len(parts) and parts[turn].update()
+        if done and turn:
+            self._reconsider() if turn == 2 else self._judge()
+        return done and not turn
 
     @property
     def is_supervising(self) -> bool:
-        """True if the last part of slow computations was that of the supervision."""
-        return self._turn == 0
+        """True in the samples in which the supervision has its turn."""
+        return self.trace.count % TURNS == 0
+
+    @property
+    def left(self) -> int:
+        """Number of samples until `update` has something to do."""
+        count = self.trace.count
+        parts = enumerate(each.left for each in self._parts)
+        return min(left + (turn - count - left) % TURNS for turn, left in parts)
+
+    @property
+    def _parts(self) -> tuple[ResponseSupervisor | ResponseEstimator, ...]:
+        """Evaluations in use, in the order of their turns."""
+        compared = self._tracking, self._prospect
+        may_be_replaced = not self._reducible and self._name != NONE
+        return self.supervisor, *compared[: may_be_replaced * (1 + bool(self.substitute))]
+
+    def _tracked_pairs(self, length: int) -> tuple[FloatArray, FloatArray]:
+        # `dynamic` lags by one sample, independent of the controller's granted delay.
+        later = max(0, self._granted - 1) if self.substitute == DYNAMIC else 0
+        desired = self._desired(length, self._delay - later)
+        return desired, latest(self.trace, self.trace.measured, length)
+
+    def _prospects(self, length: int) -> tuple[FloatArray, FloatArray]:
+        caused = self.supervisor.expected(length, self.trace.drive, self._replaced)
+        return caused, self._desired(length, self._delay)
+
+    def _desired(self, length: int, late: int) -> FloatArray:
+        return latest(self.trace, self.trace.desired, length, late, self._followed)
 
     @property
     def _on_trial(self) -> bool:
@@ -270,8 +287,8 @@ class Fallback:
         self._tracking.reset()
         self._dynamic.reset()
         self._running = 0
-        self._better = self._expected = 0.0
-        self._model.reset()
+        self._better = 0.0
+        self._replaced = self.trace.count
         self._prospect.reset()
 
     def _reconsider(self) -> None:

@@ -25,10 +25,11 @@ from operator import sub, truediv
 
 import numpy as np
 
-from haptic_accel.core.control.response_estimation import PairedWindow
+from haptic_accel.core.control.response_estimation import Evaluation
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.tick import Trace
 
 GRIP = {"m_h": "kg", "b_u": "N s/m", "k_u": "N/m"}
 """Parameters of the grip and their units, in the order of all arrays."""
@@ -104,7 +105,7 @@ class AdaptationParameters(Checked):
     )
 
 
-class GripEstimator:
+class GripEstimator(Evaluation):
     """Recursive least squares for m_h, b_u and k_u, hop by hop.
 
     Eq. (2) of the paper is linear in them. Eq. (1) describes the actuator with known mass, spring
@@ -117,10 +118,12 @@ class GripEstimator:
     loaded grip fits no grip, and thus has little weight. If the present grip's error is much
     larger than the least, the hand has changed, and the past is discarded.
 
-    `observe` only stores two values; `update` does all computations in parts.
+    `update` returns True when the grip has changed.
 
     Parameters
     ----------
+    trace : Trace
+        Force, and acceleration measured at the same tick.
     plant : Plant
         Assumed plant; the estimate starts with its grip.
     rate : float
@@ -135,22 +138,21 @@ class GripEstimator:
         Number of evaluations of an excited handle.
     """
 
-    def __init__(self, plant: Plant, rate: float, parameters: AdaptationParameters) -> None:
+    def __init__(
+        self, trace: Trace, plant: Plant, rate: float, parameters: AdaptationParameters
+    ) -> None:
         handle = plant.handle
         self._assumed = np.array([getattr(handle, name) for name in GRIP])
         thinning = max(1, math.floor(rate / THINNED_RATE))
         rows = max(8, round(HOP * rate / thinning))
-        self._hop = rows * thinning
         kernels = _kernels(plant, rate)
         kernels[:3] *= self._assumed[:, np.newaxis]
         filters = np.stack([_sliding(kernel, rows, thinning) for kernel in kernels])
-        self._length = filters.shape[-1]
+        super().__init__(trace, filters.shape[-1], rows * thinning)
         self._of_acceleration = filters[:4].reshape(-1, self._length)
         self._of_force = filters[4]
-        self._window = PairedWindow(self._length, self._hop)
         self._kept = math.exp(-self._hop / rate / parameters.memory)
         self._least_energy = rows * LEAST_FORCE**2
-        self._work: Iterator[bool] = iter(())
         self.reset()
 
     @property
@@ -162,15 +164,6 @@ class GripEstimator:
             if abs(count) >= PERSISTENT
         }
 
-    def observe(self, actuator_force: float, handle_acceleration: float) -> None:
-        """Store force (N) and handle acceleration (m/s^2; NaN if unknown) of one sample."""
-        if self._window.push(actuator_force, handle_acceleration):
-            self._work = self._look()
-
-    def update(self) -> bool:
-        """Execute a part of pending computations; return True when the grip has changed."""
-        return next(self._work, False)
-
     def reset(self) -> None:
         """Return to the assumed grip."""
         self.grip = self._assumed.copy()
@@ -179,15 +172,14 @@ class GripEstimator:
         self._energy = 0.0
         self._beyond = [0, 0, 0]  # evaluations in a row at the upper bound; negative: lower
         self.estimates = 0
-        self._work = iter(())
-        self._window.reset()
+        self.restart()
 
-    def _look(self) -> Iterator[bool]:
-        """Evaluate the latest hop in parts; yield after each if the grip has changed."""
-        force, acceleration = self._window.latest()
-        driving = self._of_force @ force
-        terms = (self._of_acceleration @ acceleration).reshape(4, -1)
-        yield False
+    def _look(self, late: int) -> Iterator[bool | None]:
+        # Newest first, as the filters.
+        newest = slice(None, -self._length - 1, -1)
+        driving = self._of_force @ np.array(self.trace.force[newest])
+        terms = (self._of_acceleration @ np.array(self.trace.measured[newest])).reshape(4, -1)
+        yield None
         energy = float(driving.dot(driving))
         if energy > self._least_energy:
             terms[3] += driving

@@ -18,13 +18,13 @@
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from haptic_accel.core.control.inversion.convolution import SampleWindow
 from haptic_accel.core.model import ComplexArray, FloatArray
+from haptic_accel.core.tick import Trace
 
 EVALUATION_WINDOW = 0.25
 """Signal length for one evaluation, s: lines 4 Hz apart. It is five times the decay time of handle
@@ -40,18 +40,113 @@ INDEPENDENCE = 0.5
 FEW = 1.5
 """Number of evaluations up to which nothing is a surprise."""
 
+MOST_MISSING = 0.02
+"""Maximum fraction of missing samples in a window; they repeat the previous value."""
 
-class ResponseEstimator:
+NEVER = 1 << 40
+"""Number of samples until a computation that is not needed."""
+
+
+def latest(
+    trace: Trace, signal: list[float], length: int, late: int = 0, start: int = 0
+) -> FloatArray:
+    """Return samples of a signal of a trace, oldest first; zero where there is none.
+
+    Parameters
+    ----------
+    trace : Trace
+    signal : list of float
+        One of the trace.
+    length : int
+        Number of samples.
+    late : int
+        Number of newer samples.
+    start : int
+        Count of the trace before which the signal is taken as zero.
+    """
+    end = len(signal) - late
+    known = max(0, min(trace.count - late - start, end))
+    if known >= length:
+        return np.array(signal[end - length : end])
+    return np.array([0.0] * (length - known) + signal[end - known : end])
+
+
+class Evaluation(ABC):
+    """Computation with a window of samples after each hop, in parts.
+
+    It begins as soon as the window is full, unless samples are missing. A saturated sample hides
+    the largest values: its windows are not used.
+
+    Parameters
+    ----------
+    trace : Trace
+    length : int
+        Number of samples of a window.
+    hop : int
+        Number of samples from one evaluation to the next: the time that a result may be old, as a
+        share of the window's length.
+    """
+
+    def __init__(self, trace: Trace, length: int, hop: int) -> None:
+        self.trace, self._length, self._hop = trace, length, hop
+        trace.kept = max(trace.kept, length + hop)
+        # Gaps count in whole hops.
+        self._span = math.ceil(length / hop) * hop
+        self.restart()
+
+    @property
+    def left(self) -> int:
+        """Number of samples until `update` has something to do."""
+        return 1 if self._work else max(1, self._next - self.trace.count)
+
+    def restart(self) -> None:
+        """Begin with the next sample."""
+        self._start = self.trace.count
+        self._next = self._start + self._hop
+        self._work: Iterator[bool | None] | None = None
+
+    def update(self) -> bool:
+        """Execute a part of pending computations; return True after a new result."""
+        count = self.trace.count
+        if count >= self._next:
+            end = count - (count - self._start) % self._hop
+            self._next = end + self._hop
+            if end - self._start >= self._length and not self._has_gaps(end):
+                self._work = self._look(count - end)
+        if not self._work:
+            return False
+        found = next(self._work, False)
+        if found is not None:
+            self._work = None
+        return bool(found)
+
+    def _has_gaps(self, end: int) -> bool:
+        """Return whether too many measurements before a count are unknown."""
+        first, trace = max(self._start, end - self._span), self.trace
+        missing = sum(first <= place < end for place in trace.missing)
+        return missing > MOST_MISSING * self._length or any(
+            first <= place < end for place in trace.saturated
+        )
+
+    @abstractmethod
+    def _look(self, late: int) -> Iterator[bool | None]:
+        """Evaluate a window, late by a number of samples; yield None after each part but the last.
+
+        The last part yields whether there is a new result.
+        """
+
+
+class ResponseEstimator(Evaluation):
     """Cross-spectral estimate of output over input, by Welch's method with forgetting.
 
     The input may be the actuator's force, or the acceleration that a model expects for it. The
     response is then the ratio of plant to model, with a small error due to the window's length.
     While the input is zero, the response remains and the excitation decays.
 
-    `observe` only stores two values; `update` does all computations in parts.
-
     Parameters
     ----------
+    trace : Trace
+        Samples that `update` reads, in parts.
     rate : float
         Samples per second.
     memory : float
@@ -63,6 +158,10 @@ class ResponseEstimator:
 
     Attributes
     ----------
+    read : callable
+        Return so many of the latest inputs, and of the outputs measured at the same ticks, oldest
+        first: force and measured acceleration, unless replaced. A delay between the two that is
+        short compared with a window is part of the response.
     memory : float
         Time constant of forgetting, s; may be changed.
     model : ndarray, shape (n,)
@@ -88,10 +187,15 @@ class ResponseEstimator:
     """
 
     def __init__(
-        self, rate: float, memory: float, window: float = EVALUATION_WINDOW, least: float = 0.0
+        self,
+        trace: Trace,
+        rate: float,
+        memory: float,
+        window: float = EVALUATION_WINDOW,
+        least: float = 0.0,
     ) -> None:
-        self._length = _power_of_two(window * rate)
-        self._hop = self._length // LOOKS
+        length = _power_of_two(window * rate)
+        super().__init__(trace, length, length // LOOKS)
         self.interval = self._hop / rate
         self.frequency: FloatArray = np.fft.rfftfreq(self._length, 1.0 / rate).astype(np.float64)
         shape = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(self._length) + 0.5) / self._length)
@@ -99,8 +203,7 @@ class ResponseEstimator:
         self._least = least
         self.model: ComplexArray = np.ones(len(self.frequency), dtype=np.complex128)
         self.memory = memory
-        self._window = PairedWindow(self._length, self._hop)
-        self._work: Iterator[bool] = iter(())
+        self.read: Callable[[int], tuple[FloatArray, FloatArray]] = self._force_and_motion
         self.reset()
 
     @property
@@ -114,24 +217,6 @@ class ResponseEstimator:
         power = np.maximum(self.excitation * self.output, np.finfo(float).tiny)
         return np.asarray(np.abs(self.cross) ** 2 / power)
 
-    def observe(self, force: float, acceleration: float) -> None:
-        """Store one sample of input and output (NaN if unknown).
-
-        Parameters
-        ----------
-        force : float
-            Input: a force, N, or an expected acceleration, m/s^2; finite.
-        acceleration : float
-            Output measured at the same tick, m/s^2. A delay between the two that is short compared
-            with `EVALUATION_WINDOW` is part of the response.
-        """
-        if self._window.push(force, acceleration):
-            self._work = self._look()
-
-    def update(self) -> bool:
-        """Execute a part of pending computations; return True after a new estimate."""
-        return next(self._work, False)
-
     def reset(self) -> None:
         """Forget all samples."""
         lines = len(self.frequency)
@@ -140,32 +225,35 @@ class ResponseEstimator:
         self.weight = 0.0  # sum over all windows, each new one with weight 1
         self.surprise = 1.0
         self.estimates = 0
-        self._work = iter(())
-        self._window.reset()
+        self.restart()
 
-    def _look(self) -> Iterator[bool]:
-        """Evaluate the latest window in parts; yield after each part, finally True."""
-        given, shown = (samples[::-1].copy() for samples in self._window.latest())
+    def _look(self, late: int) -> Iterator[bool | None]:
+        given, shown = self.read(self._length)
         # Gravity is not part of the response, and would leak into the lowest lines.
         given -= given.mean()
         if float(given.dot(given)) < self._length * self._least**2:
             return
         cause = self.model * np.fft.rfft(given * self._shape)
-        yield False
+        yield None
         effect = np.fft.rfft((shown - shown.mean()) * self._shape)
         if self.weight > FEW:
             self.surprise += (self._surprise(cause, effect) - self.surprise) / 2.0
-        yield False
+        yield None
         weight = math.exp(-self.interval / self.memory) * self.weight + 1.0
         share = 1.0 / weight
         excitation = self.excitation + share * (np.abs(cause) ** 2 - self.excitation)
         output = self.output + share * (np.abs(effect) ** 2 - self.output)
         cross = self.cross + share * (cause.conj() * effect - self.cross)
-        yield False
+        yield None
         # All in one step, so that the values are consistent.
         self.weight, self.excitation, self.output, self.cross = weight, excitation, output, cross
         self.estimates += 1
         yield True
+
+    def _force_and_motion(self, length: int) -> tuple[FloatArray, FloatArray]:
+        signals = self.trace.force, self.trace.measured
+        force, motion = (latest(self.trace, signal, length) for signal in signals)
+        return force, motion
 
     def _surprise(self, cause: ComplexArray, effect: ComplexArray) -> float:
         """Return the unexplained power of a window relative to the predicted one."""
@@ -177,17 +265,18 @@ class ResponseEstimator:
         return float(left.sum()) / max(predicted, np.finfo(float).tiny)
 
 
-class AutocorrelationEstimator:
+class AutocorrelationEstimator(Evaluation):
     """Autocorrelation of a signal, up to a lag, with forgetting.
 
     The signal is weighted by an exponential that falls into the past, and its autocorrelation by
     Bartlett's lag window, so that the spectrum is nowhere negative (Blackman and Tukey, Bell
     System Tech. J. 37, 1958). At lags far below the longest the result is nearly exact.
 
-    `observe` only stores a sample; `update` does all computations in parts.
-
     Parameters
     ----------
+    trace : Trace
+        Samples that `update` reads, in parts: of `drive`, while `desired` shows that there is
+        something to learn.
     rate : float
         Samples per second.
     memory : float
@@ -197,7 +286,7 @@ class AutocorrelationEstimator:
     longest : float
         Longest lag, s.
     least : float
-        Minimum root mean square of the level for an evaluation; below it nothing changes.
+        Minimum root mean square of `desired` for an evaluation; below it nothing changes.
 
     Attributes
     ----------
@@ -209,58 +298,46 @@ class AutocorrelationEstimator:
     """
 
     def __init__(
-        self, rate: float, memory: float, interval: float, longest: float, least: float
+        self,
+        trace: Trace,
+        rate: float,
+        memory: float,
+        interval: float,
+        longest: float,
+        least: float,
     ) -> None:
+        hop = round(interval * rate)
+        super().__init__(trace, hop, hop)
         self._lags = _power_of_two(longest * rate)
-        self._hop = round(interval * rate)
+        trace.kept = max(trace.kept, self._lags + 2 * hop)
         self._least = self._hop * least**2
         self._kept = math.exp(-self._hop / rate / memory)
         # The weight of a product is the geometric mean of those of its two samples.
         lag = np.arange(self._lags)
         self._faded = self._kept ** (lag / (2 * self._hop)) * (1.0 - lag / self._lags)
-        self._window = SampleWindow(self._lags + self._hop)
-        self._count, self._power = 0, 0.0
-        self._work: Iterator[bool] = iter(())
         self.reset()
-
-    def observe(self, level: float, value: float) -> None:
-        """Store one sample.
-
-        Parameters
-        ----------
-        level : float
-            Signal that shows whether there is something to learn.
-        value : float
-            Signal whose autocorrelation is estimated.
-        """
-        latest = self._window.push(value)
-        self._power += level * level
-        self._count += 1
-        if self._count == self._hop:
-            if self._power >= self._least:
-                self._work = self._look(latest.copy())
-            self._count, self._power = 0, 0.0
-
-    def update(self) -> bool:
-        """Execute a part of pending computations; return True after a new estimate."""
-        return next(self._work, False)
 
     def reset(self) -> None:
         """Forget all samples."""
         self.sequence = np.zeros(self._lags)
         self.weight = 0.0
-        self._count, self._power = 0, 0.0
-        self._work = iter(())
-        self._window.reset()
+        self.restart()
 
-    def _look(self, latest: FloatArray) -> Iterator[bool]:
-        """Add the products of the newest samples with all before; finally yield True."""
-        newest = np.fft.rfft(latest[: self._hop], len(latest))
-        yield False
-        spectrum = np.fft.rfft(latest)
-        yield False
-        products = np.fft.irfft(newest.conj() * spectrum, len(latest))[: self._lags]
-        yield False
+    def _has_gaps(self, end: int) -> bool:
+        return False  # no measurement is needed
+
+    def _look(self, late: int) -> Iterator[bool | None]:
+        trace = self.trace
+        level = latest(trace, trace.desired, self._hop, late)
+        if float(level.dot(level)) < self._least:
+            return
+        samples = latest(trace, trace.drive, self._lags + self._hop, late, self._start)[::-1]
+        newest = np.fft.rfft(samples[: self._hop], len(samples))
+        yield None
+        spectrum = np.fft.rfft(samples)
+        yield None
+        products = np.fft.irfft(newest.conj() * spectrum, len(samples))[: self._lags]
+        yield None
         self.sequence = self._kept * self.sequence + self._faded * products
         self.weight = self._kept * self.weight + 1.0
         yield True
@@ -269,76 +346,3 @@ class AutocorrelationEstimator:
 def _power_of_two(samples: float) -> int:
     """Return the nearest length for fast transforms, at least 16."""
     return 1 << max(4, round(math.log2(samples)))
-
-
-MOST_MISSING = 0.02
-"""Maximum fraction of missing samples in a window; they repeat the previous value."""
-
-
-class PairedWindow:
-    """Buffer of cause and effect that reports when a window can be evaluated.
-
-    Parameters
-    ----------
-    length : int
-        Number of samples.
-    hop : int
-        Number of samples from one evaluation to the next.
-    """
-
-    def __init__(self, length: int, hop: int) -> None:
-        self._length, self._hop = length, hop
-        # Filled from its end to its beginning, as in `SampleWindow`.
-        self._cause, self._effect = np.zeros(2 * length), np.zeros(2 * length)
-        self._newest = length
-        # Missing samples in the present part of the window, and in the parts before.
-        self._missing: deque[int] = deque(maxlen=math.ceil(length / hop))
-        self.reset()
-
-    def push(self, cause: float, effect: float) -> bool:
-        """Add a sample pair; return True if the window is due and complete enough.
-
-        Parameters
-        ----------
-        cause : float
-            Finite.
-        effect : float
-            NaN if missing, infinite if the sensor was saturated.
-        """
-        newest = self._newest - 1
-        if newest < 0:
-            newest = self._moved()
-        if not math.isfinite(effect):
-            # A saturated sample hides the largest values: its window is not used.
-            self._missing[-1] += 1 if math.isnan(effect) else self._length
-            effect = self._effect[newest + 1]
-        self._newest = newest
-        self._cause[newest] = cause
-        self._effect[newest] = effect
-        self._samples += 1
-        if self._samples % self._hop:
-            return False
-        few = sum(self._missing) <= MOST_MISSING * self._length
-        self._missing.append(0)
-        return self._samples >= self._length and few
-
-    def latest(self) -> tuple[FloatArray, FloatArray]:
-        """Return cause and effect, newest first; views until the next sample."""
-        latest = slice(self._newest, self._newest + self._length)
-        return self._cause[latest], self._effect[latest]
-
-    def reset(self) -> None:
-        """Discard all samples."""
-        self._samples = 0
-        self._missing.clear()
-        self._missing.append(0)
-        self._cause[:] = self._effect[:] = 0.0
-        self._newest = self._length
-
-    def _moved(self) -> int:
-        """Move the samples still needed to the end; return the index before them."""
-        kept = self._length - 1
-        index = len(self._cause) - kept
-        for samples in (self._cause, self._effect):
-            samples[index:] = samples[:kept]
-        return index - 1

@@ -21,14 +21,14 @@ import math
 
 import numpy as np
 
+from haptic_accel.core.control import response_estimation
 from haptic_accel.core.control.diagnosis import Diagnosis
 from haptic_accel.core.control.feedback_design import MODEL_MEMORY, GripRange
-from haptic_accel.core.control.inversion.convolution import SampleConvolution
-from haptic_accel.core.control.response_estimation import EVALUATION_WINDOW, ResponseEstimator
 from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 from haptic_accel.core.sampling import BoolArray
+from haptic_accel.core.tick import Trace
 
 COMPARISON_MEMORY = 0.5
 """Time constant of the comparison, s: about eight independent windows, with a result within a
@@ -89,25 +89,27 @@ class ResponseSupervisor:
         Identified plant, with coupling and latency.
     rate : float
         Samples per second.
+    trace : Trace
+        Force sent at each sample, and acceleration measured at the sample before.
 
     Attributes
     ----------
+    trace : Trace
     taps : ndarray, shape (n,)
         Impulse response of the model from force to acceleration, m/s^2 per N.
-    fitting : float
-        Time for which all evaluated bands have fitted, s, since the last deviation or the last
-        saturated sample.
-    expected : float
-        Model's acceleration at the tick of the next measurement, m/s^2.
     """
 
-    def __init__(self, plant: Plant, rate: float) -> None:
+    def __init__(self, plant: Plant, rate: float, trace: Trace) -> None:
         length = max(2, round(MODEL_MEMORY * rate))
         grid = grid_for(rate, length)
         self.taps = grid.sequence(plant.response(grid.frequency, rate))[:length]
-        self._model = SampleConvolution(self.taps)
-        self._estimator = ResponseEstimator(rate, COMPARISON_MEMORY)
-        self._holding = round(EVALUATION_WINDOW * rate)
+        self.trace = trace
+        self._estimator = response_estimation.ResponseEstimator(trace, rate, COMPARISON_MEMORY)
+        self._estimator.read = self._pairs
+        trace.kept = max(
+            trace.kept, round(2.0 * response_estimation.EVALUATION_WINDOW * rate) + length
+        )
+        self._holding = round(response_estimation.EVALUATION_WINDOW * rate)
         self._edges = _edges(rate)
         lines = self._estimator.frequency
         inside = [(lines >= low) & (lines < high) for low, high in self._edges]
@@ -118,7 +120,6 @@ class ResponseSupervisor:
         self._power: float
         self._squares: float
         self._per_force = np.zeros(len(lines))
-        self.expected = 0.0
         counted = lines >= CONTINUOUS
         self._per_force[counted] = 1.0 / np.abs(plant.response(lines[counted], rate)) ** 2
         self.reset()
@@ -154,23 +155,32 @@ class ResponseSupervisor:
         where = f"between {low:g} and {high:g} Hz" if fits_above else f"above {low:g} Hz"
         return f"{DEVIATES} {where}: run identify"
 
-    def observe(self, measured_acceleration: float, actuator_force: float) -> None:
-        """Process one sample.
+    @property
+    def fitting(self) -> float:
+        """Time for which all evaluated bands have fitted, s.
 
-        Parameters
-        ----------
-        measured_acceleration : float
-            Handle acceleration of the previous sample, m/s^2; NaN if missing, infinite if its
-            sensor was saturated.
-        actuator_force : float
-            Force sent at this sample, N.
+        It begins with the last deviation or the last saturated sample.
         """
-        if math.isinf(measured_acceleration):
-            self.fitting = 0.0
-        if self._held:
-            self._held -= 1
-        self._estimator.observe(self.expected, measured_acceleration)
-        self.expected = self._model.process(actuator_force)
+        saturated = self.trace.saturated
+        return 0.0 if saturated and saturated[-1] >= self._fitted_from else self._fitting
+
+    @property
+    def left(self) -> int:
+        """Number of samples until `update` has something to do."""
+        return self._estimator.left
+
+    def expected(self, length: int, force: list[float], start: int = 0) -> FloatArray:
+        """Return the model's acceleration at the latest samples, m/s^2, oldest first.
+
+        It is that for a force of the trace, zero before a start, which acts from the next sample
+        on.
+        """
+        past = response_estimation.latest(self.trace, force, length + len(self.taps) - 1, 1, start)
+        return np.convolve(past, self.taps, "valid")
+
+    def _pairs(self, length: int) -> tuple[FloatArray, FloatArray]:
+        measured = response_estimation.latest(self.trace, self.trace.measured, length)
+        return self.expected(length, self.trace.force), measured
 
     def update(self) -> bool:
         """Execute a part of pending computations; return True after a new result."""
@@ -179,7 +189,7 @@ class ResponseSupervisor:
         if done:
             self._judge()
             evaluations = self._evaluations()
-            if not self._held:
+            if self.trace.count >= self._held_until:
                 response, coherence = estimator.response, estimator.coherence
                 density = estimator.excitation
                 self._diagnosis.judge(
@@ -189,7 +199,7 @@ class ResponseSupervisor:
 
     def hold(self) -> None:
         """Name no difference as long as a window holds this sample, in which a limit acts."""
-        self._held = self._holding
+        self._held_until = self.trace.count + self._holding
 
     def _evaluations(self) -> float:
         """Return the number of evaluations that share the expected power of the estimate."""
@@ -201,18 +211,17 @@ class ResponseSupervisor:
         return power**2 / self._squares if self._squares else 0.0
 
     def reset(self) -> None:
-        """Discard all samples and results."""
-        self._model.reset()
+        """Discard all samples and results; the trace begins anew."""
+        self.trace.reset()
         self._estimator.reset()
         self._diagnosis.reset()
-        self.expected = 0.0
-        self._held = 0  # samples to come without names
+        self._held_until = 0  # count from which differences are named
         # Power of all windows, and sum of the squared powers of each.
         self._power, self._squares = 0.0, 0.0
         bands = len(self._edges)
         self._over, self._under = np.zeros(bands), np.zeros(bands)
         self._bad, self._judged_once = np.zeros(bands, dtype=bool), np.zeros(bands, dtype=bool)
-        self.fitting = 0.0
+        self._fitting, self._fitted_from = 0.0, 0
 
     def _judge(self) -> None:
         judged, deviation, tolerated = self._deviations()
@@ -225,7 +234,8 @@ class ResponseSupervisor:
         self._under = _counted(self._under, judged, judged & fits, interval)
         self._bad = (self._bad | (self._over >= RAISING)) & (self._under < FITTING)
         self._judged_once |= judged
-        self.fitting = 0.0 if over.any() else self.fitting + interval
+        self._fitting = 0.0 if over.any() else self.fitting + interval
+        self._fitted_from = self.trace.count
 
     def _deviations(self) -> tuple[BoolArray, FloatArray, FloatArray]:
         """Return the evaluated bands, their deviations, and the tolerances."""
@@ -266,11 +276,11 @@ def supervise(
     time : float
         Time since the start, s; NaN without a warning.
     """
-    supervisor = ResponseSupervisor(plant, rate)
+    supervisor = ResponseSupervisor(plant, rate, Trace())
     last, first = "", math.nan
     before = [math.nan, *acceleration.tolist()]
     for index, sent in enumerate(force.tolist()):
-        supervisor.observe(before[index], sent)
+        supervisor.trace.push(0.0, before[index], sent, 0.0)
         if supervisor.update() and supervisor.warning:
             last = supervisor.warning
             first = index / rate if math.isnan(first) else first

@@ -26,5 +26,6 @@ from haptic_accel.core.tick.guard import scale_within as scale_within
 from haptic_accel.core.tick.kernels import add_scaled, dot, dots, peak, product, row_dot
 from haptic_accel.core.tick.limits import STOPPED as STOPPED
 from haptic_accel.core.tick.limits import SafetyLayer as SafetyLayer
+from haptic_accel.core.tick.watching import Trace as Trace
 
 __all__ = ["add_scaled", "dot", "dots", "peak", "product", "row_dot"]

@@ -14,13 +14,18 @@
 # limitations under the License.
 """Tests of the check of the axes: turned sensors are named, other hands are not."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 from scipy import signal
 from scipy.spatial.transform import Rotation
 
 from haptic_accel.core.control.alignment import Alignment
+from haptic_accel.core.control.supervision import ResponseSupervisor
+from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.tick import Trace
 
 RATE = 1000.0
 NOISE = 0.2
@@ -35,16 +40,28 @@ def textures(seconds: float = 2.0) -> FloatArray:
     return np.asarray(1.5 * passed / passed.std(axis=0))
 
 
+class Coils:
+    """Alignment of three coils whose expected acceleration is the force of the sample before."""
+
+    def __init__(self) -> None:
+        self._coils = [ResponseSupervisor(Plant(), RATE, Trace()) for _ in range(3)]
+        for coil in self._coils:
+            coil.taps = np.array([1.0])
+        self.alignment = Alignment(RATE, self._coils)
+
+    def run(self, expected: FloatArray, measured: FloatArray) -> Iterator[str]:
+        """Yield the warning after each sample."""
+        for sample in zip(measured.tolist(), np.roll(expected, -1, axis=0).tolist(), strict=True):
+            for coil, known, force in zip(self._coils, *sample, strict=True):
+                coil.trace.push(0.0, known, force, 0.0)
+            self.alignment.update()
+            yield self.alignment.warning
+
+
 def judged(expected: FloatArray, measured: FloatArray) -> list[str]:
     """Return the warning after each sample."""
-    alignment = Alignment(RATE)
     noise = np.random.default_rng(2).normal(0.0, NOISE, measured.shape)
-    warnings = []
-    for sample in zip(expected.tolist(), (measured + noise + 9.8).tolist(), strict=True):
-        alignment.observe(*sample)
-        alignment.update()
-        warnings.append(alignment.warning)
-    return warnings
+    return list(Coils().run(expected, measured + noise + 9.8))
 
 
 def turned(degrees: float, axis: tuple[float, float, float]) -> FloatArray:
@@ -122,11 +139,9 @@ def test_a_single_tap_tells_nothing() -> None:
 def test_motion_while_a_limit_acts_is_not_judged() -> None:
     expected = textures()
     measured = expected @ turned(45.0, (1, 0, 0)).T
-    alignment = Alignment(RATE)
-    for index, sample in enumerate(zip(expected.tolist(), measured.tolist(), strict=True)):
-        if index % 50 == 0 and index < 1000:
-            alignment.hold()
-        alignment.observe(*sample)
-        alignment.update()
-        assert not alignment.warning or index > 1100
-    assert alignment.warning
+    coils = Coils()
+    for index, warning in enumerate(coils.run(expected, measured)):
+        if (index + 1) % 50 == 0 and index < 1000:
+            coils.alignment.hold()
+        assert not warning or index > 1100
+    assert warning

@@ -41,6 +41,7 @@ from haptic_accel.core.control.authority import (
     Listening,
 )
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.tick import Trace
 
 RATE = 1000.0
 
@@ -71,7 +72,7 @@ def run(
         desired.tolist(), response.tolist(), others.tolist(), strict=True
     ):
         moved.append(authority.used * full + more)
-        authority.observe([wanted], moved[-1:])
+        authority.traces[0].push(wanted, moved[-1], 0.0, 0.0)
         authority.update(described)
         fractions.append(authority.used)
     return np.array(fractions), np.array(moved)
@@ -84,7 +85,7 @@ def error(desired: FloatArray, moved: FloatArray) -> float:
 def test_a_handle_that_follows_gets_the_full_force_exactly() -> None:
     desired = texture(3.0)
     disturbed = desired + texture(3.0, 0.3, seed=1)  # an error of 15 %
-    fractions, _ = run(Authority(RATE), desired, disturbed)
+    fractions, _ = run(Authority(RATE, [Trace()]), desired, disturbed)
     assert np.array_equal(fractions, np.ones_like(fractions))
 
 
@@ -94,7 +95,7 @@ def test_a_response_that_is_too_large_is_scaled_to_about_what_is_desired(
     gain: float, seed: int
 ) -> None:
     desired = texture(2.0, seed=seed)
-    fractions, moved = run(Authority(RATE), desired, gain * desired)
+    fractions, moved = run(Authority(RATE, [Trace()]), desired, gain * desired)
     # The fraction of least error is 1 / gain.
     assert fractions[500:] * gain == pytest.approx(1.0, abs=0.3)
     assert error(desired[500:], moved[500:]) < 0.3
@@ -106,13 +107,13 @@ def test_a_response_to_nothing_desired_is_reduced_until_it_does_no_harm(
     gain: float, seed: int
 ) -> None:
     desired, unrelated = texture(4.0, seed=seed), texture(4.0, seed=seed + 1000)
-    _, moved = run(Authority(RATE), desired, gain * unrelated)
+    _, moved = run(Authority(RATE, [Trace()]), desired, gain * unrelated)
     assert error(desired[1000:], moved[1000:]) <= 1.02
 
 
 def test_a_reduction_is_reported_once_it_lasts() -> None:
     desired, unrelated = texture(4.0), texture(4.0, 4.0, seed=1000)
-    lasting, jerked = Authority(RATE), Authority(RATE)
+    lasting, jerked = Authority(RATE, [Trace()]), Authority(RATE, [Trace()])
     jerk = np.where(np.arange(len(desired)) < 80, unrelated, 0.0)
     for begin in range(0, len(desired), 100):
         part = slice(begin, begin + 100)
@@ -129,14 +130,14 @@ def test_a_reduction_is_reported_once_it_lasts() -> None:
 @pytest.mark.parametrize("gain", [-0.5, -1.0, -10.0])
 def test_swapped_wires_cost_what_is_accepted(gain: float) -> None:
     desired = texture(4.0)
-    fractions, moved = run(Authority(RATE), desired, gain * desired)
+    fractions, moved = run(Authority(RATE, [Trace()]), desired, gain * desired)
     # (1 + f g)^2 = 1 + SLIGHT with the fraction f and the gain g.
     assert error(desired[1000:], moved[1000:]) <= math.sqrt(1.0 + 2.0 * SLIGHT)
     assert fractions[1000:].max() < 0.1
 
 
 def test_the_full_force_returns_once_the_response_fits() -> None:
-    authority = Authority(RATE)
+    authority = Authority(RATE, [Trace()])
     desired = texture(4.0)
     response = np.concatenate([-5.0 * desired[:2000], desired[2000:]])
     fractions, _ = run(authority, desired, response)
@@ -149,12 +150,12 @@ def test_noise_that_was_there_before_the_contact_is_not_the_force_s() -> None:
     desired = texture(4.0, 0.5)
     desired[:1000] = 0.0
     noise = np.random.default_rng(3).normal(0.0, 0.5, len(desired))
-    fractions, _ = run(Authority(RATE), desired, desired, noise)
+    fractions, _ = run(Authority(RATE, [Trace()]), desired, desired, noise)
     assert fractions[1500:].mean() > 0.9
 
 
 def test_after_silence_a_reduced_force_is_used_with_caution() -> None:
-    authority = Authority(RATE)
+    authority = Authority(RATE, [Trace()])
     desired = texture(4.0)
     desired[1000:2000] *= 0.1 * SILENT / 2.0
     used, moved = run(authority, desired, 4.0 * desired)
@@ -168,7 +169,7 @@ def test_after_silence_a_reduced_force_is_used_with_caution() -> None:
 def test_silence_changes_nothing_on_a_handle_that_follows() -> None:
     desired = texture(4.0)
     desired[1000:2000] *= 0.1 * SILENT / 2.0
-    used, _ = run(Authority(RATE), desired, desired)
+    used, _ = run(Authority(RATE, [Trace()]), desired, desired)
     assert np.array_equal(used, np.ones_like(used))
 
 
@@ -178,14 +179,14 @@ def test_a_handle_that_rings_as_the_tool_lifts_off_keeps_its_force() -> None:
     desired[1300:] *= 0.01
     ringing = np.zeros(len(desired))
     ringing[1000:] = 0.8 * np.exp(-np.arange(1000) / 300.0) * np.sin(np.arange(1000) / 2.0)
-    used, _ = run(Authority(RATE), desired, desired, ringing)
+    used, _ = run(Authority(RATE, [Trace()]), desired, desired, ringing)
     assert np.array_equal(used, np.ones_like(used))
 
 
 def test_an_oscillation_in_silence_is_reduced() -> None:
     silence = np.zeros(2000)
     unstable = 20.0 * np.sin(2 * np.pi * 150.0 * np.arange(2000) / RATE)
-    fractions, moved = run(Authority(RATE), silence, unstable)
+    fractions, moved = run(Authority(RATE, [Trace()]), silence, unstable)
     assert fractions[-1] < 0.1
     assert np.abs(moved[-500:]).max() < 2.0
 
@@ -193,7 +194,7 @@ def test_an_oscillation_in_silence_is_reduced() -> None:
 def test_what_moves_a_handle_as_described_in_silence_is_not_the_force() -> None:
     silence = np.zeros(1000)
     jolt = 20.0 * np.exp(-np.arange(1000) / 50.0) * np.sin(np.arange(1000) / 10.0)
-    authority = Authority(RATE)
+    authority = Authority(RATE, [Trace()])
     run(authority, silence, silence, jolt, described=True)
     assert authority.fraction == 1.0
 
@@ -202,21 +203,19 @@ def test_gravity_and_the_motion_of_the_hand_do_not_count() -> None:
     desired = texture(4.0)
     time = np.arange(len(desired)) / RATE
     hand = 6.9 + 0.5 * np.sin(2 * np.pi * 1.0 * time)
-    fractions, _ = run(Authority(RATE), desired, desired, hand)
+    fractions, _ = run(Authority(RATE, [Trace()]), desired, desired, hand)
     assert np.array_equal(fractions, np.ones_like(fractions))
 
 
 def test_samples_that_are_missing_are_bridged() -> None:
-    authority, desired = Authority(RATE), texture(1.0)
-    for number, value in enumerate(desired.tolist()):
-        authority.observe([value], [math.nan if number % 100 == 0 else value])
-        authority.update(described=False)
+    authority, desired = Authority(RATE, [Trace()]), texture(1.0)
+    run(authority, desired, np.where(np.arange(len(desired)) % 100 == 0, math.nan, desired))
     assert authority.fraction == 1.0
 
 
 @pytest.mark.parametrize("rate", [100.0, 500.0, 4000.0])
 def test_any_rate_will_do(rate: float) -> None:
-    authority = Authority(rate)
+    authority = Authority(rate, [Trace()])
     noise = np.random.default_rng(2).standard_normal(round(4 * rate))
     fractions, _ = run(authority, noise, -10.0 * noise)
     assert LOWEST <= fractions[-1] < 0.1
@@ -231,7 +230,7 @@ def test_a_useless_force_remains_as_large_as_can_be_told_from_noise(noise: float
     # From the first sample on there is a texture, so the noise was never heard in silence.
     desired, unrelated = texture(12.0), texture(12.0, seed=1)
     disturbed = texture(12.0, noise, seed=2) if noise else 0.0
-    authority = Authority(RATE)
+    authority = Authority(RATE, [Trace()])
     run(authority, desired, 4.0 * unrelated, disturbed)
     fractions, _ = run(authority, desired, 4.0 * unrelated, disturbed)
     # (4 f)^2 = SLIGHT with the fraction f: what it causes is a small part of the noise.
@@ -242,7 +241,7 @@ def test_a_useless_force_remains_as_large_as_can_be_told_from_noise(noise: float
 def test_the_first_contact_of_a_handle_that_moves_in_silence_begins_with_caution(
     stirred: float, first: float
 ) -> None:
-    authority = Authority(RATE)
+    authority = Authority(RATE, [Trace()])
     desired = texture(5.0)
     desired[:1000] = desired[3000:4000] = 0.0
     noise = np.random.default_rng(3).normal(0.0, stirred, len(desired))
@@ -256,7 +255,7 @@ def test_the_first_contact_of_a_handle_that_moves_in_silence_begins_with_caution
 def test_a_force_that_the_limits_cut_is_reduced_for_a_while_unless_the_handle_is_known(
     described: bool,
 ) -> None:
-    authority = Authority(RATE)
+    authority = Authority(RATE, [Trace()])
     desired = texture(6.0)
     run(authority, desired[:1000], desired[:1000], described=described)
     authority.limit(0.9)

@@ -37,6 +37,7 @@ from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import AccelerometerParameters, HandleParameters
 from haptic_accel.core.rig.held_rig import DriveParameters
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+from haptic_accel.core.tick import Trace
 
 RATE = 1000.0
 TABLE_I = HandleParameters()
@@ -46,7 +47,7 @@ PLANT = Plant()
 
 
 def estimator(**parameters: float) -> GripEstimator:
-    return GripEstimator(PLANT, RATE, AdaptationParameters(**parameters))
+    return GripEstimator(Trace(), PLANT, RATE, AdaptationParameters(**parameters))
 
 
 def rig(handle: HandleParameters, noise: float = 0.0, rate: float = RATE) -> MasterRig:
@@ -78,7 +79,8 @@ def drive(
     for index in range(first, first + round(seconds * rate)):
         master.advance(index / rate)
         # Both of the sample before.
-        of.observe(applied, math.nan if index % missing_every == missing_every - 1 else measured)
+        known = math.nan if index % missing_every == missing_every - 1 else measured
+        of.trace.push(0.0, known, applied, 0.0)
         measured = master.measure().acceleration[ACTUATOR_AXIS]
         wave = math.sin(2 * math.pi * tone * index / rate) if tone else random.normal()
         applied = force * wave
@@ -105,7 +107,7 @@ def test_the_grip_is_found_from_force_and_acceleration(
 
 
 def test_it_is_found_at_4_khz_too() -> None:
-    found = GripEstimator(PLANT, 4000.0, AdaptationParameters())
+    found = GripEstimator(Trace(), PLANT, 4000.0, AdaptationParameters())
     drive(found, rig(SOFT, rate=4000.0), 2.5, rate=4000.0)
     assert found.grip[0] == pytest.approx(SOFT.m_h, rel=0.05)
 
@@ -113,7 +115,7 @@ def test_it_is_found_at_4_khz_too() -> None:
 def test_it_works_at_30_hz_without_a_warning() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = GripEstimator(PLANT, 30.0, AdaptationParameters())
+        found = GripEstimator(Trace(), PLANT, 30.0, AdaptationParameters())
         drive(found, rig(SOFT, rate=30.0), 5.0, rate=30.0)
     assert np.isfinite(found.grip).all()
 
@@ -228,10 +230,9 @@ def test_whatever_it_sees_the_grip_stays_in_the_safe_set(
 ) -> None:
     found = estimator()
     random = np.random.default_rng(seed)
-    for f, a in zip(
-        random.normal(0, force, 1500), random.normal(0, acceleration, 1500), strict=True
-    ):
-        found.observe(float(f), float(a))
+    signals = random.normal(0.0, 1.0, (1500, 2)) * (force, acceleration)
+    for f, a in signals.tolist():
+        found.trace.push(0.0, a, f, 0.0)
         found.update()
     assert np.isfinite(found.grip).all()
     factors = found.grip / grip_of(TABLE_I)
@@ -242,7 +243,7 @@ def test_whatever_it_sees_the_grip_stays_in_the_safe_set(
 def test_an_accelerometer_that_is_dead_changes_nothing() -> None:
     found = estimator()
     for force in np.random.default_rng(0).normal(0.0, 0.5, 1000).tolist():
-        found.observe(force, 0.0)
+        found.trace.push(0.0, 0.0, force, 0.0)
         found.update()
     assert found.grip == pytest.approx(grip_of(TABLE_I))
     assert found.at_end == {}

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import pytest
@@ -25,10 +26,12 @@ from scipy import signal
 
 from haptic_accel.core.control.response_estimation import (
     AutocorrelationEstimator,
-    PairedWindow,
+    Evaluation,
     ResponseEstimator,
+    latest,
 )
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.tick import Trace
 
 RATE = 1000.0
 
@@ -37,10 +40,14 @@ def noise(samples: int, seed: int = 1) -> FloatArray:
     return np.random.default_rng(seed).standard_normal(samples)
 
 
-def feed(estimator: ResponseEstimator, cause: FloatArray, effect: FloatArray) -> None:
+def feed(estimator: ResponseEstimator, cause: FloatArray, effect: FloatArray) -> list[float]:
+    """Give all samples; return the surprise after each."""
+    surprises = []
     for given, shown in zip(cause.tolist(), effect.tolist(), strict=True):
-        estimator.observe(given, shown)
+        estimator.trace.push(0.0, shown, given, 0.0)
         estimator.update()
+        surprises.append(estimator.surprise)
+    return surprises
 
 
 def within(estimator: ResponseEstimator, low: float, high: float) -> FloatArray:
@@ -51,7 +58,7 @@ def within(estimator: ResponseEstimator, low: float, high: float) -> FloatArray:
 def test_it_finds_a_filter(rate: float) -> None:
     sections = signal.butter(2, [60, 200], "bandpass", fs=rate, output="sos")
     cause = noise(round(8 * rate))
-    estimator = ResponseEstimator(rate, memory=4.0)
+    estimator = ResponseEstimator(Trace(), rate, memory=4.0)
     feed(estimator, cause, signal.sosfilt(sections, cause))
     band = within(estimator, 60.0, 200.0)
     true = signal.sosfreqz(sections, estimator.frequency[band], fs=rate)[1]
@@ -60,7 +67,7 @@ def test_it_finds_a_filter(rate: float) -> None:
 
 
 def test_its_excitation_is_a_density() -> None:
-    estimator = ResponseEstimator(1000.0, memory=4.0)
+    estimator = ResponseEstimator(Trace(), 1000.0, memory=4.0)
     cause = 3.0 * noise(8000)
     feed(estimator, cause, cause)
     # White noise of variance 9 at 1 kHz: 9 / 500 per Hz.
@@ -69,14 +76,14 @@ def test_its_excitation_is_a_density() -> None:
 
 
 def test_independent_noise_is_not_coherent() -> None:
-    estimator = ResponseEstimator(1000.0, memory=2.0)
+    estimator = ResponseEstimator(Trace(), 1000.0, memory=2.0)
     feed(estimator, noise(6000, 1), noise(6000, 2))
     band = within(estimator, 20.0, 480.0)
     assert estimator.coherence[band].mean() < 0.15
 
 
 def test_gravity_is_not_part_of_it() -> None:
-    plain, under = ResponseEstimator(1000.0, 1.0), ResponseEstimator(1000.0, 1.0)
+    plain, under = ResponseEstimator(Trace(), 1000.0, 1.0), ResponseEstimator(Trace(), 1000.0, 1.0)
     cause = noise(2000)
     feed(plain, cause, cause)
     feed(under, cause, cause + 9.81)
@@ -84,7 +91,7 @@ def test_gravity_is_not_part_of_it() -> None:
 
 
 def test_it_follows_a_change_and_forgets() -> None:
-    estimator = ResponseEstimator(1000.0, memory=0.3)
+    estimator = ResponseEstimator(Trace(), 1000.0, memory=0.3)
     cause = noise(4000)
     feed(estimator, cause[:2000], cause[:2000])
     feed(estimator, cause[2000:], -2.0 * cause[2000:])
@@ -93,7 +100,7 @@ def test_it_follows_a_change_and_forgets() -> None:
 
 
 def test_silence_keeps_the_response_and_not_the_excitation() -> None:
-    estimator = ResponseEstimator(1000.0, memory=0.3)
+    estimator = ResponseEstimator(Trace(), 1000.0, memory=0.3)
     cause = noise(2000)
     feed(estimator, cause, 2.0 * cause)
     response, excitation = estimator.response, estimator.excitation
@@ -103,19 +110,8 @@ def test_silence_keeps_the_response_and_not_the_excitation() -> None:
     assert estimator.excitation[band].mean() < 1e-3 * excitation[band].mean()
 
 
-def test_windows_with_many_missing_samples_are_left_out() -> None:
-    estimator = ResponseEstimator(1000.0, memory=0.3)
-    cause = noise(2000)
-    effect = cause.copy()
-    effect[::20] = math.nan
-    feed(estimator, cause, effect)
-    assert estimator.estimates == 0
-    feed(estimator, cause[:512], cause[:512])
-    assert estimator.estimates > 0
-
-
 def test_reset_forgets_all() -> None:
-    used, fresh = ResponseEstimator(1000.0, 1.0), ResponseEstimator(1000.0, 1.0)
+    used, fresh = ResponseEstimator(Trace(), 1000.0, 1.0), ResponseEstimator(Trace(), 1000.0, 1.0)
     feed(used, noise(1100, 3), noise(1100, 4))
     used.reset()
     cause = noise(1000)
@@ -127,7 +123,7 @@ def test_reset_forgets_all() -> None:
 
 def test_a_model_makes_it_a_ratio() -> None:
     sections = signal.butter(2, [60, 200], "bandpass", fs=1000.0, output="sos")
-    estimator = ResponseEstimator(1000.0, memory=4.0, window=0.5)
+    estimator = ResponseEstimator(Trace(), 1000.0, memory=4.0, window=0.5)
     estimator.model[1:] = signal.sosfreqz(sections, estimator.frequency[1:], fs=1000.0)[1]
     cause = noise(8000)
     feed(estimator, cause, 1.5 * signal.sosfilt(sections, cause))
@@ -136,7 +132,7 @@ def test_a_model_makes_it_a_ratio() -> None:
 
 
 def test_too_small_an_input_teaches_nothing() -> None:
-    estimator = ResponseEstimator(1000.0, memory=4.0, least=0.1)
+    estimator = ResponseEstimator(Trace(), 1000.0, memory=4.0, least=0.1)
     small = 0.05 * noise(2000)
     feed(estimator, small, small)
     assert estimator.estimates == 0
@@ -145,46 +141,59 @@ def test_too_small_an_input_teaches_nothing() -> None:
     assert estimator.estimates > 0
 
 
+class Recorded(Evaluation):
+    """Evaluation that takes note of its windows."""
+
+    def __init__(self, length: int, hop: int) -> None:
+        super().__init__(Trace(), length, hop)
+        self.windows: dict[int, tuple[list[float], list[float]]] = {}
+
+    def _look(self, late: int) -> Iterator[bool | None]:
+        signals = self.trace.force, self.trace.measured
+        force, measured = (latest(self.trace, each, self._length).tolist() for each in signals)
+        self.windows[self.trace.count] = force, measured
+        yield True
+
+    def run(self, measured: Iterable[float]) -> list[int]:
+        """Return the counts at which a window was evaluated; forces are those counts."""
+        for value in measured:
+            self.trace.push(0.0, value, self.trace.count + 1.0, 0.0)
+            self.update()
+        return list(self.windows)
+
+
 def test_it_is_due_each_hop_once_it_is_full() -> None:
-    window = PairedWindow(12, 4)
-    due = [place for place in range(1, 25) if window.push(place, -place)]
-    assert due == [12, 16, 20, 24]
-    cause, effect = window.latest()
-    assert cause.tolist() == [*range(24, 12, -1)]
-    assert effect.tolist() == [*range(-24, -12)]
+    found = Recorded(12, 4)
+    assert found.run(-place for place in range(1, 25)) == [12, 16, 20, 24]
+    assert found.windows[24] == ([*range(13, 25)], [*range(-13, -25, -1)])
 
 
 @pytest.mark.parametrize("unknown", [math.nan, math.inf, -math.inf])
 def test_a_missing_sample_repeats_the_one_before(unknown: float) -> None:
-    window = PairedWindow(2, 1)
-    window.push(1.0, 5.0)
-    window.push(2.0, unknown)
-    assert window.latest()[1].tolist() == [5.0, 5.0]
+    found = Recorded(2, 1)
+    found.run([5.0, unknown])
+    assert latest(found.trace, found.trace.measured, 3).tolist() == [0.0, 5.0, 5.0]
 
 
-def test_a_window_with_too_many_gaps_is_not_due_until_they_have_passed() -> None:
-    window = PairedWindow(100, 50)
-    for _ in range(97):
-        assert not window.push(0.0, 0.0)
-    assert [window.push(0.0, math.nan) for _ in range(3)] == [False, False, False]  # 3 %
-    due = [place for place in range(1, 101) if window.push(0.0, 0.0)]
-    assert due == [100]
+def test_windows_with_too_many_gaps_are_left_out() -> None:
+    gaps = [*[0.0] * 97, *[math.nan] * 3, *[0.0] * 100]  # 3 %
+    assert Recorded(100, 50).run(gaps) == [200]
+    saturated = [math.inf if number == 70 else 1.0 for number in range(256)]
+    assert Recorded(64, 16).run(saturated) == [64, *range(144, 257, 16)]
 
 
-def test_a_window_that_is_reset_forgets_all() -> None:
-    window = PairedWindow(2, 1)
-    window.push(1.0, 1.0)
-    window.push(1.0, math.nan)
-    window.reset()
-    assert not window.latest()[1].any()
-    assert not window.push(1.0, 1.0)
-    assert window.push(1.0, 1.0)
+def test_an_evaluation_that_restarts_forgets_all() -> None:
+    found = Recorded(2, 1)
+    found.run([1.0, math.nan])
+    found.restart()
+    assert found.run([1.0, 1.0]) == [4]
+    assert latest(found.trace, found.trace.measured, 3, start=3).tolist() == [0.0, 0.0, 1.0]
 
 
 def autocorrelation(signal: FloatArray, memory: float = 2.0) -> FloatArray:
-    estimator = AutocorrelationEstimator(RATE, memory, 0.064, 0.512, 0.01)
+    estimator = AutocorrelationEstimator(Trace(), RATE, memory, 0.064, 0.512, 0.01)
     for value in signal.tolist():
-        estimator.observe(value, value)
+        estimator.trace.push(value, 0.0, 0.0, value)
         while estimator.update():
             pass
     return estimator.sequence
@@ -209,26 +218,12 @@ def test_a_quiet_signal_changes_nothing() -> None:
     assert not autocorrelation(np.full(2000, 1e-3)).any()
 
 
-def test_a_window_with_a_saturated_sample_is_not_used() -> None:
-    window = PairedWindow(64, 16)
-    due = [window.push(1.0, math.inf if number == 70 else 1.0) for number in range(256)]
-    used = np.flatnonzero(due)
-    assert set(used) == {63, *range(143, 256, 16)}
-
-
 def test_a_change_of_the_response_is_a_surprise_and_a_smaller_force_is_none() -> None:
     random = np.random.default_rng(2)
     force, noise = random.standard_normal(6000), random.standard_normal(6000)
     force[2000:] *= 0.1
     response = np.where(np.arange(6000) < 4000, 1.0, 30.0)
-    estimator = ResponseEstimator(1000.0, memory=2.0)
-    surprises = []
-    for pushed, moved in zip(
-        force.tolist(), (response * force + 0.1 * noise).tolist(), strict=True
-    ):
-        estimator.observe(pushed, moved)
-        while estimator.update():
-            pass
-        surprises.append(estimator.surprise)
+    estimator = ResponseEstimator(Trace(), 1000.0, memory=2.0)
+    surprises = feed(estimator, force, response * force + 0.1 * noise)
     assert max(surprises[1000:4000]) < 1.5
     assert max(surprises[4000:]) > 3.0

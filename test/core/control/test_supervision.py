@@ -28,6 +28,7 @@ from haptic_accel.core.control.supervision import FITTING, ORDINARY, ResponseSup
 from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, MountParameters
+from haptic_accel.core.tick import Trace
 
 RATE = 1000.0
 PLANT = Plant()
@@ -58,14 +59,14 @@ def feed(supervisor: ResponseSupervisor, sent: FloatArray, measured: FloatArray)
     before = np.append(0.0, measured[:-1])
     warnings = []
     for known, now in zip(before.tolist(), sent.tolist(), strict=True):
-        supervisor.observe(known, now)
+        supervisor.trace.push(0.0, known, now, 0.0)
         supervisor.update()
         warnings.append(supervisor.warning)
     return warnings
 
 
 def supervisor(plant: Plant = PLANT, rate: float = RATE) -> ResponseSupervisor:
-    return ResponseSupervisor(plant.delayed(1), rate)
+    return ResponseSupervisor(plant.delayed(1), rate, Trace())
 
 
 @pytest.mark.parametrize(
@@ -144,7 +145,7 @@ def test_a_sensor_at_its_range_ends_the_time_of_fitting() -> None:
     watching = supervisor()
     feed(watching, sent, response(PLANT, sent))
     assert watching.fitting > 0.0
-    watching.observe(math.inf, 0.0)
+    watching.trace.push(0.0, math.inf, 0.0, 0.0)
     assert watching.fitting == 0.0
     assert watching.described
 

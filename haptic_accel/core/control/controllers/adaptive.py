@@ -24,6 +24,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from haptic_accel.core.control import response_estimation
 from haptic_accel.core.control.authority import REDUCED
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
@@ -32,30 +33,12 @@ from haptic_accel.core.control.grip_estimation import (
     AdaptationParameters,
     GripEstimator,
 )
-from haptic_accel.core.control.inversion.design import (
-    DEFAULT_GOAL,
-    RIDGE,
-    TRAVEL_CORNERS,
-    Goal,
-    InverseBank,
-    NormalEquations,
-    caused_motion,
-    design_basis,
-    expected_input,
-    extended_response,
-    extension,
-    travel_cost,
-)
+from haptic_accel.core.control.inversion import design
 from haptic_accel.core.control.inversion.toeplitz import improved
-from haptic_accel.core.control.response_estimation import (
-    FEW,
-    INDEPENDENCE,
-    AutocorrelationEstimator,
-    ResponseEstimator,
-)
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 from haptic_accel.core.parameters import parameter
+from haptic_accel.core.tick import Trace
 
 UNDESCRIBED = 0.2
 """Relative deviation of the response above which the grip estimate is frozen. A mode in the band,
@@ -81,34 +64,35 @@ class AdaptiveController(InverseController):
 
     def __init__(self, parameters: AdaptiveParameters, loop: Loop) -> None:
         self._family = parameters.family(loop)
-        self._estimator = GripEstimator(loop.plant, loop.rate, parameters.adaptation)
+        self._trace = trace = Trace()
+        self._estimator = GripEstimator(trace, loop.plant, loop.rate, parameters.adaptation)
         self._grip = self._estimator.grip
         self._invert_by(self._family.bank(self._grip), parameters, loop)
-        self._learner = Learner(self._family, loop.plant, loop.rate, parameters.goal(loop))
+        self._learner = Learner(trace, self._family, loop.plant, loop.rate, parameters.goal(loop))
         self._applied = 0.0
         self.frozen = parameters.frozen
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the force for the desired acceleration."""
-        # The force applied one sample ago, and the acceleration measured then.
-        self._estimator.observe(self._applied, measured_acceleration)
         extended = self._extension.process(desired_acceleration)
-        self._learner.observe(desired_acceleration, extended, self._applied, measured_acceleration)
+        # The force applied one sample ago, and the acceleration measured then.
+        self._trace.push(desired_acceleration, measured_acceleration, self._applied, extended)
         return self._driven(extended, desired_acceleration)
 
     def applied(self, actuator_force: float) -> None:
         """Store the force that drives the handle: applied force minus friction compensation."""
         self._applied = actuator_force - self.friction_force
 
-    def adapt(self) -> None:
+    def adapt(self) -> int:
         """Execute a part of the estimation; after its last part start to change the filter."""
         if self.frozen:
-            return
+            return response_estimation.NEVER
         estimated = self._estimator.update()
         if estimated and self._learner.deviation < UNDESCRIBED:
             self._grip = self._estimator.grip
         if estimated or self._learner.update(self._grip):
             self._excursion.replace(self._family.taps(self._grip) + self._learner.correction)
+        return min(self._estimator.left, self._learner.left)
 
     def judged(self, fitting: float, fraction: float) -> None:
         """Forget the handle's response faster while the force does harm: it has changed."""
@@ -120,6 +104,7 @@ class AdaptiveController(InverseController):
 
     def reset(self) -> None:
         """Clear the filters and the estimated grip."""
+        self._trace.reset()
         self._estimator.reset()
         self._grip = self._estimator.grip
         self._learner.reset()
@@ -231,10 +216,13 @@ class Learner:
 
     The normal equations need the autocorrelation up to the length of the convolution and the
     memory of handle and actuator. A few steps from the last solution solve them for all members of
-    the bank together. `observe` only stores values; `update` does all computations in parts.
+    the bank together. `update` does all computations in parts.
 
     Parameters
     ----------
+    trace : Trace
+        Desired acceleration, the same after the inverse's extension as `drive`, force that drives
+        the handle, and acceleration measured when that force took effect.
     family : InverseFamily
         Inverses for the estimated grip, to which the corrections are added.
     plant : Plant
@@ -254,13 +242,18 @@ class Learner:
         Number of redesigns.
     """
 
-    def __init__(self, family: InverseFamily, plant: Plant, rate: float, goal: Goal) -> None:
-        self._family = family
+    def __init__(
+        self, trace: Trace, family: InverseFamily, plant: Plant, rate: float, goal: design.Goal
+    ) -> None:
+        self.trace, self._family = trace, family
         self._handle = plant.handle
         window = max(SHORTEST_WINDOW, WINDOW_PER_MEMORY * goal.memory)
-        self._ratio = ResponseEstimator(rate, FORGETTING_TIME, window, LEAST_FORCE)
-        self._tool = AutocorrelationEstimator(
+        self._ratio = response_estimation.ResponseEstimator(
+            trace, rate, FORGETTING_TIME, window, LEAST_FORCE
+        )
+        self._tool = response_estimation.AutocorrelationEstimator(
             *(
+                trace,
                 rate,
                 FORGETTING_TIME,
                 self._ratio.interval,
@@ -276,35 +269,23 @@ class Learner:
         every = lags // (len(self._ratio.frequency) - 1)
         self._every = slice(every, None, every)
         self._known = plant.response(lines, rate) / handle_model(plant.handle).response(lines)
-        self._equations = NormalEquations(plant.handle, lines, rate, goal)
-        self._expected, self._unexpected = map(_spectrum, expected_input(rate, goal, lags))
+        self._equations = design.NormalEquations(plant.handle, lines, rate, goal)
+        self._expected, self._unexpected = map(_spectrum, design.expected_input(rate, goal, lags))
         self._above = _rising(lines, *LEARNT)
-        tool = 1.0 / np.abs(extended_response(goal.high_pass_frequency, lines, rate)) ** 2
+        tool = 1.0 / np.abs(design.extended_response(goal.high_pass_frequency, lines, rate)) ** 2
         self._tool_power = self._above * tool
         self._expected_power = float(self._tool_power @ self._expected)
         self._taps = family.basis.shape[2]
-        self._travel_costs = np.array([[travel_cost(corner)] for corner in TRAVEL_CORNERS])
-        self._work: Iterator[bool] = iter(())
+        self._travel_costs = np.array(
+            [[design.travel_cost(corner)] for corner in design.TRAVEL_CORNERS]
+        )
+        self._work: Iterator[bool] | None
         self.reset()
 
-    def observe(
-        self, desired: float, extended: float, actuator_force: float, measured: float
-    ) -> None:
-        """Store one sample.
-
-        Parameters
-        ----------
-        desired : float
-            Desired acceleration, m/s^2.
-        extended : float
-            `desired` after the inverse's extension, m/s^2.
-        actuator_force : float
-            Force that drives the handle, N.
-        measured : float
-            Handle acceleration measured when that force took effect, m/s^2; NaN if unknown.
-        """
-        self._tool.observe(desired, extended)
-        self._ratio.observe(actuator_force, measured)
+    @property
+    def left(self) -> int:
+        """Number of samples until `update` has something to do."""
+        return 1 if self._work else min(self._ratio.left, self._tool.left)
 
     def update(self, grip: FloatArray) -> bool:
         """Execute a part of pending computations; return True after a new correction.
@@ -314,8 +295,9 @@ class Learner:
         grip : ndarray, shape (3,)
             Present estimate of m_h, b_u and k_u.
         """
-        done = next(self._work, None)
-        if done is not None:
+        if self._work:
+            done = next(self._work, True)
+            self._work = None if done else self._work
             return done
         # Both take four parts: the ratio is known before the redesign starts.
         self._ratio.update()
@@ -330,7 +312,7 @@ class Learner:
         """
         ratio = self._ratio
         unchanged = 0.0
-        if ratio.weight > FEW:
+        if ratio.weight > response_estimation.FEW:
             unchanged = min(1.0, (EXPECTED_SURPRISE / ratio.surprise) ** 3)
         ratio.memory = FORGETTING_TIME * max(HASTY + (1.0 - HASTY) * fraction, unchanged)
         if fraction >= REDUCED:
@@ -359,7 +341,7 @@ class Learner:
         self._ratio.model[1:] = self._model(np.array([handle.m_h, handle.b_u, handle.k_u]))[
             self._every
         ]
-        self._work = iter(())
+        self._work = None
         self.correction = np.zeros_like(self._family.basis[:, 0])
         self.deviation, self.estimates = 0.0, 0
 
@@ -383,7 +365,7 @@ class Learner:
         taps = given + self.correction
         yield False
         columns = sequences[0] + self._travel_costs * sequences[1]
-        columns[:, 0] *= 1.0 + RIDGE
+        columns[:, 0] *= 1.0 + design.RIDGE
         steps = 0
         for better in improved(columns, sequences[2], taps):
             if better is not None:
@@ -415,7 +397,7 @@ class Learner:
     def _certain_ratio(self) -> ComplexArray:
         """Return the ratio of plant to model on the lines, weighted by its certainty."""
         response, coherence = self._ratio.response[1:], self._ratio.coherence[1:]
-        independent = max(1.0, INDEPENDENCE * self._ratio.weight)
+        independent = max(1.0, response_estimation.INDEPENDENCE * self._ratio.weight)
         unexplained = (1.0 - coherence + UNRESOLVED / independent) / independent
         variance = np.abs(response) ** 2 * unexplained / np.maximum(coherence, 1e-6)
         squared = np.abs(response - 1.0) ** 2
@@ -469,12 +451,14 @@ class InverseFamily:
         """
         return np.asarray(np.append(grip, 1.0) @ self.basis)
 
-    def bank(self, grip: FloatArray) -> InverseBank:
+    def bank(self, grip: FloatArray) -> design.InverseBank:
         """Return the inverses for a grip."""
-        return InverseBank(self.sections, self.taps(grip), self.motion)
+        return design.InverseBank(self.sections, self.taps(grip), self.motion)
 
 
-def design_family(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> InverseFamily:
+def design_family(
+    plant: Plant, rate: float, goal: design.Goal = design.DEFAULT_GOAL
+) -> InverseFamily:
     """Design the inverse for all grips of one actuator.
 
     Parameters, errors
@@ -484,8 +468,8 @@ def design_family(plant: Plant, rate: float, goal: Goal = DEFAULT_GOAL) -> Inver
     -------
     InverseFamily
     """
-    basis = design_basis(plant, rate, goal)
+    basis = design.design_basis(plant, rate, goal)
     handle = plant.handle
     own = np.array([handle.m_h, handle.b_u, handle.k_u, 1.0]) @ basis
-    sections = extension(goal.high_pass_frequency, rate)
-    return InverseFamily(sections, basis, caused_motion(plant, rate, own))
+    sections = design.extension(goal.high_pass_frequency, rate)
+    return InverseFamily(sections, basis, design.caused_motion(plant, rate, own))

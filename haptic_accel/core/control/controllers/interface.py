@@ -23,6 +23,7 @@ from typing import Any, ClassVar
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY
+from haptic_accel.core.control.response_estimation import NEVER
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.parameters import Checked
 from haptic_accel.core.tick import CUSHION
@@ -111,8 +112,15 @@ class Controller(ABC):
     def applied(self, actuator_force: float) -> None:  # noqa: B027 - most need not know
         """Receive the force, N, finally sent at this sample: limited, or another controller's."""
 
-    def adapt(self) -> None:  # noqa: B027 - most have none
-        """Execute a part of slow computations, tens of microseconds, while no force is due."""
+    def adapt(self) -> int | None:
+        """Execute a part of slow computations, tens of microseconds, while no force is due.
+
+        Returns
+        -------
+        int or None
+            Number of samples until the next part; None is the next sample.
+        """
+        return NEVER
 
     def judged(self, fitting: float, fraction: float) -> None:  # noqa: B027 - most need not know
         """Receive a new result of the supervision.

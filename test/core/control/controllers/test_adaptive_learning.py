@@ -31,6 +31,7 @@ from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.control.inversion.spectrum import TexturePrior, ToolSpectrum
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, MountParameters
+from haptic_accel.core.tick import Trace
 
 RATE = 1000.0
 GOAL = design.Goal(2)
@@ -62,19 +63,24 @@ def answer(plant: Plant, force: FloatArray) -> FloatArray:
     return np.asarray(np.fft.irfft(response * np.fft.rfft(force), len(force)))
 
 
+def give(learner: Learner, *signals: FloatArray) -> None:
+    """Let a learner observe the signals of its trace."""
+    for values in np.stack(signals, axis=1).tolist():
+        learner.trace.push(*values)
+        learner.update(GRIP)
+
+
 def watch(learner: Learner, tool: FloatArray, force: FloatArray, measured: FloatArray) -> None:
     """Let a learner observe a tool, and a force that is not that of any controller."""
     desired = signal.sosfilt(high_pass(15.0, RATE), tool)
     extended = signal.sosfilt(design.extension(15.0, RATE), desired)
-    for values in np.stack([desired, extended, force, measured], axis=1).tolist():
-        learner.observe(*values)
-        learner.update(GRIP)
+    give(learner, desired, measured, force, extended)
 
 
 def learn(plant: Plant, spectrum: ToolSpectrum, seconds: float = 6.0) -> Learner:
     """Return a learner that has watched a plant."""
     force = texture(seconds, TexturePrior(), seed=2)
-    learner = Learner(family(), PLANT, RATE, GOAL)
+    learner = Learner(Trace(), family(), PLANT, RATE, GOAL)
     watch(learner, texture(seconds, spectrum), force, answer(plant, force))
     return learner
 
@@ -146,7 +152,7 @@ def test_slow_motion_needs_less_travel_where_travel_is_short() -> None:
 
 def test_noise_that_no_force_explains_is_no_plant() -> None:
     force = texture(4.0, TexturePrior(), seed=2)
-    learner = Learner(family(), PLANT, RATE, GOAL)
+    learner = Learner(Trace(), family(), PLANT, RATE, GOAL)
     measured = answer(PLANT, force) + texture(4.0, TexturePrior(), seed=3)
     watch(learner, texture(4.0, TexturePrior()), force, measured)
     taps = family().taps(GRIP)[0]
@@ -155,20 +161,18 @@ def test_noise_that_no_force_explains_is_no_plant() -> None:
 
 @pytest.mark.parametrize("scale", [0.0, 1e-3])
 def test_silence_teaches_nothing(scale: float) -> None:
-    learner = Learner(family(), PLANT, RATE, GOAL)
-    for value in (scale * texture(2.0, TexturePrior())).tolist():
-        learner.observe(value, value, value, -value)
-        assert not learner.update(GRIP)
+    learner = Learner(Trace(), family(), PLANT, RATE, GOAL)
+    tool = scale * texture(2.0, TexturePrior())
+    give(learner, tool, -tool, tool, tool)
     assert not learner.estimates
     assert not learner.correction.any()
 
 
 def test_missing_and_huge_samples_leave_it_finite() -> None:
-    learner = Learner(family(), PLANT, RATE, GOAL)
-    for index, value in enumerate(texture(2.0, TexturePrior()).tolist()):
-        measured = np.nan if index % 100 == 0 else 1e4 * value
-        learner.observe(value, value, value, measured)
-        learner.update(GRIP)
+    learner = Learner(Trace(), family(), PLANT, RATE, GOAL)
+    tool = texture(2.0, TexturePrior())
+    measured = np.where(np.arange(len(tool)) % 100 == 0, np.nan, 1e4 * tool)
+    give(learner, tool, measured, tool, tool)
     assert learner.estimates
     assert np.isfinite(learner.correction).all()
 
@@ -176,6 +180,7 @@ def test_missing_and_huge_samples_leave_it_finite() -> None:
 def test_reset_forgets_all() -> None:
     learner = learn(replace(PLANT, mount=MountParameters(180.0, 0.1)), TexturePrior(), 2.0)
     assert learner.correction.any()
+    learner.trace.reset()
     learner.reset()
     assert not learner.correction.any()
     assert learner.estimates == 0
@@ -185,11 +190,9 @@ def test_reset_forgets_all() -> None:
 @pytest.mark.parametrize("memory", [0.05, 0.4])
 def test_it_fits_every_rate_and_memory(rate: float, memory: float) -> None:
     plant, goal = Plant().delayed(1), design.Goal(2, memory)
-    learner = Learner(design_family(plant, rate, goal), plant, rate, goal)
+    learner = Learner(Trace(), design_family(plant, rate, goal), plant, rate, goal)
     white = np.random.default_rng(1).standard_normal(round(2.5 * rate))
-    for value in white.tolist():
-        learner.observe(value, value, 0.1 * value, value)
-        learner.update(GRIP)
+    give(learner, white, white, 0.1 * white, white)
     assert learner.estimates
     assert np.isfinite(learner.correction).all()
 
@@ -197,7 +200,7 @@ def test_it_fits_every_rate_and_memory(rate: float, memory: float) -> None:
 def test_each_design_uses_the_response_of_the_same_time() -> None:
     force = texture(1.0, TexturePrior(), seed=2)
     answered = -answer(PLANT, force)
-    learner = Learner(family(), PLANT, RATE, GOAL)
+    learner = Learner(Trace(), family(), PLANT, RATE, GOAL)
     first = slice(512 + 64)  # one window of the response, and the parts of a design
     watch(learner, texture(1.0, TexturePrior())[first], force[first], answered[first])
     assert learner.deviation == pytest.approx(2.0, rel=0.2)
