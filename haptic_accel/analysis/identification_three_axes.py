@@ -26,14 +26,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from haptic_accel.analysis import plots
-from haptic_accel.analysis.identification_result import (
-    MODEL_FILE,
-    ModelError,
-    Result,
-    fit_metrics,
-    plain,
-)
+from haptic_accel.analysis import identification_result, plots
 from haptic_accel.analysis.plots import Style, frequency_axis, rule
 from haptic_accel.core.axes import ALL_AXES, NAMES
 from haptic_accel.core.handle.matrix_plant import THREE_AXES
@@ -51,14 +44,14 @@ alone has a limit, is another number."""
 
 
 @dataclass(frozen=True)
-class ThreeAxisResult(Result[ThreeAxisIdentification]):
+class ThreeAxisResult(identification_result.Result[ThreeAxisIdentification]):
     """Result of the identification of a handle with three coils.
 
     The error is that of the model ``plant``.
     """
 
     template = "identification_three_axes.html.j2"
-    model_file = MODEL_FILE
+    model_file = identification_result.MODEL_FILE
     names = NAMES
 
     @property
@@ -133,7 +126,7 @@ class ThreeAxisResult(Result[ThreeAxisIdentification]):
         actuator = vars(self.actuator) | {"b_s": damping}
         plant = {"model": str(model), "doubt": "; ".join(self.doubts)}
         return {
-            EVERY_NODE: {ACTUATOR: plain(actuator)},
+            EVERY_NODE: {ACTUATOR: identification_result.plain(actuator)},
             "compensator": {"axes": ", ".join(ALL_AXES.names), "plant": plant},
         }
 
@@ -177,10 +170,10 @@ def _with_intervals(fit: HandleFit) -> dict[str, Any]:
         name: [fit.value(name) - INTERVAL * error, fit.value(name) + INTERVAL * error]
         for name, error in fit.standard_errors.items()
     }
-    return {**fit_metrics(fit), "intervals": intervals}
+    return {**identification_result.fit_metrics(fit), "intervals": intervals}
 
 
-def plant_error(modelled: ComplexArray, true: ComplexArray) -> ModelError:
+def plant_error(modelled: ComplexArray, true: ComplexArray) -> identification_result.ModelError:
     """Return the largest errors of a plant's response, of the elements that are not too weak.
 
     Parameters
@@ -190,7 +183,7 @@ def plant_error(modelled: ComplexArray, true: ComplexArray) -> ModelError:
     """
     own = np.abs(np.diagonal(true, axis1=1, axis2=2))[:, np.newaxis, :]
     ratio = (modelled / true)[np.abs(true) > WEAKEST * own]
-    return ModelError(
+    return identification_result.ModelError(
         float(np.max(np.abs(20 * np.log10(np.abs(ratio))))),
         float(np.max(np.abs(np.angle(ratio, deg=True)))),
     )

@@ -22,18 +22,8 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
+from haptic_accel.analysis import frames
 from haptic_accel.analysis.comparison import Comparison
-from haptic_accel.analysis.frames import (
-    AVERAGE,
-    PAPER_REGRESSION,
-    PAPER_SURFACES,
-    Cell,
-    groups,
-    rank,
-    table_two,
-    trials,
-    vector_metrics,
-)
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import (
     BEYOND_STOPS,
@@ -55,7 +45,7 @@ def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[st
     """Return the main results as sentences, one or two per subject."""
     if not analysis.trials:
         return [f"Nothing could be determined from {_many(analysis.bags, 'bag')}."]
-    frame = trials(analysis)
+    frame = frames.trials(analysis)
     sentences = [
         _errors(analysis),
         _extent(frame, analysis.bags),
@@ -85,7 +75,9 @@ def _many(count: int, what: str) -> str:
 
 
 def _extent(frame: pd.DataFrame, bags: int) -> str:
-    controllers, surfaces = (sorted(set(frame[c]), key=rank) for c in ("controller", "surface"))
+    controllers, surfaces = (
+        sorted(set(frame[c]), key=frames.rank) for c in ("controller", "surface")
+    )
     return (
         f"{_many(len(frame), 'trial')} from {_many(bags, 'bag')}, {frame.seconds.sum():.0f} s in"
         f" all: {', '.join(controllers)} on {', '.join(surfaces)}."
@@ -116,7 +108,7 @@ def _without_contact(frame: pd.DataFrame) -> list[str]:
 
 def _errors(analysis: Analysis) -> str:
     """Return a sentence on the error of each controller."""
-    table = table_two(groups(analysis))
+    table = frames.table_two(frames.groups(analysis))
     over = f", averaged over {', '.join(table.common)}" if len(table.columns) > 1 else ""
     overall = [
         (cells[-1].value, f"{controller} {percent(cells[-1].value)}{_beside(cells[-1])}")
@@ -147,7 +139,7 @@ difference of strength, 2.2 dB."""
 
 def _lowest(analysis: Analysis) -> list[str]:
     """Return a sentence on the lowest possible error, to compare with the measured error."""
-    table = table_two(groups(analysis))
+    table = frames.table_two(frames.groups(analysis))
     if not table.bounds:
         return []
     bounds = next(iter(table.bounds.values()))  # within the actuator's limits, if known
@@ -161,7 +153,9 @@ def _lowest(analysis: Analysis) -> list[str]:
         + ", ".join(f"{surface} {percent(bound)}" for surface, bound in known)
         + "."
     ]
-    high = [surface for surface, bound in known if bound >= UNFOLLOWED and surface != AVERAGE]
+    high = [
+        surface for surface, bound in known if bound >= UNFOLLOWED and surface != frames.AVERAGE
+    ]
     if high:
         sentences.append(
             f"The input itself cannot be followed on {', '.join(high)}: that part of the error is"
@@ -207,12 +201,14 @@ def _each(frame: pd.DataFrame, name: str, unit: str) -> list[str]:
     if name not in frame:
         return []
     means = frame[frame.contact].groupby("controller")[name].mean().dropna()
-    ordered = sorted(((str(key), mean) for key, mean in means.items()), key=lambda m: rank(m[0]))
+    ordered = sorted(
+        ((str(key), mean) for key, mean in means.items()), key=lambda m: frames.rank(m[0])
+    )
     each = ", ".join(f"{controller} {number(mean, 1, unit)}" for controller, mean in ordered)
     return [each] if each else []
 
 
-def _beside(cell: Cell) -> str:
+def _beside(cell: frames.Cell) -> str:
     return "" if cell.paper is None else f" (the paper's: {percent(cell.paper)})"
 
 
@@ -356,7 +352,7 @@ SHOWN = (
 
 def tables(analysis: Analysis) -> Iterator[ResultTable]:
     """Yield Table II, and the means of further metrics; nothing without trials in contact."""
-    table = table_two(groups(analysis))
+    table = frames.table_two(frames.groups(analysis))
     if not table.rows:
         return
     errors = [
@@ -376,12 +372,12 @@ def tables(analysis: Analysis) -> Iterator[ResultTable]:
     )
     yield ResultTable(
         ("", *table.rows),
-        list(_means(trials(analysis), list(table.rows), vector_metrics(analysis))),
+        list(_means(frames.trials(analysis), list(table.rows), frames.vector_metrics(analysis))),
         "regression over all surfaces, and other metrics: means (paper's in brackets)",
     )
 
 
-def _cell(cell: Cell) -> str:
+def _cell(cell: frames.Cell) -> str:
     """Return an error, its interval, and the paper's value behind it."""
     shown = number(cell.value, 1)
     if math.isfinite(cell.low):
@@ -395,7 +391,7 @@ def _means(
     """Yield a row for each metric: its heading, and its mean under each controller."""
     frame = frame[frame.contact]
     # The paper's averages are over its own surfaces.
-    paper = PAPER_REGRESSION if set(frame.surface) == PAPER_SURFACES else {}
+    paper = frames.PAPER_REGRESSION if set(frame.surface) == frames.PAPER_SURFACES else {}
     shown = [*of_vectors, *SHOWN]
     means = frame.groupby("controller")[shown].mean()
     columns = {**METRICS, **VECTOR_METRICS}

@@ -29,24 +29,15 @@ from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
+from haptic_accel.core import parameters
 from haptic_accel.core.bounded_files import located, read_json, read_text
 from haptic_accel.core.model import FloatArray, Vector
-from haptic_accel.core.parameters import (
-    Checked,
-    ParameterError,
-    Specification,
-    allowed_values,
-    checked,
-    own_schema,
-    shown,
-    suggestion,
-)
 from haptic_accel.core.yaml_text import lines_of, load_yaml
 
-C = TypeVar("C", bound=Checked)
+C = TypeVar("C", bound=parameters.Checked)
 T = TypeVar("T")
 
-_NUMBER, _TEXT = Specification("number"), Specification("text")
+_NUMBER, _TEXT = parameters.Specification("number"), parameters.Specification("text")
 
 
 @dataclass(frozen=True)
@@ -76,24 +67,26 @@ class Document:
     def refuse(self, problem: str, key: str = "") -> NoReturn:
         """Raise an error at the line of a nested value; the problem names the value."""
         line = f":{self._line(key)}" if self.source else ""
-        above = "".join(f"{shown(each)}." for each in self.keys)
-        raise ParameterError(f"{shown(str(self.path))}{line}: {above}{problem}") from None
+        above = "".join(f"{parameters.shown(each)}." for each in self.keys)
+        raise parameters.ParameterError(
+            f"{parameters.shown(str(self.path))}{line}: {above}{problem}"
+        ) from None
 
     def wrong(self, allowed: str) -> NoReturn:
         """Raise an error that states the allowed values."""
         if not self.keys:
             self.refuse(allowed)
         *above, name = self.keys
-        found = shown(repr(self.value))
+        found = parameters.shown(repr(self.value))
         outer = Document(self.path, None, self.source, tuple(above))
-        outer.refuse(f"{shown(name)} = {found}: {allowed}", name)
+        outer.refuse(f"{parameters.shown(name)} = {found}: {allowed}", name)
 
     @contextmanager
     def located(self, key: str = "") -> Iterator[None]:
         """Add a nested value's location to errors; by default, of the value they name."""
         try:
             yield
-        except ParameterError as error:
+        except parameters.ParameterError as error:
             text = str(error)
             within = key and not text.startswith(key)
             self.refuse(f"{key}: {text}" if within else text, key or text.partition(" = ")[0])
@@ -138,17 +131,17 @@ class Document:
         """Reject unknown keys."""
         for name in self.mapping():
             if name not in known:
-                hint = suggestion(name, known) or f": must be one of {', '.join(known)}"
-                self.refuse(f"{shown(name)}: unknown{hint}", name)
+                hint = parameters.suggestion(name, known) or f": must be one of {', '.join(known)}"
+                self.refuse(f"{parameters.shown(name)}: unknown{hint}", name)
 
-    def checked(self, default: Any, specification: Specification) -> Any:
+    def checked(self, default: Any, specification: parameters.Specification) -> Any:
         """Return the value with the type of a default; see `parameters.checked`."""
         try:
-            return checked("", self.value, default, specification)
-        except ParameterError:
-            self.wrong(f"must be {allowed_values(default, specification)}")
+            return parameters.checked("", self.value, default, specification)
+        except parameters.ParameterError:
+            self.wrong(f"must be {parameters.allowed_values(default, specification)}")
 
-    def number(self, specification: Specification = _NUMBER) -> float:
+    def number(self, specification: parameters.Specification = _NUMBER) -> float:
         """Return a number within its range."""
         return float(self.checked(0.0, specification))
 
@@ -162,7 +155,7 @@ class Document:
             self.wrong(f"must be one of {', '.join(known)}")
         return known[self.value]
 
-    def vector(self, specification: Specification) -> Vector:
+    def vector(self, specification: parameters.Specification) -> Vector:
         """Return three numbers within their range; zeros for null."""
         if self.value is None:
             return 0.0, 0.0, 0.0
@@ -185,7 +178,7 @@ class Document:
         """Return a dataclass of parameters, with the values of the same names."""
         values = self.mapping()
         with self.located():
-            given = {name: values[name] for name in own_schema(kind) if name in values}
+            given = {name: values[name] for name in parameters.own_schema(kind) if name in values}
             return kind(**given, **others)
 
     def _inner(self, key: str, value: Any) -> Document:
@@ -206,7 +199,7 @@ def read_yaml_document(path: Path) -> Document:
     ParameterError
         The file cannot be read, or has another format.
     """
-    with located(shown(str(path)), "must be YAML"):
+    with located(parameters.shown(str(path)), "must be YAML"):
         text = read_text(path)
         return Document(path, load_yaml(text, exponents=True), text)
 
@@ -219,5 +212,5 @@ def read_json_document(path: Path) -> Document:
     ParameterError
         The file cannot be read, or has another format.
     """
-    with located(shown(str(path)), "must be JSON"):
+    with located(parameters.shown(str(path)), "must be JSON"):
         return Document(path, read_json(path))

@@ -25,30 +25,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_accel.core import topics
+from haptic_accel.core import model, topics
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
+from haptic_accel.core.control import filters
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
-from haptic_accel.core.control.filters import (
-    HIGH_PASS_FREQUENCY,
-    high_passed,
-    without_hand_motion,
-)
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
+from haptic_accel.core.evaluation import metrics
 from haptic_accel.core.evaluation.delay import aligned
 from haptic_accel.core.evaluation.discrimination import indistinguishable
-from haptic_accel.core.evaluation.metrics import (
-    Evaluation,
-    evaluate,
-)
 from haptic_accel.core.loop.compensation import Compensating
 from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
-from haptic_accel.core.model import (
-    ZERO,
-    FloatArray,
-    HandleParameters,
-    MountParameters,
-)
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.network.playout import Played
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate
@@ -64,7 +51,7 @@ from haptic_accel.core.surfaces.virtual_rig import VirtualRig
 from haptic_accel.core.track import ReplayRig, Track
 from haptic_accel.core.two_hosts import TwoHosts
 
-GripChange = tuple[float, HandleParameters | MountParameters]
+GripChange = tuple[float, model.HandleParameters | model.MountParameters]
 """Time of a change of the handle, s, and its new parameters with the grip, or the new mount."""
 
 
@@ -91,10 +78,10 @@ class Crossing:
         Energy in the tanks of master and slave, J.
     """
 
-    played: FloatArray
-    age: FloatArray
+    played: model.FloatArray
+    age: model.FloatArray
     kinds: tuple[str, ...]
-    energy: FloatArray
+    energy: model.FloatArray
 
 
 @dataclass(frozen=True)
@@ -142,28 +129,28 @@ class Trial:
     surface: str
     controller: str
     rate: float
-    time: FloatArray
-    tool_acceleration: FloatArray
-    desired_acceleration: FloatArray
-    handle_acceleration: FloatArray
-    actuator_force: FloatArray
-    high_pass_frequency: float = HIGH_PASS_FREQUENCY
+    time: model.FloatArray
+    tool_acceleration: model.FloatArray
+    desired_acceleration: model.FloatArray
+    handle_acceleration: model.FloatArray
+    actuator_force: model.FloatArray
+    high_pass_frequency: float = filters.HIGH_PASS_FREQUENCY
     latency: int = LATENCY
     granted_delay: int = 1
     warnings: tuple[Warned, ...] = ()
-    arms: dict[str, FloatArray] = field(default_factory=dict)
+    arms: dict[str, model.FloatArray] = field(default_factory=dict)
     crossing: Crossing | None = None
     axes: Axes = ACTUATOR_AXES
 
     @property
-    def actual_acceleration(self) -> FloatArray:
+    def actual_acceleration(self) -> model.FloatArray:
         """Handle's acceleration without gravity and the hand's own motion, m/s^2.
 
         Only these two are removed, as they must not count as error. A handle that moves exactly as
         desired has no error.
         """
         corner, rate = self.high_pass_frequency, self.rate
-        return without_hand_motion(self.handle_acceleration, corner, rate)
+        return filters.without_hand_motion(self.handle_acceleration, corner, rate)
 
     @property
     def after(self) -> int:
@@ -178,7 +165,7 @@ class Trial:
         """Duration of the trial, s."""
         return len(self.time) / self.rate
 
-    def evaluate(self, first: int = 0, end: int | None = None) -> Evaluation:
+    def evaluate(self, first: int = 0, end: int | None = None) -> metrics.Evaluation:
         """Return the paper's metrics from a sample to an end, after latency and granted delay.
 
         Raises
@@ -186,7 +173,7 @@ class Trial:
         ValueError
             The desired acceleration is zero, or there are too few samples.
         """
-        return evaluate(*self.compared(first, end), self.rate, delay=0.0)
+        return metrics.evaluate(*self.compared(first, end), self.rate, delay=0.0)
 
     def indistinguishable(self, first: int = 0, end: int | None = None) -> float:
         """Return the share of indistinguishable cells from a sample to an end; NaN without any.
@@ -198,7 +185,9 @@ class Trial:
         """
         return indistinguishable(*self.compared(first, end), self.rate)
 
-    def compared(self, first: int = 0, end: int | None = None) -> tuple[FloatArray, FloatArray]:
+    def compared(
+        self, first: int = 0, end: int | None = None
+    ) -> tuple[model.FloatArray, model.FloatArray]:
         """Return desired and actual acceleration, aligned after latency and granted delay, m/s^2.
 
         Raises
@@ -213,7 +202,7 @@ class Trial:
         part = slice(first, None if end is None else end - self.after)
         return desired[part], actual[part]
 
-    def bounds(self, rig: RigParameters, handle: HandleParameters, first: int = 0) -> Bounds:
+    def bounds(self, rig: RigParameters, handle: model.HandleParameters, first: int = 0) -> Bounds:
         """Return the error bounds from a sample on, for a handle on a rig."""
         master = rig.master
         return bounds(
@@ -235,7 +224,7 @@ def run_trial(
     rate: float = DEFAULT_RATE,
     latency: int = LATENCY,
     seed: int = 0,
-    recording: FloatArray | None = None,
+    recording: model.FloatArray | None = None,
     replayed: Track | None = None,
     scene: Scene | None = None,
     texture: Vibrating | None = None,
@@ -345,7 +334,7 @@ def run_trial(
     crossing = None
     if channel is not None:
         crossing, tool = _crossed(crossings, tool, rate, axes)
-        desired = high_passed(tool, corner, rate)
+        desired = filters.high_passed(tool, corner, rate)
     return Trial(
         *(surface, controller, rate, time, tool, desired, handle, force, corner, latency),
         granted_delay(controller, controllers or {}, rate),
@@ -357,8 +346,8 @@ def run_trial(
 
 
 def _crossed(
-    crossings: Sequence[PlayedSample], tool: FloatArray, rate: float, axes: Axes
-) -> tuple[Crossing, FloatArray]:
+    crossings: Sequence[PlayedSample], tool: model.FloatArray, rate: float, axes: Axes
+) -> tuple[Crossing, model.FloatArray]:
     """Return the network's signals, and the tool's acceleration at the played times."""
     ticks = np.array([each.position for each in crossings])
     count = np.arange(len(tool))
@@ -385,7 +374,7 @@ _SIGNALS = 4
 """Number of vectors of tool, handle and actuator in a sample."""
 
 
-def along(axes: Axes, vectors: FloatArray) -> FloatArray:
+def along(axes: Axes, vectors: model.FloatArray) -> model.FloatArray:
     """Return the components of shape (n, 3) along axes: shape (n,) for one, (n, axes) for more."""
     values = np.ascontiguousarray(vectors[:, axes.indices])
     return values[:, 0] if len(axes.names) == 1 else values
@@ -424,7 +413,7 @@ def _samples(
         if grips and grips[0][0] <= time:
             master.advance(time)
             _, changed = grips.popleft()
-            if isinstance(changed, MountParameters):
+            if isinstance(changed, model.MountParameters):
                 master.change_mount(changed)
             else:
                 master.change_grip(changed)
@@ -433,7 +422,7 @@ def _samples(
         handle, tool = (taken.sample for each in results for _, taken in each.samples)
         forces = {command.arm: command.force for each in results for command in each.commands}
         felt = results[0].compensated
-        _, desired, force = felt[-1] if felt else (0, ZERO, ZERO)
+        _, desired, force = felt[-1] if felt else (0, model.ZERO, model.ZERO)
         if isinstance(hosts, TwoHosts):
             played = hosts.halves[MASTER].played
             crossings.append(PlayedSample(played, hosts.position, hosts.energy))
@@ -444,7 +433,7 @@ def _samples(
                 warnings.append((time, words))
         yield (
             *(*tool.acceleration, *desired, *handle.acceleration, *force),
-            *(*handle.position, *handle.velocity, *forces.get(MASTER, ZERO)),
-            *(*tool.position, *tool.velocity, *forces.get(SLAVE, ZERO)),
+            *(*handle.position, *handle.velocity, *forces.get(MASTER, model.ZERO)),
+            *(*tool.position, *tool.velocity, *forces.get(SLAVE, model.ZERO)),
             *(touching.contact_force if touching else ()),
         )

@@ -24,6 +24,7 @@ from types import MappingProxyType
 from typing import Any
 
 from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.core import sampling
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
 from haptic_accel.core.control.compensation import PLANT, CompensationParameters
@@ -46,21 +47,8 @@ from haptic_accel.core.parameters import (
     schema,
     shown,
 )
-from haptic_accel.core.sampling import (
-    DEFAULT_RATE,
-    HIGHEST_LATENCY,
-    IDENTIFICATION_LATENCY,
-    LATENCY,
-)
 from haptic_accel.core.topics import ARMS
-from haptic_accel.devices import MASTERS, SLAVES, Device
-from haptic_accel.devices.audio import (
-    AUDIO,
-    AudioActuator,
-    AudioParameters,
-    InputParameters,
-    SoundCard,
-)
+from haptic_accel.devices import MASTERS, SLAVES, Device, audio
 from haptic_accel.devices.interface import MASTERS_GROUP, SLAVES_GROUP
 from haptic_accel.devices.sound_bench import NO_ARM, BenchOutput, CardAccelerometer
 from haptic_accel.links.parameters import LinkNodeParameters
@@ -86,7 +74,7 @@ class SampledParameters(Checked):
     """Sampling rate, which several nodes share."""
 
     rate: float = parameter(
-        DEFAULT_RATE,
+        sampling.DEFAULT_RATE,
         "sampling rate of devices, coupler and compensator (paper: 1 kHz)",
         unit="Hz",
         low=50.0,
@@ -99,10 +87,10 @@ class DeviceNodeParameters(SampledParameters):
     """Parameters of both device nodes."""
 
     latency: int = parameter(
-        LATENCY,
+        sampling.LATENCY,
         "delay from a sample to the force that it causes, in samples; 0 applies forces on arrival",
         low=0,
-        high=HIGHEST_LATENCY,
+        high=sampling.HIGHEST_LATENCY,
     )
     frame: int = parameter(
         1,
@@ -117,7 +105,7 @@ class DeviceNodeParameters(SampledParameters):
     accelerometer_device: str = parameter(
         "device",
         "driver of the accelerometer: the device, or the inputs of a sound card",
-        choices=("device", AUDIO),
+        choices=("device", audio.AUDIO),
     )
     autostart: bool = parameter(True, "configure and activate at the start, or else by a client")
 
@@ -133,7 +121,7 @@ class MasterNodeParameters(DeviceNodeParameters):
     actuator_device: str = parameter(
         "device",
         "driver of the actuator: the master device, or a sound card with an amplifier",
-        choices=("device", AUDIO),
+        choices=("device", audio.AUDIO),
     )
 
 
@@ -197,7 +185,7 @@ class IdentifierNodeParameters(SweepParameters):
     """Parameters of the node `identifier`."""
 
     rate: float = like(SampledParameters, "rate")
-    latency: int = like(DeviceNodeParameters, "latency", IDENTIFICATION_LATENCY)
+    latency: int = like(DeviceNodeParameters, "latency", sampling.IDENTIFICATION_LATENCY)
     timeout: float = like(EngagementParameters, "timeout")
     axes: str = like(CompensationParameters, "axes")
     trials: int = parameter(
@@ -263,11 +251,11 @@ NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
     "scope": (ScopeNodeParameters, {}),
     "master_device": (
         MasterNodeParameters,
-        {**_device_parts(MASTERS, MasterSafetyParameters), AUDIO: AudioParameters},
+        {**_device_parts(MASTERS, MasterSafetyParameters), audio.AUDIO: audio.AudioParameters},
     ),
     "slave_device": (
         SlaveNodeParameters,
-        {**_device_parts(SLAVES, SafetyParameters), AUDIO: InputParameters},
+        {**_device_parts(SLAVES, SafetyParameters), audio.AUDIO: audio.InputParameters},
     ),
     "restamper": (RestamperNodeParameters, {}),
     "coupler": (CouplerNodeParameters, {}),
@@ -337,16 +325,16 @@ def build_device(executable: str, own: Any, options: Mapping[str, Any]) -> Devic
     """
     kinds = MASTERS if executable == "master_device" else SLAVES
     device = kinds[own.device].from_options(own.device, options, own.rate, own.seed)
-    card: Callable[[AudioParameters, float, int], SoundCard] = SoundCard
-    if own.accelerometer_device == AUDIO:
+    card: Callable[[audio.AudioParameters, float, int], audio.SoundCard] = audio.SoundCard
+    if own.accelerometer_device == audio.AUDIO:
         is_tool = executable == "slave_device"
-        device = sensor = CardAccelerometer(options[AUDIO], own.rate, device, is_tool)
+        device = sensor = CardAccelerometer(options[audio.AUDIO], own.rate, device, is_tool)
         card = partial(BenchOutput, sensor=sensor)
     elif own.device == NO_ARM:
-        raise ParameterError(f"device = {NO_ARM}: must come with accelerometers:={AUDIO}")
-    if getattr(own, "actuator_device", "") != AUDIO:
+        raise ParameterError(f"device = {NO_ARM}: must come with accelerometers:={audio.AUDIO}")
+    if getattr(own, "actuator_device", "") != audio.AUDIO:
         return device
-    return AudioActuator(options[AUDIO], own.rate, device, own.latency, card=card)
+    return audio.AudioActuator(options[audio.AUDIO], own.rate, device, own.latency, card=card)
 
 
 def check_clock(use_sim_time: object) -> None:
@@ -370,9 +358,9 @@ def _check_frame(own: Any, kinds: Mapping[str, type[Device]]) -> None:
     if frame == 1:
         return
     device, actuator = own.device, getattr(own, "actuator_device", "device")
-    if not kinds[device].description.framed or actuator == AUDIO:
+    if not kinds[device].description.framed or actuator == audio.AUDIO:
         able = ", ".join(name for name, kind in kinds.items() if kind.description.framed)
-        driver = AUDIO if actuator == AUDIO else device
+        driver = audio.AUDIO if actuator == audio.AUDIO else device
         raise ParameterError(
             f"frame = {frame}: must be 1 with the device {driver}, which takes no forces ahead of"
             f" time; {able} do"

@@ -28,13 +28,7 @@ from haptic_accel.core.parameters import Checked, ParameterError, checked, like,
 from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.core.topics import MASTER, PLAYED, SLAVE, SLAVE_SIGNALS
 from haptic_accel.core.track import SHORTEST, Track, played_at
-from haptic_accel.devices.playback import (
-    ReplayParameters,
-    bag_rate,
-    is_bag,
-    read_track,
-    start_offset,
-)
+from haptic_accel.devices import playback
 from haptic_accel.materials.folders import is_recording
 from haptic_accel.setup.arguments import (
     PLAYED_TOPICS,
@@ -67,9 +61,9 @@ class ReplayArguments(Checked):
     """Replay: source and playback."""
 
     bag: str = parameter("", "bag, or CSV or WAV file, to play")
-    rate: float = like(ReplayParameters, "speed")
-    loop: bool = like(ReplayParameters, "loop")
-    start: float = like(ReplayParameters, "start")
+    rate: float = like(playback.ReplayParameters, "speed")
+    loop: bool = like(playback.ReplayParameters, "loop")
+    start: float = like(playback.ReplayParameters, "start")
     duration: float = parameter(
         0.0,
         "duration to replay; 0: whole recording, or until stopped with loop:=true",
@@ -131,7 +125,7 @@ def replay_arguments(words: Iterable[str]) -> Replay:
     """
     own, given = _parsed(words)
     bag = None
-    if is_bag(own.bag):
+    if playback.is_bag(own.bag):
         from haptic_accel.bags.reading import read_bag_with_warnings
 
         bag = read_bag_with_warnings(Path(own.bag))
@@ -207,7 +201,7 @@ def _check_source(own: ReplayArguments, values: dict[str, Any], bag: Bag | None)
 def _sampling_rate(own: ReplayArguments, slave: str, bag: Bag | None) -> float:
     """Return the graph's rate: as given, or the rate of the replayed arm."""
     arm = SLAVE if slave in (REPLAY, PLAYED_TOPICS) else MASTER
-    rate = own.sampling_rate or (bag_rate(bag, arm) if bag else DEFAULT_RATE)
+    rate = own.sampling_rate or (playback.bag_rate(bag, arm) if bag else DEFAULT_RATE)
     return float(checked("sampling_rate", rate, *schema(GraphArguments)["rate"]))
 
 
@@ -246,7 +240,7 @@ def play_command(asked: Replay) -> str:
     ]
     words = ["ros2", "bag", "play", own.bag, "--topics", *(name for name, _ in found)]
     words += ["--remap", *(f"{name}:={played}" for name, played in found)]
-    offset = start_offset(asked.bag, own.start)
+    offset = playback.start_offset(asked.bag, own.start)
     words += ["--start-offset", f"{offset:.3f}"] if offset else []
     words += ["--loop"] if own.loop else []
     return shlex.join(words)
@@ -281,10 +275,10 @@ def in_lockstep(asked: Replay) -> Replay:
 def replayed_track(own: ReplayArguments, played: GraphArguments) -> Track:
     """Return the played track of the slave at the graph's rate."""
     rate = played.rate
-    parameters = ReplayParameters(
+    parameters = playback.ReplayParameters(
         own.bag, rate=played.recording_rate, column=played.recording_column, start=own.start
     )
-    track = read_track(parameters, SLAVE, rate)
+    track = playback.read_track(parameters, SLAVE, rate)
     if own.duration:
         track = track.part(slice(round(own.duration * track.rate)))
     return played_at(track, rate, own.rate)

@@ -24,15 +24,10 @@ import math
 from dataclasses import replace
 
 from haptic_accel.core.actuator.safety import MANUAL
-from haptic_accel.core.coupling.engagement import (
-    STOPPED,
-    Decision,
-    Engagement,
-    EngagementParameters,
-)
+from haptic_accel.core.coupling import engagement
 from haptic_accel.core.network.packet import Packet
 
-STOPPED_THERE = f"{STOPPED} at the peer"
+STOPPED_THERE = f"{engagement.STOPPED} at the peer"
 """Reason for a free arm while the peer is stopped and this host is not."""
 
 SILENT = "waiting for the peer's packets"
@@ -55,7 +50,7 @@ LOST = "the peer was lost: engage again by coupler/engage"
 """Reason for a free arm that engages again only on request after the loss of the peer."""
 
 
-class HalfEngagement(Engagement):
+class HalfEngagement(engagement.Engagement):
     """State machine of one arm that is coupled to a peer's arm: free or engaged.
 
     An arm is ready when its own conditions hold. It engages when the peer is ready or engaged. It
@@ -83,7 +78,7 @@ class HalfEngagement(Engagement):
         Reason why received packets are unusable; empty if none are received. Set by the caller.
     """
 
-    def __init__(self, parameters: EngagementParameters, now: float, arm: str) -> None:
+    def __init__(self, parameters: engagement.EngagementParameters, now: float, arm: str) -> None:
         super().__init__(parameters, now, (arm,))
         self.count = 0
         self.resumes = False
@@ -116,7 +111,7 @@ class HalfEngagement(Engagement):
         """Return the reason that prevents engagement, or ends it; empty if there is none."""
         return super().missing(now, listeners) or self._missing_there(now)
 
-    def decide(self, now: float, listeners: int) -> Decision:
+    def decide(self, now: float, listeners: int) -> engagement.Decision:
         """Return the actions that are due; arguments as for `missing`."""
         lost = self._lost(now)
         by_network = not super().missing(now, listeners) and self._resumable_after(now)

@@ -23,15 +23,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from haptic_accel.core import model
 from haptic_accel.core.axes import HIGHEST_CONDITION, NAMES
 from haptic_accel.core.document import Document, read_json_document
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.model import (
-    ComplexArray,
-    FloatArray,
-    HandleParameters,
-    MountParameters,
-)
 from haptic_accel.core.parameters import ParameterError, own_schema
 
 THREE_AXES = "three_axes"
@@ -58,7 +53,7 @@ class MatrixPlant:
     """
 
     axes: tuple[Plant, Plant, Plant]
-    coupling: FloatArray
+    coupling: model.FloatArray
     rate: float
 
     @classmethod
@@ -67,7 +62,7 @@ class MatrixPlant:
         return cls((plant, plant, plant), np.eye(3)[:, :, np.newaxis], rate)
 
     @property
-    def directions(self) -> FloatArray:
+    def directions(self) -> model.FloatArray:
         """Static coupling, shape (3, 3): K at 0 Hz."""
         return np.asarray(self.coupling.sum(axis=2))
 
@@ -76,14 +71,14 @@ class MatrixPlant:
         """Condition number of the directions; see `HIGHEST_CONDITION`."""
         return float(np.linalg.cond(self.directions))
 
-    def coupling_response(self, frequency: npt.ArrayLike) -> ComplexArray:
+    def coupling_response(self, frequency: npt.ArrayLike) -> model.ComplexArray:
         """Return K at frequencies in Hz, shape (f, 3, 3)."""
         turns = np.outer(
             np.asarray(frequency, dtype=np.float64), np.arange(self.coupling.shape[2])
         )
         return np.moveaxis(self.coupling @ np.exp(-2j * np.pi / self.rate * turns).T, 2, 0)
 
-    def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
+    def response(self, frequency: npt.ArrayLike, rate: float) -> model.ComplexArray:
         """Return G, sampled acceleration over held force, m/s^2 per N, shape (f, 3, 3).
 
         Parameters
@@ -179,8 +174,8 @@ def read_matrix_plant(path: Path) -> MatrixPlant:
 
 
 def _axis(content: Document) -> Plant:
-    handle = content.at("handle").build(HandleParameters)
-    mount = content.at("mount").build(MountParameters)
+    handle = content.at("handle").build(model.HandleParameters)
+    mount = content.at("mount").build(model.MountParameters)
     own: dict[str, Any] = {
         key: content.at(key).number(each) for key, (_, each) in _NUMBERS.items()
     }

@@ -27,15 +27,8 @@ import numpy as np
 
 from haptic_accel.core.handle.approximate import approximate_model
 from haptic_accel.core.handle.discrete import DiscreteModel
+from haptic_accel.core.identification import estimate
 from haptic_accel.core.identification.discrete import identify_discrete
-from haptic_accel.core.identification.estimate import (
-    FrequencyResponse,
-    RecordingError,
-    check_recording,
-    dft_ratio,
-    h1,
-    h2,
-)
 from haptic_accel.core.identification.fit import DEFAULT_FREE as OF_RESPONSES
 from haptic_accel.core.identification.fit import (
     HANDLE,
@@ -116,9 +109,9 @@ class GripIdentification:
     """
 
     trials: list[IdentificationTrial]
-    responses: list[FrequencyResponse]
-    averaged_h1: FrequencyResponse
-    averaged_h2: FrequencyResponse
+    responses: list[estimate.FrequencyResponse]
+    averaged_h1: estimate.FrequencyResponse
+    averaged_h2: estimate.FrequencyResponse
     fit: HandleFit
     undecided: tuple[str, ...] = ()
 
@@ -270,20 +263,22 @@ def _identify_grip(
     for trial in trials:
         force = kept_repeats(trial.actuator_force, sweep, trial.rate)
         acceleration = kept_repeats(trial.handle_acceleration, sweep, trial.rate)
-        check_recording(force, acceleration, trial.rate, sweep.band, acceleration_range)
-        responses.append(dft_ratio(force, acceleration, trial.rate, sweep.band, sweep.repeats - 1))
+        estimate.check_recording(force, acceleration, trial.rate, sweep.band, acceleration_range)
+        responses.append(
+            estimate.dft_ratio(force, acceleration, trial.rate, sweep.band, sweep.repeats - 1)
+        )
         forces.append(force)
         accelerations.append(centred(acceleration))
-    averaged = h1(
+    averaged = estimate.h1(
         np.concatenate(forces), np.concatenate(accelerations), trials[0].rate, sweep.band
     )
     found, doubts = choose_fit(trials, responses, sweep, fit, free, tell)
-    return GripIdentification(trials, responses, averaged, h2(averaged), found, doubts)
+    return GripIdentification(trials, responses, averaged, estimate.h2(averaged), found, doubts)
 
 
 def choose_fit(
     trials: Sequence[IdentificationTrial],
-    responses: Sequence[FrequencyResponse],
+    responses: Sequence[estimate.FrequencyResponse],
     sweep: SweepParameters,
     fit: Fit,
     free: Sequence[str],
@@ -337,7 +332,7 @@ def check_determined(grip: str, fit: HandleFit) -> None:
     """
     if fit.limited:
         values = ", ".join(f"{name} = {fit.value(name):.3g}" for name in fit.limited)
-        raise RecordingError(
+        raise estimate.RecordingError(
             f"{values} ({grip or 'all grips'}): at a limit of the search, so the recording does"
             " not determine it; use a larger amplitude or more trials",
             {"trials": 2},
@@ -448,7 +443,7 @@ def _pooled(grips: Sequence[GripIdentification], fit: Fit, free: Sequence[str]) 
     return _with_friction(found, [grip.fit for grip in grips])
 
 
-def _modelled(grip: GripIdentification) -> FrequencyResponse:
+def _modelled(grip: GripIdentification) -> estimate.FrequencyResponse:
     """Return the response of a grip's model, with the uncertainty of one trial."""
     first = grip.responses[0]
     return replace(first, response=grip.fit.response(first.frequency, first.rate))
@@ -471,7 +466,9 @@ def _with_mount(free: Sequence[str]) -> list[str]:
     return list(dict.fromkeys((*free, *MOUNT)))
 
 
-def _widened(response: FrequencyResponse, spread: FloatArray) -> FrequencyResponse:
+def _widened(
+    response: estimate.FrequencyResponse, spread: FloatArray
+) -> estimate.FrequencyResponse:
     """Return a response with a larger standard deviation of real and imaginary part."""
     deviation = np.hypot(response.standard_deviation, spread)
     noise_to_signal = 2.0 * response.averages * (deviation / np.abs(response.response)) ** 2

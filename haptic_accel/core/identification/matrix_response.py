@@ -22,15 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from haptic_accel.core.axes import NAMES
-from haptic_accel.core.identification.estimate import (
-    SMALLEST_COHERENCE,
-    SMALLEST_FORCE,
-    Band,
-    FrequencyResponse,
-    RecordingError,
-    check_range,
-    smoothed,
-)
+from haptic_accel.core.identification import estimate
 from haptic_accel.core.identification.multisine import kept_periods
 from haptic_accel.core.identification.sweep import (
     IdentificationTrial,
@@ -84,11 +76,11 @@ class MatrixResponse:
     averages: int
     lines: BoolArray
 
-    def own(self, axis: int) -> FrequencyResponse:
+    def own(self, axis: int) -> estimate.FrequencyResponse:
         """Return the response of an axis to its own coil."""
         response, deviation = self.response[:, axis, axis], self.deviation[:, axis, axis]
         noise_to_signal = 2.0 * self.averages * (deviation / np.abs(response)) ** 2
-        return FrequencyResponse(
+        return estimate.FrequencyResponse(
             self.frequency, response, 1.0 / (1.0 + noise_to_signal), self.rate, self.averages
         )
 
@@ -139,7 +131,7 @@ def matrix_response(
     inverse = np.linalg.inv(force @ adjoint)
     response = acceleration @ adjoint @ inverse
     rest = np.sum(np.abs(acceleration - response @ force) ** 2, axis=2) / (periods - COILS)
-    noise = np.stack([smoothed(each) for each in rest.T], axis=1)
+    noise = np.stack([estimate.smoothed(each) for each in rest.T], axis=1)
     variance = np.diagonal(inverse, axis1=1, axis2=2).real
     power = np.mean(np.abs(force) ** 2, axis=2)
     # The estimate explains a part of the noise, too, which is no coherence.
@@ -168,14 +160,14 @@ def _spectra(periods: FloatArray) -> ComplexArray:
 def _check_alive(trial: IdentificationTrial) -> None:
     """Reject a force that excites nothing, and an acceleration that does not change."""
     for axis, force in by_axis(trial.actuator_force):
-        if (excited := float(np.std(force))) < SMALLEST_FORCE:
-            raise RecordingError(
+        if (excited := float(np.std(force))) < estimate.SMALLEST_FORCE:
+            raise estimate.RecordingError(
                 f"{axis}actuator_force: {excited:.3g} N root mean square excites nothing, must be"
-                f" at least {SMALLEST_FORCE:g} N"
+                f" at least {estimate.SMALLEST_FORCE:g} N"
             )
     for axis, values in by_axis(trial.handle_acceleration):
         if np.ptp(values) == 0.0:
-            raise RecordingError(
+            raise estimate.RecordingError(
                 f"{axis}handle_acceleration: constant at {values[0]:.3g} m/s^2, must change; is"
                 " the sensor's axis connected?"
             )
@@ -202,33 +194,33 @@ def check_matrix_response(
     """
     for trial in trials:
         for axis, values in by_axis(trial.handle_acceleration):
-            check_range(values, acceleration_range, axis)
+            estimate.check_range(values, acceleration_range, axis)
     band = found.frequency[0], found.frequency[-1]
     _check_coherence(found, band)
     _check_directions(found)
     for coil, name in enumerate(NAMES):
         if _pushes_back(found, coil):
-            raise RecordingError(
+            raise estimate.RecordingError(
                 f"axis {name}: its coil pushes against the axis, must push along it; swap the"
                 " coil's wires, or make its force constant negative"
             )
 
 
-def _check_coherence(found: MatrixResponse, band: Band) -> None:
+def _check_coherence(found: MatrixResponse, band: estimate.Band) -> None:
     """Reject a coil that moves nothing, and an acceleration that no force explains."""
     where = f"on average from {band[0]:g} to {band[1]:g} Hz: must be at least"
     moved = np.mean(found.shares, axis=0)
     for coil, name in enumerate(NAMES):
-        if (most := float(moved[:, coil].max())) < SMALLEST_COHERENCE:
-            raise RecordingError(
+        if (most := float(moved[:, coil].max())) < estimate.SMALLEST_COHERENCE:
+            raise estimate.RecordingError(
                 f"axis {name}: coherence = {most:.2f} of its coil with any acceleration {where}"
-                f" {SMALLEST_COHERENCE:g}; is the coil connected?"
+                f" {estimate.SMALLEST_COHERENCE:g}; is the coil connected?"
             )
     for axis, name in enumerate(NAMES):
-        if (coherence := float(np.mean(found.coherence[:, axis]))) < SMALLEST_COHERENCE:
-            raise RecordingError(
+        if (coherence := float(np.mean(found.coherence[:, axis]))) < estimate.SMALLEST_COHERENCE:
+            raise estimate.RecordingError(
                 f"axis {name}: multiple coherence = {coherence:.2f} of its acceleration {where}"
-                f" {SMALLEST_COHERENCE:g}; is the sensor's axis connected?"
+                f" {estimate.SMALLEST_COHERENCE:g}; is the sensor's axis connected?"
             )
 
 
@@ -241,12 +233,12 @@ def _check_directions(found: MatrixResponse) -> None:
             continue
         name, other = NAMES[coil], NAMES[axis]
         if most[axis] == coil:
-            raise RecordingError(
+            raise estimate.RecordingError(
                 f"axes {name} and {other}: the coil of each moves the other axis,"
                 f" {moved[axis, coil]:.0f} and {moved[coil, axis]:.0f} dB above its own, must move"
                 " its own; exchange the two coils' wires, or the axes of the sensor"
             )
-        raise RecordingError(
+        raise estimate.RecordingError(
             f"axis {name}: its coil moves axis {other} the most, {moved[axis, coil]:.0f} dB above"
             f" its own, must move its own; is it mounted along {name}?"
         )

@@ -32,12 +32,7 @@ import math
 import numpy as np
 
 from haptic_accel.core.axes import ALL_AXES, Axes
-from haptic_accel.core.identification.sweep import (
-    DROPPED_REPEATS,
-    SweepParameters,
-    excitation,
-    repeat_samples,
-)
+from haptic_accel.core.identification import sweep
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 
@@ -51,7 +46,7 @@ FADE = 0.05
 is not evaluated)."""
 
 
-def multisine(parameters: SweepParameters, rate: float) -> FloatArray:
+def multisine(parameters: sweep.SweepParameters, rate: float) -> FloatArray:
     """Return one period of the multisine of each coil.
 
     The coils begin a third of the period apart, so that they have different frequencies at any
@@ -74,7 +69,7 @@ def multisine(parameters: SweepParameters, rate: float) -> FloatArray:
     ParameterError
         The end frequency is not below half the rate.
     """
-    samples = repeat_samples(parameters, rate)
+    samples = sweep.repeat_samples(parameters, rate)
     frequency = np.fft.rfftfreq(samples, 1.0 / rate)
     low, high = parameters.band
     used = (frequency >= low) & (frequency <= high)
@@ -94,7 +89,7 @@ def multisine(parameters: SweepParameters, rate: float) -> FloatArray:
     return np.asarray(np.fft.irfft(spectrum * (samples / 2), samples).T)
 
 
-def orthogonal_excitation(parameters: SweepParameters, rate: float) -> FloatArray:
+def orthogonal_excitation(parameters: sweep.SweepParameters, rate: float) -> FloatArray:
     """Return all realisations of a trial, each with all its repeats, one after the other.
 
     Returns
@@ -113,7 +108,7 @@ def orthogonal_excitation(parameters: SweepParameters, rate: float) -> FloatArra
     return np.concatenate([signs * repeated for signs in SIGNS])
 
 
-def trial_forces(axes: Axes, parameters: SweepParameters, rate: float) -> FloatArray:
+def trial_forces(axes: Axes, parameters: sweep.SweepParameters, rate: float) -> FloatArray:
     """Return the forces of a trial of a handle with one coil, or with three.
 
     Returns
@@ -133,15 +128,15 @@ def trial_forces(axes: Axes, parameters: SweepParameters, rate: float) -> FloatA
             f"axes = {', '.join(axes.names)}: must be one, or {', '.join(ALL_AXES.names)}, for an"
             " identification"
         )
-    return excitation(parameters, rate)[:, np.newaxis]
+    return sweep.excitation(parameters, rate)[:, np.newaxis]
 
 
-def repeats_of_trial(axes: Axes, parameters: SweepParameters) -> int:
+def repeats_of_trial(axes: Axes, parameters: sweep.SweepParameters) -> int:
     """Return the number of repeats in a trial of `trial_forces`."""
     return parameters.repeats * (len(SIGNS) if axes == ALL_AXES else 1)
 
 
-def kept_periods(values: FloatArray, parameters: SweepParameters, rate: float) -> FloatArray:
+def kept_periods(values: FloatArray, parameters: sweep.SweepParameters, rate: float) -> FloatArray:
     """Return the evaluated periods of a signal recorded from the start of the excitation on.
 
     Parameters
@@ -154,7 +149,7 @@ def kept_periods(values: FloatArray, parameters: SweepParameters, rate: float) -
     ndarray, shape (4, repeats - 1, n, 3)
         Periods of each realisation but the first, in which the handle settles.
     """
-    period = repeat_samples(parameters, rate)
+    period = sweep.repeat_samples(parameters, rate)
     whole = len(SIGNS) * parameters.repeats * period
     periods = values[:whole].reshape(len(SIGNS), parameters.repeats, period, 3)
-    return periods[:, DROPPED_REPEATS:]
+    return periods[:, sweep.DROPPED_REPEATS :]

@@ -25,17 +25,9 @@ import numpy as np
 from haptic_accel.core.axes import HIGHEST_CONDITION, NAMES
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.identification import evaluation
 from haptic_accel.core.identification.coupling import Coupling, above, fit_coupling
 from haptic_accel.core.identification.estimate import NOISE_LINES, RecordingError, smoothed
-from haptic_accel.core.identification.evaluation import (
-    DEFAULT_FREE,
-    GRIP_STAGES,
-    LARGEST_MISFIT,
-    Tell,
-    check_determined,
-    choose_fit,
-    fit_doubts,
-)
 from haptic_accel.core.identification.fit import HandleFit, fit_handle
 from haptic_accel.core.identification.matrix_response import (
     COILS,
@@ -83,7 +75,9 @@ class ThreeAxisIdentification:
     def doubts(self) -> list[str]:
         """Reasons to doubt the fits, one line each; empty if there is none."""
         doubts = [
-            f"axis {name}: {doubt}" for name, fit in self.fits.items() for doubt in fit_doubts(fit)
+            f"axis {name}: {doubt}"
+            for name, fit in self.fits.items()
+            for doubt in evaluation.fit_doubts(fit)
         ]
         return [*self.undecided, *doubts]
 
@@ -105,8 +99,8 @@ def identify_three_axes(
     bandwidth: float,
     *,
     known: HandleParameters | None = None,
-    free: Sequence[str] = DEFAULT_FREE,
-    tell: Tell = lambda _: None,
+    free: Sequence[str] = evaluation.DEFAULT_FREE,
+    tell: evaluation.Tell = lambda _: None,
 ) -> ThreeAxisIdentification:
     """Estimate the response, fit the plant of each axis, and then the coupling.
 
@@ -135,10 +129,12 @@ def identify_three_axes(
     fits, undecided = {}, []
     for coil, name in enumerate(NAMES):
         stage = _telling(tell, name)
-        stage(GRIP_STAGES[0])
+        stage(evaluation.GRIP_STAGES[0])
         alone = _alone(trials, response, sweep, coil)
-        fits[name], doubts = choose_fit(alone, [response.own(coil)], sweep, fit, free, stage)
-        check_determined(f"axis {name}", fits[name])
+        fits[name], doubts = evaluation.choose_fit(
+            alone, [response.own(coil)], sweep, fit, free, stage
+        )
+        evaluation.check_determined(f"axis {name}", fits[name])
         undecided += [f"axis {name}: {doubt}" for doubt in doubts]
     tell(LAST_STAGE)
     own = [
@@ -173,11 +169,11 @@ LAST_STAGE = "coupling of the axes"
 
 def stages() -> list[str]:
     """Return the names of the stages of `identify_three_axes`, in their order."""
-    axes = [f"fit of axis {axis}: {stage}" for axis in NAMES for stage in GRIP_STAGES]
+    axes = [f"fit of axis {axis}: {stage}" for axis in NAMES for stage in evaluation.GRIP_STAGES]
     return [*axes, LAST_STAGE]
 
 
-def _telling(tell: Tell, axis: str) -> Tell:
+def _telling(tell: evaluation.Tell, axis: str) -> evaluation.Tell:
     return lambda stage: tell(f"fit of axis {axis}: {stage}")
 
 
@@ -272,11 +268,11 @@ def coupling_doubts(found: MatrixResponse, coupling: Coupling, own: ComplexArray
         mean = np.abs(smoothed(relative[used, axis, coil]))
         surely = mean - CERTAIN * np.sqrt(smoothed(scatter[used, axis, coil] ** 2) / NOISE_LINES)
         worst, vaguest = int(np.argmax(surely)), int(np.argmax(unsure))
-        if surely[worst] > LARGEST_MISFIT:
+        if surely[worst] > evaluation.LARGEST_MISFIT:
             lines.append(
                 f"{name}: the model differs from the measured response by"
                 f" {100 * mean[worst]:.0f} % near {frequency[worst]:.0f} Hz: must be at most"
-                f" {100 * LARGEST_MISFIT:g} %"
+                f" {100 * evaluation.LARGEST_MISFIT:g} %"
             )
         elif unsure[vaguest] > LARGEST_UNCERTAINTY:
             lines.append(

@@ -41,18 +41,7 @@ from haptic_accel.bags.folder import MCAP, METADATA
 from haptic_accel.core.bounded_files import located, opened
 from haptic_accel.core.parameters import ParameterError, shown, suggestion
 from haptic_accel.core.safe_writing import replace_file
-from haptic_accel.kits.study.authenticity import (
-    DELETION,
-    HEAD,
-    Logs,
-    SittingEnd,
-    check_folders,
-    check_heads,
-    check_journal,
-    doubts,
-    head_entry,
-    sitting_ends,
-)
+from haptic_accel.kits.study import authenticity
 from haptic_accel.kits.study.log import (
     LARGEST_LOG,
     LOG,
@@ -244,14 +233,14 @@ class Study:
         return [session for _, session in self._logs().values()]
 
     @property
-    def ends(self) -> list[SittingEnd]:
+    def ends(self) -> list[authenticity.SittingEnd]:
         """Ends of all sittings; raises as `sessions` does."""
-        return sitting_ends(self._logs(), self.journal)
+        return authenticity.sitting_ends(self._logs(), self.journal)
 
     @property
     def doubts(self) -> list[str]:
         """Lines on sessions that the journal or the logs have alone; raises as `sessions` does."""
-        return doubts(self._logs(), self.journal)
+        return authenticity.doubts(self._logs(), self.journal)
 
     @property
     def journal(self) -> list[Entry]:
@@ -268,7 +257,7 @@ class Study:
         file = self.folder / JOURNAL
         entries = read_chain(file).entries if found else []
         with located(file, "must be a journal"):
-            check_journal(entries)
+            authenticity.check_journal(entries)
         return entries
 
     @property
@@ -360,7 +349,7 @@ class Study:
         """Write the hash of a log's last line to the journal after a sitting; return the hash."""
         chain = read_chain(log.file)
         with self._open_journal() as journal:
-            journal.add(HEAD, **head_entry(chain))
+            journal.add(authenticity.HEAD, **authenticity.head_entry(chain))
         return chain.head
 
     def resume(self, participant: str) -> Log:
@@ -419,7 +408,7 @@ class Study:
             lock(held, file)
             session = hashlib.sha256(held.readline()).hexdigest()
             deletion.carry_out()
-            journal.add(DELETION, session=session)
+            journal.add(authenticity.DELETION, session=session)
 
     def _existing(self, participant: str) -> Path:
         folder = self.participant_folder(participant)
@@ -431,13 +420,13 @@ class Study:
             )
         return folder
 
-    def _logs(self) -> Logs:
+    def _logs(self) -> authenticity.Logs:
         """Return all logs with a complete line, unless they contradict each other."""
         participants, journal = self.folder / PARTICIPANTS, self.journal
         folders = sorted(file.parent for file in participants.glob(f"*/{LOG}"))
         logs = {each: log for each in folders if (log := read_log(each))}
-        check_folders(participants, logs)
-        check_heads(logs, journal)
+        authenticity.check_folders(participants, logs)
+        authenticity.check_heads(logs, journal)
         return logs
 
     def _open_journal(self) -> Log:

@@ -41,14 +41,8 @@ from typing import Any, TypeAlias
 from haptic_accel.core.bounded_files import located, opened
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.safe_writing import sync_folder
+from haptic_accel.kits.study import trials
 from haptic_accel.kits.study.protocol import Condition
-from haptic_accel.kits.study.trials import (
-    Answer,
-    PlannedTrial,
-    PresentedStimulus,
-    SessionRecord,
-    TrialRecord,
-)
 
 Entry: TypeAlias = dict[str, Any]
 """Line of a log: its kind and content."""
@@ -117,7 +111,7 @@ class Entries:
         self.entries.append(self._entry(kind, content))
 
     @property
-    def record(self) -> SessionRecord:
+    def record(self) -> trials.SessionRecord:
         """Session that the entries hold."""
         return session_of(self.entries)
 
@@ -238,7 +232,7 @@ def is_running(file: Path) -> bool:
     return False
 
 
-def read_session(folder: Path) -> SessionRecord:
+def read_session(folder: Path) -> trials.SessionRecord:
     """Return the contents of the log in a participant's folder, also while the session runs.
 
     Raises
@@ -251,7 +245,7 @@ def read_session(folder: Path) -> SessionRecord:
     return found[1]
 
 
-def read_log(folder: Path) -> tuple[Chain, SessionRecord] | None:
+def read_log(folder: Path) -> tuple[Chain, trials.SessionRecord] | None:
     """Return the lines of the log in a participant's folder, and the session that they hold.
 
     Without a complete line there is none.
@@ -293,14 +287,14 @@ def read_chain(file: Path) -> Chain:
     return Chain(entries, heads, size)
 
 
-def session_of(entries: list[Entry]) -> SessionRecord:
+def session_of(entries: list[Entry]) -> trials.SessionRecord:
     """Return the session that entries hold."""
     first = next((entry for entry in entries if entry["kind"] == SESSION), None)
     if first is None:
         raise ValueError("no line states a session")
     agreed = (each["version"] for each in entries if each["kind"] == CONSENT and each["agreed"])
     ends = [each.get("reason", "") for each in entries if each["kind"] in (SITTING, END)]
-    return SessionRecord(
+    return trials.SessionRecord(
         **{name: first[name] for name in ("participant", "digest", "seed", "row")},
         consent=next(agreed, ""),
         begun=first["at"],
@@ -311,22 +305,24 @@ def session_of(entries: list[Entry]) -> SessionRecord:
     )
 
 
-def trial_entry(record: TrialRecord) -> Entry:
+def trial_entry(record: trials.TrialRecord) -> Entry:
     """Return the content of a trial's line, with its conditions, answer and measures sealed."""
     content = asdict(record)
     open_fields = {name: content.pop(name) for name in OPEN}
     return {"number": record.trial.number, **open_fields, "sealed": seal(content)}
 
 
-def trial_of(entry: Entry) -> TrialRecord:
+def trial_of(entry: Entry) -> trials.TrialRecord:
     """Return the trial of a line."""
     content = unseal(entry["sealed"])
     trial, answer = content["trial"], content["answer"]
     stimuli = tuple(_condition(each["settings"]) for each in trial["stimuli"])
-    return TrialRecord(
-        trial=PlannedTrial(**trial | {"stimuli": stimuli, "answers": tuple(trial["answers"])}),
-        presented=tuple(PresentedStimulus(**each) for each in content["presented"]),
-        answer=Answer(**answer) if answer else None,
+    return trials.TrialRecord(
+        trial=trials.PlannedTrial(
+            **trial | {"stimuli": stimuli, "answers": tuple(trial["answers"])}
+        ),
+        presented=tuple(trials.PresentedStimulus(**each) for each in content["presented"]),
+        answer=trials.Answer(**answer) if answer else None,
         flaw=content["flaw"],
         **{name: entry[name] for name in OPEN},
     )

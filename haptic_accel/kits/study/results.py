@@ -33,12 +33,7 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.core.tables import DASH, ResultTable, Row
 from haptic_accel.kits.study import planned_tests
 from haptic_accel.kits.study.protocol import Condition, Levels, Protocol
-from haptic_accel.kits.study.psychophysics.choices import (
-    bradley_terry,
-    confusion_matrix,
-    information_transfer,
-    scale_dissimilarities,
-)
+from haptic_accel.kits.study.psychophysics import choices
 from haptic_accel.kits.study.psychophysics.detection import CHANCE, exact_binomial
 from haptic_accel.kits.study.tables import COLUMNS, MEASURED, Tables
 from haptic_accel.kits.study.tasks import distance, labels
@@ -274,7 +269,7 @@ def _preferences(protocol: Protocol, trials: planned_tests.Trials) -> Iterator[R
         ),
     )
     try:
-        worths = bradley_terry(
+        worths = choices.bradley_terry(
             [_wins(list(names), own) for own in planned_tests.by_participant(trials).values()]
         )
     except ValueError:  # the pairs do not connect all conditions
@@ -312,7 +307,7 @@ def _confusions(protocol: Protocol, trials: planned_tests.Trials) -> Iterator[Re
 
     def confused(own: planned_tests.Trials) -> FloatArray:
         presented = [names[each.condition] for each in own]
-        return confusion_matrix(presented, [each.answer for each in own], shown)
+        return choices.confusion_matrix(presented, [each.answer for each in own], shown)
 
     counts = pd.DataFrame(confused(trials), shown, shown).astype(int)
     yield Result(
@@ -324,7 +319,7 @@ def _confusions(protocol: Protocol, trials: planned_tests.Trials) -> Iterator[Re
     )
     rows: list[Row] = []
     for participant, own in planned_tests.by_participant(trials).items():
-        found = information_transfer(confused(own))
+        found = choices.information_transfer(confused(own))
         row = {"analysed": "all conditions", "participant": participant, **asdict(found)}
         rows.append({name: row[name] for name in _TRANSFER})
     yield Result(
@@ -363,7 +358,7 @@ def _dissimilarities(protocol: Protocol, trials: planned_tests.Trials) -> Iterat
     )
     if means.isna().to_numpy().any():
         return
-    scaling = scale_dissimilarities(means.to_numpy())
+    scaling = choices.scale_dissimilarities(means.to_numpy())
     yield Result(
         "map",
         "Map of the conditions",

@@ -23,17 +23,7 @@ from dataclasses import dataclass, field
 
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.control.filters import SampleFilter
-from haptic_accel.core.control.inversion.design import (
-    CONVOLUTION_LENGTH,
-    GRANTED_TIME,
-    LONGEST_GRANTED_TIME,
-    Goal,
-    InverseBank,
-    InverseFilter,
-    design_bank,
-    design_inverse,
-    granted_samples,
-)
+from haptic_accel.core.control.inversion import design
 from haptic_accel.core.control.inversion.excursion import ExcursionControl
 from haptic_accel.core.control.inversion.spectrum import TexturePrior
 from haptic_accel.core.model import Suspension
@@ -46,19 +36,19 @@ class InverseParameters(Checked):
     """Delay and texture for the design of the inverse."""
 
     granted_time: float = parameter(
-        GRANTED_TIME,
+        design.GRANTED_TIME,
         "allowed delay of the handle behind the tool in addition to the latency, rounded to"
         " samples, at least one (paper: one at 1 kHz)",
         unit="s",
         low=0.0,
-        high=LONGEST_GRANTED_TIME,
+        high=design.LONGEST_GRANTED_TIME,
     )
     texture: TexturePrior = field(default_factory=TexturePrior)
     memory: float = parameter(
-        CONVOLUTION_LENGTH, "length of the controller's impulse response", "s", 0.05, 0.4
+        design.CONVOLUTION_LENGTH, "length of the controller's impulse response", "s", 0.05, 0.4
     )
 
-    def filter(self, loop: Loop) -> InverseFilter:
+    def filter(self, loop: Loop) -> design.InverseFilter:
         """Return the inverse without travel reduction for a loop; takes a fraction of a second.
 
         Raises
@@ -66,17 +56,17 @@ class InverseParameters(Checked):
         ParameterError
             The rate is too low for the high-pass.
         """
-        return design_inverse(loop.plant, loop.rate, self.goal(loop))
+        return design.design_inverse(loop.plant, loop.rate, self.goal(loop))
 
     def granted_delay(self, rate: float) -> int:
         """Return the granted delay at a rate in Hz, in samples."""
-        return granted_samples(self.granted_time, rate)
+        return design.granted_samples(self.granted_time, rate)
 
-    def goal(self, loop: Loop) -> Goal:
+    def goal(self, loop: Loop) -> design.Goal:
         """Return the design goal of the inverse, or of a family of inverses."""
         granted = loop.latency + self.granted_delay(loop.rate)
         corner = loop.high_pass_frequency
-        return Goal(granted, self.memory, spectrum=self.texture, high_pass_frequency=corner)
+        return design.Goal(granted, self.memory, spectrum=self.texture, high_pass_frequency=corner)
 
 
 class InverseController(Controller):
@@ -95,11 +85,13 @@ class InverseController(Controller):
 
     def __init__(self, parameters: InverseParameters, loop: Loop) -> None:
         goal = parameters.goal(loop)
-        bank = design_bank(loop.plant, loop.rate, goal)
-        self.response = InverseFilter(bank.sections, bank.taps[0], loop.rate, goal).response
+        bank = design.design_bank(loop.plant, loop.rate, goal)
+        self.response = design.InverseFilter(bank.sections, bank.taps[0], loop.rate, goal).response
         self._invert_by(bank, parameters, loop)
 
-    def _invert_by(self, bank: InverseBank, parameters: InverseParameters, loop: Loop) -> None:
+    def _invert_by(
+        self, bank: design.InverseBank, parameters: InverseParameters, loop: Loop
+    ) -> None:
         plant = loop.plant
         self._bank = bank
         self._extension = SampleFilter(bank.sections)

@@ -24,14 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.control.filters import (
-    HIGH_PASS_FREQUENCY,
-    HIGH_PASS_ORDER,
-    check_corner,
-    high_pass,
-    high_pass_response,
-    section_response,
-)
+from haptic_accel.core.control import filters
 from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
 from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.plant import Dynamics, Plant
@@ -119,7 +112,7 @@ class Goal:
     memory: float = CONVOLUTION_LENGTH
     travel_corner: float = TRAVEL_CORNERS[0]
     spectrum: ToolSpectrum = PRIOR
-    high_pass_frequency: float = HIGH_PASS_FREQUENCY
+    high_pass_frequency: float = filters.HIGH_PASS_FREQUENCY
 
     def check(self, rate: float) -> None:
         """Reject values for which no filter can be designed at a rate in Hz.
@@ -129,7 +122,7 @@ class Goal:
         ParameterError
             The message contains the parameter, its value and the allowed range.
         """
-        check_corner(rate, self.high_pass_frequency)
+        filters.check_corner(rate, self.high_pass_frequency)
         longest = granted_samples(LONGEST_GRANTED_TIME, rate) + HIGHEST_LATENCY
         if not 0 <= self.granted_delay <= longest:
             raise ParameterError(
@@ -174,7 +167,9 @@ class InverseFilter:
         frequency = np.asarray(frequency, dtype=np.float64)
         turned = np.exp(-2j * np.pi * frequency / self.rate)
         convolved = np.polynomial.polynomial.polyval(turned, self.taps)
-        return np.asarray(section_response(self.sections, frequency, self.rate) * convolved)
+        return np.asarray(
+            filters.section_response(self.sections, frequency, self.rate) * convolved
+        )
 
 
 @dataclass(frozen=True)
@@ -210,12 +205,12 @@ def extension(high_pass_frequency: float, rate: float) -> FloatArray:
     ndarray, shape (2, 6)
         The gain is one at half the rate.
     """
-    sections = high_pass(high_pass_frequency, rate)
-    lower = high_pass(min(EXTENDED_CORNER, high_pass_frequency), rate)
+    sections = filters.high_pass(high_pass_frequency, rate)
+    lower = filters.high_pass(min(EXTENDED_CORNER, high_pass_frequency), rate)
     extended = np.empty_like(sections)
     extended[:, :3], extended[:, 3:] = sections[:, 3:], lower[:, 3:]
     gain, lower_gain = np.prod(sections[:, 0]), np.prod(lower[:, 0])
-    extended[:, :3] *= float(lower_gain / gain) ** (2 / HIGH_PASS_ORDER)
+    extended[:, :3] *= float(lower_gain / gain) ** (2 / filters.HIGH_PASS_ORDER)
     return extended
 
 
@@ -379,8 +374,8 @@ def extended_response(
     high_pass_frequency: float, frequency: FloatArray, rate: float
 ) -> ComplexArray:
     """Return the response of high-pass and extension, from tool to the convolution's input."""
-    passed = high_pass_response(high_pass_frequency, frequency, rate)
-    return passed * section_response(extension(high_pass_frequency, rate), frequency, rate)
+    passed = filters.high_pass_response(high_pass_frequency, frequency, rate)
+    return passed * filters.section_response(extension(high_pass_frequency, rate), frequency, rate)
 
 
 class NormalEquations:
@@ -405,7 +400,7 @@ class NormalEquations:
         self._moved = np.abs(travel_response(handle, frequency)) ** 2
         delay = np.exp(-2j * np.pi * goal.granted_delay / rate * frequency)
         # From the convolution's input back to the desired acceleration.
-        self._target_response = delay / section_response(sections, frequency, rate)
+        self._target_response = delay / filters.section_response(sections, frequency, rate)
 
     def spectra(
         self,

@@ -22,14 +22,7 @@ import numpy as np
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
-from haptic_accel.core.control.inversion.bound import (
-    STEP,
-    Bounds,
-    Optimum,
-    Tracking,
-    faded_in,
-    minimum_phase,
-)
+from haptic_accel.core.control.inversion import bound
 from haptic_accel.core.control.inversion.design import Goal
 from haptic_accel.core.control.inversion.spectrum import SEGMENT_SECONDS, SENSOR_DENSITY
 from haptic_accel.core.handle.grid import Grid, grid_for
@@ -54,7 +47,7 @@ def matrix_bounds(
     noise: float = 0.0,
     high_pass_frequency: float = HIGH_PASS_FREQUENCY,
     actuator: ActuatorParameters | None = None,
-) -> Bounds:
+) -> bound.Bounds:
     """Return the smallest errors of a vector by causal linear filters, as `bound.bounds`.
 
     These are Wiener filters from the three components of the tool's acceleration to the forces of
@@ -89,10 +82,12 @@ def matrix_bounds(
         A parameter is out of range, or the rate is not that of the plant.
     """
     Goal(granted_delay, high_pass_frequency=high_pass_frequency).check(rate)
-    grid = grid_for(rate, step=STEP)
+    grid = grid_for(rate, step=bound.STEP)
     frequency = grid.frequency
     tool = _tool_factor(grid, acceleration)
-    passed = minimum_phase(grid, np.abs(high_pass_response(high_pass_frequency, frequency, rate)))
+    passed = bound.minimum_phase(
+        grid, np.abs(high_pass_response(high_pass_frequency, frequency, rate))
+    )
     own = np.array([each.response(frequency, rate) for each in plant.axes])
     coupling = np.array([[grid.spectrum(each) for each in row] for row in plant.coupling])
     problem = _Problem(
@@ -108,14 +103,14 @@ def matrix_bounds(
     travels = np.array([travel_response(each.handle, frequency) for each in plant.axes])
     travel = travels[:, np.newaxis]  # of each coil, for all inputs
     causal = problem.best(np.zeros(travel.shape)).error
-    moved = faded_in(acceleration, rate)
-    return Bounds(causal, problem.limited(travel, moved, longest, actuator.peak_force))
+    moved = bound.faded_in(acceleration, rate)
+    return bound.Bounds(causal, problem.limited(travel, moved, longest, actuator.peak_force))
 
 
-class _Problem(Tracking):
+class _Problem(bound.Tracking):
     """Tracking of three spectra; all arrays of the plant have shape (3, 3, n)."""
 
-    def best(self, cost: FloatArray) -> Optimum:
+    def best(self, cost: FloatArray) -> bound.Optimum:
         """Return the filter of least error for costs of each coil's power, shape (3, 1, n)."""
         response, target = self.response, self.delay * self.desired
         gram = _product(_adjoint(response), response)
@@ -127,7 +122,7 @@ class _Problem(Tracking):
         driven = _product(inverse, _causal(self.grid, aimed))
         missed = float(np.sum(np.abs(_product(response, driven) - target) ** 2))
         share = (missed + self.noise) / float(np.sum(np.abs(self.desired) ** 2))
-        return Optimum(_product(driven, _inverse(self.tool)), 100.0 * math.sqrt(share))
+        return bound.Optimum(_product(driven, _inverse(self.tool)), 100.0 * math.sqrt(share))
 
     def peak(self, response: ComplexArray, acceleration: FloatArray) -> float:
         """Return the largest magnitude of three causal responses to a tool's acceleration."""
@@ -163,7 +158,7 @@ def _right_factor(grid: Grid, spectrum: ComplexArray) -> ComplexArray:
     A diagonal factor with the given powers makes most of it (by the cepstrum); Wilson's iteration
     finds the rest (SIAM J. Appl. Math. 23, 1972).
     """
-    own = np.array([minimum_phase(grid, np.sqrt(spectrum[j, j].real)) for j in range(3)])
+    own = np.array([bound.minimum_phase(grid, np.sqrt(spectrum[j, j].real)) for j in range(3)])
     rest = spectrum / (own.conj()[:, np.newaxis] * own)
     factor = np.zeros_like(rest)
     unity = np.eye(3)[:, :, np.newaxis]

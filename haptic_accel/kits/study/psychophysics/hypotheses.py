@@ -30,15 +30,7 @@ from typing import Literal
 
 import numpy as np
 
-from haptic_accel.core.evaluation.statistics import (
-    CONFIDENCE,
-    FEWEST,
-    Alternative,
-    Interval,
-    flipped_signs,
-    mean_interval,
-    paired_difference,
-)
+from haptic_accel.core.evaluation import statistics
 from haptic_accel.core.model import FloatArray
 
 _QUANTILES = 400  # of the chi-distribution, for the noncentral t-distribution
@@ -69,8 +61,8 @@ class MeanTest:
     """
 
     n: int
-    mean: Interval
-    effect: Interval
+    mean: statistics.Interval
+    effect: statistics.Interval
     t: float
     p_t: float
     p_ranks: float
@@ -82,7 +74,7 @@ class MeanTest:
 def mean_test(
     values: Sequence[float],
     against: float = 0.0,
-    alternative: Alternative | Literal["equivalent"] = "two-sided",
+    alternative: statistics.Alternative | Literal["equivalent"] = "two-sided",
     margin: float = 0.0,
     alpha: float = 0.05,
 ) -> MeanTest:
@@ -125,19 +117,21 @@ def mean_test(
     differences = np.asarray(values, dtype=float) - against
     differences = differences[np.isfinite(differences)]
     n = len(differences)
-    sides: tuple[tuple[Alternative, float], ...] = (
+    sides: tuple[tuple[statistics.Alternative, float], ...] = (
         (("greater", -margin), ("less", margin))
         if alternative == "equivalent"
         else ((alternative, 0.0),)
     )
-    confidence = 1 - 2 * alpha if alternative == "equivalent" else CONFIDENCE
+    confidence = 1 - 2 * alpha if alternative == "equivalent" else statistics.CONFIDENCE
     zero = np.zeros(n).tolist()
-    tested = [paired_difference(zero, (differences - at).tolist(), to) for to, at in sides]
+    tested = [
+        statistics.paired_difference(zero, (differences - at).tolist(), to) for to, at in sides
+    ]
     worst = max(tested, key=lambda each: each.p_t)
     p_ranks = max(each.p_wilcoxon for each in tested)
-    p_signs = max(flipped_signs(differences - at, to) for to, at in sides)
+    p_signs = max(statistics.flipped_signs(differences - at, to) for to, at in sides)
     p = p_signs if math.isnan(worst.p_t) else worst.p_t
-    mean = mean_interval(differences.tolist(), confidence)
+    mean = statistics.mean_interval(differences.tolist(), confidence)
     mean = replace(mean, method=f"Student's t, {n} participants")
     if math.isnan(worst.p_t):
         # Differences that happen to be equal leave the interval unknown, not empty.
@@ -146,22 +140,22 @@ def mean_test(
     return MeanTest(n, mean, effect, worst.t, worst.p_t, p_ranks, p_signs, p, p < alpha)
 
 
-def standardised(differences: Sequence[float]) -> Interval:
+def standardised(differences: Sequence[float]) -> statistics.Interval:
     """Return the standardised mean difference g_z with its interval.
 
     The mean over the standard deviation, corrected for bias (Hedges, J. Educational Statistics 6,
     1981); limits by inverting the noncentral t-distribution, exact without that correction. NaN
     without scatter.
     """
-    found = paired_difference([0.0] * len(differences), differences)
+    found = statistics.paired_difference([0.0] * len(differences), differences)
     n, d = found.n, found.effect
-    if n < FEWEST or math.isnan(d):
-        return Interval(math.nan, math.nan, math.nan, n, "no scatter of participants")
+    if n < statistics.FEWEST or math.isnan(d):
+        return statistics.Interval(math.nan, math.nan, math.nan, n, "no scatter of participants")
     from scipy.optimize import brentq
     from scipy.special import gammaln, ndtr
 
     correction = math.exp(gammaln((n - 1) / 2) - gammaln((n - 2) / 2)) / math.sqrt((n - 1) / 2)
-    t, tail = d * math.sqrt(n), (1 - CONFIDENCE) / 2
+    t, tail = d * math.sqrt(n), (1 - statistics.CONFIDENCE) / 2
     spreads = _spreads(n)
 
     def limit(level: float) -> float:
@@ -171,7 +165,7 @@ def standardised(differences: Sequence[float]) -> Interval:
         found = brentq(excess, -10 - 10 * abs(t), 10 + 10 * abs(t), xtol=1e-4)
         return float(found) / math.sqrt(n)
 
-    return Interval(d * correction, limit(1 - tail), limit(tail), n, "noncentral t")
+    return statistics.Interval(d * correction, limit(1 - tail), limit(tail), n, "noncentral t")
 
 
 @cache
