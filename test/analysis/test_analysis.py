@@ -32,7 +32,6 @@ from haptic_accel.analysis import bands, compare, groups, load, signals, spectra
 from haptic_accel.analysis.comparison import RUNS
 from haptic_accel.analysis.experiment import experiment_warnings
 from haptic_accel.analysis.frames import table_two
-from haptic_accel.analysis.loading import analyse
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.writing import as_json, write_analysis
 from haptic_accel.core import topics
@@ -40,7 +39,6 @@ from haptic_accel.core.due_forces import LATE_TIME, LONGEST, PAST_TICK
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, MountParameters
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.trial import Trial
 
 RATE = 1000.0
@@ -199,21 +197,6 @@ def test_an_input_that_cannot_be_followed_is_told_from_a_bad_controller(tmp_path
         assert any(line.startswith(alone) for line in summary(analysis)) == (name == "late")
 
 
-def test_a_rig_stands_for_the_handle_of_a_bag_that_does_not_describe_it(tmp_path: Path) -> None:
-    content = copy(seconds=2.0)
-    write_bag(tmp_path / "described", content)
-    content.facts.clear()
-    bag = write_bag(tmp_path / "bare", content)
-    (unknown,) = analyse([bag]).trials
-    (known,) = analyse([bag], rig=RigParameters(), rate=RATE).trials
-    assert math.isnan(unknown.metrics["bound_percent"])
-    assert known.metrics["bound_percent"] < 5.0
-    with pytest.raises(ParameterError, match="described describes its own handle"):
-        analyse([tmp_path / "described"], rig=RigParameters())
-    with pytest.raises(ParameterError, match=r"^rate = 2000: must be 1000 Hz, as .*described"):
-        analyse([tmp_path / "described"], rate=2000.0)
-
-
 def test_bags_of_several_latencies_are_named_together(tmp_path: Path) -> None:
     for latency in (0, 1):
         content = copy(delay=latency + 1, seed=latency, seconds=2.0)
@@ -325,17 +308,6 @@ def test_a_comparison_that_cannot_be_is_refused(tmp_path: Path, wanted: str) -> 
     write_bag(tmp_path / "bag", copy(seconds=2.0))
     with pytest.raises(ParameterError, match="compare"):
         compare(load(tmp_path), wanted)
-
-
-def test_a_truncated_bag_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "bag", copy())
-    (file,) = bag.glob("*.mcap")
-    file.write_bytes(file.read_bytes()[: int(0.7 * file.stat().st_size)])
-    analysis = load(bag)
-    assert any("cut off" in line for line in analysis.problems["bag"])
-    (trial,) = analysis.trials
-    assert 2.0 < trial.segment.seconds < 6.0
-    assert trial.portrait is not None
 
 
 def test_what_is_no_bag_harms_no_other(tmp_path: Path) -> None:
@@ -634,15 +606,3 @@ def test_a_single_file_is_a_bag(tmp_path: Path) -> None:
     shutil.copy(file, tmp_path / "alone.mcap")
     analysis = load(tmp_path / "alone.mcap")
     assert [trial.name for trial in analysis.trials] == ["alone.mcap"]
-
-
-def test_a_copy_is_not_another_trial(tmp_path: Path) -> None:
-    write_bag(tmp_path / "a", copy(seconds=2.0))
-    shutil.copytree(tmp_path / "a", tmp_path / "b")
-    analysis = load(tmp_path)
-    assert [trial.name for trial in analysis.trials] == ["a"]
-    assert any("same samples as a" in line for line in analysis.problems["b"])
-    # What is compared may well be equal.
-    places = [tmp_path / "a", tmp_path / "b"]
-    compared = compare(load(*places, apart=True), RUNS, places).iloc[0]
-    assert (compared["pairs"], compared["difference_percent"]) == (1, 0.0)

@@ -23,16 +23,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bag_maker import of_trial, write_bag
+from bag_maker import CHANGED, Message, change_bytes, of_trial, write_bag, write_messages
 from haptic_accel.analysis.divergence import find_divergence
+from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.due_forces import PAST_TICK
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial, record_trial
 from haptic_accel.setup.setup import Setup
+from reading import with_types
 
 START = 1_700_000_000_000_000_000
 ARGUMENTS = GraphArguments(rig="ideal", surface="text", duration=1.0)
@@ -93,6 +96,27 @@ def test_what_has_no_counterpart_in_lockstep_is_refused(
     record_trial(tmp_path / "bag", trial, Setup.of(replace(ARGUMENTS, **given)), START)
     with pytest.raises(ParameterError, match=named):
         find_divergence(tmp_path / "bag")
+
+
+@pytest.mark.parametrize(("later", "is_whole"), [("before", True), ("after", False)])
+def test_a_live_trial_is_compared_until_a_parameter_changes_not_until_one_is_declared(
+    trial: Trial, tmp_path: Path, later: str, is_whole: bool
+) -> None:
+    record_trial(tmp_path / "bag", trial, Setup.of(ARGUMENTS), START)
+    rows = [Message(*each) for each in with_types(tmp_path / "bag")]
+    for seconds, value, declared in (
+        (0.3, "before", True),
+        (0.4, "before", False),
+        (0.5, later, False),
+    ):
+        moment = START + round(seconds * NANOSECONDS)
+        data = change_bytes(moment, "/compensator", "stated_late", value, declared=declared)
+        rows.append(Message("/parameter_events", CHANGED, moment, data))
+    rows.sort(key=lambda each: each.received)
+    custom = read_metadata(tmp_path / "bag").custom
+    found = find_divergence(write_messages(tmp_path / "told", rows, custom=custom))
+    assert found.first is None
+    assert found.samples == pytest.approx(len(trial.time) if is_whole else 500, abs=2)
 
 
 def test_a_file_that_was_edited_after_the_recording_is_no_divergence(tmp_path: Path) -> None:

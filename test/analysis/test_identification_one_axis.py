@@ -162,12 +162,6 @@ def test_what_the_fit_leaves_is_explained(page: Page, one: Identification, tmp_p
     assert "the handle deviates from the model" in report(off, tmp_path).text
 
 
-def test_a_single_grip_needs_no_pooled_columns(one: Identification, tmp_path: Path) -> None:
-    page = report(one, tmp_path)
-    assert page.tables[0][0] == ["parameter", "unit", "true", "pinch"]
-    assert POOLED not in page.text
-
-
 def test_without_truth_there_are_neither_true_values_nor_errors(
     one: Identification, tmp_path: Path
 ) -> None:

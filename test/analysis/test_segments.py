@@ -150,21 +150,6 @@ def test_times_without_any_signal_divide_a_trial_and_are_named(tmp_path: Path) -
         assert segment.delivery.missed["master"] == 0
 
 
-def test_a_clock_that_is_set_forward_divides_a_trial_and_is_named(tmp_path: Path) -> None:
-    bag = read_bag(write_bag(tmp_path / "bag", content(4.0)))
-    for signal in bag.signals.values():
-        signal.stamps[2000:] += 3600 * 10**9
-    found = cut(bag)
-    assert [segment.seconds for segment in found.segments] == [2.0, 2.0]
-    assert any("a clock was set forward" in problem for problem in found.problems)
-
-
-def test_a_short_segment_is_left_out_and_named(tmp_path: Path) -> None:
-    found = cut_of(tmp_path, replace(content(3.0), gap=(0.5, 0.8)))
-    assert len(found.segments) == 1
-    assert any("a trial needs at least 0.9 s" in problem for problem in found.problems)
-
-
 @pytest.mark.parametrize(
     ("lacking", "said"),
     [
@@ -180,20 +165,6 @@ def test_a_missing_signal_is_named_with_what_follows(
     assert len(found.segments) == 1
     assert any(said in problem for problem in found.problems)
     assert NAMES[lacking] not in found.segments[0].signals
-
-
-def test_what_is_desired_is_made_from_the_tool_where_it_is_missing(tmp_path: Path) -> None:
-    found = cut_of(tmp_path, content(2.0, without=("desired",)))
-    assert NAMES["desired"] in found.segments[0].signals
-    assert any("made from the tool's acceleration" in problem for problem in found.problems)
-
-
-def test_a_bag_that_says_nothing_of_itself_is_unknown(tmp_path: Path) -> None:
-    found = cut_of(tmp_path, replace(content(), facts={}))
-    (segment,) = found.segments
-    assert (segment.condition.controller, segment.condition.surface) == (UNKNOWN, UNKNOWN)
-    assert segment.rate == RATE
-    assert any("does not state how it was made" in problem for problem in found.problems)
 
 
 def test_a_rate_that_stamps_do_not_have_is_named(tmp_path: Path) -> None:
@@ -216,13 +187,6 @@ def test_without_arm_forces_all_is_taken_and_said(tmp_path: Path) -> None:
     found = cut_of(tmp_path, replace(content(), arms=False))
     assert len(found.segments) == 1
     assert any("coupled is not known" in problem for problem in found.problems)
-
-
-def test_of_another_rig_nothing_is_said(tmp_path: Path) -> None:
-    signals = {topics.SLAVE_POSITION.name: np.ones(2000)}
-    found = cut_of(tmp_path, BagContent(signals, RATE, arms=False))
-    assert found.segments == []
-    assert any("another rig" in problem for problem in found.problems)
 
 
 @pytest.mark.parametrize("count", [1, 3300, 4000])

@@ -26,7 +26,6 @@ from haptic_accel.analysis.traces import (
     Traces,
     enclosing,
     excerpt_of,
-    most_active,
     sampled,
     thinned,
 )
@@ -41,20 +40,6 @@ def test_no_peak_is_lost(length: int, pairs: int, seed: int) -> None:
     assert (kept.min(), kept.max()) == (values.min(), values.max())
     assert set(kept) <= set(values)
     assert step * len(kept) == pytest.approx(length)
-
-
-def test_a_short_signal_stays() -> None:
-    values = np.arange(10.0)
-    kept, step = thinned(values, 10)
-    assert kept is values
-    assert step == 1.0
-
-
-def test_the_liveliest_window_is_where_the_burst_is() -> None:
-    values = np.zeros(1000)
-    values[400:450] = 3.0
-    assert most_active(values, 50) == slice(400, 450)
-    assert most_active(values, 5000) == slice(0, 1000)
 
 
 def test_some_points_are_different_ones() -> None:

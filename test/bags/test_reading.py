@@ -154,21 +154,6 @@ def test_a_file_cut_off_anywhere_is_read_up_to_there(long_bag: Path, share: floa
     assert sum(recorded.counts.values()) >= min(9000, (size - 8000) // 200)
 
 
-@settings(max_examples=100)
-@given(where=st.floats(0.0, 0.999), damage=st.binary(min_size=1, max_size=40))
-def test_no_damage_is_a_traceback(long_bag: Path, where: float, damage: bytes) -> None:
-    content = bytearray((long_bag / "long.mcap").read_bytes())
-    place = int(where * len(content))
-    content[place : place + len(damage)] = damage
-    with TemporaryDirectory() as folder:
-        damaged = Path(folder) / "damaged.mcap"
-        damaged.write_bytes(content)
-        try:
-            read_bag(damaged)
-        except ParameterError as error:
-            assert "\n" not in str(error)
-
-
 def test_without_metadata_the_messages_are_read_all_the_same(
     long_bag: Path, tmp_path: Path
 ) -> None:
@@ -176,15 +161,6 @@ def test_without_metadata_the_messages_are_read_all_the_same(
     recorded = read_bag(tmp_path)
     assert recorded.problems == ["metadata.yaml is missing: its files are read without it"]
     assert len(recorded.signals[TOOL_ACCELERATION.name].stamps) == 9000
-
-
-def test_splits_are_read_in_their_order(tmp_path: Path) -> None:
-    for number in (10, 9, 2):
-        bag_maker.write_messages(tmp_path / f"p{number}", [vector(TOOL_ACCELERATION, number, 0)])
-        target = tmp_path / "bag" / f"bag_{number}.mcap"
-        target.parent.mkdir(exist_ok=True)
-        (tmp_path / f"p{number}" / f"p{number}.mcap").rename(target)
-    assert read_bag(tmp_path / "bag").signals[TOOL_ACCELERATION.name].stamps.tolist() == [2, 9, 10]
 
 
 def reported(
@@ -285,15 +261,6 @@ def test_what_is_no_bag_is_refused_in_one_line(tmp_path: Path, content: bytes | 
     with pytest.raises(ParameterError, match=r"^/.*x\.mcap: must be a bag") as caught:
         read_bag(path)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("name", ["", "notes.txt"])
-def test_a_folder_without_messages_is_refused(tmp_path: Path, name: str) -> None:
-    path = tmp_path / name
-    if name:
-        path.write_text("no bag")
-    with pytest.raises(ParameterError, match="must be a bag"):
-        read_bag(path)
 
 
 def test_a_pipe_in_place_of_a_compressed_file_is_missing_and_others_are_read(

@@ -31,7 +31,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.rosbag2 import StoragePlugin
 
-from bag_maker import START, STRING, Message, record_messages, write_messages
+from bag_maker import START, STRING, Message, write_messages
 from damaged import (
     CHUNK,
     MAGIC,
@@ -151,13 +151,6 @@ def test_what_is_no_mcap_file_at_all_is_set_aside(memory: Path) -> None:
     assert [last.name in problem for problem in done.problems] == [True]
     assert not last.exists()
     assert with_rosbags(bag) == flushed[: done.messages]
-
-
-def test_a_whole_bag_stays_as_it_is(memory: Path) -> None:
-    record_messages(memory / "bag", [Message("/said", STRING, START, b"x")]).close()
-    before = state(memory / "bag")
-    assert repair(memory / "bag").repairs == []
-    assert state(memory / "bag") == before
 
 
 def test_a_chunk_without_messages_becomes_none(memory: Path) -> None:
@@ -416,11 +409,3 @@ def test_a_bag_that_is_being_recorded_is_not_repaired(
     assert said == f"{bag}: 5 messages, 0 dropped\n"
     assert repair(bag).repairs == []
     assert read_bag(bag).problems == []
-
-
-def test_a_killed_recorder_leaves_a_bag_to_repair(
-    tmp_path: Path, recorder: subprocess.Popen[str]
-) -> None:
-    recorder.kill()
-    recorder.wait()
-    assert repair(tmp_path / "bag").messages == 5

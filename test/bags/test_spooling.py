@@ -29,7 +29,6 @@ from bag_maker import Message, vector_bytes, write_messages
 from haptic_accel.bags.facts import PREFIX
 from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.bags.spooling import spooled_bags
-from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import HANDLE_ACCELERATION, TOOL_ACCELERATION, Topic
 
 START = 1_700_000_000_000_000_000
@@ -120,8 +119,3 @@ def test_a_bag_that_was_cut_off_is_read_as_far_as_it_is_intact(tmp_path: Path, c
     (found,), whole = spooled_bags(path, tmp_path / "spool", most=500), read_bag(path)
     assert whole.problems
     assert_same(found, whole)
-
-
-def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="must be a bag"):
-        spooled_bags(tmp_path / "none", tmp_path)

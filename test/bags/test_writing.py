@@ -19,16 +19,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
-import pytest
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from bag_maker import STRING, vector_bytes
-from haptic_accel.bags.definitions import UndefinedTypeError
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import BagWriter
-from haptic_accel.core.parameters import ParameterError
 from reading import with_rosbags
 from running import PATIENCE
 
@@ -46,23 +42,6 @@ def writer(path: Path, capacity: int = 100_000) -> BagWriter:
     return BagWriter(path, capacity, RecordingOptions(), {})
 
 
-def test_what_is_put_in_is_read_back_in_order(tmp_path: Path) -> None:
-    bag = writer(tmp_path / "bag")
-    put = bag.connect("/slave/tool/acceleration", ACCEL, [])
-    values = np.random.default_rng(1).normal(size=1000).tolist()
-    for value in values:
-        put(serialised(value))
-    assert bag.close() == f"{tmp_path / 'bag'}: 1000 messages, 0 dropped"
-    with Reader(tmp_path / "bag") as reader:
-        (connection,) = reader.connections
-        assert connection.topic == "/slave/tool/acceleration"
-        read = [
-            TYPES.deserialize_cdr(data, connection.msgtype).accel.linear.z  # type: ignore[attr-defined]
-            for _, _, data in reader.messages()
-        ]
-    assert read == values
-
-
 def test_a_queue_that_is_full_drops_and_counts(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag", 1)
     put = bag.connect("/x", STRING, [])
@@ -73,26 +52,6 @@ def test_a_queue_that_is_full_drops_and_counts(tmp_path: Path) -> None:
     assert bag.files.written + bag.dropped == 20_000
     with Reader(tmp_path / "bag") as reader:
         assert reader.message_count == bag.files.written
-
-
-def test_a_topic_without_messages_is_in_the_bag_too(tmp_path: Path) -> None:
-    bag = writer(tmp_path / "bag")
-    bag.connect("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", [])
-    bag.close()
-    with Reader(tmp_path / "bag") as reader:
-        assert [connection.topic for connection in reader.connections] == ["/diagnostics"]
-
-
-def test_a_type_that_nobody_defines_is_refused(tmp_path: Path) -> None:
-    bag = writer(tmp_path / "bag")
-    with pytest.raises(UndefinedTypeError, match="nowhere_msgs/msg/Nothing"):
-        bag.connect("/x", "nowhere_msgs/msg/Nothing", [])
-    bag.close()
-
-
-def test_a_folder_that_is_there_is_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="bag = "):
-        writer(tmp_path)
 
 
 def test_what_comes_in_a_pause_is_left_out_and_not_missing(tmp_path: Path) -> None:

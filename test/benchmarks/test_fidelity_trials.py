@@ -27,13 +27,12 @@ from fidelity_trials import (
     Case,
     Wanted,
     comparison_with_none,
-    inputs,
     named_table,
     run_case,
     summary,
     tables,
 )
-from handle_family import KINDS, SPREAD, hand
+from handle_family import SPREAD, hand
 from input_family import member
 
 from haptic_accel.core.model import HandleParameters
@@ -85,16 +84,6 @@ def test_slow_motion_of_the_hand_is_learnt_as_such() -> None:
     assert row["nrmse_by_2_s_percent"][-1] < 6.0
 
 
-def test_the_family_of_inputs_is_measured_by_halves() -> None:
-    cases = list(CONDITIONS["inputs"](Wanted((), "", 500.0, 0, 0)))
-    halves = {case.condition for case in cases}
-    assert halves == {
-        "family of inputs, developed with, ideal, 0.5 kHz",
-        "family of inputs, reported, ideal, 0.5 kHz",
-    }
-    assert len({case.input for case in cases}) == 200
-
-
 # On the ideal rig dynamic leaves nothing to tell either.
 @pytest.mark.parametrize(("rig", "gain"), [("ideal", 0.0), ("paper", 0.2)])
 def test_a_better_controller_leaves_less_that_a_hand_could_tell(rig: str, gain: float) -> None:
@@ -120,18 +109,6 @@ def test_trials_without_anything_to_feel_enter_no_mean_share() -> None:
     assert line["worst_indistinguishable_percent"] == 80.0
     assert line["trials"] == 3
     assert [table.rows for table in tables(summary([still]))][1] == [("all", "– (–)")]
-
-
-def test_the_family_of_handles_has_every_kind_in_both_halves_and_on_both_rigs() -> None:
-    cases = list(CONDITIONS["handles"](Wanted(inputs([], []), "", 0.0, 0, 0)))
-    kinds = {(case.condition.split(", ")[2], case.condition.split(", ")[1]) for case in cases}
-    assert len(kinds) == 2 * len(KINDS)
-    rigs = {(case.condition, case.arguments.rig) for case in cases}
-    assert len(rigs) == 2 * len(kinds)
-    for case in cases:
-        assert case.start > 0.0
-        # The controllers keep their description, but for the travel, which they know.
-        assert set(case.changes.get("compensator", ())) <= {"actuator.travel"}
 
 
 def test_a_window_that_is_worse_than_none_is_counted() -> None:

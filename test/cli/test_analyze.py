@@ -110,14 +110,6 @@ def test_tables_and_json_agree(report: Path) -> None:
     assert overall["difference_percent"] == pytest.approx(-30.0, abs=1.0)
 
 
-def test_the_page_needs_nothing_but_itself(report: Path) -> None:
-    page = (report / "index.html").read_text()
-    assert not re.findall(r"(?:src|href)=\"(?:https?:)?//", page)
-    assert len(page) < 3e6
-    for heading in ("Table II", "Remarks on the bags", "Lost samples", "inverse against constant"):
-        assert heading in page
-
-
 def test_what_a_person_reads(bags: Path, ran: Callable[..., str]) -> None:
     text = ran("analyze", bags / "seed0", "--shift", "measured", "--out", "out")
     assert "Table II" in text
@@ -247,12 +239,4 @@ def test_the_page_draws_and_answers(report: Path, browser: Browser, scheme: str)
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert complaints == []
     assert [url for url in requests if not url.startswith("file:")] == []
-    page.close()
-
-
-def test_the_page_fits_a_telephone(report: Path, browser: Browser) -> None:
-    page = browser.new_page(viewport={"width": 360, "height": 740})
-    page.goto((report / "index.html").as_uri())
-    page.wait_for_selector("html[data-drawn='7']")
-    assert page.evaluate("document.documentElement.scrollWidth") <= 360
     page.close()

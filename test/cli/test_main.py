@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import ast
 import io
-import itertools
 import re
 import shlex
 import signal
@@ -89,16 +88,6 @@ def every_verb() -> Iterator[tuple[str, ...]]:
             yield from ((verb, kind) for kind in below.list_commands(click.Context(below)))
 
 
-@pytest.mark.parametrize("verb", ["teleop", "experiment"])
-def test_help_lists_every_argument_with_default_and_unit(verb: str) -> None:
-    # A description may go on in the next line.
-    text = re.sub(r"\n {6,}", " ", output_of(verb, "--help"))
-    names = ["controller", "surface", "master", "slave", "rate", "duration", "record"]
-    for name in [*names, "bag", "params_file", "seed"]:
-        assert re.search(rf"^    {name} .*\(default: ", text, re.MULTILINE), text
-    assert "[Hz] (default: 1000.0)" in text
-
-
 @pytest.mark.parametrize(
     ("verb", "groups"),
     [
@@ -158,13 +147,6 @@ def test_options_for_one_purpose_have_a_heading() -> None:
     assert not re.search("--(delay|executor|rig) ", found["Options"])
     words = found["Arguments, each as key:=value"]
     assert "  Also as --key VALUE: rig, rate, grip, recording_rate.\n" in words
-
-
-@pytest.mark.parametrize("width", [60, 90])
-def test_help_is_as_wide_as_the_terminal(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", str(width))
-    text, _ = output_of("teleop", "--help").split("Examples:")
-    assert width - 10 < max(map(len, text.splitlines())) <= width
 
 
 def command_of(words: Sequence[str]) -> click.Command:
@@ -286,17 +268,6 @@ def test_any_arguments_are_taken_or_refused_in_one_line(
     assert len(written.getvalue().splitlines()) <= 1, written.getvalue()
 
 
-@pytest.mark.parametrize(
-    "given",
-    list(itertools.permutations([("seed:=1",), ("--lockstep",), ("--seeds", "2"), ("rig:=a",)])),
-)
-def test_words_and_options_stand_in_any_order(given: tuple[tuple[str, ...], ...]) -> None:
-    words = [word for part in given for word in part]
-    found = command_of(["experiment"]).make_context("experiment", words).params
-    assert sorted(found["words"]) == ["rig:=a", "seed:=1"]
-    assert (found["lockstep"], found["seeds"], found["json_file"]) == (True, 2, None)
-
-
 def test_an_option_may_stand_for_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[Any] = []
     command = command_of(["experiment"])
@@ -335,14 +306,6 @@ def test_an_early_end_has_its_status_and_its_line(
 
 def test_the_version_is_the_package_s() -> None:
     assert output_of("--version") == f"haptic-accel {__version__}\n"
-
-
-def test_shells_get_a_script(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("_HAPTIC_ACCEL_COMPLETE", "zsh_source")
-    assert status_of() == 0
-    assert "#compdef haptic-accel" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -432,14 +395,6 @@ SOME_VERBS = [
         *("--out", "results"),
     ],
 ]
-
-
-@pytest.mark.parametrize("words", [["--help"], SOME_VERBS[0]], ids=lambda words: words[0])
-def test_output_that_cannot_be_written_is_named_in_one_line(
-    here: Path, words: list[object]
-) -> None:
-    said = "haptic-accel: output: No space left on device\n"
-    assert limited("true", *words, output="/dev/full") == (1, said)
 
 
 @pytest.mark.parametrize("words", SOME_VERBS, ids=lambda words: words[0])

@@ -31,7 +31,6 @@ from haptic_accel.core import topics
 from haptic_accel.devices.playback import ReplayParameters, read_track
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial, record_trial
-from haptic_accel.setup.replay import replay_arguments
 from haptic_accel.setup.setup import Setup
 from running import Command
 from verbs import next_command, output_of, refusal, status_of
@@ -75,19 +74,6 @@ def test_golden_figures_are_as_the_paper_orders_them() -> None:
             condition["nrmse_percent"] for condition in GOLDEN if condition["bag"] == bag
         )
         assert none > 99 > constant > dynamic > inverse
-
-
-def test_signals_are_the_same_bit_by_bit_and_the_tool_s_is_the_bag_s() -> None:
-    asked = replay_arguments([f"bag:={DATA / 'text'}", "controller:=inverse"])
-    track = read_track(ReplayParameters(str(DATA / "text")), topics.SLAVE, 1000.0)
-    one, two = (lockstep_trial(Setup.of(asked.graph), track=track) for _ in range(2))
-    for name in ("desired_acceleration", "handle_acceleration", "actuator_force"):
-        assert np.array_equal(getattr(one, name), getattr(two, name))
-    # It waits at rest for the first force, which takes effect after the latency of one sample.
-    assert (one.tool_acceleration[:2] == track.rest).all()
-    assert np.array_equal(one.tool_acceleration[2:], track.acceleration)
-    recorded = read_bag(DATA / "text").signals[topics.TOOL_ACCELERATION.name]
-    assert np.array_equal(one.tool_acceleration[2:], recorded.values[:, 2])
 
 
 def test_what_came_of_it_is_a_bag_that_says_how_it_was_made(tmp_path: Path) -> None:

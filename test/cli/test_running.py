@@ -160,18 +160,6 @@ def test_a_full_disk_ends_the_graph_with_one_line(verb: Callable[[int], Verb]) -
     assert running.end()[:2] == (1, "no output: No space left on device\n")
 
 
-def test_a_graph_whose_log_nobody_reads_goes_on_and_ends_when_asked(
-    verb: Callable[[int], Verb],
-) -> None:
-    read, write = os.pipe()
-    running = verb(write)
-    os.close(write)
-    wait_until(lambda: running.lines > 500, "500 kB said, of which two pipes take 128 KiB")
-    running.process.send_signal(signal.SIGINT)
-    assert running.end() == (0, "", True)
-    os.close(read)
-
-
 KEYS = """
 import sys, time
 from haptic_accel.cli.running import on_keys

@@ -39,7 +39,6 @@ from haptic_accel.core.topics import DIAGNOSTICS, MASTER_STOPPED, SIGNALS, TOPIC
 from haptic_accel.nodes.device_node import STALL
 from observing import Observer
 from reading import deserialised
-from recordings import RATE, dragged_over, write_recording
 from running import Command, nodes_of, realtime_is_allowed, wait_until
 from sharing import LookAtOneGraph, SharedGraph
 from verbs import tells
@@ -380,19 +379,6 @@ def runs_as(process: int, scheduling_class: int) -> bool:
     with suppress(ProcessLookupError):  # a thread that has just ended
         return {os.sched_getscheduler(int(thread)) for thread in threads} == {scheduling_class}
     return False
-
-
-@pytest.mark.slow
-def test_a_recorded_surface_is_played(haptic_accel: Start, tmp_path: Path) -> None:
-    write_recording(tmp_path / "vinyl.csv", "vinyl")
-    command = haptic_accel(
-        "teleop", "surface:=vinyl.csv", f"recording_rate:={RATE}", "duration:=2", "bag:=bag"
-    )
-    assert command.end() == 0, command.text
-    topic = "/slave/tool/acceleration"
-    messages = deserialised(tmp_path / "bag", [topic])[topic]
-    played = np.trim_zeros([message.accel.linear.z for message in messages])
-    assert np.std(played) == pytest.approx(dragged_over("vinyl").std(), rel=0.2)
 
 
 @pytest.mark.quiet

@@ -92,10 +92,6 @@ def test_results_come_in_the_order_of_the_items(workers: Workers) -> None:
     assert [*workers.map(runs.rested, items, never)] == items
 
 
-def test_no_items_give_no_results(workers: Workers) -> None:
-    assert [*workers.map(runs.negative, [], never)] == []
-
-
 def test_a_lost_process_loses_nothing(workers: Workers, tmp_path: Path) -> None:
     items = [(number, tmp_path) for number in range(8)]
     assert [*workers.map(runs.killed_once, items, never)] == [-number for number in range(8)]
@@ -180,14 +176,3 @@ def test_a_cluster_gives_the_same_to_the_last_digit(
     )
     assert len(by_processes) == 3
     assert by_cluster == by_processes
-
-
-def test_an_experiment_on_a_cluster_is_analysed_as_any(
-    scheduler: str, ran: Callable[..., str], here: Path
-) -> None:
-    ran(
-        *("experiment", "--lockstep", "surface:=text", "duration:=2", "--out", "report"),
-        *("--controllers", "none,dynamic", "--executor", scheduler, "--json", "table.json"),
-    )
-    conditions = json.loads((here / "table.json").read_text())["conditions"]
-    assert [each["controller"] for each in conditions] == ["none", "dynamic"]

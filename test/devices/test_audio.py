@@ -22,7 +22,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -33,13 +33,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes, along_actuator
-from haptic_accel.core.identification.estimate import dft_ratio
-from haptic_accel.core.identification.fit import fit_handle
-from haptic_accel.core.identification.sweep import SweepParameters, kept_repeats
-from haptic_accel.core.model import ZERO, HandleParameters, Vector, vector
+from haptic_accel.core.model import ZERO, Vector, vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.devices import Device, DeviceError, Sample
 from haptic_accel.devices.audio import PRESETS, AudioActuator, AudioParameters, HeldForce
 from haptic_accel.devices.simulated import SimulatedMaster
@@ -118,10 +114,12 @@ def held(forces: np.ndarray, rate: float, count: int) -> np.ndarray:
     return np.diff(np.interp(edges, np.arange(len(steps) + 1) * PERIOD, impulse)) * rate
 
 
-@pytest.mark.parametrize("channel", [1, 2, 3])
-def test_samples_that_arrive_are_the_forces_that_were_due(bench: Bench, channel: int) -> None:
+@pytest.mark.parametrize(("channel", "scale"), [(1, 4.0), (2, -4.0), (3, 4.0)])
+def test_samples_that_arrive_are_the_forces_that_were_due(
+    bench: Bench, channel: int, scale: float
+) -> None:
     forces = np.random.default_rng(1).uniform(-3.0, 3.0, 300)
-    device = bench.device(channels=str(channel), full_scale=4.0)
+    device = bench.device(channels=str(channel), full_scale=scale)
     device.open()
     bench.run(device, forces)
     device.close()
@@ -129,7 +127,7 @@ def test_samples_that_arrive_are_the_forces_that_were_due(bench: Bench, channel:
     signal = received[:, channel - 1]
     # Until the last tick, and ahead of it.
     assert len(signal) == pytest.approx((300 * PERIOD + 2 * BLOCK / CARD_RATE) * CARD_RATE, abs=2)
-    assert 4.0 * signal == pytest.approx(held(forces, CARD_RATE, len(signal)), abs=1e-4)
+    assert scale * signal == pytest.approx(held(forces, CARD_RATE, len(signal)), abs=1e-4)
     assert not np.delete(received, channel - 1, axis=1).any()
     assert device.late == 0
     assert device.counters()["audio_underruns"] == device.counters()["audio_clipped"] == 0
@@ -211,17 +209,6 @@ def test_stop_discards_what_is_not_due_yet(bench: Bench) -> None:
     signal = bench.received()[:, 0]
     assert signal[supplied - 3] == 1.0
     assert not signal[supplied + 3 :].any()
-
-
-def test_forces_beyond_full_scale_are_clipped_and_counted(bench: Bench) -> None:
-    device = bench.device(full_scale=-2.0)
-    device.open()
-    bench.run(device, np.full(50, 5.0))
-    device.write(bench.now + LATENCY * PERIOD, actuator_force=along(math.nan))
-    bench.run(device, np.zeros(10), first=50)
-    device.close()
-    assert bench.received()[:, 0].min() == -1.0
-    assert device.counters()["audio_clipped"] > 1000
 
 
 def test_the_simulated_handle_feels_the_force_when_it_is_due(bench: Bench) -> None:
@@ -383,16 +370,6 @@ def test_jack_in_between_is_refused_in_one_line() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("channels", "coils", "found"),
-    [("3, 4", 1, (3, 4)), (" 2 ", 1, (2,)), ("2", 3, (2, 3, 4)), ("4,1 , 2", 3, (4, 1, 2))],
-)
-def test_channels_are_those_of_the_coils(
-    channels: str, coils: int, found: tuple[int, ...]
-) -> None:
-    assert AudioParameters(channels=channels).channels_of(coils) == found
-
-
 @given(st.text(max_size=20) | st.lists(st.integers(-2, 9)).map(str), st.sampled_from([1, 3]))
 def test_what_is_no_channels_is_refused_in_one_line(channels: str, coils: int) -> None:
     parameters = AudioParameters(channels=channels)
@@ -402,28 +379,8 @@ def test_what_is_no_channels_is_refused_in_one_line(channels: str, coils: int) -
         assert str(error).startswith("audio.channels = ")
         assert str(error).isprintable()
     else:
-        assert len(set(found)) == len(found)
+        assert len(set(found)) == len(found) >= coils
         assert min(found) >= 1
-
-
-@pytest.mark.parametrize("scale", [0.5, 1.5])
-def test_the_mass_that_is_found_tells_the_scale_of_the_force(scale: float) -> None:
-    sweep = SweepParameters(duration=1.0)
-    foam = replace(
-        MasterRigParameters(), handle=replace(HandleParameters(), m_h=0.1, k_u=300.0, b_u=2.0)
-    )
-    (trial,) = run_identification(foam, sweep, RATE, trials=1)
-    wrong = replace(trial, actuator_force=trial.actuator_force / scale)
-    response = dft_ratio(
-        *(
-            kept_repeats(values, sweep, RATE)
-            for values in (wrong.aligned.actuator_force, wrong.aligned.handle_acceleration)
-        ),
-        RATE,
-        sweep.band,
-        sweep.repeats - 1,
-    )
-    assert scale * fit_handle(response).handle.m_h == pytest.approx(0.1, rel=0.03)
 
 
 @pytest.mark.parametrize(
@@ -489,20 +446,3 @@ def test_the_impulse_is_that_of_the_held_forces(
     steps = [*sorted(due), (1.0, 0.0)]
     expected = sum(force * (end - start) for (start, force), (end, _) in pairwise(steps))
     assert np.concatenate(means).sum() == pytest.approx(expected, abs=1e-9)
-
-
-def test_a_step_within_a_sample_keeps_its_time() -> None:
-    held = HeldForce()
-    held.put(1.25, [4.0])
-    held.put(2.0, [-4.0])
-    assert held.means(0.0, 1.0, 3)[:, 0] == pytest.approx([0.0, 3.0, -4.0])
-    assert held.means(3.0, 1.0, 1)[:, 0] == pytest.approx([-4.0])
-
-
-def test_a_late_force_acts_at_once_and_a_replacement_discards_those_to_come() -> None:
-    held = HeldForce()
-    held.put(0.5, [1.0])
-    assert held.means(5.0, 1.0, 1)[:, 0] == pytest.approx([1.0])
-    held.put(7.0, [2.0])
-    held.replace([0.0])
-    assert held.means(6.0, 1.0, 3)[:, 0] == pytest.approx([0.0] * 3)

@@ -36,7 +36,7 @@ from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.rig.surface import SurfaceParameters
 from haptic_accel.core.surfaces.texture import TextureModel
-from haptic_accel.devices import MASTERS, SLAVES, Device, Sample, simulated
+from haptic_accel.devices import Device, Sample, simulated
 from haptic_accel.materials.texture_files import write_texture
 
 RATE = 1000.0
@@ -105,18 +105,6 @@ def test_an_overdue_force_discards_those_not_due_yet() -> None:
     assert {sample.acceleration for sample in moved} == {moved[0].acceleration}
 
 
-def test_both_sides_have_a_simulated_device() -> None:
-    assert MASTERS["simulated"] is simulated.SimulatedMaster
-    assert SLAVES["simulated"] is simulated.SimulatedSlave
-
-
-@both
-def test_parameters_can_be_given_by_dotted_name(device_class: type[Device]) -> None:
-    values = {name: default for name, (default, _) in schema(device_class.Parameters).items()}
-    assert "accelerometer.range" in values
-    assert from_flat(device_class.Parameters, values) == device_class.Parameters()
-
-
 # Reading
 
 
@@ -129,12 +117,6 @@ def test_the_master_explores_once_it_gets_a_force() -> None:
     exploring = device.read(1499 * PERIOD)
     assert exploring.position[2] == pytest.approx(-0.0047, abs=1e-4)
     assert exploring.velocity[0] == pytest.approx(0.1, rel=0.05)
-
-
-def test_the_slave_follows_the_arm_s_force() -> None:
-    device = opened(simulated.SimulatedSlave)
-    device.write(0.0, arm_force=(0.0, 0.0, -1.0))
-    assert read(device, 1, 300)[-1].position[2] == pytest.approx(0.0, abs=60e-6)
 
 
 @both
@@ -164,20 +146,6 @@ def test_how_long_it_stood_still_changes_no_bit(
     for device in (one, other):
         device.open()
     assert answers(one, waiting, origin, rate) == answers(other, 0, 0.0, rate)
-
-
-@both
-@pytest.mark.parametrize("origin", [-5.0, 1e6])
-def test_time_may_start_anywhere(device_class: type[Device], origin: float) -> None:
-    exact = ArmParameters(position_resolution=0.0)
-    here, there = opened(device_class, arm=exact), opened(device_class, arm=exact)
-    here.write(0.0, arm_force=(0.5, 0.0, -1.0))
-    there.write(origin, arm_force=(0.5, 0.0, -1.0))
-    for one, other in zip(read(here, 1, 500), read(there, 1, 500, origin), strict=True):
-        assert other.position == pytest.approx(one.position, abs=1e-8)
-        assert other.acceleration[ACTUATOR_AXIS] == pytest.approx(
-            one.acceleration[ACTUATOR_AXIS], abs=0.01
-        )
 
 
 @both
@@ -362,13 +330,6 @@ def test_closing_leaves_no_force(device_class: type[Device]) -> None:
     assert read(closed, 0, 50) == read(zero, 0, 50)
 
 
-@both
-def test_closing_without_opening_is_no_error(device_class: type[Device]) -> None:
-    device = device_class(device_class.Parameters(), RATE, 0)
-    device.close()
-    device.close()
-
-
 # Recordings
 
 
@@ -422,10 +383,6 @@ def test_a_slave_plays_a_recording_of_three_axes(tmp_path: Path) -> None:
         opened(simulated.SimulatedSlave, recording=recording)
 
 
-def test_without_a_file_nothing_is_played() -> None:
-    assert simulated.played(simulated.RecordingParameters(), RATE) is None
-
-
 @pytest.mark.parametrize(
     ("file", "rate", "column"),
     [("missing.csv", 500.0, "z"), ("recording.csv", 250.0, "z"), ("recording.csv", 500.0, "y")],
@@ -471,8 +428,3 @@ def test_a_hand_that_was_led_rests_where_it_began_once_let_go() -> None:
     device.point((0.05, 0.0, 0.0))
     assert read(device, 1, 150)[-1].position[0] > 0
     assert read(device, 150, 600)[-1].position == pytest.approx((0.0, 0.0, 0.01), abs=1e-4)
-
-
-def test_other_devices_have_no_hand_to_lead() -> None:
-    with pytest.raises(NotImplementedError, match="SimulatedMaster has no hand to lead"):
-        opened(simulated.SimulatedMaster).point((0.0, 0.0, 0.0))

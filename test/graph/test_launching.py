@@ -271,12 +271,6 @@ def test_the_ends_after_the_first_do_nothing(start: Start, status: int) -> None:
     assert ended(start("teleop")["recorder"], status, shutdown=True) == []
 
 
-def test_the_graph_goes_on_without_what_is_optional(start: Start) -> None:
-    nodes = start("teleop", scope="true")
-    assert nodes["scope"].on_exit is None
-    assert [name for name, node in nodes.items() if node.on_exit is None] == ["scope"]
-
-
 def test_arms_are_shown_as_they_move_where_robot_state_publisher_is(
     start: Start, installed: set[str]
 ) -> None:

@@ -46,34 +46,27 @@ LOOPBACK = "0100007F"
 """127.0.0.1 as /proc/net/udp shows it."""
 
 
-def test_a_graph_stays_on_its_machine_by_default() -> None:
-    assert middleware_defaults(HOME) == {
-        DISCOVERY_RANGE: "SYSTEM_DEFAULT",
-        **dict.fromkeys(PROFILES_FILES, str(LOOPBACK_PROFILE)),
-    }
-    assert LOOPBACK_PROFILE.is_file()
-    assert NETWORK_PROFILE.is_file()
+LOOPBACK_ALONE, NETWORK = (
+    dict.fromkeys(PROFILES_FILES, str(profile)) for profile in (LOOPBACK_PROFILE, NETWORK_PROFILE)
+)
 
 
-def test_a_node_that_another_started_adds_nothing() -> None:
-    assert middleware_defaults(middleware_defaults({})) == {}
-
-
-def test_a_range_of_the_users_is_kept_and_no_socket_is_bound_to_the_machine() -> None:
-    defaults = middleware_defaults({**HOME, DISCOVERY_RANGE: "SUBNET"})
-    assert defaults == dict.fromkeys(PROFILES_FILES, str(NETWORK_PROFILE))
-
-
-def test_static_peers_are_looked_for_beside_this_machine() -> None:
-    defaults = middleware_defaults({**HOME, STATIC_PEERS: "192.168.1.7"})
-    assert defaults.pop(DISCOVERY_RANGE) == "LOCALHOST"
-    assert defaults == dict.fromkeys(PROFILES_FILES, str(NETWORK_PROFILE))
-
-
-@pytest.mark.parametrize("variable", PROFILES_FILES)
-def test_a_profile_of_the_users_is_kept(variable: str) -> None:
-    assert middleware_defaults({**HOME, variable: "mine.xml"}) == {DISCOVERY_RANGE: "LOCALHOST"}
-    assert middleware_defaults({**HOME, variable: "mine.xml", DISCOVERY_RANGE: "SUBNET"}) == {}
+@pytest.mark.parametrize(
+    ("of_user", "added"),
+    [
+        ({}, LOOPBACK_ALONE | {DISCOVERY_RANGE: "SYSTEM_DEFAULT"}),
+        ({DISCOVERY_RANGE: "SUBNET"}, NETWORK),
+        ({STATIC_PEERS: "192.168.1.7"}, NETWORK | {DISCOVERY_RANGE: "LOCALHOST"}),
+        *(({name: "mine.xml"}, {DISCOVERY_RANGE: "LOCALHOST"}) for name in PROFILES_FILES),
+        *(({name: "mine.xml", DISCOVERY_RANGE: "SUBNET"}, {}) for name in PROFILES_FILES),
+        (middleware_defaults({}), {}),  # another node has started it
+    ],
+)
+def test_a_graph_stays_on_its_machine_unless_the_user_chose_otherwise(
+    of_user: dict[str, str], added: dict[str, str]
+) -> None:
+    assert middleware_defaults(HOME | of_user) == added
+    assert all(Path(file).is_file() for name, file in added.items() if name in PROFILES_FILES)
 
 
 @pytest.mark.parametrize("environment", [{}, {"HOME": "", "ROS_HOME": ""}])

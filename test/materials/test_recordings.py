@@ -555,17 +555,6 @@ def test_samples_beyond_full_scale_are_refused_or_told(
     ]
 
 
-@pytest.mark.parametrize("suffix", ["csv", "wav"])
-def test_a_file_is_resampled(tmp_path: Path, suffix: str) -> None:
-    path, samples = tmp_path / f"a.{suffix}", tone(100.0, 44_100)
-    if suffix == "csv":
-        write_csv(path, {"accel": samples})
-    else:
-        wavfile.write(path, 44_100, samples)
-    result = read_recording(path, 44_100, 1000, full_scale=1.0)
-    assert inner(result) == pytest.approx(inner(tone(100.0, 1000)), abs=1e-3)
-
-
 def test_channel_of_a_wav(tmp_path: Path) -> None:
     path = tmp_path / "a.wav"
     wavfile.write(path, 1000, np.tile([0.1, 0.2, 0.3], (1000, 1)))

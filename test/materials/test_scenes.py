@@ -186,20 +186,15 @@ def test_a_scene_plays_recorded_taps(tmp_path: Path) -> None:
         ({"rate": [1, 2]}, "rate = .*: must be a finite number"),
         ({"speeds": ["fast"]}, "speeds = .*: must be numbers"),
         ({"speeds": [0.2, 0.1]}, "must ascend"),
+        ({"speeds": None}, "speeds = nothing: must be given"),
         ({"samples": [1.0, 2.0]}, r"samples of shape \(2,\)"),
     ],
 )
 def test_a_wrong_file_is_refused(tmp_path: Path, changed: dict[str, Any], words: str) -> None:
     path = tmp_path / "wrong.npz"
-    np.savez(path, **{**TAPS, **changed})
+    kept = {name: each for name, each in {**TAPS, **changed}.items() if each is not None}
+    np.savez(path, **kept)
     with pytest.raises(ParameterError, match=rf"^{path}: .*{words}"):
-        read_taps(path)
-
-
-def test_a_file_without_speeds_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "wrong.npz"
-    np.savez(path, samples=np.ones((1, 4)))
-    with pytest.raises(ParameterError, match=f"^{path}: speeds = nothing: must be given"):
         read_taps(path)
 
 

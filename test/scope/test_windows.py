@@ -346,13 +346,6 @@ def test_who_comes_late_gets_the_longest_window_and_no_more() -> None:
     assert len(frame["desired"][0]) == LONGEST_WINDOW * RATE + 1
 
 
-def test_two_pages_get_the_same_samples() -> None:
-    made, _, _ = filled(0.5)
-    first, second = (read_frame(Cursor(made).frame() or b"") for _ in range(2))
-    for name in TRACES:
-        assert np.array_equal(first[name], second[name])
-
-
 def test_a_signal_is_sent_from_when_it_is_chosen_until_it_is_not() -> None:
     made, _, _ = filled(0.1)
     for index in range(10):

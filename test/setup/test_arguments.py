@@ -29,12 +29,6 @@ from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import described
 
 
-def test_no_words_are_the_defaults() -> None:
-    assert parse_arguments([]) == GraphArguments()
-    assert GraphArguments().rate == 1000.0
-    assert GraphArguments().record is True
-
-
 def test_words_have_their_types() -> None:
     arguments = parse_arguments(
         ["rate:=4000", "seed:=7", "record:=False", "bag:=12", "surface:=a:=b"]

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from fuzzing import ODD_TEXTS, accepted, fuzz, mutated
@@ -75,13 +75,6 @@ def test_the_default_file_says_what_the_code_does() -> None:
             default = schema[name][0]
             expected = default if isinstance(default, str) else pytest.approx(default, rel=1e-3)
             assert value == expected, name
-
-
-@pytest.mark.parametrize("surface", ["plywood", "text", "vinyl"])
-def test_every_surface_has_its_own_name_and_is_allowed(surface: str) -> None:
-    values = read_parameter_file(preset_file("surface", surface))
-    _, slaves = node_parameters("slave_device", values["slave_device"])
-    assert slaves["simulated"].surface.name == surface
 
 
 @pytest.mark.parametrize("surface", ["plywood", "text", "vinyl"])
@@ -143,12 +136,6 @@ def test_a_former_name_that_means_nothing_or_two_things_is_refused(
         Setup.of(GraphArguments(params_file=str(file)))
 
 
-def test_a_delay_in_samples_is_of_the_compensator_only(file: Path) -> None:
-    file.write_text("coupler: {ros__parameters: {inverse.granted_delay: 2}}")
-    with pytest.raises(ParameterError, match=r"inverse\.granted_delay = 2: no such parameter"):
-        read_parameter_file(file)
-
-
 def test_a_former_channel_of_a_sound_card_is_read_with_one_warning(
     file: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -159,37 +146,6 @@ def test_a_former_channel_of_a_sound_card_is_read_with_one_warning(
     assert caplog.messages == [
         f"{file}: audio.channel = 3 is audio.channels = '3'; it is read until the next release"
     ]
-
-
-def test_a_surface_of_ones_own_is_a_file(tmp_path: Path) -> None:
-    mine = tmp_path / "cork.yaml"
-    mine.write_text("slave_device: {ros__parameters: {simulated: {surface: {name: cork}}}}")
-    assert preset_file("surface", str(mine)) == mine
-    with pytest.raises(ParameterError, match="plywood"):
-        preset_file("surface", "cork")
-
-
-def test_wildcards_reach_the_nodes_that_have_the_parameter(file: Path) -> None:
-    file.write_text("/**: {ros__parameters: {latency: 2}}")
-    values = read_parameter_file(file)
-    assert values["master_device"] == values["compensator"] == {"latency": 2}
-    assert values["recorder"] == {}
-
-
-def test_namespaces_before_a_node_are_understood(file: Path) -> None:
-    file.write_text("/bench/coupler: {ros__parameters: {k_m: 300}}")
-    assert read_parameter_file(file)["coupler"] == {"k_m": 300}
-
-
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.one_of(st.binary(max_size=200), st.text(max_size=200).map(str.encode)))
-def test_any_file_is_read_or_refused_in_one_line(file: Path, content: bytes) -> None:
-    file.write_bytes(content)
-    try:
-        read_parameter_file(file)
-    except ParameterError as error:
-        assert len(str(error).splitlines()) == 1
-        assert "mine.yaml" in str(error)
 
 
 names = st.sampled_from(["coupler", "/**", "compensator", "x", "ros__parameters", "k_m"])

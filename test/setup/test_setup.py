@@ -25,7 +25,7 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.warning import warn_once
-from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments, parse_arguments
+from haptic_accel.setup.arguments import GraphArguments, parse_arguments
 from haptic_accel.setup.node_parameters import node_schema
 from haptic_accel.setup.setup import Setup, known_arguments
 
@@ -92,13 +92,6 @@ def test_every_parameter_of_a_running_node_is_in_the_metadata(tmp_path: Path) ->
     for node, own in written.items():
         assert set(own) == set(node_schema(node))
     assert written["coupler"]["k_m"] == 321.0
-
-
-def test_an_identification_has_its_own_nodes_and_sweep() -> None:
-    setup = Setup.of(IdentifyArguments(end_frequency=300.0))
-    assert setup.nodes == ["master_device", "identifier", "recorder"]
-    assert setup.node("identifier")[0].end_frequency == 300.0
-    assert setup.node("identifier")[0].listeners == 2
 
 
 PRESET = "master_device: {ros__parameters: {audio.preset: dualsense}}\n"

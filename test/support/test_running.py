@@ -27,7 +27,7 @@ from pathlib import Path
 
 import pytest
 
-from running import StallWatch, processes_of, reserved_domain, wait_until
+from running import processes_of, reserved_domain, wait_until
 
 HERE = Path(__file__).parent
 TESTS = HERE.parent
@@ -64,21 +64,6 @@ def test_a_domain_in_which_something_runs_is_left_alone(monkeypatch: pytest.Monk
             stranger.kill()
 
 
-def test_a_process_whose_words_are_no_text_disturbs_nobody(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("running.DOMAINS", range(1, 3))
-    words = [sys.executable, "-c", "import signal; signal.pause()", b"\xff"]
-    environment = os.environ | {"ROS_DOMAIN_ID": "1"}
-    with subprocess.Popen(words, env=environment) as stranger:
-        try:
-            wait_until(lambda: stranger.pid in dict(processes_of(1)), "the stranger is seen")
-            with reserved_domain() as number:
-                assert number == 2
-        finally:
-            stranger.kill()
-
-
 def test_a_machine_that_stands_still_is_noticed() -> None:
     script = (
         "from running import StallWatch\n"
@@ -98,12 +83,6 @@ def test_a_machine_that_stands_still_is_noticed() -> None:
         child.send_signal(signal.SIGCONT)
         printed, _ = child.communicate("\n")
     assert float(printed) >= 0.5
-
-
-def test_a_watch_that_ended_measures_nothing_more() -> None:
-    with StallWatch() as watch:
-        pass
-    assert watch.longest < 60.0
 
 
 SUITE = """
@@ -186,12 +165,3 @@ def test_more_than_three_reruns_fail_the_session(tmp_path: Path) -> None:
     done = suite(tmp_path, tests=4, marker="live", fails=1)
     assert "5 passed" in done.stdout
     assert done.returncode == 1, done.stdout
-
-
-@pytest.mark.parametrize(("words", "expected"), [((), "1 deselected"), (("--slow",), "3 passed")])
-def test_slow_tests_run_where_they_are_asked_for(
-    tmp_path: Path, words: tuple[str, ...], expected: str
-) -> None:
-    done = suite(tmp_path, *words, tests=2, marker="slow", fails=1)
-    assert expected in done.stdout
-    assert done.returncode == 0

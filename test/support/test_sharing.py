@@ -72,31 +72,9 @@ def test_a_shared_graph_starts_once_and_anew_where_it_has_died(tmp_path: Path) -
         assert graph.command.process.returncode == 0
 
 
-def test_a_shared_graph_that_a_stall_kept_from_engaging_is_started_anew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with own_domain() as domain:
-        graph = graph_like(tmp_path, domain, 0, stalled=0)
-        with monkeypatch.context() as impatient:
-            impatient.setattr("running.PATIENCE", 0.1)
-            with pytest.raises(AssertionError, match="no line like 'engaged'"):
-                graph.run()
-        graph.run()
-        graph.end()
-
-
 def test_a_shared_graph_that_does_not_end_cleanly_fails_its_last_test(tmp_path: Path) -> None:
     with own_domain() as domain:
         graph = graph_like(tmp_path, domain, 1)
         graph.run()
         with pytest.raises(AssertionError, match="engaged"):
             graph.end()
-
-
-def test_a_shared_graph_that_nobody_ended_does_not_outlive_its_tests(tmp_path: Path) -> None:
-    with own_domain() as domain:
-        graph = graph_like(tmp_path, domain, 0)
-        graph.close()  # never begun
-        graph.run()
-        graph.close()
-        assert graph.command.process.returncode == -signal.SIGKILL

@@ -29,9 +29,8 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.nodes.priority import FELT_PRIORITY, FORCE_PRIORITY, RECORDING_PRIORITY
 from running import wait_until
-from wires import ADDRESSES, DEVICE, PRIORITY, Wire, reason_against
+from wires import ADDRESSES, DEVICE, Wire, reason_against
 
 NEEDS_NETWORK = pytest.mark.skipif(bool(reason_against()), reason=reason_against() or "")
 
@@ -86,14 +85,6 @@ def pinged(wire: Wire, count: int, period: float = 2e-3, rest: float = 0.3) -> l
     return found
 
 
-def test_no_node_can_hold_up_the_wire() -> None:
-    assert max(RECORDING_PRIORITY, FORCE_PRIORITY, FELT_PRIORITY) < PRIORITY
-
-
-def test_a_wire_runs_at_its_priority(wire: Wire) -> None:
-    assert os.sched_getparam(wire.process.pid).sched_priority == PRIORITY
-
-
 def test_a_wire_that_adds_nothing_carries_every_datagram_in_its_order(wire: Wire) -> None:
     assert [number for number, _ in pinged(wire, 300)] == [*range(300)]
     assert [counts["sent"] for counts in wire.counts()] == [{"small": 300}] * 2
@@ -104,16 +95,6 @@ def test_each_direction_adds_its_own_delay(wire: Wire) -> None:
     trips = [trip for _, trip in pinged(wire, 100)]
     assert len(trips) == 100
     assert 0.07 <= min(trips) < 0.09
-
-
-def test_jitter_lets_datagrams_overtake_each_other(wire: Wire) -> None:
-    wire.change(ChannelParameters(delay=0.02, jitter=0.01))
-    found = pinged(wire, 300)
-    numbers, trips = zip(*found, strict=True)
-    assert sorted(numbers) == [*range(300)]
-    assert list(numbers) != sorted(numbers)
-    assert min(trips) >= 0.02
-    assert np.ptp(trips) > 0.02
 
 
 def test_losses_are_as_many_as_asked_for_and_are_counted(wire: Wire) -> None:

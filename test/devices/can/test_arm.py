@@ -211,11 +211,6 @@ def test_a_force_that_is_no_number_is_none(bad: float) -> None:
     assert bench.arm.counters()["rejected_forces"] == 1
 
 
-def test_nor_is_one_that_overflows_on_its_way() -> None:
-    bench = Bench(joint1__gear_ratio=0.01).armed()
-    assert bench.push(0.0, 1e308, 0.0) == pytest.approx([0.0] * 3)
-
-
 def test_gear_direction_and_offset_count() -> None:
     plain = Bench(kinematics="stage").armed()
     geared = Bench(

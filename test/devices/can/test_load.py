@@ -31,23 +31,6 @@ def test_worst_case_of_a_frame(data_bytes: int, bits: int) -> None:
     assert frame_bits(data_bytes) == bits
 
 
-def test_three_joints_at_1_khz_fit_1_mbit_when_streamed() -> None:
-    load = BusLoad(3, 1000.0, 1e6)
-    # 3 x (1000 x (135 + 95) + 10 x 135) bits
-    assert load.bits == 694_050
-    assert load.fits
-    assert str(load) == (
-        "bus load up to 69 % of 1 Mbit/s (3 joints at 1000 Hz, estimates streamed)"
-    )
-
-
-def test_they_do_not_when_requested_or_with_a_second_arm() -> None:
-    assert not BusLoad(3, 1000.0, 1e6, requested=True).fits
-    assert not BusLoad(6, 1000.0, 1e6).fits
-    assert not BusLoad(3, 1000.0, 500e3).fits
-    assert BusLoad(1, 1000.0, 500e3).fits
-
-
 @pytest.mark.parametrize("requested", [False, True])
 @pytest.mark.parametrize("joints", [1, 3, 6])
 def test_what_would_fit_just_fits(joints: int, requested: bool) -> None:

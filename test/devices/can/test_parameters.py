@@ -24,16 +24,7 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.devices import MASTERS, SLAVES
-from haptic_accel.devices.can.device import CanSlave
-from haptic_accel.devices.can.kinematics import kinematics_of
-from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
-
-
-@pytest.mark.parametrize(("kinematics", "joints"), [*zip(KINEMATICS, (1, 2, 3), strict=True)])
-def test_each_kinematics_has_its_joints(kinematics: str, joints: int) -> None:
-    parameters = CanParameters(kinematics=kinematics)
-    assert list(parameters.joints) == ["joint1", "joint2", "joint3"][:joints]
-    assert len(kinematics_of(parameters).home) == joints
+from haptic_accel.devices.can.parameters import CanParameters
 
 
 @pytest.mark.parametrize(
@@ -57,17 +48,6 @@ def test_a_wrong_value_is_refused_in_one_line(values: dict[str, Any], what: str)
     assert "\n" not in str(error.value)
 
 
-def test_joints_that_are_not_there_may_have_any_node() -> None:
-    assert from_flat(CanParameters, {"kinematics": "stage", "joint2.node_id": 0})
-
-
 def test_both_sides_have_the_device_each_with_a_section_of_its_own() -> None:
     for devices, context in ((MASTERS, "master"), (SLAVES, "slave")):
         assert schema(devices["can"].Parameters)["context"][0] == context
-
-
-def test_a_wrong_interface_is_a_wrong_argument() -> None:
-    device = CanSlave(from_flat(CanSlave.Parameters, {"interface": "tin"}), 200.0, 0)
-    with pytest.raises(ParameterError, match="can.interface = 'tin'"):
-        device.open()
-    device.close()

@@ -39,6 +39,7 @@ from haptic_accel.devices.can.protocol import (
     EstimatesRequest,
     Frame,
     Heartbeat,
+    Message,
     SetMode,
     SetState,
     SetTorque,
@@ -69,29 +70,20 @@ def test_bytes_are_those_of_the_firmware() -> None:
     assert EstimatesRequest(4).frame() == (0x89, b"", True)
 
 
-@given(nodes, words, st.integers(0, 255))
-def test_a_heartbeat_comes_back(node: int, error: int, state: int) -> None:
-    assert parse_report(Heartbeat(node, error, state).frame()) == Heartbeat(node, error, state)
+reports = st.builds(Heartbeat, nodes, words, st.integers(0, 255)) | st.builds(
+    Estimates, nodes, singles, singles
+)
+orders = st.one_of(
+    st.builds(SetTorque, nodes, st.floats(-LARGEST_TORQUE, LARGEST_TORQUE, width=32)),
+    st.builds(SetState, nodes, st.sampled_from(AxisState)),
+    *(st.builds(kind, nodes) for kind in (SetMode, EmergencyStop, ClearErrors, EstimatesRequest)),
+)
 
 
-@given(nodes, singles, singles)
-def test_estimates_come_back(node: int, one: float, other: float) -> None:
-    assert parse_report(Estimates(node, one, other).frame()) == Estimates(node, one, other)
-
-
-@given(nodes, st.floats(-LARGEST_TORQUE, LARGEST_TORQUE, width=32))
-def test_a_torque_comes_back(node: int, torque: float) -> None:
-    assert parse_order(SetTorque(node, torque).frame()) == SetTorque(node, torque)
-
-
-@given(nodes, st.sampled_from(AxisState))
-def test_orders_come_back(node: int, state: AxisState) -> None:
-    assert parse_order(SetState(node, state).frame()) == SetState(node, state)
-    assert parse_order(SetMode(node).frame()) == SetMode(node, 1, 1)
-    assert parse_order(EmergencyStop(node).frame()) == EmergencyStop(node)
-    assert parse_order(ClearErrors(node).frame()) == ClearErrors(node)
-    asked = parse_order(EstimatesRequest(node).frame())
-    assert asked == EstimatesRequest(node)
+@given(reports, orders)
+def test_what_is_said_comes_back(report: Message, order: Message) -> None:
+    assert parse_report(report.frame()) == report
+    assert parse_order(order.frame()) == order
 
 
 @fuzz

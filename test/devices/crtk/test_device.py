@@ -30,7 +30,7 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.devices import MASTERS, SLAVES, DeviceError
+from haptic_accel.devices import DeviceError
 from haptic_accel.devices.crtk.device import CrtkArm, CrtkParameters
 from observing import Observer
 from running import PATIENCE, Command, wait_until
@@ -147,10 +147,6 @@ def test_a_pose_of_another_time_or_of_no_place_is_no_sample(pose: dict[str, floa
     arm.close()
 
 
-def test_who_relies_on_the_arm_s_own_watchdog_is_told() -> None:
-    assert "only a watchdog of /somebody/slave's own" in built().hang_warning
-
-
 def test_an_arm_is_enabled_when_it_is_opened(start: Callable[..., Command]) -> None:
     pytest.importorskip("crtk_msgs.msg")
     words = ("-r", "__ns:=/somebody", "-p", "autostart:=false")
@@ -181,11 +177,6 @@ def test_an_arm_that_is_not_there_is_named(domain: int) -> None:
 def test_a_name_that_ros_would_refuse_is_refused(wrong: dict[str, str], said: str) -> None:
     with pytest.raises(ParameterError, match=said):
         CrtkParameters(**wrong)
-
-
-def test_both_arms_have_one_of_their_own() -> None:
-    assert MASTERS["crtk"].Parameters().arm == "/MTMR"
-    assert SLAVES["crtk"].Parameters().arm == "/PSM1"
 
 
 def test_the_graph_couples_an_arm_of_somebody_else(

@@ -27,9 +27,8 @@ from typing import Any
 
 import pytest
 
-from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.parameters import ParameterError, from_flat, schema
-from haptic_accel.devices import MASTERS, SLAVES, DeviceError
+from haptic_accel.core.parameters import ParameterError, from_flat
+from haptic_accel.devices import DeviceError
 from haptic_accel.devices.serial.device import SerialDevice, SerialMaster, SerialSlave
 from haptic_accel.devices.serial.protocol import Decoder, Frame, encode
 
@@ -37,13 +36,6 @@ from haptic_accel.devices.serial.protocol import Decoder, Frame, encode
 def built(kind: type[SerialDevice], **values: Any) -> SerialDevice:
     flat = {name.replace("__", "."): value for name, value in values.items()}
     return kind(from_flat(kind.Parameters, flat), 1000.0, 0)
-
-
-def test_both_sides_have_a_serial_device() -> None:
-    assert MASTERS["serial"] is SerialMaster
-    assert SLAVES["serial"] is SerialSlave
-    names = set(schema(SerialMaster.Parameters)) - set(schema(SerialSlave.Parameters))
-    assert names == {"rearm", "coil_mounting", *schema(ActuatorParameters)}
 
 
 def test_the_package_does_without_the_libraries_until_a_port_is_opened() -> None:

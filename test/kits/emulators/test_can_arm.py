@@ -70,28 +70,6 @@ def heartbeat(of: EmulatedAxis, now: float) -> protocol.Heartbeat:
     return beats[0]
 
 
-def test_an_axis_sends_heartbeats_and_estimates_at_their_rates() -> None:
-    one = axis()
-    sent = [frame for step in range(1000) for frame in one.due(step * 1e-3)]
-    commands = [frame.command for frame in sent]
-    assert commands.count(protocol.Command.HEARTBEAT) == 10
-    assert commands.count(protocol.Command.ENCODER_ESTIMATES) == 100
-
-
-def test_after_a_stall_it_sends_each_once() -> None:
-    one = axis()
-    one.due(0.0)
-    assert len(one.due(60.0)) == 2
-    assert one.due(60.0 + 1e-6) == []
-
-
-def test_it_answers_a_request() -> None:
-    one = axis()
-    one.turns = 2.5
-    (answer,) = one.execute(order(protocol.EstimatesRequest(1).frame()), 0.0)
-    assert protocol.parse_report(answer) == protocol.Estimates(1, 2.5, 0.0)
-
-
 def test_it_has_a_torque_only_in_closed_loop_and_torque_control() -> None:
     one = axis()
     one.execute(order(protocol.SetTorque(1, 0.5).frame()), 0.0)

@@ -161,26 +161,6 @@ def scheduling(rate: int = 1000, start: int = CLOCKS - 10_000) -> Host:
     return host
 
 
-def test_a_scheduled_set_point_acts_from_its_tick_on() -> None:
-    host = scheduling()
-    start = host.now
-    host.say(ScheduleCurrent((7,), (start + 2000) % CLOCKS))
-    assert host.current == 0
-    assert host.tick_at(start + 1000) == 0
-    # The host knows the time of a tick up to half a period.
-    assert host.tick_at(start + 1501) == 7
-    assert host.status().late == 0
-
-
-def test_one_that_comes_after_its_tick_acts_at_once_and_is_counted() -> None:
-    host = scheduling()
-    host.say(ScheduleCurrent((7,), (host.now + 500) % CLOCKS))
-    assert host.current == 7
-    host.say(ScheduleCurrent((8,), (host.now + 501) % CLOCKS))
-    assert host.current == 7
-    assert host.status().late == 1
-
-
 def test_a_set_point_without_a_due_time_acts_at_once_and_discards_the_scheduled() -> None:
     host = scheduling()
     host.say(ScheduleCurrent((7,), (host.now + 1000) % CLOCKS), SetCurrent((0,)))
@@ -320,21 +300,6 @@ def test_differences_of_times_hold_where_the_clock_begins_anew(time: int, ahead:
 
 
 # Safety
-
-
-def test_only_set_points_count_against_silence() -> None:
-    host = armed()
-    for _ in range(serial_board.TIMEOUT // 1000 + 1):
-        host.say(Identify())
-        host.board.receive(b"noise\0", host.now)
-        host.wait(1000)
-    assert host.current == 0
-
-
-def test_the_current_is_within_full_scale() -> None:
-    host = armed()
-    host.say(SetCurrent((-FULL_SCALE - 1,)))
-    assert host.current == -FULL_SCALE
 
 
 def test_a_fault_takes_the_current_off_until_it_is_disarmed_and_armed() -> None:

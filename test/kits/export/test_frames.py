@@ -176,10 +176,3 @@ def test_tool_and_handle_must_have_one_rate(recorded: Recorded) -> None:
     found.facts.clear()
     with pytest.raises(ParameterError, match="1000 and 500 Hz: must have one rate"):
         recorded_rate(found)
-
-
-def test_arms_that_were_never_coupled_have_no_frames(recorded: Recorded) -> None:
-    found = read_bag(recorded.path)
-    del found.signals[topics.MASTER_ARM_FORCE.name], found.signals[topics.SLAVE_ARM_FORCE.name]
-    with pytest.raises(ParameterError, match="the arms were never coupled"):
-        engagements(found)

@@ -18,7 +18,6 @@
 from __future__ import annotations
 
 import os
-import re
 import signal
 import sys
 from collections.abc import Iterator
@@ -28,7 +27,6 @@ import numpy as np
 import pytest
 from kits.lerobot.plug_ins import PlugIns, child, plug_ins
 
-from haptic_accel.core.parameters import ParameterError
 from running import wait_until
 
 pytestmark = pytest.mark.quiet
@@ -136,19 +134,3 @@ def test_a_follower_whose_fast_path_ends_observes_silence_and_tells_it_once(
     finally:
         follower.disconnect()
     assert caplog.text.count("the arms go on without vibration") == 1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "fps", "refused"),
-    [
-        ("rate:=1000", 30, "fps = 30: must divide the fast path's rate, 1000 Hz, into whole"),
-        ("", 0, "fps = 0: must divide"),
-        ("slave:=none", 30, "device = none: must come with accelerometers:=audio"),
-    ],
-)
-def test_what_cannot_be_observed_is_refused_in_one_line(
-    built: PlugIns, arguments: str, fps: int, refused: str
-) -> None:
-    with pytest.raises(ParameterError, match=re.escape(refused)) as error:
-        built.follower(arguments, fps)
-    assert "\n" not in str(error.value)

@@ -74,19 +74,6 @@ def test_one_key_serves_several_namespaces_apart() -> None:
     assert right[1].verified(datagram) is None
 
 
-def test_a_key_is_the_same_in_both_folders_and_none_is_written_over(tmp_path: Path) -> None:
-    folders = [tmp_path / name for name in "ab"]
-    for folder in folders:
-        folder.mkdir()
-    write_new_key(*folders)
-    one, other = (read_key(str(folder)) for folder in folders)
-    assert one == other
-    assert len(one) == KEY_LENGTH
-    with pytest.raises(FileExistsError):
-        write_new_key(folders[0])
-    assert read_key(str(folders[0])) == one
-
-
 def refusal(folder: Path) -> str:
     with pytest.raises(ParameterError) as refused:
         read_key(str(folder))

@@ -80,14 +80,6 @@ def test_what_is_sent_to_nobody_is_dropped_and_counted() -> None:
         assert coupler.dropped == 3
 
 
-def test_an_end_that_comes_back_is_met_again() -> None:
-    with closing(LocalEnd(COUPLER, DOMAIN, "/c")) as coupler:
-        for text in (b"first", b"second"):
-            with closing(LocalEnd(LINK, DOMAIN, "/c")) as link:
-                coupler.send(text)
-                assert link.drain() == [text]
-
-
 def test_other_namespaces_domains_and_senders_are_not_heard(
     ends: tuple[LocalEnd, LocalEnd],
 ) -> None:

@@ -70,16 +70,6 @@ def test_a_study_begins_from_a_template(
     assert message == f"{folder / 'study.yaml'}: must be a new file: File exists"
 
 
-BLANK = '"[[ blank: purpose ]] I agree."'
-
-
-def test_a_study_is_simulated_before_its_blanks_are_filled_in(tmp_path: Path) -> None:
-    study = write_study(tmp_path, TEXT.replace("I agree to take part.", BLANK))
-    written = tmp_path / "tried"
-    words = "study", "simulate", study.folder, "--write", written, "--participants", 1
-    assert status_of(*words) == 0
-
-
 def test_simulated_observers_are_named_wherever_results_are(
     simulated: Study, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -23,7 +23,6 @@ from pathlib import Path
 import pytest
 from kits.study.studies import TEXT, Scripted, run_session, write_study
 
-from haptic_accel.core.document import read_yaml_document
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.conditions import arguments, check_blanks, live
 from haptic_accel.kits.study.folder import (
@@ -37,7 +36,7 @@ from haptic_accel.kits.study.folder import (
 from haptic_accel.kits.study.log import LOG
 from haptic_accel.kits.study.plan import expected_minutes, expected_trials
 from haptic_accel.kits.study.reading import read_protocol
-from haptic_accel.materials.folders import config_folder, preset_file
+from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.scenes import read_scene
 
 
@@ -76,13 +75,6 @@ def test_a_participant_begins_once(study: Study, again: str) -> None:
     study.begin("P07").close()
     with pytest.raises(ParameterError, match=f"^participant = '{again}': has begun already"):
         study.begin(again)
-
-
-def test_unknown_participants_are_named_with_the_known_ones(study: Study) -> None:
-    study.begin("P07").close()
-    for act in (study.resume, study.delete):
-        with pytest.raises(ParameterError, match="'P08': has no session; there are P07$"):
-            act("P08")
 
 
 def test_rows_are_filled_up_after_a_deletion(study: Study) -> None:
@@ -190,16 +182,6 @@ def test_a_deletion_that_was_broken_off_can_be_repeated(
     assert not study.participant_folder("P07").exists()
 
 
-LANGUAGES = sorted((config_folder() / "studies" / "languages").glob("*.yaml"))
-
-
-def test_there_are_seven_templates() -> None:
-    assert list(templates()) == [
-        *("compensated_or_not", "gain_jnd", "network_delay", "one_or_three_axes", "preference"),
-        *("real_or_virtual_texture", "texture_identification"),
-    ]
-
-
 @pytest.mark.parametrize("name", templates())
 def test_a_template_is_a_protocol_of_its_own(name: str, tmp_path: Path) -> None:
     path = write_template(name, tmp_path / "new" / "study")
@@ -250,24 +232,3 @@ def test_a_text_whose_blanks_are_filled_in_passes(tmp_path: Path) -> None:
             ParameterError, match=r"study.yaml:\d+: instructions: must have its 1 b"
         ):
             check_blanks(read_protocol(path))
-
-
-def test_a_protocol_is_not_written_over(tmp_path: Path) -> None:
-    path = write_template("preference", tmp_path)
-    with pytest.raises(ParameterError, match=f"^{path}: must be a new file: File exists$"):
-        write_template("gain_jnd", tmp_path)
-    assert read_protocol(path).task == "preference"
-
-
-def test_an_unknown_template_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="^template = 'jnd': must be one of compensated_or"):
-        write_template("jnd", tmp_path)
-
-
-@pytest.mark.parametrize("path", LANGUAGES, ids=lambda path: path.stem)
-def test_all_languages_have_the_same_words(path: Path) -> None:
-    words = {name: each.text() for name, each in read_yaml_document(path).members()}
-    english = read_yaml_document(config_folder() / "studies" / "languages" / "en.yaml")
-    assert list(words) == list(english.mapping())
-    assert all(words.values())
-    assert words["language"] == path.stem

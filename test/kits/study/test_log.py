@@ -148,13 +148,6 @@ def test_a_changed_log_is_refused(
             read()
 
 
-def test_a_removed_line_is_found(folder: Path) -> None:
-    lines = (folder / LOG).read_bytes().splitlines(keepends=True)
-    (folder / LOG).write_bytes(b"".join(lines[:3] + lines[4:]))
-    with pytest.raises(ParameterError, match="line 4 does not follow"):
-        read_session(folder)
-
-
 @pytest.mark.parametrize("content", [b"", b"{}\n", b"\xff\n", b"[1]\n", b'{"before": ""}\n'])
 def test_a_file_that_is_no_log_is_refused(folder: Path, content: bytes) -> None:
     (folder / LOG).write_bytes(content)

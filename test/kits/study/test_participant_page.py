@@ -105,11 +105,6 @@ def test_a_sign_without_the_noise_does_not_count() -> None:
     assert page.noise == -20.0
 
 
-def test_the_scene_tells_no_name() -> None:
-    scene = ParticipantPage(ENGLISH, PageRig()).scene()
-    assert scene["outlines"] == {"": [[[-0.1, 0.0], [0.1, 0.0]]]}
-
-
 def written(folder: Path, words: dict[str, str]) -> Path:
     path = folder / "own.yaml"
     path.write_text(json.dumps(words))

@@ -27,9 +27,8 @@ from hypothesis import strategies as st
 from kits.study.protocol_maker import make_levels, make_protocol
 from kits.study.study_runs import always_right, asking, record, run
 
-from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.folder import templates
-from haptic_accel.kits.study.plan import Plan, describe, expected_minutes, expected_trials
+from haptic_accel.kits.study.plan import Plan, describe, expected_trials
 from haptic_accel.kits.study.protocol import Bounds, Extras, Order, Procedure, Protocol
 from haptic_accel.kits.study.reading import read_protocol
 from haptic_accel.kits.study.simulation import SimulatedParticipant
@@ -116,19 +115,6 @@ def test_a_replay_of_any_prefix_plans_the_same_next_trial(
     assert list(run(replayed, always_right)) == list(run(plan, always_right))
 
 
-def test_the_next_trial_is_the_same_until_it_is_recorded() -> None:
-    plan = Plan(PROTOCOLS["quest_plus"], 1, 0)
-    assert plan.next() == plan.next()
-
-
-def test_another_seed_has_another_order() -> None:
-    first, second = (
-        [each.trial for each in run(Plan(PROTOCOLS["2ifc"], seed, 0), always_right)]
-        for seed in (1, 2)
-    )
-    assert first != second
-
-
 def test_practice_comes_first_with_the_largest_difference() -> None:
     protocol = make_levels(extras=Extras(practice=3))
     trials = [each.trial for each in run(Plan(protocol, 1, 0), always_right)]
@@ -142,13 +128,6 @@ def test_practice_shows_each_condition() -> None:
     assert {each.trial.right for each in trials} == {"s0", "s1", "s2", "s3"}
 
 
-def test_the_largest_difference_may_be_below_the_reference() -> None:
-    protocol = make_levels(values=(0.2, 0.5, 0.9), extras=Extras(practice=1))
-    trial = Plan(protocol, 1, 0).next()
-    assert trial is not None
-    assert trial.level == 0.2
-
-
 def test_catch_trials_come_between_a_number_of_trials() -> None:
     protocol = make_levels(
         procedure=Procedure(repeats=2), extras=Extras(practice=0, catch_every=3)
@@ -156,11 +135,6 @@ def test_catch_trials_come_between_a_number_of_trials() -> None:
     assert _kinds(Plan(protocol, 1, 0)) == [*[MAIN] * 3, CATCH, *[MAIN] * 3, CATCH, *[MAIN] * 2]
     catch = [each for each in run(Plan(protocol, 1, 0), always_right) if each.trial.kind == CATCH]
     assert {each.trial.level for each in catch} == {1.8}
-
-
-def test_catch_trials_need_levels() -> None:
-    with pytest.raises(ParameterError, match=r"extras\.catch_every = 5: must be 0 without levels"):
-        Plan(make_protocol(extras=Extras(catch_every=5)), 1, 0)
 
 
 def test_an_undelivered_trial_is_repeated_and_then_left_out() -> None:
@@ -208,11 +182,6 @@ def test_no_break_comes_before_a_repetition() -> None:
     assert set(attempts) == {protocol.bounds.repeats}
 
 
-def test_no_breaks_are_made_if_none_are_wanted() -> None:
-    plan = Plan(make_protocol(extras=NOTHING_ELSE), 1, 0)
-    assert not any(plan.break_due for _ in run(plan, always_right))
-
-
 def test_a_record_of_another_trial_is_refused() -> None:
     plan, other = (Plan(PROTOCOLS["2ifc"], seed, 0) for seed in (1, 2))
     records = list(run(other, always_right))
@@ -245,12 +214,6 @@ def test_catch_trials_count(tmp_path: Path) -> None:
     text = templates()["network_delay"].read_text()
     path.write_text(text.replace("practice: 4", "practice: 4, catch_every: 20"))
     assert expected_trials(read_protocol(path)) == 4 + 100 + 4
-
-
-def test_a_trial_takes_its_stimuli_and_the_answer() -> None:
-    found = read_protocol(templates()["compensated_or_not"])
-    stimuli = 2 * found.timing.seconds + found.timing.gap
-    assert 60 * expected_minutes(found) > expected_trials(found) * stimuli
 
 
 def test_a_study_is_described_by_trials_duration_and_conditions() -> None:

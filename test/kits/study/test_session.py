@@ -125,12 +125,6 @@ def test_stop_stops_at_once_and_the_session_goes_on_later(study: Study, kind: st
     assert ("consent" in again.kinds) == (kind == "consent")
 
 
-def test_a_complete_session_is_not_resumed(study: Study) -> None:
-    run_session(study, study.begin("P01"))
-    with pytest.raises(ParameterError, match="^participant = 'P01': the session is complete$"):
-        study.resume("P01")
-
-
 def test_a_break_is_not_repeated_at_the_begin_of_a_sitting(study: Study) -> None:
     run_session(study, study.begin("P01"), Scripted(study, {"break": stop_at(1)}))
     again = Scripted(study)

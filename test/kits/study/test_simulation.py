@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kits.study.protocol_maker import make_levels, make_protocol
-from kits.study.studies import TEXT, write_study
+from kits.study.studies import write_study
 from kits.study.study_runs import asking, run
 from scipy.integrate import trapezoid
 from scipy.stats import norm
@@ -268,16 +268,6 @@ def test_a_written_study_is_the_simulated_one(tmp_path: Path) -> None:
         assert [record.answer for record in written.records] == [
             record.answer for record in each.records
         ]
-
-
-def test_observers_answer_by_the_strengths(tmp_path: Path) -> None:
-    def correct(strength: float) -> float:
-        text = TEXT.replace("adaptive: 3", f"adaptive: {strength}")
-        sessions = simulate_study(write_study(tmp_path, text).protocol, 40, 1)
-        return float(np.mean([bool(each.correct) for one in sessions for each in one.counted]))
-
-    assert correct(0.0) == pytest.approx(0.5, abs=0.07)
-    assert correct(3.0) > 0.75
 
 
 def test_power_has_an_interval() -> None:

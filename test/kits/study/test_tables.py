@@ -80,10 +80,6 @@ def test_no_factor_has_the_name_of_another_column() -> None:
     assert not set(FACTORS) & set(COLUMNS)
 
 
-def test_a_good_session_is_included() -> None:
-    assert exclusions(STUDY, [complete()]) == {}
-
-
 def test_a_session_that_was_stopped_is_excluded() -> None:
     stopped = replace(complete(), ended="stopped by the participant")
     assert exclusions(STUDY, [stopped, complete("P02")]) == {

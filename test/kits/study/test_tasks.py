@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 
 import pytest
 from kits.study.protocol_maker import make_protocol
@@ -57,25 +58,19 @@ def test_a_guess_is_right_by_chance(task: str) -> None:
         assert right[answer] / right.total() == TASKS[task].chance
 
 
-def test_the_comparison_is_right_in_two_intervals() -> None:
-    for stimuli, right in _arranged("2ifc"):
-        assert stimuli[int(right) - 1] == "c"
-
-
-def test_the_odd_one_is_the_one_that_occurs_once() -> None:
-    for stimuli, right in _arranged("odd_one_out"):
-        assert stimuli.count(stimuli[int(right) - 1]) == 1
-
-
-def test_the_third_of_abx_equals_the_right_one() -> None:
-    for stimuli, right in _arranged("abx"):
-        assert stimuli["AB".index(right)] == stimuli[2]
-        assert stimuli[0] != stimuli[1]
-
-
-def test_same_is_right_for_two_that_are_equal() -> None:
-    for stimuli, right in _arranged("same_different"):
-        assert right == ("same" if stimuli[0] == stimuli[1] else "different")
+@pytest.mark.parametrize(
+    ("task", "is_right"),
+    [
+        ("2ifc", lambda of, right: of[int(right) - 1] == "c"),
+        ("odd_one_out", lambda of, right: of.count(of[int(right) - 1]) == 1),
+        ("abx", lambda of, right: of[2] == of["AB".index(right)] != of["BA".index(right)]),
+        ("same_different", lambda of, right: (right == "same") == (of[0] == of[1])),
+    ],
+)
+def test_the_right_answer_is_that_of_the_stimuli(
+    task: str, is_right: Callable[[str, str], bool]
+) -> None:
+    assert all(is_right(*each) for each in _arranged(task))
 
 
 def test_a_condition_is_identified_by_its_label() -> None:

@@ -108,17 +108,6 @@ def test_a_texture_that_changes_with_speed_and_force_is_told_from_a_constant_one
     assert built.following.distance < built.following.constant_distance - 3.0
 
 
-def test_a_recording_at_one_speed_and_force_does_not_follow_them() -> None:
-    recording = drag(1.0, seconds=4.0)
-    one = slice(500, 4500)
-    part = Recording(
-        "one", RATE, recording.speed[one], recording.force[one], recording.acceleration[one]
-    )
-    following = build("one", [part], Provenance()).following
-    assert not following.better
-    assert following.rms_error == pytest.approx(following.constant_rms_error, rel=0.1)
-
-
 def test_power_grows_by_its_law_up_to_the_largest_speed_and_force() -> None:
     # The largest force is never pressed at the largest speed.
     parts = [drag(force) for force in FORCES]

@@ -32,7 +32,6 @@ from kits.textures.hatt_file import hatt_file
 from scipy import signal
 from scipy.io import wavfile
 
-from archive_bombs import BOMBS
 from fuzzing import fuzz_few, measured
 from haptic_accel.core.model import GRAVITY, FloatArray
 from haptic_accel.core.parameters import ParameterError
@@ -162,16 +161,6 @@ def test_a_rate_that_contradicts_that_of_a_file_is_refused(tmp_path: Path) -> No
             import_texture(path, 500.0, calibration)
     with pytest.raises(ParameterError, match="has no sampling rate: leave it out"):
         import_texture(tmp_path / "buzz.ahap", 500.0, 5.0)
-
-
-@pytest.mark.parametrize("turned", [False, True])
-def test_the_axes_of_an_npz_file_add(tmp_path: Path, turned: bool) -> None:
-    axes = np.array([0.6 * noise(2000.0, seed=1), 0.8 * noise(2000.0, seed=2)])
-    data = np.vstack([axes, 100 + np.zeros(axes.shape[1])])
-    path = tmp_path / "drag.npz"
-    names = np.array(["acc_x", "acc_y", "force"])
-    np.savez(path, data=data.T if turned else data, sample_rate=2000, channel_names=names)
-    assert distance(import_texture(path), theory()) < 1.0
 
 
 def test_only_one_channel_of_an_npz_file_is_acceleration_without_its_name(
@@ -381,14 +370,6 @@ def test_a_pattern_of_many_events_is_refused(tmp_path: Path) -> None:
         path.write_text(json.dumps({"Pattern": pattern}))
         with measured(), pytest.raises(ParameterError, match=says):
             import_texture(path, calibration=1.0)
-
-
-@pytest.mark.parametrize("kind", BOMBS)
-def test_a_file_that_expands_or_is_none_is_refused_in_one_line(tmp_path: Path, kind: str) -> None:
-    path = BOMBS[kind](tmp_path / "a.npz")
-    with measured(megabytes=300), pytest.raises(ParameterError, match="a.npz: ") as refused:
-        import_texture(path)
-    assert str(refused.value).isprintable()
 
 
 RATE = 500.0

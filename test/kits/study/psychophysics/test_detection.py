@@ -24,16 +24,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from kits.study.protocol_maker import make_protocol
-from kits.study.study_runs import asking, run
 from scipy import stats
 
 from haptic_accel.core.evaluation.statistics import Interval
-from haptic_accel.kits.study.plan import Plan
-from haptic_accel.kits.study.protocol import Extras, Observer, Procedure
 from haptic_accel.kits.study.psychophysics import detection
-from haptic_accel.kits.study.simulation import SimulatedParticipant
-from haptic_accel.kits.study.trials import TrialRecord
 
 # By sensR 1.5-3 (R; Christensen, Brockhoff), twoAFC, triangle and duotrio, as published in
 # aigorahub/sensR, tests/fixtures/golden_sensr.json. The duo-trio test is abx with the reference as
@@ -95,24 +89,6 @@ def test_a_triangle_follows_the_noncentral_f_distribution() -> None:
     d = np.linspace(0.1, 6.0, 30)
     expected = stats.ncf.sf(3, 1, 1, 2 * d**2 / 3)
     assert detection.proportion_correct("odd_one_out", d) == pytest.approx(expected, abs=1e-9)
-
-
-def decided_right(task: str, d: float) -> float:
-    """Return the share of a million random decisions by the rule of a task that are right."""
-    a, other, b = np.random.default_rng(1).normal(size=(3, 1_000_000))
-    b += d
-    if task == "2ifc":
-        return float(np.mean(b > a))
-    if task == "abx":
-        return float(np.mean(abs(other - a) < abs(other - b)))
-    distances = np.stack([abs(a - other), abs(a - b), abs(other - b)])
-    return float(np.mean(np.argmin(distances, axis=0) == 0))
-
-
-@pytest.mark.parametrize(("task", "d"), list(product(detection.CHANCE, (0.0, 0.7, 2.2))))
-def test_proportions_are_those_of_simulated_decisions(task: str, d: float) -> None:
-    found = float(detection.proportion_correct(task, np.array(d)))
-    assert found == pytest.approx(decided_right(task, d), abs=2e-3)
 
 
 @pytest.mark.parametrize(("d", "criterion"), [(0.5, 1.0), (1.0, 2.0), (2.5, 1.5)])
@@ -221,33 +197,3 @@ def test_more_answers_than_trials_are_refused() -> None:
         detection.d_prime("2ifc", 11, 10)
     with pytest.raises(ValueError, match="-1 answers"):
         detection.d_prime_by_answers(-1, 10, 0, 10)
-
-
-def simulated(task: str, d: float) -> list[TrialRecord]:
-    """Return a session of a simulated participant, for whom two conditions differ by d."""
-    protocol = make_protocol(
-        task,
-        procedure=Procedure(repeats=600),
-        extras=Extras(practice=0),
-        observer=Observer(lapse=0.0),
-        strengths={"surface=s1": d},
-    )
-    return list(run(Plan(protocol, 4, 0), asking(SimulatedParticipant(protocol, 4))))
-
-
-@pytest.mark.parametrize("task", detection.CHANCE)
-def test_d_prime_of_a_simulated_participant_is_found(task: str) -> None:
-    records = simulated(task, 1.5)
-    found = detection.d_prime(task, sum(bool(each.correct) for each in records), len(records))
-    assert found.low <= 1.5 <= found.high
-    assert found.value == pytest.approx(1.5, abs=0.3)
-
-
-def test_d_prime_of_a_simulated_participant_is_found_by_answers() -> None:
-    kinds: dict[str, list[bool]] = {"same": [], "different": []}
-    for each in simulated("same_different", 1.5):
-        assert each.answer is not None
-        kinds[each.trial.right].append(each.answer.value == "different")
-    different, same = kinds["different"], kinds["same"]
-    found = detection.d_prime_by_answers(sum(different), len(different), sum(same), len(same))
-    assert found.low <= 1.5 <= found.high

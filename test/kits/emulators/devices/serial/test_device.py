@@ -561,11 +561,3 @@ def test_a_missing_permission_is_told(bench: Make) -> None:
         [sys.executable, "-c", code, terminal], capture_output=True, text=True, check=True
     )
     assert done.stdout.startswith(f"{terminal}: no permission: join the group dialout")
-
-
-def test_the_command_line_needs_no_library_until_a_port_is_opened() -> None:
-    code = (
-        "import sys; sys.modules['serial'] = sys.modules['cobs'] = None\n"
-        "from haptic_accel.kits.emulators import command_line\n"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
