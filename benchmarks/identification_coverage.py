@@ -47,8 +47,7 @@ from haptic_accel.core.identification.stops import check_stops
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
 from haptic_accel.core.identification.three_axes import COMPARED, identify_three_axes
 from haptic_accel.core.model import HandleParameters, MountParameters
-from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.rig.masters import SimulatedMasterParameters
+from haptic_accel.core.rig.master_rig import MasterRigParameters, SimulatedMasterParameters
 from haptic_accel.core.simulated_identification import master_response, run_identification
 from haptic_accel.core.tables import ResultTable
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments

@@ -50,7 +50,7 @@ Path = Callable[[float], Vector]
 
 
 class PointMass:
-    """Rig without friction and accelerometer, driven by hand or wall and the arm's motors.
+    """Device without friction and accelerometer, driven by hand or wall and the arm's motors.
 
     Parameters
     ----------
@@ -60,13 +60,16 @@ class PointMass:
         Mass, kg.
     """
 
+    late = 0
+    contact_force = None
+
     def __init__(self, outside: Around, mass: float = 0.1) -> None:
         self._outside, self._mass = outside, mass
         self._tick = 0
         self._position = self._velocity = self._force = ZERO
 
-    def advance(self, time: float) -> None:
-        """Integrate the present forces until a time in s, in whole samples."""
+    def read(self, time: float) -> Sample:
+        """Integrate the present force until a time in s, in whole samples; return the sample."""
         samples = round(time * RATE) - self._tick
         self._tick += samples
         step, (fx, fy, fz) = 1.0 / RATE / STEPS, self._force
@@ -79,25 +82,14 @@ class PointMass:
             vz += step * (fz + oz) / self._mass
             self._velocity = vx, vy, vz
             self._position = x + step * vx, y + step * vy, z + step * vz
-
-    def measure(self) -> Sample:
-        """Return position and velocity."""
         return Sample(self._position, self._velocity, ZERO)
 
-    def apply_arm_force(self, force: Vector) -> None:
+    def write(
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
+    ) -> None:
         """Set the force of the motors, N."""
-        self._force = force
-
-    def apply_actuator_force(self, force: Vector) -> None:
-        """Do nothing: the mass has no actuator."""
-
-    def release(self) -> None:
-        """Set the force to zero."""
-        self._force = ZERO
-
-    def counters(self) -> dict[str, int]:
-        """Return no counts."""
-        return {}
+        self.read(time)
+        self._force = arm_force or self._force
 
 
 class Hand:

@@ -31,7 +31,7 @@ BUDGETS = {
     "analysis": 4_160,
     "nodes": 4_060,
     "kits/study": 3_970,
-    "devices": 4_130,
+    "devices": 4_110,
     "cli": 3_140,
     "bags": 2_790,
     "scope": 1_420,

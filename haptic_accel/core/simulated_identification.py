@@ -29,9 +29,12 @@ from haptic_accel.core.identification.sweep import IdentificationTrial, SweepPar
 from haptic_accel.core.loop.device_side import ACTUATOR, rig_side
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.rig.masters import axes_of, simulated_master
-from haptic_accel.core.rig.three_axis_rig import ThreeAxisRig
+from haptic_accel.core.rig.master_rig import (
+    MasterRigParameters,
+    ThreeAxisRig,
+    axes_of,
+    simulated_master,
+)
 from haptic_accel.core.sampling import DEFAULT_RATE, LATENCY, NANOSECONDS, check_latency
 from haptic_accel.core.trial import along
 

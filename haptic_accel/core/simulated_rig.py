@@ -35,14 +35,11 @@ from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.loop.compensation import CompensationPart
 from haptic_accel.core.loop.coupling import CouplingPart
-from haptic_accel.core.loop.device_side import ARM, DeviceSide, rig_side
+from haptic_accel.core.loop.device_side import ARM, DeviceSide, DrivenDevice, rig_side
 from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
 from haptic_accel.core.model import ComplexArray, HandleParameters, ModeParameters
 from haptic_accel.core.parameters import Checked, like
-from haptic_accel.core.rig.held_rig import DriveParameters
-from haptic_accel.core.rig.interface import Rig, SampledRig
-from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.rig.masters import axes_of
+from haptic_accel.core.rig.master_rig import DriveParameters, MasterRigParameters, axes_of
 from haptic_accel.core.rig.slave_rig import SlaveRigParameters
 from haptic_accel.core.surfaces.virtual_rig import VirtualRigParameters
 
@@ -111,7 +108,7 @@ class RigParameters:
 
 def build_parts(
     rig: RigParameters,
-    devices: Mapping[str, Rig | SampledRig],
+    devices: Mapping[str, DrivenDevice],
     compensation: CompensationParameters,
     controllers: Mapping[str, Checked],
     rate: float,
@@ -123,7 +120,7 @@ def build_parts(
     ----------
     rig : RigParameters
         Limits of the devices, and the master's axes.
-    devices : mapping of str to Rig
+    devices : mapping of str to DrivenDevice
         Master and slave, by arm.
     compensation : CompensationParameters
     controllers : mapping

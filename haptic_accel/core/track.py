@@ -21,11 +21,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
-from haptic_accel.core.model import ZERO, FloatArray, Sample, Vector, vector
+from haptic_accel.core.axes import ACTUATOR_AXIS
+from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.resampling import MOST_SAMPLES, crossfaded, resampled
+from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, Stamped, half_period, on_grid
+from haptic_accel.core.tick.rigs import ReplayArm
 
 SHORTEST = 0.2
 """Minimum duration of a track, s: four times the fade of a loop."""
@@ -236,11 +238,8 @@ def quieted(track: Track) -> Track:
     )
 
 
-class ReplayRig:
-    """Arm with recorded samples; forces on it are counted and have no effect.
-
-    It rests at its first position until the first force of the arm's motors. It replays from the
-    next sample on, whatever the later forces are.
+class ReplayRig(Rig):
+    """Arm with recorded samples; see `ReplayArm`.
 
     Parameters
     ----------
@@ -251,69 +250,25 @@ class ReplayRig:
     """
 
     def __init__(self, track: Track, *, loop: bool = False) -> None:
-        self._track = track
-        self._loop = loop
-        self._waiting = Sample(vector(track.position[0]), ZERO, along_actuator(track.rest))
-        self._driven = False
-        self._now = 0.0
-        self._since: float | None = None
-        self._position = -1
-        self._lost = self._skipped = self._arm_forces = self._actuator_forces = 0
+        table = np.column_stack([track.position, track.velocity, track.acceleration, track.lost])
+        self._arm = ReplayArm(table, track.rate, loop, track.rest)
+        super().__init__(self._arm)
 
     @property
     def ended(self) -> bool:
         """True after the last sample."""
-        return not self._loop and self._position >= len(self._track) - 1
-
-    def advance(self, time: float) -> None:
-        """Advance to a time, s, or go back to a late tick from the time of a force."""
-        self._now = time
-
-    def measure(self) -> Sample:
-        """Return the recorded sample for the present time."""
-        if not self._driven:
-            return self._waiting
-        if self._since is None:
-            self._since = self._now
-        position = round((self._now - self._since) * self._track.rate)
-        if not self._loop:
-            position = min(position, len(self._track) - 1)
-        self._count(position)
-        track, index = self._track, position % len(self._track)
-        return Sample(
-            vector(track.position[index]),
-            vector(track.velocity[index]),
-            along_actuator(float(track.acceleration[index])),
-        )
-
-    def apply_arm_force(self, force: Vector) -> None:
-        """Count a force of the arm's motors; the first one starts the replay."""
-        self._driven = True
-        self._arm_forces += 1
-
-    def apply_actuator_force(self, force: Vector) -> None:
-        """Count a force of the actuator."""
-        self._actuator_forces += 1
-
-    def release(self) -> None:
-        """Do nothing, as forces have no effect."""
+        arm = self._arm
+        return not arm.loop and arm.position >= arm.count - 1
 
     def counters(self) -> dict[str, int]:
         """Return counts of lost or skipped samples, and of ignored forces."""
+        arm = self._arm
         return {
-            "samples_lost_in_recording": self._lost,
-            "samples_skipped": self._skipped,
-            "arm_forces_ignored": self._arm_forces,
-            "actuator_forces_ignored": self._actuator_forces,
+            "samples_lost_in_recording": arm.lost,
+            "samples_skipped": arm.skipped,
+            "arm_forces_ignored": arm.arm_forces,
+            "actuator_forces_ignored": arm.actuator_forces,
         }
-
-    def _count(self, position: int) -> None:
-        """Count played and skipped samples."""
-        if position == self._position:
-            return
-        self._skipped += position - self._position - 1
-        self._position = position
-        self._lost += bool(self._track.lost[position % len(self._track)])
 
 
 def _whole(signal: Stamped) -> Stamped:

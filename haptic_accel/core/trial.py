@@ -40,10 +40,8 @@ from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.network.playout import Played
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate
 from haptic_accel.core.rig.interface import Rig
-from haptic_accel.core.rig.master_rig import MasterRig
-from haptic_accel.core.rig.masters import axes_of, simulated_master
+from haptic_accel.core.rig.master_rig import MasterRig, ThreeAxisRig, axes_of, simulated_master
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, Vibrating
-from haptic_accel.core.rig.three_axis_rig import ThreeAxisRig
 from haptic_accel.core.sampling import DEFAULT_RATE, LATENCY, check_latency
 from haptic_accel.core.simulated_rig import RigParameters, build_loop, build_parts
 from haptic_accel.core.surfaces.scene import Scene
@@ -435,5 +433,5 @@ def _samples(
             *(*tool.acceleration, *desired, *handle.acceleration, *force),
             *(*handle.position, *handle.velocity, *forces.get(MASTER, model.ZERO)),
             *(*tool.position, *tool.velocity, *forces.get(SLAVE, model.ZERO)),
-            *(touching.contact_force if touching else ()),
+            *(touching.contact_force or () if touching else ()),
         )

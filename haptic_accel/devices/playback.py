@@ -100,7 +100,7 @@ class ReplayDevice(SimulatedDevice):
                 f" must last {track.SHORTEST:g} s"
             )
         played = track.looped(played) if parameters.loop else track.quieted(played)
-        self._rig = track.ReplayRig(played, loop=parameters.loop)
+        self._play(track.ReplayRig(played, loop=parameters.loop))
         self._remark = _remark(parameters, found, rate)
 
     @property

@@ -17,26 +17,32 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
 
 from haptic_accel.core.axes import ALL_AXES, Axes
 from haptic_accel.core.bounded_work import without_bounded_work
-from haptic_accel.core.model import FloatArray, GripParameters, Sample, Vector
+from haptic_accel.core.model import FloatArray, GripParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema, shown
 from haptic_accel.core.resampling import crossfaded
-from haptic_accel.core.rig.guided_hand import WORKSPACE, GuidedHand
-from haptic_accel.core.rig.held_rig import Hand
-from haptic_accel.core.rig.interface import SampledRig
-from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
-from haptic_accel.core.rig.masters import SimulatedMasterParameters, axes_of, simulated_master
-from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters, Vibrating
-from haptic_accel.core.rig.surface import SurfaceParameters
-from haptic_accel.core.rig.three_axis_rig import ThreeAxisRig
+from haptic_accel.core.rig.interface import Rig
+from haptic_accel.core.rig.master_rig import (
+    MasterRig,
+    MasterRigParameters,
+    SimulatedMasterParameters,
+    ThreeAxisRig,
+    axes_of,
+    simulated_master,
+)
+from haptic_accel.core.rig.slave_rig import (
+    SlaveRig,
+    SlaveRigParameters,
+    SurfaceParameters,
+    Vibrating,
+)
 from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
+from haptic_accel.core.tick.rigs import HAND_REACH, GuidedHand, Hand
 from haptic_accel.devices.interface import Device, DeviceDescription
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.recordings import AXES, read_recording
@@ -44,15 +50,7 @@ from haptic_accel.materials.scenes import read_scene
 from haptic_accel.materials.texture_files import read_texture
 
 
-class _Due(NamedTuple):
-    """Forces, N, from a time on, s; None for one that remains."""
-
-    time: float
-    arm_force: Vector | None
-    actuator_force: Vector | None
-
-
-class SimulatedDevice(SampledRig, Device):
+class SimulatedDevice(Rig, Device):
     """One side of the virtual rig, which is always there.
 
     Forces may be written before the samples that precede them are read.
@@ -60,40 +58,19 @@ class SimulatedDevice(SampledRig, Device):
 
     description = DeviceDescription(framed=True)
 
-    _due: deque[_Due] | None = None  # without a sample read, forces act at once
-    _read = 0.0
+    _rig: Rig
+
+    def _play(self, rig: Rig) -> None:
+        self._rig, self.motion = rig, rig.motion
 
     def open(self) -> None:
         """Continue the rig's time with the first read or write."""
-        self._origin = self._due = None
-
-    def read(self, time: float) -> Sample:
-        """Simulate until a time, s, with the forces due before, and return the sample then."""
-        waiting = self._due
-        if waiting is None:
-            waiting = self._due = deque()
-        while waiting and waiting[0].time < time:
-            due = waiting.popleft()
-            super().write(due.time, arm_force=due.arm_force, actuator_force=due.actuator_force)
-        self._read = time
-        return super().read(time)
-
-    def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
-    ) -> None:
-        """Change the forces, N, from a time on, s; later changes written before are discarded."""
-        waiting = self._due
-        while waiting and waiting[-1].time > time:
-            waiting.pop()
-        if waiting is not None and (waiting or time > self._read):
-            waiting.append(_Due(time, arm_force, actuator_force))
-        else:
-            super().write(time, arm_force=arm_force, actuator_force=actuator_force)
+        self.motion.restart()
 
     def close(self) -> None:
         """Remove all forces."""
-        self._due = None
-        self._rig.release()
+        self.motion.restart()
+        self.release()
 
     def counters(self) -> dict[str, int]:
         """Return the rig's counts."""
@@ -108,14 +85,11 @@ class SimulatedMaster(SimulatedDevice):
 
     _rig: MasterRig | ThreeAxisRig
 
-    def __init__(self, parameters: MasterRigParameters, rate: float, seed: int) -> None:
-        self._build(parameters, rate, seed)
-
-    def _build(
+    def __init__(
         self, parameters: MasterRigParameters, rate: float, seed: int, hand: Hand | None = None
     ) -> None:
         self.axes = axes_of(parameters)
-        self._rig = simulated_master(parameters, rate, seed, hand)
+        self._play(simulated_master(parameters, rate, seed, hand))
 
     def change(self, parameters: MasterRigParameters) -> None:
         """Change the user's grip of the handle."""
@@ -126,11 +100,11 @@ class PointerMaster(SimulatedMaster):
     """Simulated master whose hand follows points instead of its script."""
 
     description = replace(SimulatedMaster.description, parameters_of=("simulated",), pointed=True)
-    REACH = WORKSPACE
+    REACH = HAND_REACH
 
     def __init__(self, parameters: MasterRigParameters, rate: float, seed: int) -> None:
         self._hand = GuidedHand(parameters.exploration.height)
-        self._build(parameters, rate, seed, self._hand)
+        super().__init__(parameters, rate, seed, self._hand)
 
     def point(self, position: Vector) -> None:
         """Lead the hand along x and z, within its workspace."""
@@ -178,12 +152,7 @@ class SimulatedSlave(SimulatedDevice):
         self.axes = Axes.parsed(parameters.tool.axes)
         texture = textured(parameters.surface, rate, seed)
         recording = played(parameters.recording, rate, self.axes)
-        self._rig = SlaveRig(parameters, rate, seed, recording, texture=texture)
-
-    @property
-    def contact_force(self) -> Vector:
-        """Force of the surface on the tool at the last sample, N."""
-        return self._rig.contact_force
+        self._play(SlaveRig(parameters, rate, seed, recording, texture=texture))
 
     def change(self, parameters: SimulatedSlaveParameters) -> None:
         """Put another surface under the tip.
@@ -256,13 +225,8 @@ class VirtualSlave(SimulatedDevice):
 
     def __init__(self, parameters: VirtualSlaveParameters, rate: float, seed: int) -> None:
         scene = read_scene(Path(parameters.scene))
-        self._rig = VirtualRig(parameters, scene, rate, seed)
+        self._play(VirtualRig(parameters, scene, rate, seed))
         self.axes = Axes.parsed(parameters.tool.axes)
-
-    @property
-    def contact_force(self) -> Vector:
-        """Force of the scene on the tool at the last sample, N."""
-        return self._rig.contact_force
 
     def change(self, parameters: VirtualSlaveParameters) -> None:
         """Put another scene under the tool.

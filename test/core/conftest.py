@@ -22,10 +22,12 @@ from dataclasses import replace
 import pytest
 
 from haptic_accel.core.model import AccelerometerParameters
-from haptic_accel.core.rig.exploration import ExplorationParameters
-from haptic_accel.core.rig.held_rig import DriveParameters
-from haptic_accel.core.rig.instruments import ArmParameters
-from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.rig.interface import ArmParameters
+from haptic_accel.core.rig.master_rig import (
+    DriveParameters,
+    ExplorationParameters,
+    MasterRigParameters,
+)
 from haptic_accel.core.rig.slave_rig import SlaveRigParameters
 from haptic_accel.core.simulated_rig import RigParameters
 

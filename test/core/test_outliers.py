@@ -28,8 +28,7 @@ from input_family import MEMBERS, member
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.outliers import LONGEST_OUTLIER, outliers, without_outliers
 from haptic_accel.core.parameters import ParameterError, from_flat
-from haptic_accel.core.rig.slave_rig import SlaveRigParameters
-from haptic_accel.core.rig.surface import SurfaceParameters
+from haptic_accel.core.rig.slave_rig import SlaveRigParameters, SurfaceParameters
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.trial import run_trial
 from haptic_accel.setup.files import surface_parameters

@@ -31,10 +31,9 @@ from hypothesis import strategies as st
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import FloatArray, GripParameters
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
-from haptic_accel.core.rig.instruments import ArmParameters
+from haptic_accel.core.rig.interface import ArmParameters
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.rig.slave_rig import ToolParameters
-from haptic_accel.core.rig.surface import SurfaceParameters
+from haptic_accel.core.rig.slave_rig import SurfaceParameters, ToolParameters
 from haptic_accel.core.surfaces.texture import TextureModel
 from haptic_accel.devices import Device, Sample, simulated
 from haptic_accel.materials.texture_files import write_texture

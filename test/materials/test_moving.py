@@ -73,7 +73,7 @@ def contacts(rig: VirtualRig, *force: float, samples: int = 600) -> list[Contact
     for number in range(start + 1, start + samples + 1):
         rig.apply_arm_force((force[0], force[1], force[2]))
         rig.advance(number / RATE)
-        found.append(rig.contact)
+        found.append(rig.motion.contact)
     rig.passed = start + samples  # type: ignore[attr-defined]
     return found
 

@@ -28,7 +28,6 @@ from haptic_accel.core.coupling.position_servo import PositionServo
 from haptic_accel.core.due_forces import DueForces
 from haptic_accel.core.evaluation.histogram import DurationHistogram
 from haptic_accel.core.model import LATER, ZERO, Reading, Sample, Vector
-from haptic_accel.core.rig.interface import Rig, SampledRig
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import SafetyLayer
 
@@ -398,7 +397,7 @@ class DeviceSide:
 
 
 def rig_side(
-    rig: Rig | SampledRig,
+    device: DrivenDevice,
     limits: SafetyParameters,
     rate: float,
     latency: int,
@@ -408,7 +407,6 @@ def rig_side(
     """Return one side of a virtual rig for lockstep, with a safety layer that allows forces."""
     safety = SafetyLayer(limits, rate, axes)
     safety.enable(0.0, True)
-    device = rig if isinstance(rig, SampledRig) else SampledRig(rig)
     return DeviceSide(device, safety, rate, latency, kinds=kinds)
 
 

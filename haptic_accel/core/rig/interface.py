@@ -13,106 +13,119 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Interface of both sides of the virtual rig."""
+"""One side of the virtual rig as a device."""
 
 from __future__ import annotations
 
-import math
-from typing import Protocol
+from dataclasses import dataclass
 
-from haptic_accel.core.model import Sample, Vector
+from haptic_accel.core.axes import ACTUATOR_AXIS, Axes
+from haptic_accel.core.model import AccelerometerParameters, Sample, Vector
+from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.tick.rigs import Accelerometer, SimulatedArm
 
-LONGEST_ADVANCE = 0.1
-"""Maximum time simulated in one call, s; the rig stands still for the rest of a longer stall."""
-
-RESOLUTION = 10e-6
-"""Maximum step of a rig's clock, s."""
-
-
-def clock_step(rate: float) -> float:
-    """Return the step of a rig's clock, s; a sampling period is a whole number of steps.
-
-    As the clock counts steps, all periods have the same length, whenever the rig started.
-
-    Examples
-    --------
-    >>> clock_step(1000.0), clock_step(150e3)
-    (1e-05, 6.666666666666667e-06)
-    """
-    period = 1.0 / rate
-    return period / max(1, math.ceil(period / RESOLUTION))
+_NEXT_AXIS = 10
+"""Distance between the random streams of two axes, above all other streams of a seed."""
 
 
-class Rig(Protocol):
-    """One side of the virtual rig; times in s.
+@dataclass(frozen=True)
+class ArmParameters(Checked):
+    """Limits of an arm's motors and encoders; defaults from the Phantom Omni's data sheet."""
 
-    The rig stands still until its first force: any arm force, even zero, or a non-zero actuator
-    force. Until then all samples are equal, without noise. Later samples are thus independent of
-    the waiting time. A released arm (see `Holding`) returns to its start, so that all engagements
-    begin there.
-    """
-
-    def advance(self, time: float) -> None:
-        """Integrate the physics until a time; a past time changes nothing."""
-
-    def measure(self) -> Sample:
-        """Return the present readings of encoders and accelerometer."""
-
-    def apply_arm_force(self, force: Vector) -> None:
-        """Set the force of the arm's motors, N."""
-
-    def apply_actuator_force(self, force: Vector) -> None:
-        """Set the forces of the actuator's coils along x, y, z of the handle, N."""
-
-    def release(self) -> None:
-        """Set all forces to zero."""
-
-    def counters(self) -> dict[str, int]:
-        """Return counts of out-of-range values by name."""
+    max_force: float = parameter(3.3, "limit of the force of the arm's motors", unit="N", low=0)
+    position_resolution: float = parameter(55e-6, "resolution of the arm's position", "m", 0, 1e-3)
 
 
-class SampledRig:
-    """Rig as a device, sampled exactly at the requested times, like a converter with a clock.
-
-    Its time starts with the first read or write.
+class Rig:
+    """One side of the virtual rig, sampled exactly at the requested times; times in s.
 
     Parameters
     ----------
-    rig : Rig
+    motion : SimulatedArm
+
+    Attributes
+    ----------
+    motion : SimulatedArm
     """
 
     late = 0
     """Number of forces that took effect after their due time."""
 
-    _rig: Rig
-    _elapsed = 0.0
-    _origin: float | None = None
-
-    def __init__(self, rig: Rig) -> None:
-        self._rig = rig
+    def __init__(self, motion: SimulatedArm) -> None:
+        self.motion = motion
 
     @property
     def contact_force(self) -> Vector | None:
         """Force of the surface on the tool at the last sample, N; None if unknown."""
-        return None
+        arm = self.motion
+        return (arm.contact_x, arm.contact_y, arm.contact_z) if arm.feel() else None
 
     def read(self, time: float) -> Sample:
         """Simulate until a time, s, and return the sample then."""
-        self._advance(time)
-        return self._rig.measure()
+        self.motion.measure(time)
+        return self._sample()
 
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
-        """Simulate until a time, s, then change the forces, N."""
-        self._advance(time)
+        """Change the forces, N, from a time on, s; later changes written before are discarded."""
         if arm_force is not None:
-            self._rig.apply_arm_force(arm_force)
+            self.motion.drive_arm(time, *arm_force)
         if actuator_force is not None:
-            self._rig.apply_actuator_force(actuator_force)
+            self.motion.drive_actuator(time, *actuator_force)
 
-    def _advance(self, time: float) -> None:
-        if self._origin is None:
-            self._origin = time - self._elapsed
-        self._elapsed = time - self._origin
-        self._rig.advance(self._elapsed)
+    def advance(self, time: float) -> None:
+        """Integrate the physics until a time since the start; a past time changes nothing."""
+        self.motion.advance(time)
+
+    def measure(self) -> Sample:
+        """Return the present readings of encoders and accelerometer."""
+        self.motion.observe()
+        return self._sample()
+
+    def apply_arm_force(self, force: Vector) -> None:
+        """Set the force of the arm's motors, N, each axis limited to their maximum."""
+        self.motion.pull(*force)
+
+    def apply_actuator_force(self, force: Vector) -> None:
+        """Set the forces of the actuator's coils along x, y, z of the handle, N.
+
+        Each is rounded and limited by its converter and amplifier; NaN sets it to zero.
+        """
+        self.motion.push(*force)
+
+    def release(self) -> None:
+        """Set all forces to zero."""
+        self.motion.release()
+
+    def counters(self) -> dict[str, int]:
+        """Return counts of out-of-range values by name."""
+        return {}
+
+    def _sample(self) -> Sample:
+        at = self.motion.reading
+        position, velocity = (at.x, at.y, at.z), (at.v_x, at.v_y, at.v_z)
+        return Sample(position, velocity, (at.a_x, at.a_y, at.a_z))
+
+
+def accelerometers(
+    parameters: AccelerometerParameters, axes: Axes, seed: int, stream: int
+) -> list[Accelerometer | None]:
+    """Return accelerometers along x, y and z with independent noise; None for a missing axis.
+
+    Parameters
+    ----------
+    parameters : AccelerometerParameters
+        Parameters of each axis.
+    axes : Axes
+    seed : int
+        Seed of the noise.
+    stream : int
+        Number of the random stream of the noise along z.
+    """
+    return [
+        Accelerometer(parameters, seed, stream + _NEXT_AXIS * (ACTUATOR_AXIS - index))
+        if index in axes.indices
+        else None
+        for index in range(3)
+    ]

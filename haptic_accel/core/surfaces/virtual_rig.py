@@ -22,15 +22,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes, along_actuator
-from haptic_accel.core.model import ZERO, Sample, Vector
+from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.instruments import ArmParameters, Holding
-from haptic_accel.core.rig.interface import LONGEST_ADVANCE
+from haptic_accel.core.rig.interface import ArmParameters, Rig
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.scene import Material, Scene
 from haptic_accel.core.surfaces.taps import Tap
 from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.core.surfaces.tool import Contact, VirtualTool, added, along
+from haptic_accel.core.tick.rigs import LONGEST_ADVANCE, SimulatedArm, encoded, limited
 
 RINGING = 0.25
 """Time for which a texture decays after the contact, s; then there is no computation."""
@@ -92,7 +92,7 @@ class Vibration:
         return self._tap.synthesize() + self._tap.texture_share * texture
 
 
-class VirtualRig:
+class VirtualArm(SimulatedArm):
     """Tool in a scene, moved by the arm's motors.
 
     Textures and taps of the touched materials give its acceleration. The vibration of one material
@@ -110,38 +110,36 @@ class VirtualRig:
     scene : Scene
     rate : float
         Sampling rate, Hz.
-    seed : int
-        Seed of the textures.
 
     Attributes
     ----------
+    tool : VirtualTool
+    vibrations : dict
+        Vibration on each material.
     contact : Contact or None
         Contact at the last sample.
     """
 
-    def __init__(
-        self, parameters: VirtualRigParameters, scene: Scene, rate: float, seed: int = 0
-    ) -> None:
+    def __init__(self, parameters: VirtualRigParameters, scene: Scene, rate: float) -> None:
+        super().__init__()
         self._arm = parameters.arm
-        self._rate, self._seed = rate, seed
-        self._tool: VirtualTool = (scene.mover or VirtualTool)(parameters.tool, scene, rate)
-        self._vibrations: dict[Material, Vibration] = {}
+        self._rate = rate
+        self.tool: VirtualTool = (scene.mover or VirtualTool)(parameters.tool, scene, rate)
+        self.vibrations: dict[Material, Vibration] = {}
         self._most = math.ceil(LONGEST_ADVANCE * rate)
-        self._holding = Holding()
         self._now = 0  # samples
-        self._started = False
         self._force = ZERO
         self._acceleration = ZERO
         self._axes = Axes.parsed(parameters.tool.axes)
         self._slow = parameters.tool.slip_velocity
         self._directions: dict[Material, Vector] = {}
         self.contact: Contact | None = None
-        self.change_scene(scene)
 
-    @property
-    def contact_force(self) -> Vector:
-        """Force of the scene on the tool, N."""
-        return self.contact.force if self.contact else ZERO
+    def feel(self) -> bool:
+        """Set the force of the scene on the tool."""
+        force = self.contact.force if self.contact else ZERO
+        self.contact_x, self.contact_y, self.contact_z = force
+        return True
 
     def advance(self, time: float) -> None:
         """Integrate all samples up to `time`, s. Times in the past are ignored."""
@@ -149,61 +147,33 @@ class VirtualRig:
         if passed <= 0:
             return
         self._now += passed
-        if self._started:
+        if self.started:
             for _ in range(min(passed, self._most)):
                 self._sample()
-            if self._holding.ends(passed / self._rate):
-                self._tool.put_back()
+            if self.let_go(passed / self._rate):
+                self.tool.put_back()
 
-    def measure(self) -> Sample:
-        """Return the present readings of the encoders, and the acceleration."""
-        x, y, z = map(self._arm.encoded, self._tool.position)
-        return Sample((x, y, z), self._tool.velocity, self._acceleration)
+    def observe(self) -> None:
+        """Take the present readings of the encoders, and the acceleration."""
+        at, tool, resolution = self.reading, self.tool, self._arm.position_resolution
+        at.x, at.y, at.z = (encoded(each, resolution) for each in tool.position)
+        at.v_x, at.v_y, at.v_z = tool.velocity
+        at.a_x, at.a_y, at.a_z = self._acceleration
 
-    def apply_arm_force(self, force: Vector) -> None:
+    def pull(self, x: float, y: float, z: float) -> None:
         """Set the force of the arm's motors, N, each axis limited to their maximum."""
-        self._started = True
-        x, y, z = map(self._arm.motor_force, force)
-        self._force = x, y, z
-        self._holding.command(free=not (x or y or z))
-
-    def apply_actuator_force(self, force: Vector) -> None:
-        """Do nothing: the slave's tool has no actuator."""
-
-    def change_scene(self, scene: Scene) -> None:
-        """Change the scene under the tool, without a jump of force; vibrations continue.
-
-        Raises
-        ------
-        ParameterError
-            One of the two scenes moves.
-        """
-        if scene is not self._tool.scene:
-            if scene.mover or self._tool.scene.mover:
-                raise ParameterError(f"scene {scene.name}: one that moves begins with the graph")
-            self._tool.change_scene(scene)
-        vibrations = {m: v for m, v in self._vibrations.items() if not v.silent}
-        for each in scene.objects:
-            if each.material not in vibrations:
-                vibrations[each.material] = Vibration(each.material, self._rate, self._seed)
-        self._vibrations = vibrations
-
-    def release(self) -> None:
-        """Set the motors' force to zero."""
-        self._force = ZERO
-        self._holding.command(free=True)
-
-    def counters(self) -> dict[str, int]:
-        """Return the count of samples at the limit of a texture."""
-        return {"texture_saturated": sum(each.saturated for each in self._vibrations.values())}
+        self.started = True
+        most = self._arm.max_force
+        force = self._force = limited(x, most), limited(y, most), limited(z, most)
+        self.free, self.silence = not any(force), 0.0
 
     def _sample(self) -> None:
         """Integrate one sampling period."""
-        contact = self.contact = self._tool.advance(self._force)
+        contact = self.contact = self.tool.advance(self._force)
         touched = contact.object.material if contact else None
         vibrations = {
             material: vibration.synthesize(contact if material is touched else None)
-            for material, vibration in self._vibrations.items()
+            for material, vibration in self.vibrations.items()
         }
         if self._axes == ACTUATOR_AXES:
             self._acceleration = along_actuator(sum(vibrations.values()))
@@ -214,7 +184,7 @@ class VirtualRig:
         """Return the acceleration in the tool frame for vibrations of materials, m/s^2."""
         total = ZERO
         if contact:
-            material, acceleration = contact.object.material, self._tool.acceleration
+            material, acceleration = contact.object.material, self.tool.acceleration
             total = added(acceleration, contact.normal, -along(contact.normal, acceleration))
             slipping = -material.friction / math.hypot(contact.speed, self._slow)
             self._directions[material] = added(contact.normal, contact.velocity, slipping)
@@ -222,3 +192,37 @@ class VirtualRig:
             if vibration:
                 total = added(total, self._directions[material], vibration)
         return self._axes.vector(self._axes.components(total))
+
+
+class VirtualRig(Rig):
+    """Tool in a scene; parameters as for `VirtualArm`, and the seed of the textures."""
+
+    def __init__(
+        self, parameters: VirtualRigParameters, scene: Scene, rate: float, seed: int = 0
+    ) -> None:
+        self._arm, self._grain = VirtualArm(parameters, scene, rate), (rate, seed)
+        super().__init__(self._arm)
+        self.change_scene(scene)
+
+    def change_scene(self, scene: Scene) -> None:
+        """Change the scene under the tool, without a jump of force; vibrations continue.
+
+        Raises
+        ------
+        ParameterError
+            One of the two scenes moves.
+        """
+        arm = self._arm
+        if scene is not arm.tool.scene:
+            if scene.mover or arm.tool.scene.mover:
+                raise ParameterError(f"scene {scene.name}: one that moves begins with the graph")
+            arm.tool.change_scene(scene)
+        vibrations = {m: v for m, v in arm.vibrations.items() if not v.silent}
+        for each in scene.objects:
+            if each.material not in vibrations:
+                vibrations[each.material] = Vibration(each.material, *self._grain)
+        arm.vibrations = vibrations
+
+    def counters(self) -> dict[str, int]:
+        """Return the count of samples at the limit of a texture."""
+        return {"texture_saturated": sum(each.saturated for each in self._arm.vibrations.values())}

@@ -35,8 +35,7 @@ from haptic_accel.core.control.grip_estimation import (
 )
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import AccelerometerParameters, HandleParameters
-from haptic_accel.core.rig.held_rig import DriveParameters
-from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+from haptic_accel.core.rig.master_rig import DriveParameters, MasterRig, MasterRigParameters
 from haptic_accel.core.tick import Trace
 
 RATE = 1000.0

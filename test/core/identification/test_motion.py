@@ -37,8 +37,7 @@ from haptic_accel.core.model import (
     MountParameters,
     held,
 )
-from haptic_accel.core.rig.held_rig import DriveParameters
-from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.rig.master_rig import DriveParameters, MasterRigParameters
 from haptic_accel.core.simulated_identification import run_identification
 
 RATE = 1000.0

@@ -41,28 +41,23 @@ SPEED = 0.1
 class Rig:
     """An arm that moves evenly along z, whatever pushes it; keeps the forces that it was given."""
 
+    late = 0
+    contact_force = None
+
     def __init__(self) -> None:
-        self.time = 0.0
         self.arm: list[Vector] = []
         self.actuator: list[float] = []
 
-    def advance(self, time: float) -> None:
-        self.time = max(self.time, time)
+    def read(self, time: float) -> Sample:
+        return Sample((0.0, 0.0, SPEED * time), (0.0, 0.0, SPEED), ZERO)
 
-    def measure(self) -> Sample:
-        return Sample((0.0, 0.0, SPEED * self.time), (0.0, 0.0, SPEED), ZERO)
-
-    def apply_arm_force(self, force: Vector) -> None:
-        self.arm.append(force)
-
-    def apply_actuator_force(self, force: Vector) -> None:
-        self.actuator.append(force[ACTUATOR_AXIS])
-
-    def release(self) -> None:
-        self.arm.append(ZERO)
-
-    def counters(self) -> dict[str, int]:
-        return {}
+    def write(
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
+    ) -> None:
+        if arm_force is not None:
+            self.arm.append(arm_force)
+        if actuator_force is not None:
+            self.actuator.append(actuator_force[ACTUATOR_AXIS])
 
 
 @pytest.fixture

@@ -22,7 +22,7 @@ import pytest
 from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide
 from haptic_accel.core.loop.wiring import HostLoop
 from haptic_accel.core.model import Vector
-from haptic_accel.core.rig.masters import axes_of
+from haptic_accel.core.rig.master_rig import axes_of
 from haptic_accel.core.simulated_rig import build_loop, build_parts
 from haptic_accel.core.tick import SafetyLayer
 from haptic_accel.core.topics import ARMS

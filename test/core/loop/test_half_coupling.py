@@ -46,25 +46,15 @@ class Puppet:
     at: Vector = ZERO
     acceleration: Vector = along_actuator(1.0)
 
-    def advance(self, time: float) -> None:
-        """Stay."""
+    late = 0
+    contact_force = None
 
-    def measure(self) -> Sample:
+    def read(self, time: float) -> Sample:
         """Return where it is, at rest."""
         return Sample(self.at, ZERO, self.acceleration)
 
-    def apply_arm_force(self, force: Vector) -> None:
+    def write(self, time: float, **forces: Vector) -> None:
         """Stay."""
-
-    def apply_actuator_force(self, force: Vector) -> None:
-        """Stay."""
-
-    def release(self) -> None:
-        """Stay."""
-
-    def counters(self) -> dict[str, int]:
-        """Return no counts."""
-        return {}
 
 
 class PlayedSample(NamedTuple):

@@ -30,56 +30,47 @@ from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.model import ZERO, AccelerometerParameters, FloatArray, Vector
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig import instruments
 from haptic_accel.core.rig.master_rig import MasterRig
-from haptic_accel.core.rig.slave_rig import SlaveRig
-from haptic_accel.core.rig.surface import SurfaceParameters
+from haptic_accel.core.rig.slave_rig import SlaveRig, SurfaceParameters
 from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.tick.rigs import (
+    PUT_BACK_AFTER,
+    Accelerometer,
+    Quantizer,
+    SimulatedArm,
+    encoded,
+    limited,
+)
 from haptic_accel.core.topics import ARMS
 
 # Converters
 
 
-def test_a_converter_rounds_to_its_steps() -> None:
-    converter = instruments.Quantizer(8.0, 4)  # sixteen steps of 1 over 16
-    assert [converter.convert(v) for v in (0.0, 0.4, 0.6, -0.6, 1.4, -7.6)] == [
-        0.0,
-        0.0,
-        1.0,
-        -1.0,
-        1.0,
-        -8.0,
-    ]
+def test_a_converter_rounds_to_its_steps_and_counts_what_is_beyond() -> None:
+    converter = Quantizer(8.0, 4)  # sixteen steps of 1 over 16
+    values = (0.0, 0.4, 0.6, -0.6, 1.4, -7.6, 8.0)
+    assert [converter.convert(v) for v in values] == [0.0, 0.0, 1.0, -1.0, 1.0, -8.0, 8.0]
     assert converter.saturated == 0
-
-
-def test_it_saturates_and_counts() -> None:
-    converter = instruments.Quantizer(8.0, 4)
-    assert [converter.convert(v) for v in (8.1, -9.0, math.inf, -math.inf, 8.0)] == [
-        8.0,
-        -8.0,
-        8.0,
-        -8.0,
-        8.0,
-    ]
+    beyond = (8.1, -9.0, math.inf, -math.inf)
+    assert [converter.convert(v) for v in beyond] == [8.0, -8.0, 8.0, -8.0]
     assert converter.saturated == 4
 
 
 @given(st.floats(0.1, 100.0), st.integers(4, 24), st.floats(-1.0, 1.0))
 def test_it_is_off_by_half_a_step_at_the_most(full_scale: float, bits: int, part: float) -> None:
     value = part * full_scale
-    converted = instruments.Quantizer(full_scale, bits).convert(value)
+    converted = Quantizer(full_scale, bits).convert(value)
     step = 2 * full_scale / 2**bits
     assert abs(converted - value) <= step / 2 * (1 + 1e-6)
     assert converted / step == pytest.approx(round(converted / step), abs=1e-6)
-    assert instruments.Quantizer(full_scale, bits).convert(-value) == -converted
+    assert Quantizer(full_scale, bits).convert(-value) == -converted
 
 
 # The accelerometer
 
 
 def samples(parameters: AccelerometerParameters, count: int, *seeds: int) -> list[float]:
-    accelerometer = instruments.Accelerometer(parameters, *seeds)
+    accelerometer = Accelerometer(parameters, *seeds)
     return [accelerometer.measure(0.0) for _ in range(count)]
 
 
@@ -118,9 +109,7 @@ def test_two_accelerometers_of_one_seed_have_independent_noise() -> None:
 
 
 def test_without_noise_only_the_converter_is_left() -> None:
-    accelerometer = instruments.Accelerometer(
-        AccelerometerParameters(range=8.0, noise_density=0.0, bits=4), 0
-    )
+    accelerometer = Accelerometer(AccelerometerParameters(range=8.0, noise_density=0.0, bits=4), 0)
     assert accelerometer.measure(2.4) == 2.0
     assert accelerometer.measure(20.0) == 8.0
     assert accelerometer.saturated == 1
@@ -137,21 +126,18 @@ def test_the_paper_s_accelerometer_by_default() -> None:
 
 @given(st.floats(-1.0, 1.0))
 def test_encoders_have_steps(position: float) -> None:
-    arm = instruments.ArmParameters(position_resolution=55e-6)
-    assert abs(arm.encoded(position) - position) <= 27.5e-6 * (1 + 1e-6)
-    assert arm.encoded(position) / 55e-6 == pytest.approx(round(position / 55e-6), abs=1e-6)
-    assert instruments.ArmParameters(position_resolution=0.0).encoded(position) == position
+    assert abs(encoded(position, 55e-6) - position) <= 27.5e-6 * (1 + 1e-6)
+    assert encoded(position, 55e-6) / 55e-6 == pytest.approx(round(position / 55e-6), abs=1e-6)
+    assert encoded(position, 0.0) == position
 
 
 @given(st.floats(allow_nan=False))
 def test_motors_give_what_they_can(force: float) -> None:
-    assert instruments.ArmParameters(max_force=3.3).motor_force(force) == min(
-        3.3, max(-3.3, force)
-    )
+    assert limited(force, 3.3) == min(3.3, max(-3.3, force))
 
 
 def test_motors_give_nothing_for_nan() -> None:
-    assert instruments.ArmParameters().motor_force(math.nan) == 0.0
+    assert limited(math.nan, 3.3) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -250,18 +236,20 @@ def test_after_a_stop_the_tool_is_dragged_as_before(
     assert dragging(after, begin) == pytest.approx(before, rel=0.2)
 
 
-def test_a_coupling_in_balance_holds_an_arm_for_ever() -> None:
-    holding = instruments.Holding()
+@pytest.mark.parametrize(
+    ("force", "every", "held"),
+    [
+        (0.0, 0.9 * PUT_BACK_AFTER, True),  # a coupling in balance repeats its commands
+        (0.5, 1e3, True),
+        (0.0, 1.1 * PUT_BACK_AFTER, False),
+    ],
+)
+def test_an_arm_is_put_back_once_it_is_free_of_force_and_commands(
+    force: float, every: float, held: bool
+) -> None:
+    arm = SimulatedArm()
+    assert not arm.let_go(1e3), "it was never held"
     for _ in range(100):
-        holding.command(free=True)
-        assert not holding.ends(0.9 * instruments.PUT_BACK_AFTER)
-
-
-def test_an_arm_under_force_is_not_put_back() -> None:
-    holding = instruments.Holding()
-    holding.command(free=False)
-    assert not holding.ends(1e3)
-
-
-def test_an_arm_that_was_never_held_has_not_been_let_go() -> None:
-    assert not instruments.Holding().ends(1e3)
+        arm.free, arm.silence = not force, 0.0
+        assert arm.let_go(every) != held
+        assert held or not arm.let_go(every), "once is enough"

@@ -37,10 +37,13 @@ from haptic_accel.core.model import (
     held,
 )
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.exploration import ExplorationParameters
-from haptic_accel.core.rig.held_rig import DriveParameters
-from haptic_accel.core.rig.interface import LONGEST_ADVANCE
-from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+from haptic_accel.core.rig.master_rig import (
+    DriveParameters,
+    ExplorationParameters,
+    MasterRig,
+    MasterRigParameters,
+)
+from haptic_accel.core.tick.rigs import LONGEST_ADVANCE
 
 RATE = 1000.0
 PERIOD = 1 / RATE

@@ -28,10 +28,14 @@ from hypothesis import strategies as st
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import AccelerometerParameters, FloatArray, Vector
 from haptic_accel.core.parameters import ParameterError, schema
-from haptic_accel.core.rig.instruments import ArmParameters
-from haptic_accel.core.rig.interface import LONGEST_ADVANCE
-from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters, ToolParameters
-from haptic_accel.core.rig.surface import SurfaceParameters
+from haptic_accel.core.rig.interface import ArmParameters
+from haptic_accel.core.rig.slave_rig import (
+    SlaveRig,
+    SlaveRigParameters,
+    SurfaceParameters,
+    ToolParameters,
+)
+from haptic_accel.core.tick.rigs import LONGEST_ADVANCE
 
 RATE = 1000.0
 PERIOD = 1 / RATE

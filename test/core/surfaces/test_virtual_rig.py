@@ -25,13 +25,13 @@ import pytest
 
 from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.model import ZERO, FloatArray, Vector, vector
-from haptic_accel.core.rig.instruments import PUT_BACK_AFTER
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Plane
 from haptic_accel.core.surfaces.taps import Mode, TapModel
 from haptic_accel.core.surfaces.texture import TextureModel
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
+from haptic_accel.core.tick.rigs import PUT_BACK_AFTER
 
 RATE = 1000.0
 WHITE = TextureModel(
@@ -81,8 +81,8 @@ def test_a_tool_stands_still_until_its_first_force() -> None:
 def test_a_tool_that_rests_is_pressed_back_as_it_presses() -> None:
     rig = touching()
     run(rig, (0.0, 0.0, -1.5), 1.0)
-    assert rig.contact is not None
-    assert rig.contact.object.name == "bench"
+    assert rig.motion.contact is not None
+    assert rig.motion.contact.object.name == "bench"
     assert rig.contact_force == pytest.approx((0.0, 0.0, 1.5), abs=1e-3)
 
 
@@ -93,8 +93,8 @@ def test_the_sample_of_the_contact_has_the_beginning_of_the_tap() -> None:
     for index in range(1, 200):
         rig.advance(index / RATE)
         found.append(rig.measure().acceleration[ACTUATOR_AXIS])
-        if onset is None and rig.contact:
-            onset, speed = index - 1, rig.contact.impact_speed
+        if onset is None and rig.motion.contact:
+            onset, speed = index - 1, rig.motion.contact.impact_speed
     assert onset is not None
     assert not any(found[:onset])
     time = np.arange(1, 21) / RATE
@@ -109,7 +109,7 @@ def test_a_texture_is_felt_while_the_tool_slides_and_rings_down_in_the_air() -> 
     assert not np.any(still)
     assert np.std(sliding[-500:]) > 0.1
     lifted = run(rig, (0.0, 0.0, 3.0), 0.3, since=1.2)
-    assert rig.contact is None
+    assert rig.motion.contact is None
     assert rig.contact_force == (0.0, 0.0, 0.0)
     assert np.std(lifted[-100:]) < 1e-6
 
@@ -148,8 +148,8 @@ def test_another_scene_changes_neither_motion_nor_force_at_that_moment() -> None
     assert rig.measure() == before
     force = rig.contact_force
     run(rig, (1.0, 0.0, -1.5), 1 / RATE, since=0.5)
-    assert rig.contact is not None
-    assert rig.contact.object.name == "mat"
+    assert rig.motion.contact is not None
+    assert rig.motion.contact.object.name == "mat"
     assert rig.contact_force[2] == pytest.approx(force[2], rel=0.05)
 
 

@@ -31,9 +31,12 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.identification.sweep import SweepParameters, excitation
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.exploration import ExplorationParameters
-from haptic_accel.core.rig.held_rig import DriveParameters
-from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
+from haptic_accel.core.rig.master_rig import (
+    DriveParameters,
+    ExplorationParameters,
+    MasterRig,
+    MasterRigParameters,
+)
 from haptic_accel.core.tick import CUSHION, ActuatorGuard, TravelEstimator
 
 RATE = 1000.0

@@ -23,7 +23,7 @@ from build_textures import RATE, SURFACES, drag
 from scipy import signal
 
 from haptic_accel.core.parameters import from_flat
-from haptic_accel.core.rig.surface import SurfaceParameters
+from haptic_accel.core.rig.slave_rig import SurfaceParameters
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.texture_files import read_texture
 from haptic_accel.setup.files import surface_parameters

@@ -26,8 +26,7 @@ from scipy import signal
 
 from haptic_accel.bags.trial_bag import write_trial
 from haptic_accel.core.parameters import from_flat
-from haptic_accel.core.rig.slave_rig import SlaveRigParameters
-from haptic_accel.core.rig.surface import SurfaceParameters
+from haptic_accel.core.rig.slave_rig import SlaveRigParameters, SurfaceParameters
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.trial import run_trial
 from haptic_accel.core.warning import warn_once

@@ -43,9 +43,11 @@ from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.control.inversion.spectrum import SENSOR_DENSITY, measured_spectrum
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
-from haptic_accel.core.rig.exploration import ExplorationParameters
-from haptic_accel.core.rig.held_rig import DriveParameters
-from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.rig.master_rig import (
+    DriveParameters,
+    ExplorationParameters,
+    MasterRigParameters,
+)
 from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.trial import Trial, run_trial

@@ -35,10 +35,16 @@ from haptic_accel.core.handle.three_axis import (
     mass_matrix,
 )
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.exploration import ExplorationParameters
-from haptic_accel.core.rig.held_rig import DriveParameters
-from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
-from haptic_accel.core.rig.three_axis_rig import ThreeAxisParameters, ThreeAxisRig
+from haptic_accel.core.rig.master_rig import (
+    DriveParameters,
+    ExplorationParameters,
+    MasterRig,
+    MasterRigParameters,
+    ThreeAxisRig,
+)
+from haptic_accel.core.rig.master_rig import (
+    SimulatedMasterParameters as Parameters,
+)
 
 RATE = 1000.0
 PERIOD = 1 / RATE
@@ -53,13 +59,13 @@ slow = st.tuples(*[st.floats(-0.05, 0.05)] * 3)
 
 
 @pytest.fixture
-def ideal(ideal_master: MasterRigParameters) -> ThreeAxisParameters:
+def ideal(ideal_master: MasterRigParameters) -> Parameters:
     """Return the default handle with ideal instruments and a hand at rest."""
     same = ("drive", "accelerometer", "arm", "exploration")
-    return ThreeAxisParameters(**{name: getattr(ideal_master, name) for name in same})
+    return Parameters(**{name: getattr(ideal_master, name) for name in same})
 
 
-STILL = ThreeAxisParameters(
+STILL = Parameters(
     exploration=ExplorationParameters(
         height=0.0, press_depth=0.0, stroke_speed=0.0, stroke_length=0.001, strokes=1
     )
@@ -85,7 +91,7 @@ def test_without_tilts_and_offsets_each_axis_is_that_of_one_coil(
 ) -> None:
     frequency = np.linspace(5.0, 490.0, 50)
     mount = model.MountParameters(mode, 0.1)
-    straight = ThreeAxisParameters(
+    straight = Parameters(
         body=CENTRED,
         coils=STRAIGHT,
         mounts=SensorMounts(mount, mount, mount),
@@ -99,7 +105,7 @@ def test_without_tilts_and_offsets_each_axis_is_that_of_one_coil(
 
 
 def test_it_then_moves_as_the_rig_with_one_coil(
-    ideal: ThreeAxisParameters, ideal_master: MasterRigParameters
+    ideal: Parameters, ideal_master: MasterRigParameters
 ) -> None:
     drive = DriveParameters(bits=14, delay=1.3e-3, coulomb_friction=0.05)
     grip = model.GripParameters(variation=0.15, gravity=6.9)
@@ -128,7 +134,7 @@ def test_at_high_frequencies_masses_alone_decide() -> None:
     tiny = replace(TABLE_I, m_a=1e-6, k_s=0.0, b_s=0.0)
     rate = 1e6
     unfiltered = replace(
-        ThreeAxisParameters(handle=tiny),
+        Parameters(handle=tiny),
         accelerometer=model.AccelerometerParameters(bandwidth=100e3),
     )
     rig = ThreeAxisRig(unfiltered, rate)
@@ -155,7 +161,9 @@ def test_the_mass_matrix_is_that_of_handle_and_coils() -> None:
     assert mass[:3, 6:] == pytest.approx(0.018 * coils.directions)
 
 
-def test_a_coil_moves_another_as_much_as_that_one_moves_it(ideal: ThreeAxisParameters) -> None:
+def test_a_coil_moves_another_as_much_as_that_one_moves_it(
+    ideal: Parameters,
+) -> None:
     travels = np.zeros((3, 3, 40))
     for coil in range(3):
         rig = ThreeAxisRig(ideal, RATE)
@@ -173,7 +181,7 @@ def vector_along(axis: int, value: float) -> model.Vector:
 
 
 @pytest.mark.parametrize("turned", [0.0, math.radians(10)])
-def test_the_rig_follows_its_response(ideal: ThreeAxisParameters, turned: float) -> None:
+def test_the_rig_follows_its_response(ideal: Parameters, turned: float) -> None:
     parameters = replace(
         ideal,
         body=BodyParameters(sensor_rotation=turned, sensor_axis="x"),
@@ -199,7 +207,7 @@ def test_the_rig_follows_its_response(ideal: ThreeAxisParameters, turned: float)
 
 
 def test_the_coupling_to_the_slave_is_a_stiffer_grip_without_a_stiffer_turn(
-    ideal: ThreeAxisParameters,
+    ideal: Parameters,
 ) -> None:
     frequency = np.array([10.0, 15.0, 20.0, 60.0])
     straight = replace(ideal, coils=STRAIGHT, body=CENTRED)
@@ -210,12 +218,12 @@ def test_the_coupling_to_the_slave_is_a_stiffer_grip_without_a_stiffer_turn(
 
 def test_the_default_cross_coupling_is_10_db() -> None:
     frequency = np.geomspace(40.0, 400.0, 20)
-    found = cross_coupling(ThreeAxisRig(ThreeAxisParameters(), RATE).response(frequency, RATE))
+    found = cross_coupling(ThreeAxisRig(Parameters(), RATE).response(frequency, RATE))
     assert found == pytest.approx(-10.0, abs=0.6)
 
 
 def test_a_turned_accelerometer_measures_the_same_vector_in_its_own_frame(
-    ideal: ThreeAxisParameters,
+    ideal: Parameters,
 ) -> None:
     angle = math.radians(10)
     told = ThreeAxisRig(ideal, RATE)
@@ -232,7 +240,9 @@ def test_a_turned_accelerometer_measures_the_same_vector_in_its_own_frame(
     )
 
 
-def test_another_mount_changes_nothing_at_once_and_then_rings(ideal: ThreeAxisParameters) -> None:
+def test_another_mount_changes_nothing_at_once_and_then_rings(
+    ideal: Parameters,
+) -> None:
     rig = ThreeAxisRig(ideal, RATE)
     rig.apply_actuator_force((1.0, -0.5, 0.7))
     rig.advance(0.05)
@@ -252,7 +262,9 @@ def test_another_mount_changes_nothing_at_once_and_then_rings(ideal: ThreeAxisPa
 # Statics
 
 
-def test_constant_forces_are_held_by_the_coils_own_springs(ideal: ThreeAxisParameters) -> None:
+def test_constant_forces_are_held_by_the_coils_own_springs(
+    ideal: Parameters,
+) -> None:
     rig = ThreeAxisRig(ideal, RATE)
     rig.apply_actuator_force((0.5, -0.3, 0.2))
     run(rig, 3000)
@@ -260,7 +272,9 @@ def test_constant_forces_are_held_by_the_coils_own_springs(ideal: ThreeAxisParam
     assert rig.measure().position == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
 
 
-def test_the_arm_s_force_is_held_by_the_grip_along_all_axes(ideal: ThreeAxisParameters) -> None:
+def test_the_arm_s_force_is_held_by_the_grip_along_all_axes(
+    ideal: Parameters,
+) -> None:
     rig = ThreeAxisRig(ideal, RATE)
     rig.apply_arm_force((0.3, -0.9, 100.0))
     run(rig, 3000)
@@ -268,7 +282,7 @@ def test_the_arm_s_force_is_held_by_the_grip_along_all_axes(ideal: ThreeAxisPara
     assert rig.measure().position == pytest.approx(held)
 
 
-def test_a_handle_held_against_gravity_is_at_rest(ideal: ThreeAxisParameters) -> None:
+def test_a_handle_held_against_gravity_is_at_rest(ideal: Parameters) -> None:
     mounts = SensorMounts(*[model.MountParameters(280.0, 0.1)] * 3)
     held = replace(ideal, grip=model.GripParameters(gravity=6.9), mounts=mounts)
     rig = ThreeAxisRig(held, RATE)
@@ -280,7 +294,7 @@ def test_a_handle_held_against_gravity_is_at_rest(ideal: ThreeAxisParameters) ->
     assert rig.measure().acceleration == pytest.approx((0.0, 0.0, 6.9), abs=1e-6)
 
 
-def test_the_hand_leads_the_handle_along_x_and_z(ideal: ThreeAxisParameters) -> None:
+def test_the_hand_leads_the_handle_along_x_and_z(ideal: Parameters) -> None:
     rig = ThreeAxisRig(replace(ideal, exploration=ExplorationParameters()), RATE)
     for index in range(1000):
         rig.apply_arm_force((0.0, 0.0, 0.0))
@@ -344,7 +358,7 @@ def test_travel_stops_only_take_energy(handle: model.Vector, coils: model.Vector
 # Limits and instruments
 
 
-def test_each_coil_is_limited_and_ignores_nan(ideal: ThreeAxisParameters) -> None:
+def test_each_coil_is_limited_and_ignores_nan(ideal: Parameters) -> None:
     rig = ThreeAxisRig(replace(ideal, coils=STRAIGHT), RATE)
     rig.apply_actuator_force((math.nan, -100.0, 0.1))
     rig.advance(1e-4)

@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.rig.surface import (
+from haptic_accel.core.rig.slave_rig import (
     PROFILE_POINTS,
     PROFILE_STEP,
     SurfaceParameters,
