@@ -122,8 +122,12 @@ class ForceLimit:
 
     # Each command and each tick
 
-    def admits(self, now: float, age: float) -> bool:
-        """Return True if a command with a sample of this age, s, may be applied."""
+    def accepts(self, now: float, age: float, x: float, y: float, z: float) -> bool:
+        """Hold the force of a command, unless its sample is outdated or its sender not trusted.
+
+        The force may grow, in its direction, from the present one by what the slew rate allows
+        within a period. A tick's time may precede the time of a request processed meanwhile.
+        """
         if self.contested:
             self.rest()
             return False
@@ -136,7 +140,20 @@ class ForceLimit:
         if self.tripped and self._manual:
             return False
         self.tripped = ""
-        self._latest = now
+        if self._slew > 0.0:
+            magnitude = math.hypot(x, y, z)
+            most = self._slew * max(0.0, min(now - self._commanded, self._period))
+            if magnitude > most:
+                u_x, u_y, u_z = x / magnitude, y / magnitude, z / magnitude
+                before = max(0.0, self.x * u_x + self.y * u_y + self.z * u_z)
+                if magnitude - before > most:
+                    self.slewed += 1
+                    most += before
+                    x, y, z = u_x * most, u_y * most, u_z * most
+        self.x, self.y, self.z = x, y, z
+        self._latest = self._commanded = now
+        # The last command of a sender is zero.
+        self._expecting = x != 0.0 or y != 0.0 or z != 0.0
         return True
 
     def expires(self, now: float) -> bool:
@@ -150,28 +167,6 @@ class ForceLimit:
         self.trip(now, f"none for {self._timeout * 1e3:g} ms")
         self.let_go(now)
         return True
-
-    def take(self, now: float, x: float, y: float, z: float) -> bool:
-        """Hold the force of a command; return False if it is zero.
-
-        It may grow, in its direction, from the present force by what the slew rate allows within a
-        period. A tick's time may precede the time of a request processed meanwhile.
-        """
-        if self._slew > 0.0:
-            magnitude = math.hypot(x, y, z)
-            most = self._slew * max(0.0, min(now - self._commanded, self._period))
-            if magnitude > most:
-                u_x, u_y, u_z = x / magnitude, y / magnitude, z / magnitude
-                before = max(0.0, self.x * u_x + self.y * u_y + self.z * u_z)
-                if magnitude - before > most:
-                    self.slewed += 1
-                    most += before
-                    x, y, z = u_x * most, u_y * most, u_z * most
-        self._commanded = now
-        self.x, self.y, self.z = x, y, z
-        # The last command of a sender is zero.
-        self._expecting = x != 0.0 or y != 0.0 or z != 0.0
-        return self._expecting
 
     def trip(self, now: float, reason: str) -> None:
         """Note a fault of the sender, and expect no command until the next one."""
@@ -283,14 +278,11 @@ class ArmLimit(ForceLimit):
         if not math.isfinite(magnitude):
             self.rejected += 1
             return False
-        if not self.admits(now, age):
+        share = self._peak / magnitude if magnitude > self._peak else 1.0
+        if not self.accepts(now, age, x * share, y * share, z * share):
             return self.end(now)
-        if magnitude > self._peak:
-            if magnitude > self._peak * (1.0 + FORCE_ROUNDING):
-                self.limited += 1
-            share = self._peak / magnitude
-            x, y, z = x * share, y * share, z * share
-        self.take(now, x, y, z)
+        if magnitude > self._peak * (1.0 + FORCE_ROUNDING):
+            self.limited += 1
         return True
 
     def values(self, fault: str) -> dict[str, str]:
@@ -326,9 +318,9 @@ class ActuatorLimit(ForceLimit):
         if not math.isfinite(x + y + z):
             self.rejected += 1
             return False
-        if not self.admits(now, age):
+        if not self.accepts(now, age, x, y, z):
             return self.end(now)
-        if self.take(now, x, y, z):
+        if self._expecting:  # a force that is not zero
             self.reduce()
         self.hold(now)
         return True
