@@ -53,9 +53,7 @@ class StopArguments(NamespaceArguments):
 
 
 @verb(
-    "haptic-accel estop",
-    "haptic-accel estop release:=true",
-    "haptic-accel estop namespace:=left",
+    "haptic-accel estop", "haptic-accel estop release:=true", "haptic-accel estop namespace:=left"
 )
 @arguments(StopArguments)
 @click.pass_obj

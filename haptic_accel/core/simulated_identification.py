@@ -92,10 +92,7 @@ def run_identification(
 
 
 def master_response(
-    rig: MasterRigParameters,
-    frequency: npt.ArrayLike,
-    rate: float,
-    delay: float | None = None,
+    rig: MasterRigParameters, frequency: npt.ArrayLike, rate: float, delay: float | None = None
 ) -> ComplexArray:
     """Return the true response of a simulated master with three coils, m/s^2 per N, (f, 3, 3).
 

@@ -51,10 +51,7 @@ class ScopeScene:
     """
 
     def __init__(
-        self,
-        node: GraphNode,
-        places: dict[str, Vector],
-        master: Callable[[], Mapping[str, Any]],
+        self, node: GraphNode, places: dict[str, Vector], master: Callable[[], Mapping[str, Any]]
     ) -> None:
         self._node, self._places, self._master = node, places, master
         self._inboxes: dict[str, Inbox] = {}

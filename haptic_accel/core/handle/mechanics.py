@@ -19,12 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from haptic_accel.core.model import (
-    FloatArray,
-    HandleParameters,
-    ModeParameters,
-    MountParameters,
-)
+from haptic_accel.core.model import FloatArray, HandleParameters, ModeParameters, MountParameters
 
 # Order of states and inputs of the linear mechanics.
 Y_A, V_A, Y_H, V_H, X_U, Y_U, VX_U, V_U, MEASURED, X_H, VX_H, Y_M, V_M = range(13)

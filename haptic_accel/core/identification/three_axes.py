@@ -178,10 +178,7 @@ def _telling(tell: evaluation.Tell, axis: str) -> evaluation.Tell:
 
 
 def _alone(
-    trials: Sequence[IdentificationTrial],
-    found: MatrixResponse,
-    sweep: SweepParameters,
-    axis: int,
+    trials: Sequence[IdentificationTrial], found: MatrixResponse, sweep: SweepParameters, axis: int
 ) -> list[IdentificationTrial]:
     """Return each realisation as a trial of one axis, without the response to other coils.
 
