@@ -28,13 +28,12 @@ import numpy as np
 from haptic_accel.core import model, topics
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.control import filters
-from haptic_accel.core.control.compensation import CompensationParameters
+from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
 from haptic_accel.core.evaluation import metrics
 from haptic_accel.core.evaluation.delay import aligned
 from haptic_accel.core.evaluation.discrimination import indistinguishable
-from haptic_accel.core.loop.compensation import Compensating
 from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.network.playout import Played
@@ -393,7 +392,7 @@ def _arms(slave: Rig) -> list[str]:
 def _samples(
     rigs: tuple[MasterRig | ThreeAxisRig, Rig],
     hosts: HostLoop | TwoHosts,
-    compensation: Compensating,
+    compensation: Compensation,
     times: Sequence[float],
     grips: deque[GripChange],
     warnings: list[Warned],

@@ -45,4 +45,4 @@ class OneCoil(Compensation):
     @property
     def active(self) -> str:
         """Name of the controller whose force is used."""
-        return self.channels[0].active
+        return self.channels[0].active.name

@@ -23,25 +23,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.axes import ACTUATOR_AXES, ACTUATOR_AXIS, ALL_AXES, Axes
+from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
 from haptic_accel.core.control.alignment import Alignment
 from haptic_accel.core.control.authority import Authority
-from haptic_accel.core.control.channel import Channel
+from haptic_accel.core.control.channel import LARGEST_GAIN, Channel
 from haptic_accel.core.control.controllers import CONTROLLERS, CONTROLLERS_GROUP, Loop
 from haptic_accel.core.control.controllers import PLANT as PLANT
-from haptic_accel.core.control.decoupling import (
-    VectorConvolution,
-    full_decoupling,
-    static_decoupling,
-)
-from haptic_accel.core.control.filters import (
-    HIGH_PASS_FREQUENCY,
-    SampleFilter,
-    check_corner,
-    high_pass,
-)
-from haptic_accel.core.control.gain import LARGEST_GAIN
-from haptic_accel.core.control.reduction_switch import ReductionSwitch, Shaping
+from haptic_accel.core.control.decoupling import full_decoupling, static_decoupling
+from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, check_corner, high_pass
+from haptic_accel.core.control.reduction_switch import ReductionSwitch
 from haptic_accel.core.handle.matrix_plant import MatrixPlant, read_matrix_plant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, GRAVITY, ZERO, Vector
@@ -49,7 +39,8 @@ from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.tick import LARGEST_ACCELERATION as LARGEST_ACCELERATION
-from haptic_accel.core.tick import Trace, scale_within
+from haptic_accel.core.tick import Trace
+from haptic_accel.core.tick.control import HandleCompensation, VectorConvolution
 
 AT_RANGE = 0.999
 """Fraction of full scale above which a handle sample counts as saturated, as converters differ."""
@@ -91,11 +82,7 @@ class CompensationParameters(Checked):
         above=True,
     )
     gain: float = parameter(
-        1.0,
-        "factor of the desired acceleration; a change takes 50 ms",
-        "",
-        0,
-        LARGEST_GAIN,
+        1.0, "factor of the desired acceleration; a change takes 50 ms", "", 0, LARGEST_GAIN
     )
     axes: str = parameter("z", "axes of the handle's coils: z, or x, y, z")
     reduction: str = parameter(
@@ -147,7 +134,7 @@ def matrix_plant(options: Mapping[str, Checked], rate: float) -> MatrixPlant:
     return replace(found, axes=(x, y, z))
 
 
-class Compensation:
+class Compensation(HandleCompensation):
     """High-pass, controllers and actuator limits of a handle with n coils, one sample at a time.
 
     Each coil has a channel of its own: a controller with supervision and learning, which sees the
@@ -188,16 +175,8 @@ class Compensation:
         Axes of the handle.
     channels : list of Channel
         Controllers of the coils, one for each axis.
-    rejected : int
-        Number of samples with a component in use that was not finite or not plausible. Tool
-        samples become zero, handle samples count as missing.
-    untrusted : int
-        Number of handle samples that were missing, or saturated in any component.
     due : int
         Count of samples, see `Trace`, from which `adapt` has something to do.
-    count_force : tuple of float
-        Part of the arm's force on the handle that its encoders' rounding causes, N; due with the
-        coils' forces of the next sample.
 
     Raises
     ------
@@ -220,14 +199,9 @@ class Compensation:
         corner = parameters.high_pass_frequency
         check_corner(rate, corner)
         self.axes = ALL_AXES if plant else check_axes(parameters, known, rate)
-        self._indices = self.axes.indices
-        self._single = self.axes == ACTUATOR_AXES
-        self._vector = _along if self._single else _all
+        single = self.axes == ACTUATOR_AXES
         plants: Sequence[Plant]
-        self._seen: VectorConvolution | None = None
-        self._high_pass: list[SampleFilter] = []
-        shaping: Shaping = _unchanged
-        if self._single:
+        if single:
             own = known.get(PLANT, Plant())
             assert isinstance(own, Plant)
             plants = [own]
@@ -236,16 +210,13 @@ class Compensation:
             coupled.check_rate(rate)
             plants = coupled.axes
             design = full_decoupling if parameters.decoupling == FULL else static_decoupling
-            decoupling = design(coupled, high_pass_frequency=corner)
-            self._tool, self._seen = VectorConvolution(decoupling), VectorConvolution(decoupling)
-            shaping = self._tool.process
-            sections = high_pass(corner, rate)
-            self._high_pass = [SampleFilter(sections) for _ in plants]
+            taps = design(coupled, high_pass_frequency=corner)
+            self.tool_decoupling = VectorConvolution(taps)
+            self.handle_decoupling = VectorConvolution(taps)
         actuator = known.get(ACTUATOR, ActuatorParameters())
         assert isinstance(actuator, ActuatorParameters)
         traces = [Trace() for _ in plants]
-        moved = traces if self._single else [Trace() for _ in plants]
-        self._authority = Authority(rate, moved)
+        self.authority = Authority(rate, traces if single else [Trace() for _ in plants])
         self.channels = [
             Channel(
                 parameters.controller,
@@ -253,33 +224,24 @@ class Compensation:
                 known,
                 prepared,
                 parameters.gain,
-                self._authority,
+                self.authority,
                 trace,
             )
             for each, trace in zip(plants, traces, strict=True)
         ]
-        self._first = self.channels[0]
-        # Tuples, as a loop over them takes half the time of one that pairs lists.
-        self._coils = tuple(zip(range(len(plants)), self._indices, self.channels, strict=True))
-        self._guards = tuple((coil, index, each.guard) for coil, index, each in self._coils)
         coils = [channel.supervisor for channel in self.channels]
-        self._alignment = None if self._single else Alignment(rate, coils)
-        self._switch = ReductionSwitch(parameters.reduction, rate, shaping)
-        self._per_axis = parameters.saturation == PER_AXIS
-        self._handle_range = AT_RANGE * parameters.handle_range
-        self._handle = self.count_force = ZERO
-        self.due = self.rejected = self.untrusted = 0
+        self.alignment = None if single else Alignment(rate, coils)
+        self.switch = ReductionSwitch(parameters.reduction, rate, self._unreduced)
+        # Below the range, not at it.
+        handle_range = math.nextafter(AT_RANGE * parameters.handle_range, 0.0)
+        per_axis = parameters.saturation == PER_AXIS
+        super().__init__([*self.channels], high_pass(corner, rate), handle_range, per_axis)
         self._begin_again()
-
-    @property
-    def asleep(self) -> bool:
-        """True in the idle state."""
-        return self._first.asleep
 
     @property
     def controller(self) -> str:
         """Name of the active controller, or of the last selected one."""
-        return self._first.controller
+        return self.channels[0].controller
 
     def select(self, name: str) -> None:
         """Change to another controller without a jump in force; see `Channel.select`.
@@ -294,15 +256,10 @@ class Compensation:
 
     def select_reduction(self, name: str) -> None:
         """Change to another reduction, or to all axes, without a jump; see `ReductionSwitch`."""
-        self._switch.select(name)
-        if self.asleep:
-            self._switch.settle()
+        self.switch.select(name)
+        if self.first.asleep:
+            self.switch.settle()
             self._judge_anew()
-
-    @property
-    def gain(self) -> float:
-        """Factor of the desired acceleration of the last sample."""
-        return self._first.gain
 
     def set_gain(self, gain: float) -> None:
         """Change the factor of the desired acceleration; in the idle state at once."""
@@ -330,49 +287,26 @@ class Compensation:
         actuator_force : tuple of float
             Force of each coil within its limits, N; always finite.
         """
-        if not self._is_plausible(tool):
-            self.rejected += 1
-            tool = ZERO
-        if self.asleep and self._still(tool, handle):
-            return ZERO, ZERO
-        measured = self._measured(handle)
-        shaped = self._switch.process(tool)
-        own, forces = [], []  # desired acceleration and force of each coil
-        for coil, index, channel in self._coils:
-            acceleration, force = channel.requested(
-                shaped[index], measured[coil], self.count_force[index]
-            )
-            if channel.asleep:  # its controller was unstable
-                self.reset()
-                return ZERO, ZERO
-            own.append(acceleration)
-            forces.append(force)
-        desired = own
-        if self._seen:
-            desired, forces = self._desired(tool), self._driven(forces)
-        forces = self._limited(forces)
-        if self._first.is_reducible and not self._single:
-            self._observe(own, desired, measured)
-        for coil, _, channel in self._coils:
-            channel.settle(own[coil], measured[coil], forces[coil])
-        return self._vector(desired), self._vector(forces)
+        self.compute(*tool, handle is not None, *(handle or ZERO))
+        desired = self.desired_x, self.desired_y, self.desired_z
+        return desired, (self.force_x, self.force_y, self.force_z)
 
     def adapt(self) -> None:
         """Execute a part of the slow computations, if any is due; call it when no force is."""
-        if self._first.trace.count < self.due or self.asleep:
+        if self.first.trace.count < self.due or self.first.asleep:
             return
         left = [channel.adapt() for channel in self.channels]  # all at the same time
-        if self._alignment:
-            left.append(self._alignment.update())
-        if self._is_alone != self._judged_alone:
+        if self.alignment:
+            left.append(self.alignment.update())
+        if self._is_alone != self.judged_alone:
             self._judge_anew()
-        elif self._first.is_reducible:
-            if not self._first.is_supervising:
-                self._authority.update(all(each.supervisor.described for each in self.channels))
-            left.append(self._authority.left)
-        if self._switch.name != self._switch.active or 0.0 < self._switch.alone < 1.0:
+        elif self.first.substitution.reducible:
+            if not self.channels[0].fallback.is_supervising:
+                self.authority.update(all(each.supervisor.described for each in self.channels))
+            left.append(self.authority.left)
+        if self.switch.name != self.switch.active or 0.0 < self.switch.alone < 1.0:
             left.append(1)  # the coil along z may soon be alone, or no longer
-        self.due = self._first.trace.count + min(left)
+        self.due = self.first.trace.count + min(left)
 
     def mute(self, muted: bool) -> None:
         """Compute no force while the device applies none; see `Channel.mute`."""
@@ -388,10 +322,10 @@ class Compensation:
         """Return to the initial state; the estimates of the coils' heat and travel remain."""
         for channel in self.channels:
             channel.reset()
-        for each in self._high_pass:
+        for each in self.high_passes:
             each.reset()
-        if self._alignment:
-            self._alignment.reset()
+        if self.alignment:
+            self.alignment.reset()
         self._begin_again()
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:
@@ -402,7 +336,7 @@ class Compensation:
         warnings, values = [], {"controller": self.controller}
         for name, channel in zip(self.axes.names, self.channels, strict=True):
             warning, own = channel.diagnostics()
-            if self._single:
+            if self.single:
                 warnings.append(warning)
                 values |= own
             else:
@@ -411,184 +345,54 @@ class Compensation:
         counts = {
             "rejected": str(self.rejected),
             "handle not trusted": str(self.untrusted),
-            "withheld": str(self._first.withheld),
+            "withheld": str(self.first.withheld),
         }
-        alignment = self._alignment.warning if self._alignment else ""
+        alignment = self.alignment.warning if self.alignment else ""
         texts = alignment, *warnings, *self._common_warnings()
         return ", ".join(filter(None, texts)), values | counts
 
     def _common_warnings(self) -> list[str]:
         """Return warnings for all axes: noise of the accelerometer, and a reduced force."""
-        authority, found = self._authority, []
+        authority, found = self.authority, []
         noise = authority.noise / math.sqrt(len(self.channels))
         if LOUD <= noise < math.inf:
             found.append(f"the handle's accelerometer has {noise:.2f} m/s^2 RMS of noise")
         if authority.reduced:
-            name = self._first.active
+            name = self.first.active.name
             found.append(f"{name} is worse than no compensation: its force is reduced")
         return found
 
     def _begin_again(self) -> None:
         """Enter the idle state, until two samples differ."""
         self.due = 0
-        self._switch.settle()
+        self.switch.settle()
         self._judge_anew()
-        self._rest = ZERO
-        self._seen_once = False
-        self._tool_at_rest: Vector | None = None
-        self._handle_at_rest: Vector | None = None
+        self.tool_x = self.tool_y = self.tool_z = 0.0
+        self.has_tool = self.has_handle = self.has_seen = False
 
     def _judge_anew(self) -> None:
         """Judge the active controller, with its full force at first."""
-        self._judged_alone = self._is_alone
-        self._authority.reset()
+        self.judged_alone = self._is_alone
+        self.authority.reset()
 
     @property
     def _is_alone(self) -> bool:
         """True if the coil along z is driven alone, among others."""
-        return not self._single and self._switch.active != NO_REDUCTION
+        return not self.single and self.switch.active != NO_REDUCTION
 
-    def _is_plausible(self, tool: Vector) -> bool:
-        x, y, z = tool
-        most = LARGEST_ACCELERATION
-        if not abs(z) <= most:  # also false for NaN
-            return False
-        # A tool that has its one axis may send anything along others.
-        return (abs(x) <= most and abs(y) <= most) or (self._single and not self._switch.reduces)
-
-    def _still(self, tool: Vector, handle: Vector | None) -> bool:
-        """Return whether all samples so far are equal; end the idle state if two differ."""
-        if self._tool_at_rest is None:
-            self._tool_at_rest = tool
-        if self._handle_at_rest is None:
-            self._handle_at_rest = handle
-        used = ALL_AXES.indices if self._switch.reduces else self._indices
-        if _equal(tool, self._tool_at_rest, used) and (
-            handle is None or _equal(handle, self._handle_at_rest, self._indices)
-        ):
-            return True
-        self._wake(self._tool_at_rest)
-        return False
-
-    def _wake(self, rest: Vector) -> None:
-        """End the idle state; `rest` is the acceleration of the tool at rest, m/s^2."""
-        self._rest = rest
-        if self._seen:
-            self._tool.fill(rest)
-        shaped = self._switch.process(rest)
-        for channel, index in zip(self.channels, self._indices, strict=True):
+    def wake(self) -> None:
+        """End the idle state of the channels, for a tool that was at rest."""
+        rest = self.tool_x, self.tool_y, self.tool_z
+        if not self.single:
+            self.tool_decoupling.fill(*rest)
+        shaped = self.switch.process(rest)
+        for channel, index in zip(self.channels, self.axes.indices, strict=True):
             channel.wake(shaped[index])
 
-    def _measured(self, handle: Vector | None) -> Sequence[float]:
-        """Return the decoupled acceleration; NaN if missing, infinite if saturated."""
-        doubt = self._doubt(handle)
-        if handle is not None and not doubt:
-            if self._seen and not self._seen_once:
-                # To a decoupling with zero past, gravity is a step.
-                self._seen_once = True
-                self._seen.fill(handle)
-            self._handle = handle
-        # If the handle's acceleration is unknown, it is assumed to be gravity.
-        seen = self._seen.process(self._handle) if self._seen else self._handle
-        if doubt:
-            return [doubt] * len(self._indices)
-        return seen if self._seen else (seen[ACTUATOR_AXIS],)
-
-    def _doubt(self, handle: Vector | None) -> float:
-        """Return NaN for a missing handle sample, infinity for a saturated one; otherwise 0."""
-        if handle is None:
-            self.untrusted += 1
-            return math.nan
-        for index in self._indices:
-            if not abs(handle[index]) < self._handle_range:
-                break
-        else:
-            return 0.0
-        if all([abs(handle[index]) <= LARGEST_ACCELERATION for index in self._indices]):
-            self.untrusted += 1
-            return math.inf
-        self.rejected += 1
-        return math.nan
-
-    def _desired(self, tool: Vector) -> list[float]:
-        """Return the desired acceleration of the handle, without the decoupling of the coils."""
-        gain = self.gain  # the same for all axes
-        rest = self._rest
-        return [
-            gain * each.process(tool[coil] - rest[coil])
-            for coil, each in enumerate(self._high_pass)
-        ]
-
-    def _driven(self, forces: list[float]) -> list[float]:
-        """Return the forces of the coils in use."""
-        if not (alone := self._switch.alone):
-            return forces
-        shares = [1.0 if index == ACTUATOR_AXIS else 1.0 - alone for index in self._indices]
-        return [share * force for share, force in zip(shares, forces, strict=True)]
-
-    def _observe(
-        self, own: Sequence[float], desired: Sequence[float], measured: Sequence[float]
-    ) -> None:
-        """Pass the desired motion of the driven coils, and the measured one, to the authority."""
-        is_known = math.isfinite(measured[0])
-        for coil, index, _ in self._coils:
-            wanted = desired[coil]
-            moved = self._handle[index] if is_known else math.nan
-            if self._judged_alone:
-                # What the coil along z shall cause is its own channel's.
-                is_driven = index == ACTUATOR_AXIS
-                wanted, moved = (own[coil], moved) if is_driven else (0.0, 0.0)
-            self._authority.traces[coil].push(wanted, moved, 0.0, 0.0)
-
-    def _limited(self, asked: list[float]) -> list[float]:
-        """Return the forces within the limits of all coils, in the direction of those asked."""
-        handle = self._handle
-        force = self._each_within(asked)
-        if force != asked:
-            self._hold()
-            if any(asked):  # or a moving coil is braked
-                self._authority.limit(max(map(abs, force)) / max(map(abs, asked)))
-            if self._seen and not self._per_axis:
-                # Again, for a coil that must be braked.
-                for coil, _, guard in self._guards:
-                    guard.asked, guard.allowed = asked[coil], force[coil]
-                scale_within([guard for _, _, guard in self._guards])
-                force = self._each_within([guard.allowed for _, _, guard in self._guards])
-        for coil, index, guard in self._guards:
-            guard.advance(force[coil], handle[index])
-        return force
-
-    def _hold(self) -> None:
-        """Name no difference of the handle while a limit acts."""
-        for channel in self.channels:
-            channel.supervisor.hold()
-        if self._alignment:
-            self._alignment.hold()
-
-    def _each_within(self, force: Sequence[float]) -> list[float]:
-        """Return the forces with each coil limited on its own."""
-        handle, allowed = self._handle, []
-        for coil, index, guard in self._guards:
-            allowed.append(guard.within(force[coil], handle[index]))
-        return allowed
-
-
-def _equal(one: Vector, other: Vector | None, indices: Sequence[int]) -> bool:
-    """Return whether two vectors have the same components, or are one object (also with NaN)."""
-    return other is not None and [one[i] for i in indices] == [other[i] for i in indices]
-
-
-def _unchanged(tool: Vector) -> Vector:
-    """Return the tool's acceleration, for a coil along one axis."""
-    return tool
-
-
-def _along(components: Sequence[float]) -> Vector:
-    """Return the vector with the only component along the actuator."""
-    return 0.0, 0.0, components[0]
-
-
-def _all(components: Sequence[float]) -> Vector:
-    """Return the vector with all components."""
-    x, y, z = components
-    return x, y, z
+    def _unreduced(self, tool: Vector) -> Vector:
+        """Return the input of the channels without a reduction."""
+        if self.single:
+            return tool
+        decoupled = self.tool_decoupling
+        decoupled.process(*tool)
+        return decoupled.x, decoupled.y, decoupled.z

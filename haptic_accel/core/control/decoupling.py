@@ -29,8 +29,7 @@ from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_res
 from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
 from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
-from haptic_accel.core.model import FloatArray, Vector
-from haptic_accel.core.tick import dots
+from haptic_accel.core.model import FloatArray
 
 DECOUPLING_LENGTH = 0.2
 """Length of a decoupling, s, as of an inverse: twenty times the decay of a structural mode at 100
@@ -115,39 +114,3 @@ def _desired(
     """Return the spectrum of the desired acceleration, (m/s^2)^2/Hz."""
     passed = np.abs(high_pass_response(corner, frequency, rate)) ** 2
     return np.asarray(spectrum(frequency) * passed)
-
-
-class VectorConvolution:
-    """Running sum of matrix taps times the latest vectors.
-
-    Parameters
-    ----------
-    taps : ndarray, shape (3, 3, n)
-        Impulse responses; the first index is that of the output.
-    """
-
-    # The window is filled from its end to its beginning, as in `SampleWindow`.
-
-    def __init__(self, taps: FloatArray) -> None:
-        self._length = 3 * taps.shape[2]
-        self._taps = np.ascontiguousarray(taps.transpose(0, 2, 1).reshape(3, self._length))
-        self._past = np.zeros(2 * self._length)
-        self._newest = self._length
-        self._products, self._sums = np.empty((3, self._length)), np.empty(3)
-
-    def process(self, value: Vector) -> Vector:
-        """Filter one sample."""
-        newest, past = self._newest - 3, self._past
-        if newest < 0:
-            newest = self._length
-            past[newest + 3 :] = past[: self._length - 3]
-        past[newest], past[newest + 1], past[newest + 2] = value
-        self._newest = newest
-        dots(self._taps, past, newest, self._products, self._sums)
-        x, y, z = self._sums.tolist()
-        return x, y, z
-
-    def fill(self, past: Vector) -> None:
-        """Assume a constant past."""
-        self._past[:] = np.resize(past, len(self._past))
-        self._newest = self._length

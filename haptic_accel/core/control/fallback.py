@@ -29,9 +29,10 @@ from haptic_accel.core.control.response_estimation import ResponseEstimator, lat
 from haptic_accel.core.control.supervision import HIGHEST_SHARE, ResponseSupervisor
 from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray
 from haptic_accel.core.tick import Trace
+from haptic_accel.core.tick.control import DYNAMIC, Substitution
 
-NONE, DYNAMIC = "none", "dynamic"
-"""Names of the substitute controllers."""
+NONE = "none"
+"""Name of a substitute without force."""
 
 ERROR_MEMORY = 0.5
 """Time constant of the running error, s."""
@@ -93,7 +94,7 @@ class _Prospect(ResponseEstimator):
         return False  # both are known
 
 
-class Fallback:
+class Fallback(Substitution):
     """Reduce or replace the force of a controller that is worse than no compensation.
 
     Controllers that are designed for the identified handle are reduced: see `Authority`. Those of
@@ -121,20 +122,22 @@ class Fallback:
 
     Attributes
     ----------
-    requested : float
-        Force of the last sample that the controller asked for, N.
     supervisor : ResponseSupervisor
     substitute : str
         Name of the substitute; empty if there is none.
     """
 
+    supervisor: ResponseSupervisor
+
     def __init__(
         self, loop: Loop, dynamic: ApproximateModel, authority: Authority, trace: Trace
     ) -> None:
-        self.trace = trace
+        step = 1.0 / max(1, round(FADING * loop.rate))
+        settling = round(FILTER_SETTLING * loop.rate)
+        super().__init__(DynamicController(dynamic, loop), step, settling)
+        self.trace, self.authority = trace, authority
         self.supervisor = ResponseSupervisor(loop.plant, loop.rate, trace)
         self._latency = loop.latency
-        self._dynamic = DynamicController(dynamic, loop)
         self._tracking = ResponseEstimator(trace, loop.rate, ERROR_MEMORY)
         self._tracking.read = self._tracked_pairs
         self._prospect = _Prospect(trace, loop.rate, ERROR_MEMORY)
@@ -142,9 +145,6 @@ class Fallback:
         lines = self._tracking.frequency
         self._counted = ((lines >= LOWEST) & (lines <= HIGHEST_SHARE * loop.rate)).astype(float)
         self._tracked = self._dynamic_response(loop)
-        self._authority = authority
-        self._step = 1.0 / max(1, round(FADING * loop.rate))
-        self._settling = round(FILTER_SETTLING * loop.rate)
         self.start(NONE, 1)
 
     @property
@@ -152,7 +152,7 @@ class Fallback:
         """Description of the deviating bands and the substitute; empty if there is none."""
         replaced = ""
         if self.substitute:
-            took_over = "a fraction is tried" if self._probing else f"{self.substitute} took over"
+            took_over = "a fraction is tried" if self.probing else f"{self.substitute} took over"
             replaced = f"{self._name} is worse than no compensation: {took_over}"
         elif self._on_trial:
             replaced = f"{self._name} was worse than no compensation: it is tried again"
@@ -161,54 +161,39 @@ class Fallback:
     @property
     def fraction(self) -> float:
         """Fraction of the controller's force that does no harm."""
-        return self._share * self._authority.fraction
+        return float(self.share * self.authority.fraction)
 
     @property
     def used(self) -> float:
         """Fraction of the controller's force that is used: less than `fraction` after silence."""
-        return self._share * self._authority.used
+        return float(self.share * self.authority.used)
 
     def start(self, name: str, granted_delay: int) -> None:
         """Return to the initial state, for a controller and its additional delay."""
         self.supervisor.reset()
-        self._share, self._gain = 1.0, 0.0
+        self.share, self.gain = 1.0, 0.0
         self.requested = 0.0
-        self._running = 0  # number of samples of `dynamic` since it began
+        self.running = 0  # number of samples of `dynamic` since it began
         self.follow(name, granted_delay)
 
     def follow(self, name: str, granted_delay: int) -> None:
         """Evaluate another controller, or restart for the same; fade out any substitute."""
         self._name, self.substitute = name, ""
-        self._reducible = CONTROLLERS[name].reducible
-        self._pace = self._step
+        self.reducible = CONTROLLERS[name].reducible
+        self.pace = self.step
         self._trial = math.inf  # time since the last return, s
         self._granted = granted_delay
         self._delay = self._latency + granted_delay + 1
         self.trace.kept = max(self.trace.kept, 2 * len(self._counted) + self._delay)
-        self._authority.follow(self._delay)
+        self.authority.follow(self._delay)
         # Counts before which no acceleration was desired of it, and no force asked for.
         self._followed = self._replaced = self.trace.count
         self._pause = PAUSE
-        self._probing = False
-        self._part = 0.0
+        self.probing = False
+        self.part = 0.0
         self._worse = self._better = self._idle = 0.0
         self._error = 0.0  # ratio to error without force
         self._tracking.reset()
-
-    def force(self, desired_acceleration: float, requested: float) -> float:
-        """Return the force to send in place of the controller's force, N."""
-        if self._reducible:
-            requested *= self._authority.used
-        self.requested = requested
-        if self._share == 1.0 and not self.substitute and self._gain == 0.0:
-            return requested
-        self._running += 1
-        settled = self._running > self._settling
-        substituted = self._dynamic.force(desired_acceleration, math.nan)
-        share = self._part * self._probing if self.substitute else 1.0
-        self._share = self._faded(self._share, share)
-        self._gain = self._faded(self._gain, float(settled and self.substitute == DYNAMIC))
-        return self._share * requested + self._gain * substituted
 
     def update(self) -> bool:
         """Execute a part of slow computations; return True after a new result."""
@@ -234,7 +219,7 @@ class Fallback:
     def _parts(self) -> tuple[ResponseSupervisor | ResponseEstimator, ...]:
         """Evaluations in use, in the order of their turns."""
         compared = self._tracking, self._prospect
-        may_be_replaced = not self._reducible and self._name != NONE
+        may_be_replaced = not self.reducible and self._name != NONE
         return self.supervisor, *compared[: may_be_replaced * (1 + bool(self.substitute))]
 
     def _tracked_pairs(self, length: int) -> tuple[FloatArray, FloatArray]:
@@ -252,13 +237,13 @@ class Fallback:
 
     @property
     def _on_trial(self) -> bool:
-        return self._probing or self._trial < 2.0 * TRIAL
+        return self.probing or self._trial < 2.0 * TRIAL
 
     def _judge(self) -> None:
         """Replace the controller, or its substitute, if it is worse than no force."""
         tracking = self._tracking
         power = self._power(tracking.excitation)
-        if power < LEAST_DESIRED**2 or (self.substitute == NONE and not self._probing):
+        if power < LEAST_DESIRED**2 or (self.substitute == NONE and not self.probing):
             return
         difference = tracking.output - 2.0 * tracking.cross.real + tracking.excitation
         self._error = math.sqrt(max(0.0, self._power(difference)) / power)
@@ -277,16 +262,16 @@ class Fallback:
         if self._on_trial:
             self._pause = min(2.0 * self._pause, LONGEST_PAUSE)
         self._worse = self._idle = 0.0
-        self._pace = self._step
-        self._probing = False
+        self.pace = self.step
+        self.probing = False
         if self.substitute:
             self.substitute = NONE
             return
         rather = self._name != DYNAMIC and self._dynamic_error() < BETTER
         self.substitute = DYNAMIC if rather else NONE
         self._tracking.reset()
-        self._dynamic.reset()
-        self._running = 0
+        self.dynamic.reset()
+        self.running = 0
         self._better = 0.0
         self._replaced = self.trace.count
         self._prospect.reset()
@@ -302,7 +287,7 @@ class Fallback:
         error = caused - 2.0 * shared + prospect.output
         # The fraction of the force with the smallest predicted error.
         best = self._power(shared) / max(self._power(caused), 1e-12)
-        self._part = min(max(best, LEAST_PART), LARGEST_PART)
+        self.part = min(max(best, LEAST_PART), LARGEST_PART)
         foreseen = math.sqrt(max(0.0, self._power(error)) / power)
         present = 1.0 if self.substitute == NONE else self._error
         better = foreseen < min(BETTER, present)
@@ -311,14 +296,14 @@ class Fallback:
         if self._better >= self._pause:
             self._trial = 0.0
             self._try("")
-        elif self.substitute == NONE and self._idle >= self._pause and not self._probing:
+        elif self.substitute == NONE and self._idle >= self._pause and not self.probing:
             self._try(NONE)
 
     def _try(self, substitute: str) -> None:
         """Increase the controller's share of the force beside a substitute."""
         self.substitute = substitute
-        self._probing = bool(substitute)
-        self._pace = self._step * FADING / TRIAL
+        self.probing = bool(substitute)
+        self.pace = self.step * FADING / TRIAL
         self._worse = 0.0
         self._tracking.reset()
 
@@ -335,8 +320,8 @@ class Fallback:
         """
         lines = self._tracking.frequency
         length = 2 * len(lines) - 2
-        force = [self._dynamic.force(float(not index), math.nan) for index in range(length)]
-        self._dynamic.reset()
+        force = [self.dynamic.force(float(not index), math.nan) for index in range(length)]
+        self.dynamic.reset()
         response = np.zeros(len(lines), dtype=np.complex128)
         turned = 2j * np.pi * lines[1:] * (self._latency + 1) / loop.rate
         response[1:] = loop.plant.response(lines[1:], loop.rate) * np.exp(turned)
@@ -345,6 +330,3 @@ class Fallback:
     def _power(self, density: FloatArray) -> float:
         """Return the power of a density in the evaluated lines."""
         return float(self._counted @ density) * float(self._tracking.frequency[1])
-
-    def _faded(self, share: float, requested: float) -> float:
-        return share + min(max(requested - share, -self._pace), self._pace)

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Discrete filters as second-order sections, processed sample by sample."""
+"""Design of discrete filters as second-order sections, and filters of complete signals."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 
-from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray
+from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray, Suspension
 from haptic_accel.core.parameters import ParameterError
 
 # scipy.signal takes half a second to import: only the design of a filter needs it.
@@ -37,48 +37,6 @@ MOTION_SHARE = 1 / 3
 """Fraction of the high-pass corner below which acceleration counts as the hand's own motion.
 Strokes reverse below 4 Hz, where the desired acceleration is attenuated by 38 dB (paper's
 corner)."""
-
-
-class SampleFilter:
-    """Cascade of second-order sections, transposed direct form II.
-
-    Parameters
-    ----------
-    sections : ndarray, shape (n, 6)
-        Rows b0 b1 b2 a0 a1 a2 with a0 = 1, as in `scipy.signal`.
-    """
-
-    # Plain floats: for single samples ten times faster than scipy.signal.sosfilt, with equal
-    # results. Two sections, the order of most filters, are faster as attributes than in a list.
-
-    def __init__(self, sections: FloatArray) -> None:
-        rows = [*np.asarray(sections, dtype=float).tolist()]
-        rows += [_NOTHING] * (2 - len(rows))
-        (b0, b1, b2, _, a1, a2), (d0, d1, d2, _, c1, c2) = rows[:2]
-        self._b0, self._b1, self._b2, self._a1, self._a2 = b0, b1, b2, a1, a2
-        self._d0, self._d1, self._d2, self._c1, self._c2 = d0, d1, d2, c1, c2
-        self._further = SampleFilter(np.array(rows[2:])) if len(rows) > 2 else None
-        self._first = self._second = self._third = self._fourth = 0.0
-
-    def process(self, value: float) -> float:
-        """Filter one sample."""
-        middle = self._b0 * value + self._first
-        self._first = self._b1 * value - self._a1 * middle + self._second
-        self._second = self._b2 * value - self._a2 * middle
-        output = self._d0 * middle + self._third
-        self._third = self._d1 * middle - self._c1 * output + self._fourth
-        self._fourth = self._d2 * middle - self._c2 * output
-        return output if self._further is None else self._further.process(output)
-
-    def reset(self) -> None:
-        """Clear the state, as for zero past input."""
-        self._first = self._second = self._third = self._fourth = 0.0
-        if self._further:
-            self._further.reset()
-
-
-_NOTHING = [1.0, 0.0, 0.0, 1.0, 0.0, 0.0]
-"""Section that changes nothing."""
 
 
 def high_pass(frequency: float, rate: float) -> FloatArray:
@@ -230,3 +188,33 @@ def inverse_of(model: ApproximateModel, rate: float) -> FloatArray:
         sections.append(np.concatenate([numerator, denominator]))
     sections[0][:3] /= model.gain
     return np.array(sections)
+
+
+def cancelling_sections(suspension: Suspension, corner: float, rate: float) -> FloatArray:
+    """Return the sections from a known part of the arm's force to minus the coil's.
+
+    In eq. (1) and (2) of the paper, the arm's force F_r on the handle and the coil's force F_a on
+    handle and coil cancel if F_a = -F_r (m_a s^2 + b_s s + k_s) / (m_a s^2): the hand has no part
+    in it, nor have mount and sensor, which both forces pass. Both forces act at the same time, so
+    no delay has to be granted. Three poles at a corner below the felt frequencies end the two
+    integrations and leave no steady force; below it the arm moves the handle as before.
+
+    Parameters
+    ----------
+    suspension : Suspension
+        Parameters of actuator or handle.
+    corner : float
+        Frequency above which the forces cancel, Hz.
+    rate : float
+        Samples per second.
+
+    Returns
+    -------
+    ndarray, shape (2, 6)
+    """
+    from scipy import signal
+
+    mass = suspension.m_a
+    zeros = [*np.roots([1.0, suspension.b_s / mass, suspension.k_s / mass]), 0.0]
+    poles = [-2.0 * math.pi * corner] * len(zeros)
+    return np.asarray(signal.zpk2sos(*signal.bilinear_zpk(zeros, poles, 1.0, rate)), dtype=float)

@@ -55,6 +55,8 @@ class ReductionSwitch:
         Name of the reduction in use, also while another one is prepared.
     alone : float
         Share of the coil along z alone: 1 with a reduction, 0 without, between in a crossfade.
+    idle : bool
+        True while `process` returns the unreduced input.
 
     Examples
     --------
@@ -151,6 +153,7 @@ class ReductionSwitch:
         self._shaped = self._shapings[self.active]
         used = self.active, self._following
         self._unused = None if PRINCIPAL in used else self._shapings.get(PRINCIPAL)
+        self.idle = used == (NO_REDUCTION, None) and not self._unused and self._offset is ZERO
 
 
 PRINCIPAL = "principal"

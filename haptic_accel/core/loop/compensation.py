@@ -24,9 +24,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
-from haptic_accel.core.axes import Axes
+from haptic_accel.core.control.compensation import Compensation
 from haptic_accel.core.control.loss_concealment import LossConcealment
 from haptic_accel.core.model import IDENTITY, ZERO, Vector
 from haptic_accel.core.orientation import from_base, is_turned
@@ -49,35 +49,12 @@ class CompensatedSample(NamedTuple):
     actuator_force: Vector
 
 
-class Compensating(Protocol):
-    """Interface of a compensation for handles with one coil or with three."""
-
-    @property
-    def axes(self) -> Axes:
-        """Axes of the tool that are used."""
-
-    count_force: Vector
-    """Arm's force on the handle due to its encoders' rounding, N; due with the next forces."""
-
-    def process(self, tool: Vector, handle: Vector | None) -> tuple[Vector, Vector]:
-        """Return desired acceleration, m/s^2, and coils' forces, N, for a sample."""
-
-    def select(self, name: str) -> None:
-        """Use another controller, by its name."""
-
-    def adapt(self) -> None:
-        """Execute a part of the slow computations."""
-
-    def diagnostics(self) -> tuple[str, dict[str, str]]:
-        """Return a warning, or an empty string, and values for diagnostics."""
-
-
 class CompensationPart:
     """Compute one force for each sample of the tool, in order.
 
     Parameters
     ----------
-    compensation : Compensating
+    compensation : Compensation
     rate : float
         Samples per second.
     latency : int
@@ -87,7 +64,7 @@ class CompensationPart:
 
     Attributes
     ----------
-    compensation : Compensating
+    compensation : Compensation
     samples, lost, bridged, without : int
         Numbers of tool samples: received; lost; lost and predicted; used without the handle's
         sample.
@@ -99,7 +76,7 @@ class CompensationPart:
     """
 
     def __init__(
-        self, compensation: Compensating, rate: float, latency: int, longest: int = 2
+        self, compensation: Compensation, rate: float, latency: int, longest: int = 2
     ) -> None:
         self.compensation = compensation
         self._period = NANOSECONDS / rate
@@ -125,8 +102,10 @@ class CompensationPart:
 
     def put_count_force(self, force: Vector) -> None:
         """Set the arm's force due to rounding, N, in the base frame, due with the next forces."""
-        turned = self.orientation != IDENTITY
-        self.compensation.count_force = from_base(self.orientation, force) if turned else force
+        if self.orientation != IDENTITY:
+            force = from_base(self.orientation, force)
+        each = self.compensation
+        each.count_x, each.count_y, each.count_z = force
 
     def put_handle(self, stamp: int, acceleration: Vector | None) -> None:
         """Add a sample of the handle; None for a lost one."""

@@ -31,7 +31,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_accel.core.control.filters import SampleFilter
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.parameters import ParameterError, check_positive_rate
 from haptic_accel.core.sampling import IntArray
@@ -42,6 +41,7 @@ from haptic_accel.core.surfaces.line_spectrum import (
     power_gain,
     to_polynomial,
 )
+from haptic_accel.core.tick.control import SampleFilter
 
 SPEED_CORNER = 20.0
 """Corner of the second-order low-pass of the speed, Hz (Culbertson and others 2014)."""

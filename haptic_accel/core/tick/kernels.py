@@ -31,6 +31,9 @@ from haptic_accel.core.model import FloatArray
 
 FloatMatrix = FloatArray
 
+INFINITE: float = float("inf")
+UNKNOWN: float = float("nan")
+
 _multiply: Any = np.multiply
 _sum: Any = np.add.reduce
 
@@ -79,6 +82,11 @@ def add_scaled(
     """Add a factor times one row of a matrix to as many of the sums from a start."""
     seen = sums[start : start + len(products)]
     np.add(seen, _multiply(rows[row], factor, products), seen)
+
+
+def add_rows(rows: FloatMatrix, sums: FloatMatrix) -> None:
+    """Add all rows of a matrix to those of another one."""
+    np.add(sums, rows, sums)
 
 
 def peak(

@@ -24,7 +24,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 
-from haptic_accel.core.control.gain import LARGEST_GAIN
+from haptic_accel.core.control.channel import LARGEST_GAIN
 from haptic_accel.core.document import Document
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError, Specification, checked

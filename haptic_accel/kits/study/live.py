@@ -24,8 +24,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from haptic_accel.core.control.channel import RAMP
 from haptic_accel.core.control.fallback import NONE
-from haptic_accel.core.control.gain import RAMP
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.locks import sole_graph

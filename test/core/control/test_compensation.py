@@ -34,12 +34,11 @@ from scipy import signal
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control import channel as module
-from haptic_accel.core.control.channel import FADING, LISTENING, build_controller
+from haptic_accel.core.control.channel import FADING, LISTENING, RAMP, build_controller
 from haptic_accel.core.control.compensation import LARGEST_ACCELERATION, CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS, Controller, Loop
 from haptic_accel.core.control.controllers.constant import ConstantParameters
 from haptic_accel.core.control.filters import check_corner, high_pass, inverse_of
-from haptic_accel.core.control.gain import RAMP
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import GRAVITY, ApproximateModel, FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError
@@ -693,17 +692,17 @@ def test_a_changed_gain_takes_effect_along_a_ramp() -> None:
     found = answers(changed, tool[200:])
     np.testing.assert_allclose(found[:, 0], expected, atol=1e-12)
     assert not found[ramp:, 1].any()
-    assert changed.gain == 0.0
+    assert changed.first.gain == 0.0
     changed.set_gain(1.0)
     answers(changed, tool[:ramp])
-    assert changed.gain == 1.0
+    assert changed.first.gain == 1.0
 
 
 def test_a_reset_ends_a_ramp() -> None:
     stream = compensation("constant")
     stream.set_gain(2.0)
     stream.reset()
-    assert stream.gain == 2.0
+    assert stream.first.gain == 2.0
 
 
 @pytest.mark.parametrize("earlier", ["", "dynamic"])

@@ -31,7 +31,6 @@ from scipy import linalg, signal
 
 from haptic_accel.core.control.filters import high_pass
 from haptic_accel.core.control.inversion.bound import causal_bound
-from haptic_accel.core.control.inversion.convolution import SampleConvolution, SampleWindow
 from haptic_accel.core.control.inversion.design import (
     EXTENDED_CORNER,
     Goal,
@@ -46,6 +45,7 @@ from haptic_accel.core.handle.grid import Grid
 from haptic_accel.core.handle.plant import IdentifiedPlant, Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.tick.control import SampleConvolution, SampleWindow
 
 RATES = [1000.0, 4000.0]
 PAPER = Plant(mount=MountParameters(280.0, 0.127), delay=225e-6)
@@ -404,7 +404,7 @@ def test_samples_are_convolved(taps: list[float], values: list[float]) -> None:
     found = [stream.process(value) for value in values]
     assert found == pytest.approx(np.convolve(values, taps)[: len(values)], abs=1e-9)
     latest = np.concatenate([np.zeros(len(taps)), values])[: -len(taps) - 1 : -1]
-    assert pushed == pytest.approx(latest)
+    assert window.past[pushed : pushed + len(taps)] == pytest.approx(latest)
     stream.reset()
     assert [stream.process(0.0) for _ in taps] == [0.0] * len(taps)
 

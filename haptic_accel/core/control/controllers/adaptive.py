@@ -28,11 +28,7 @@ from haptic_accel.core.control import response_estimation
 from haptic_accel.core.control.authority import REDUCED
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
-from haptic_accel.core.control.grip_estimation import (
-    GRIP,
-    AdaptationParameters,
-    GripEstimator,
-)
+from haptic_accel.core.control.grip_estimation import GRIP, AdaptationParameters, GripEstimator
 from haptic_accel.core.control.inversion import design
 from haptic_accel.core.control.inversion.toeplitz import improved
 from haptic_accel.core.handle.plant import Plant
@@ -74,10 +70,10 @@ class AdaptiveController(InverseController):
 
     def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
         """Return the force for the desired acceleration."""
-        extended = self._extension.process(desired_acceleration)
+        extended = self.extension.process(desired_acceleration)
         # The force applied one sample ago, and the acceleration measured then.
         self._trace.push(desired_acceleration, measured_acceleration, self._applied, extended)
-        return self._driven(extended, desired_acceleration)
+        return self.driven(extended, desired_acceleration)
 
     def applied(self, actuator_force: float) -> None:
         """Store the force that drives the handle: applied force minus friction compensation."""
@@ -91,7 +87,7 @@ class AdaptiveController(InverseController):
         if estimated and self._learner.deviation < UNDESCRIBED:
             self._grip = self._estimator.grip
         if estimated or self._learner.update(self._grip):
-            self._excursion.replace(self._family.taps(self._grip) + self._learner.correction)
+            self.excursion.replace(self._family.taps(self._grip) + self._learner.correction)
         return min(self._estimator.left, self._learner.left)
 
     def judged(self, fitting: float, fraction: float) -> None:

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.tick.control import ConstantForce
 
 
 @dataclass(frozen=True)
@@ -32,15 +33,11 @@ class ConstantParameters(Checked):
     )
 
 
-class ConstantController(Controller):
+class ConstantController(ConstantForce, Controller):
     """f_a = m_h a_hdes."""
 
     Parameters = ConstantParameters
     needs_plant = False
 
     def __init__(self, parameters: ConstantParameters, loop: Loop) -> None:
-        self._mass = parameters.mass
-
-    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
-        """Return mass times desired acceleration."""
-        return self._mass * desired_acceleration
+        super().__init__(parameters.mass)

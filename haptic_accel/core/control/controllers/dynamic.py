@@ -18,22 +18,15 @@
 from __future__ import annotations
 
 from haptic_accel.core.control.controllers.interface import Controller, Loop
-from haptic_accel.core.control.filters import SampleFilter, inverse_of
+from haptic_accel.core.control.filters import inverse_of
 from haptic_accel.core.model import ApproximateModel
+from haptic_accel.core.tick.control import FilterForce
 
 
-class DynamicController(Controller):
+class DynamicController(FilterForce, Controller):
     """Inverse of the paper's approximate model, from a_hdes to f_a."""
 
     Parameters = ApproximateModel
 
     def __init__(self, parameters: ApproximateModel, loop: Loop) -> None:
-        self._inverse = SampleFilter(inverse_of(parameters, loop.rate))
-
-    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
-        """Return the force that makes the model accelerate as desired."""
-        return self._inverse.process(desired_acceleration)
-
-    def reset(self) -> None:
-        """Clear the filter."""
-        self._inverse.reset()
+        super().__init__(inverse_of(parameters, loop.rate))

@@ -17,27 +17,20 @@
 
 from __future__ import annotations
 
-import math
-from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from haptic_accel.core.control import feedback_design
 from haptic_accel.core.control.controllers.constant import ConstantController, ConstantParameters
 from haptic_accel.core.control.controllers.dynamic import DynamicController
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
-from haptic_accel.core.control.feedback_design import (
-    MARGIN,
-    FeedbackDesign,
-    GripRange,
-    Response,
-    design_feedback,
-)
-from haptic_accel.core.control.filters import SampleFilter, inverse_of, section_response
-from haptic_accel.core.control.inversion.convolution import SampleConvolution
+from haptic_accel.core.control.feedback_design import MARGIN, FeedbackDesign, GripRange, Response
+from haptic_accel.core.control.filters import inverse_of, section_response
 from haptic_accel.core.handle.approximate import approximate_model
 from haptic_accel.core.parameters import parameter
+from haptic_accel.core.tick.control import FeedbackForce, SampleConvolution, SampleFilter
 
 FADING = 5e-3
 """Duration of fading the feedback out and in, s; users would feel a step of force."""
@@ -82,7 +75,7 @@ class FeedbackParameters(InverseParameters):
         ParameterError
             The rate is too low for the high-pass.
         """
-        return design_feedback(
+        return feedback_design.design_feedback(
             loop.plant,
             loop.rate,
             feedforward or _feedforward(self, loop)[1],
@@ -93,7 +86,7 @@ class FeedbackParameters(InverseParameters):
         )
 
 
-class FeedbackController(Controller):
+class FeedbackController(FeedbackForce, Controller):
     """Feedforward controller plus Q times the deviation of the handle from a reference.
 
     The reference depends on the feedforward. The inverse is already the best causal filter for its
@@ -124,97 +117,39 @@ class FeedbackController(Controller):
     reducible = True
 
     def __init__(self, parameters: FeedbackParameters, loop: Loop) -> None:
-        self._feedforward, response = _feedforward(parameters, loop)
-        self.design = parameters.design(loop, response)
-        self._foreseen = parameters.feedforward == INVERSE
-        self._high_pass = SampleFilter(self.design.high_pass)
-        self._model = SampleConvolution(self.design.model)
-        self._answer = SampleConvolution(self.design.taps)
-        self._fade = 1.0 / max(1.0, FADING * loop.rate)
-        self._regained = max(1, round(REGAINED * loop.rate))
-        self._delay = parameters.goal(loop).granted_delay + 1
-        self._gain = self.design.gain
-        self._start()
-
-    def _start(self) -> None:
-        self._desired = deque([0.0] * self._delay)
-        self._expected = 0.0  # acceleration of the model at the last tick, m/s^2
-        self._surprise = 0.0  # latest known measurement, m/s^2
-        self._first = math.nan  # gravity and other acceleration at the start, m/s^2
-        self._known = 0.0  # force whose effect is part of the reference, N
-        self._surplus = 0.0  # last remaining force, N
-        self._share, self._gaps = 1.0, 0
-        self._valid = self._regained  # samples without a gap
-        self._distrusted = False  # since the sensor was saturated
-
-    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
-        """Return the sum of feedforward and feedback force."""
-        force = self._feedforward.force(desired_acceleration, measured_acceleration)
-        # Without latency, the force of the last tick affects this tick's sample, which is received
-        # at the next tick. The model's first values are zero for the latency.
-        expected, self._expected = self._expected, self._model.process(self._surplus)
-        if not self._foreseen:
-            self._desired.append(desired_acceleration)
-            expected += self._desired.popleft()
-        surprise = expected - measured_acceleration
-        if math.isfinite(surprise):
-            if math.isnan(self._first):
-                self._first = surprise
-            self._surprise = surprise - self._first
-            self._valid += 1
-        else:
-            self._gaps += self._valid >= self._regained
-            self._valid = 0
-            self._distrusted |= math.isinf(measured_acceleration)
-        self._share = self._faded()
-        self._known = 0.0 if self._foreseen else force
-        force += self._share * self._answer.process(self._high_pass.process(self._surprise))
-        self.applied(force)
-        return force
-
-    def applied(self, actuator_force: float) -> None:
-        """Pass the force finally sent, minus friction compensation, to the model."""
-        taken = 0.0
-        if isinstance(self._feedforward, InverseController):
-            taken = self._feedforward.friction_force
-        self._surplus = actuator_force - taken - self._known
+        feedforward, response = _feedforward(parameters, loop)
+        self.design = design = parameters.design(loop, response)
+        self.high_pass = SampleFilter(design.high_pass)
+        self.model, self.answer = SampleConvolution(design.model), SampleConvolution(design.taps)
+        foreseen, delay = parameters.feedforward == INVERSE, parameters.goal(loop).granted_delay
+        fade = 1.0 / max(1.0, FADING * loop.rate)
+        regained = max(1, round(REGAINED * loop.rate))
+        super().__init__(feedforward, foreseen, delay + 1, fade, regained)
 
     def judged(self, fitting: float, fraction: float) -> None:
         """Accept the measurement again after the response has fitted the plant for long enough."""
         if fitting >= FITTING:
-            self._distrusted = False
+            self.distrusted = False
 
     def diagnostics(self) -> dict[str, str]:
         """Return gain and margin of the feedback, and the number of times it was switched off."""
         return {
-            "feedback gain (N per m/s^2)": f"{self._share * self._gain:.3f}",
+            "feedback gain (N per m/s^2)": f"{self.share * self.design.gain:.3f}",
             "feedback margin": f"{self.design.tightest.margins.modulus:.2f}",
-            "feedback off": str(self._gaps),
+            "feedback off": str(self.gaps),
         }
 
     @property
     def warning(self) -> str:
         """Warning while the feedback is off; otherwise empty."""
-        if self._distrusted:
+        if self.distrusted:
             return (
                 "feedback off: handle acceleration was saturated; it returns when the response has"
                 f" fitted the plant for {FITTING:g} s"
             )
-        if self._valid < self._regained:
+        if self.valid < self.regained:
             return "feedback off: handle acceleration stale"
         return ""
-
-    def reset(self) -> None:
-        """Clear all filters, and assume valid handle samples."""
-        self._feedforward.reset()
-        for part in (self._high_pass, self._model, self._answer):
-            part.reset()
-        self._start()
-
-    def _faded(self) -> float:
-        if self._valid >= self._regained and not self._distrusted:
-            return min(1.0, self._share + self._fade)
-        return max(0.0, self._share - self._fade)
 
 
 def _feedforward(parameters: FeedbackParameters, loop: Loop) -> tuple[Controller, Response]:

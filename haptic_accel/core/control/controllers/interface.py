@@ -27,6 +27,7 @@ from haptic_accel.core.control.response_estimation import NEVER
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.parameters import Checked
 from haptic_accel.core.tick import CUSHION
+from haptic_accel.core.tick.control import Force
 
 
 @dataclass(frozen=True)
@@ -66,11 +67,12 @@ class NoParameters(Checked):
     """Parameters of a controller without parameters."""
 
 
-class Controller(ABC):
+class Controller(Force, ABC):
     """Convert the desired handle acceleration to the actuator's force.
 
     A subclass names its parameter dataclass in `Parameters`; the compensator node declares
-    the fields as ROS parameters below the controller's name.
+    the fields as ROS parameters below the controller's name. It may also have `applied`, which
+    receives the force that is sent in a sample, N, and `reset`, which clears its state.
 
     Parameters
     ----------
@@ -109,9 +111,6 @@ class Controller(ABC):
             Actuator force, N, before the actuator's limit.
         """
 
-    def applied(self, actuator_force: float) -> None:  # noqa: B027 - most need not know
-        """Receive the force, N, finally sent at this sample: limited, or another controller's."""
-
     def adapt(self) -> int | None:
         """Execute a part of slow computations, tens of microseconds, while no force is due.
 
@@ -122,7 +121,7 @@ class Controller(ABC):
         """
         return NEVER
 
-    def judged(self, fitting: float, fraction: float) -> None:  # noqa: B027 - most need not know
+    def judged(self, fitting: float, fraction: float) -> None:
         """Receive a new result of the supervision.
 
         Parameters
@@ -133,7 +132,7 @@ class Controller(ABC):
             Fraction of the controller's force that does no harm, from 0 to 1.
         """
 
-    def freeze(self, frozen: bool) -> None:  # noqa: B027 - most have nothing to
+    def freeze(self, frozen: bool) -> None:
         """Stop or resume adaptation."""
 
     def diagnostics(self) -> dict[str, str]:
@@ -144,6 +143,3 @@ class Controller(ABC):
     def warning(self) -> str:
         """Description of a present fault; empty if there is none."""
         return ""
-
-    def reset(self) -> None:  # noqa: B027 - some have no state
-        """Return to the state for zero past input."""

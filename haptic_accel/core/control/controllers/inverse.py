@@ -17,18 +17,13 @@
 
 from __future__ import annotations
 
-import math
-from collections import deque
 from dataclasses import dataclass, field
 
 from haptic_accel.core.control.controllers.interface import Controller, Loop
-from haptic_accel.core.control.filters import SampleFilter
 from haptic_accel.core.control.inversion import design
-from haptic_accel.core.control.inversion.excursion import ExcursionControl
 from haptic_accel.core.control.inversion.spectrum import TexturePrior
-from haptic_accel.core.model import Suspension
 from haptic_accel.core.parameters import Checked, parameter
-from haptic_accel.core.tick import TravelEstimator
+from haptic_accel.core.tick.control import ExcursionControl, FrictionCompensation, InverseForce
 
 
 @dataclass(frozen=True)
@@ -69,15 +64,13 @@ class InverseParameters(Checked):
         return design.Goal(granted, self.memory, spectrum=self.texture, high_pass_frequency=corner)
 
 
-class InverseController(Controller):
+class InverseController(InverseForce, Controller):
     """Causal inverse of eq. (3), hold, delay, mount and sensor, from a_hdes to f_a.
 
     Attributes
     ----------
     response : callable
         Force over desired acceleration, N per m/s^2, at frequencies in Hz.
-    friction_force : float
-        Part of the last force that compensates dry friction, N.
     """
 
     Parameters = InverseParameters
@@ -94,86 +87,17 @@ class InverseController(Controller):
     ) -> None:
         plant = loop.plant
         self._bank = bank
-        self._extension = SampleFilter(bank.sections)
-        self._excursion = ExcursionControl(bank, plant.handle, loop.travel_limit, loop.rate)
+        excursion = ExcursionControl(
+            bank.taps, bank.motion, plant.handle, loop.travel_limit, loop.rate
+        )
         # A force acts in the period before the sample that shows it.
         lag = parameters.granted_delay(loop.rate) - 0.5 - plant.delay * loop.rate
-        self._friction = FrictionCompensation(plant.handle, plant.friction, loop.rate, lag)
-        self.friction_force = 0.0
-
-    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
-        """Return the force for the desired acceleration."""
-        return self._driven(self._extension.process(desired_acceleration), desired_acceleration)
-
-    def _driven(self, extended: float, desired_acceleration: float) -> float:
-        """Return the force for the desired acceleration before and after the extension."""
-        force = self._excursion.process(extended)
-        self.friction_force = self._friction.force(force, desired_acceleration)
-        return force + self.friction_force
+        friction = FrictionCompensation(plant.handle, plant.friction, loop.rate, lag)
+        InverseForce.__init__(self, bank.sections, excursion, friction)
 
     def reset(self) -> None:
         """Clear the filters."""
-        self._extension.reset()
-        self._excursion.restart(self._bank.taps)
-        self._friction.reset()
+        self.extension.reset()
+        self.excursion.restart(self._bank.taps)
+        self.friction.reset()
         self.friction_force = 0.0
-
-
-SLIP_VELOCITY = 3e-3
-"""Slip velocity at which 0.76 of the friction is compensated, m/s: below it the predicted slip is
-too uncertain for its sign to be used."""
-
-
-class FrictionCompensation:
-    """Compute the force that compensates dry friction, from a prediction of the slip.
-
-    Friction acts between actuator and handle, like the actuator's force. A force f and friction mu
-    against the slip v together act as a force f + mu sign(v). The slip is predicted from eq. (1)
-    of the paper, assuming that the handle follows the desired acceleration with a delay.
-
-    Parameters
-    ----------
-    suspension : Suspension
-        Parameters of actuator or handle.
-    friction : float
-        Dry friction, N.
-    rate : float
-        Samples per second.
-    lag : float
-        Delay of the handle behind the desired motion when the force acts, in samples. A negative
-        delay would need future samples and counts as zero.
-    """
-
-    def __init__(
-        self, suspension: Suspension, friction: float, rate: float, lag: float = 0.0
-    ) -> None:
-        self._friction = friction
-        whole = int(max(0.0, lag))
-        self._share = max(0.0, lag) - whole
-        self._desired = deque([0.0] * (whole + 2), whole + 2)
-        self._slip = TravelEstimator(suspension, rate)
-
-    def force(self, actuator_force: float, desired_acceleration: float) -> float:
-        """Return the force to add until the next sample, N.
-
-        Parameters
-        ----------
-        actuator_force : float
-            Required actuator force without friction, N.
-        desired_acceleration : float
-            Latest desired handle acceleration, m/s^2.
-        """
-        if not self._friction:
-            return 0.0
-        before = self._slip.velocity
-        self._desired.append(desired_acceleration)
-        earlier, later = self._desired[0], self._desired[1]
-        self._slip.observe(actuator_force, later + self._share * (earlier - later))
-        # Mean over the sample, as the force is held over it.
-        slip = (before + self._slip.velocity) / 2
-        return -self._friction * math.tanh(slip / SLIP_VELOCITY)
-
-    def reset(self) -> None:
-        """Return to an actuator at rest in the middle of its travel."""
-        self._slip.reset()
-        self._desired.extend([0.0] * len(self._desired))

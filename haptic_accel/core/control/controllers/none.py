@@ -18,15 +18,12 @@
 from __future__ import annotations
 
 from haptic_accel.core.control.controllers.interface import Controller, Loop, NoParameters
+from haptic_accel.core.tick.control import NoForce
 
 
-class NoController(Controller):
+class NoController(NoForce, Controller):
     """Zero force."""
 
     needs_plant = False
 
     def __init__(self, parameters: NoParameters, loop: Loop) -> None: ...
-
-    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
-        """Return zero."""
-        return 0.0

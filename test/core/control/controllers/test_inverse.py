@@ -31,13 +31,8 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.channel import build_controller
 from haptic_accel.core.control.compensation import LARGEST_ACCELERATION
 from haptic_accel.core.control.controllers import CONTROLLERS, Loop
-from haptic_accel.core.control.controllers.inverse import (
-    SLIP_VELOCITY,
-    FrictionCompensation,
-    InverseController,
-    InverseParameters,
-)
-from haptic_accel.core.control.filters import SampleFilter, high_pass
+from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
+from haptic_accel.core.control.filters import high_pass
 from haptic_accel.core.control.inversion.design import Goal, design_inverse
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.control.inversion.spectrum import SENSOR_DENSITY, measured_spectrum
@@ -50,6 +45,7 @@ from haptic_accel.core.rig.master_rig import (
 )
 from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.tick.control import SLIP_VELOCITY, FrictionCompensation, SampleFilter
 from haptic_accel.core.trial import Trial, run_trial
 
 RATE = 1000.0

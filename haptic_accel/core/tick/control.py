@@ -1,0 +1,1216 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Compensation of one sample: filters, controllers' forces, and the channels of the coils."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from haptic_accel.core.tick.guard import (
+    LARGEST_ACCELERATION,
+    ActuatorGuard,
+    TravelEstimator,
+    scale_within,
+)
+from haptic_accel.core.tick.kernels import (
+    INFINITE,
+    UNKNOWN,
+    FloatMatrix,
+    add_rows,
+    add_scaled,
+    dot,
+    dots,
+    peak,
+    row_dot,
+)
+from haptic_accel.core.tick.watching import Trace
+
+if TYPE_CHECKING:
+    from haptic_accel.core.model import FloatArray, Suspension
+
+SLIP_VELOCITY: float = 3e-3
+"""Slip velocity at which 0.76 of the friction is compensated, m/s: below it the predicted slip is
+too uncertain for its sign to be used."""
+
+SETTLED: float = 1e-3
+"""Negligible change of a place in a bank of inverses."""
+
+DYNAMIC: str = "dynamic"
+"""Name of the controller that may take over another one's force."""
+
+HORIZON: float = 0.05
+"""Prediction horizon of the travel, s: a period of the paper's actuator on its spring."""
+
+REVERSION: float = 0.03
+"""Time after which half of a predicted travel is expected to be reversed, s. A tool that has met a
+surface, for example, bounces and is held by the coupling. (Without this, the predicted travel at
+contact in the virtual rig is twice the real one.)
+"""
+
+PERSISTING: float = 8e-3
+LASTING: float = 16e-3
+"""Time for which an input must have had one sign to be expected to last, and for how long it then
+is, s. A tool that is turned in gravity, or is hit by something soft, needs more travel than its
+past shows, and letting go late does harm; a tool that lands bounces within 8 ms."""
+
+REMEMBERING: float = 0.1
+"""Time constant with which the largest integral of the input over a time of one sign is forgotten,
+s."""
+
+TRAVEL_SETTLING: float = 0.1
+"""Time for which travel persists after its force, s: five times 2 m_a / b_s (Table I)."""
+
+PREDICTION_RATE: float = 500.0
+"""Maximum rate of the prediction, Hz; travel contains little above 100 Hz."""
+
+ATTACK: float = 1.5e-3
+"""Time constant of the attenuation, s: users would feel a step of force; late attenuation is
+useless."""
+
+RELEASE: float = 0.5
+"""Time constant of the return of low frequencies, s: a few periods."""
+
+EXCURSION_FADING: float = 0.06
+"""Duration of the crossfade to other taps, s. Two filters differ most in the force for the slow
+motion of the hand, up to some 3 Hz; a faster change of that force would be felt."""
+
+BLOCKS: int = 8
+"""Number of response lengths in the buffer, so that it is rarely moved."""
+
+UNLIKE: float = 2.0
+"""Factor by which an input must exceed its largest integral before to be expected to last:
+otherwise it is a vibration, which reverses."""
+
+
+class SampleFilter:
+    """One or two second-order sections, transposed direct form II.
+
+    Parameters
+    ----------
+    sections : ndarray, shape (1, 6) or (2, 6)
+        Rows b0 b1 b2 a0 a1 a2 with a0 = 1, as in `scipy.signal`.
+    """
+
+    # Plain floats: for single samples ten times faster than scipy.signal.sosfilt, with equal
+    # results. Attributes are faster than a list.
+
+    def __init__(self, sections: FloatMatrix) -> None:
+        rows = [[float(each) for each in row] for row in sections]
+        rows.append([1.0, 0.0, 0.0, 1.0, 0.0, 0.0])  # changes nothing
+        self.b0 = self.b1 = self.b2 = self.a1 = self.a2 = 0.0
+        self.d0 = self.d1 = self.d2 = self.c1 = self.c2 = 0.0
+        self.b0, self.b1, self.b2, _, self.a1, self.a2 = rows[0]
+        self.d0, self.d1, self.d2, _, self.c1, self.c2 = rows[1]
+        self.first = self.second = self.third = self.fourth = 0.0
+
+    def process(self, value: float) -> float:
+        """Filter one sample."""
+        middle = self.b0 * value + self.first
+        self.first = self.b1 * value - self.a1 * middle + self.second
+        self.second = self.b2 * value - self.a2 * middle
+        output = self.d0 * middle + self.third
+        self.third = self.d1 * middle - self.c1 * output + self.fourth
+        self.fourth = self.d2 * middle - self.c2 * output
+        return output
+
+    def reset(self) -> None:
+        """Clear the state, as for zero past input."""
+        self.first = self.second = self.third = self.fourth = 0.0
+
+
+class SampleWindow:
+    """Latest samples of a signal in contiguous memory, newest first.
+
+    Parameters
+    ----------
+    length : int
+        Number of samples; at least one.
+
+    Attributes
+    ----------
+    past : ndarray
+        Memory of the samples.
+    """
+
+    # Filled from the end to the beginning, where the samples still needed move to the end. The
+    # latest samples are thus always contiguous, and each is written once.
+
+    def __init__(self, length: int) -> None:
+        import numpy as np
+
+        self.length, self.newest = length, length
+        self.past: FloatArray = np.zeros(2 * length)
+
+    def push(self, value: float) -> int:
+        """Add a sample; return its place in the memory, with the older ones behind."""
+        newest: int = self.newest - 1
+        if newest < 0:
+            newest = self.length
+            self.past[newest + 1 :] = self.past[: newest - 1]
+        self.past[newest] = value
+        self.newest = newest
+        return newest
+
+    def reset(self) -> None:
+        """Set all samples to zero."""
+        self.past[:] = 0.0
+
+
+class SampleConvolution(SampleWindow):
+    """Running sum of taps times the latest samples.
+
+    Parameters
+    ----------
+    taps : ndarray, shape (n,)
+        Impulse response; at least one.
+    """
+
+    def __init__(self, taps: FloatArray) -> None:
+        super().__init__(len(taps))
+        self.taps: FloatArray = taps.copy()
+        self.products: FloatArray = taps.copy()
+
+    def process(self, value: float) -> float:
+        """Filter one sample."""
+        return dot(self.taps, self.past, self.push(value), self.products)
+
+
+class VectorConvolution:
+    """Running sum of matrix taps times the latest vectors.
+
+    Parameters
+    ----------
+    taps : ndarray, shape (3, 3, n)
+        Impulse responses; the first index is that of the output.
+
+    Attributes
+    ----------
+    x, y, z : float
+        Output of the last sample.
+    """
+
+    # Filled as `SampleWindow`.
+
+    def __init__(self, taps: FloatArray) -> None:
+        import numpy as np
+
+        self.length: int = 3 * taps.shape[2]
+        rows = taps.transpose(0, 2, 1).reshape(3, self.length)
+        self.taps: FloatMatrix = np.ascontiguousarray(rows)
+        self.products: FloatMatrix = np.empty((3, self.length))
+        self.sums: FloatArray = np.empty(3)
+        self.past: FloatArray = np.zeros(2 * self.length)
+        self.newest: int = self.length
+        self.x = self.y = self.z = 0.0
+
+    def process(self, x: float, y: float, z: float) -> None:
+        """Filter one sample."""
+        newest: int = self.newest - 3
+        past = self.past
+        if newest < 0:
+            newest = self.length
+            past[newest + 3 :] = past[: newest - 3]
+        past[newest] = x
+        past[newest + 1] = y
+        past[newest + 2] = z
+        self.newest = newest
+        sums = self.sums
+        dots(self.taps, past, newest, self.products, sums)
+        self.x = float(sums[0])
+        self.y = float(sums[1])
+        self.z = float(sums[2])
+
+    def fill(self, x: float, y: float, z: float) -> None:
+        """Assume a constant past."""
+        self.past[0::3] = x
+        self.past[1::3] = y
+        self.past[2::3] = z
+        self.newest = self.length
+
+
+class TravelPredictor:
+    """Maximum travel of each member of a bank in the next `HORIZON`.
+
+    The prediction assumes that each member has always been in use, and that the input is zero from
+    now on, unless it has had one sign for `PERSISTING`, and more than before: then the least of
+    that time lasts for `LASTING`. Later travel has a smaller weight (`REVERSION`).
+
+    Parameters
+    ----------
+    suspension : Suspension
+        Parameters of the actuator.
+    rate : float
+        Samples per second. Above `PREDICTION_RATE` the prediction uses means of several samples.
+    """
+
+    # Travels are stored in one row: time first, then member. What one input causes is contiguous.
+
+    def __init__(self, suspension: Suspension, rate: float) -> None:
+        import numpy as np
+
+        self.every: int = max(1, round(rate / PREDICTION_RATE))
+        step = self.every / rate
+        self.horizon: int = max(1, round(HORIZON / step))
+        self.lasting: int = max(1, round(LASTING / step))
+        self.forgetting = math.exp(-step / REMEMBERING)
+        estimator = TravelEstimator(suspension, 1.0 / step)
+        pulse = [1.0] + [0.0] * (max(2, round(TRAVEL_SETTLING / step)) - 1)
+        self.per_force = np.array([estimator.observe(each, 0.0) for each in pulse])
+        later = np.arange(self.horizon) * (step / REVERSION)
+        self.kept: FloatArray = np.asarray(1.0 / (1.0 + later))
+        self.latest = [0.0] * max(1, round(PERSISTING / step))
+
+    def expect(self, forces: FloatArray) -> None:
+        """Set the response of each member; the predicted travel remains.
+
+        Parameters
+        ----------
+        forces : ndarray, shape (k, n)
+            Force plus the effect of the handle's acceleration after a unit sample, N. The shape
+            must not change.
+        """
+        import numpy as np
+
+        count, length = forces.shape
+        spare = -length % self.every
+        if spare:
+            forces = np.pad(forces, ((0, 0), (0, spare)))
+        held = forces.reshape(count, -1, self.every).sum(axis=2)
+        total = held.shape[1] + len(self.per_force) - 1
+        size = 1 << total.bit_length()
+        spectrum = np.fft.rfft(held, size) * np.fft.rfft(self.per_force, size)
+        travels = np.ascontiguousarray(np.fft.irfft(spectrum, size)[:, :total].T)
+        self.members: int = count
+        self.caused: FloatMatrix = travels.reshape(1, -1)
+        self.products: FloatArray = np.empty(travels.size)
+        lasting = np.cumsum(travels[: self.horizon - 1], axis=0)
+        lasting[self.lasting :] -= lasting[: -self.lasting].copy()
+        self.held: FloatArray = np.zeros(self.horizon * count)
+        self.held[count : count + lasting.size] = lasting.ravel()
+
+    def reset(self) -> None:
+        """Clear the past."""
+        import numpy as np
+
+        members, length = self.members, len(self.products)
+        ahead = self.horizon * members
+        self.ahead: FloatArray = np.zeros(BLOCKS * length + ahead)
+        self.last: int = BLOCKS * length + ahead - max(length, ahead)
+        self.start = self.count = 0
+        # The last two are the integral over the present sign, and the largest before.
+        self.sum = self.newest = self.persisting = self.integral = self.before = 0.0
+        self.latest = [0.0] * len(self.latest)
+
+    def observe(self, value: float) -> bool:
+        """Add a sample of the members' input; return whether the prediction has advanced."""
+        self.sum += value
+        self.count += 1
+        if self.count < self.every:
+            return False
+        value = self.sum / self.every
+        self.sum = 0.0
+        self.count = 0
+        self.start += self.members
+        if self.start > self.last:
+            left: int = len(self.ahead) - self.start
+            self.ahead[:left] = self.ahead[self.start :].copy()
+            self.ahead[left:] = 0.0
+            self.start = 0
+        add_scaled(self.caused, 0, value, self.ahead, self.start, self.products)
+        # The input is expected to last only if it persists, and is unusual.
+        self.before *= self.forgetting
+        if value * self.newest <= 0.0:
+            self.before, self.integral = max(self.before, math.fabs(self.integral)), 0.0
+        self.integral += value
+        self.newest = value
+        self.latest.append(value)
+        self.latest.pop(0)
+        least: float = min(self.latest)
+        self.persisting = least if least > 0.0 else min(0.0, max(self.latest))
+        if math.fabs(self.integral) <= UNLIKE * self.before:
+            self.persisting = 0.0
+        return True
+
+    def largest(self, member: int) -> float:
+        """Return the largest travel of a member, m."""
+        start: int = self.start + member
+        held = self.held[member:]
+        return peak(self.ahead, start, self.members, held, self.persisting, self.kept)
+
+
+class ExcursionControl:
+    """Selection among inverses with increasing attenuation of low frequencies.
+
+    As in loudspeaker amplifiers (Klippel, J. Audio Eng. Soc. 40, 1992), the travel of the next
+    tens of milliseconds is predicted. The first member of the bank within the limit is used, or a
+    weighted mean of two members. Attenuation increases at once, so that it is effective at
+    contact, and decreases slowly.
+
+    Parameters
+    ----------
+    taps, motion : ndarray, shape (k, n)
+        Inverses from most to least travel, see `InverseBank`.
+    coil : Suspension
+        Parameters of the actuator.
+    limit : float
+        Maximum travel, m.
+    rate : float
+        Samples per second.
+
+    Attributes
+    ----------
+    taps : ndarray, shape (k, n)
+        Present taps of the members, N per m/s^2.
+    position : float
+        Member in use, from 0 for the first to k - 1 for the last.
+    """
+
+    def __init__(
+        self, taps: FloatMatrix, motion: FloatMatrix, coil: Suspension, limit: float, rate: float
+    ) -> None:
+        self.predictor = TravelPredictor(coil, rate)
+        self.limit: float = limit
+        self.attack = -math.expm1(-1.0 / (ATTACK * rate))
+        self.release = -math.expm1(-1.0 / (RELEASE * min(rate, PREDICTION_RATE)))
+        # Both inputs move the actuator: m_a d'' + b_s d' + k_s d = -f_a - m_a a_h.
+        self.following = coil.m_a * motion
+        self.fading: int = max(1, round(EXCURSION_FADING * rate))
+        self.restart(taps)
+
+    def replace(self, taps: FloatArray) -> None:
+        """Crossfade to other taps of the members over `FADING`.
+
+        The prediction uses the new taps at once. A running crossfade stops at its present mixture.
+
+        Parameters
+        ----------
+        taps : ndarray, shape (k, n)
+        """
+        import numpy as np
+
+        self.slope: FloatMatrix = (taps - np.asarray(self.taps)) / self.fading
+        self.left = self.fading
+        self.predictor.expect(taps + self.following)
+
+    def restart(self, taps: FloatArray) -> None:
+        """Clear the past, and use these taps of the members, shape (k, n)."""
+        self.taps: FloatMatrix = taps.copy()
+        self.members, length = taps.shape
+        self.products: FloatArray = taps[0].copy()
+        self.window = SampleWindow(length)
+        self.left = 0  # samples until the crossfade to other taps ends
+        self.predictor.expect(taps + self.following)
+        self.predictor.reset()
+        self.position = self.target = 0.0
+
+    def process(self, value: float) -> float:
+        """Process one sample of the members' input; return the force, N."""
+        if self.left:
+            self.left -= 1
+            add_rows(self.slope, self.taps)
+        if self.predictor.observe(value):
+            self.choose()
+        newest: int = self.window.push(value)
+        position = self.position
+        missing = self.target - position
+        if missing != 0.0:
+            position = position + self.attack * missing
+            if math.fabs(missing) <= SETTLED:
+                position = self.target
+            self.position = position
+        member: int = int(position)
+        share = position - member
+        past = self.window.past
+        force = row_dot(self.taps, member, past, newest, self.products)
+        if share != 0.0:
+            more = row_dot(self.taps, member + 1, past, newest, self.products)
+            force += share * (more - force)
+        return force
+
+    def choose(self) -> None:
+        """Move the target at once to a member of less travel if needed, and back slowly."""
+        needed = self.needed()
+        if needed > self.target:
+            self.target = needed
+        elif self.target != 0.0:
+            self.target += self.release * (needed - self.target)
+            if self.target < SETTLED:
+                self.target = 0.0
+
+    def needed(self) -> float:
+        """Return the first index whose interpolated peak is within the limit, or the last one."""
+        limit = self.limit
+        before = self.predictor.largest(0)
+        if not before > limit:
+            return 0.0
+        for member in range(1, self.members):
+            after = self.predictor.largest(member)
+            if after <= limit:
+                return member - (limit - after) / (before - after)
+            before = after
+        return float(self.members - 1)
+
+
+class FrictionCompensation:
+    """Compute the force that compensates dry friction, from a prediction of the slip.
+
+    Friction acts between actuator and handle, like the actuator's force. A force f and friction mu
+    against the slip v together act as a force f + mu sign(v). The slip is predicted from eq. (1)
+    of the paper, assuming that the handle follows the desired acceleration with a delay.
+
+    Parameters
+    ----------
+    suspension : Suspension
+        Parameters of actuator or handle.
+    friction : float
+        Dry friction, N.
+    rate : float
+        Samples per second.
+    lag : float
+        Delay of the handle behind the desired motion when the force acts, in samples. A negative
+        delay would need future samples and counts as zero.
+    """
+
+    def __init__(
+        self, suspension: Suspension, friction: float, rate: float, lag: float = 0.0
+    ) -> None:
+        whole = int(max(0.0, lag))
+        self.friction: float = friction
+        self.share: float = max(0.0, lag) - whole
+        self.desired = [0.0] * (whole + 2)
+        self.slip: TravelEstimator = TravelEstimator(suspension, rate)
+
+    def force(self, actuator_force: float, desired_acceleration: float) -> float:
+        """Return the force to add until the next sample, N.
+
+        Parameters
+        ----------
+        actuator_force : float
+            Required actuator force without friction, N.
+        desired_acceleration : float
+            Latest desired handle acceleration, m/s^2.
+        """
+        if self.friction == 0.0:
+            return 0.0
+        desired, slip = self.desired, self.slip
+        desired.append(desired_acceleration)
+        desired.pop(0)
+        earlier: float = desired[0]
+        later: float = desired[1]
+        before = slip.velocity
+        slip.observe(actuator_force, later + self.share * (earlier - later))
+        # Mean over the sample, as the force is held over it.
+        return -self.friction * math.tanh((before + slip.velocity) / 2 / SLIP_VELOCITY)
+
+    def reset(self) -> None:
+        """Return to an actuator at rest in the middle of its travel."""
+        self.slip.reset()
+        self.desired = [0.0] * len(self.desired)
+
+
+class Force:
+    """Force of one coil for a desired acceleration: what a controller does in each sample."""
+
+    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
+        """Process a sample of desired and measured handle acceleration; return the force, N."""
+        return 0.0
+
+    def applied(self, actuator_force: float) -> None:
+        """Receive the force, N, finally sent at this sample: limited, or another controller's."""
+
+    def reset(self) -> None:
+        """Return to the state for zero past input."""
+
+
+class NoForce(Force):
+    """Zero force."""
+
+    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
+        """Return zero."""
+        return 0.0
+
+
+class ConstantForce(Force):
+    """Force in proportion to the desired acceleration.
+
+    Parameters
+    ----------
+    mass : float
+        kg.
+    """
+
+    def __init__(self, mass: float) -> None:
+        self.mass: float = mass
+
+    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
+        """Return mass times desired acceleration."""
+        return self.mass * desired_acceleration
+
+
+class FilterForce(Force):
+    """Filtered desired acceleration.
+
+    Parameters
+    ----------
+    sections : ndarray, shape (n, 6)
+        Filter from desired acceleration to force, as for `SampleFilter`.
+    """
+
+    def __init__(self, sections: FloatMatrix) -> None:
+        self.filter: SampleFilter = SampleFilter(sections)
+
+    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
+        """Return the force that makes the model accelerate as desired."""
+        return self.filter.process(desired_acceleration)
+
+    def reset(self) -> None:
+        """Clear the filter."""
+        self.filter.reset()
+
+
+class InverseForce(Force):
+    """Extension of the high-pass, bank of inverses, and compensation of dry friction.
+
+    Parameters
+    ----------
+    sections : ndarray, shape (n, 6)
+        Extension.
+    excursion : ExcursionControl
+    friction : FrictionCompensation
+
+    Attributes
+    ----------
+    friction_force : float
+        Part of the last force that compensates dry friction, N.
+    """
+
+    def __init__(
+        self, sections: FloatMatrix, excursion: ExcursionControl, friction: FrictionCompensation
+    ) -> None:
+        self.extension = SampleFilter(sections)
+        self.excursion, self.friction = excursion, friction
+        self.friction_force = 0.0
+
+    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
+        """Return the force for the desired acceleration."""
+        return self.driven(self.extension.process(desired_acceleration), desired_acceleration)
+
+    def driven(self, extended: float, desired_acceleration: float) -> float:
+        """Return the force for the desired acceleration after and before the extension."""
+        force = self.excursion.process(extended)
+        self.friction_force = self.friction.force(force, desired_acceleration)
+        return force + self.friction_force
+
+
+class FeedbackForce(Force):
+    """Feedforward force plus a filtered deviation of the handle from a reference.
+
+    Parameters
+    ----------
+    feedforward : Force
+    foreseen : bool
+        True if the reference is the model's response, False if it is the desired acceleration.
+    delay : int
+        Delay of the reference, in samples.
+    fade : float
+        Change of the feedback's share by sample while it fades.
+    regained : int
+        Number of valid samples after which the feedback is faded in again.
+
+    Attributes
+    ----------
+    high_pass : SampleFilter
+        Filter of the deviation.
+    model : SampleConvolution
+        Impulse response of the handle.
+    answer : SampleConvolution
+        Impulse response from filtered deviation to force.
+    """
+
+    high_pass: SampleFilter
+    model: SampleConvolution
+    answer: SampleConvolution
+
+    def __init__(
+        self, feedforward: Force, foreseen: bool, delay: int, fade: float, regained: int
+    ) -> None:
+        self.feedforward: Force = feedforward
+        self.inverse: InverseForce | None = None
+        if isinstance(feedforward, InverseForce):
+            self.inverse = feedforward
+        self.foreseen, self.fade, self.regained = foreseen, fade, regained
+        self.desired = [0.0] * delay
+        self.begin()
+
+    def begin(self) -> None:
+        """Assume a model at rest, and valid handle samples."""
+        self.desired = [0.0] * len(self.desired)
+        self.gaps = 0
+        # Acceleration of the model at the last tick, latest known measurement, and at the start
+        # gravity and other acceleration, m/s^2.
+        self.expected, self.surprise, self.first = 0.0, 0.0, UNKNOWN
+        # Force whose effect is part of the reference, and last remaining force, N.
+        self.known = self.surplus = 0.0
+        self.share = 1.0
+        self.valid: int = self.regained  # samples without a gap
+        self.distrusted = False  # since the sensor was saturated
+
+    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
+        """Return the sum of feedforward and feedback force."""
+        force = self.feedforward.force(desired_acceleration, measured_acceleration)
+        # Without latency, the force of the last tick affects this tick's sample, which is received
+        # at the next tick. The model's first values are zero for the latency.
+        expected = self.expected
+        self.expected = self.model.process(self.surplus)
+        if not self.foreseen:
+            self.desired.append(desired_acceleration)
+            expected += self.desired.pop(0)
+        surprise = expected - measured_acceleration
+        if math.isfinite(surprise):
+            if math.isnan(self.first):
+                self.first = surprise
+            self.surprise = surprise - self.first
+            self.valid += 1
+        else:
+            if self.valid >= self.regained:
+                self.gaps += 1
+            self.valid = 0
+            if math.isinf(measured_acceleration):
+                self.distrusted = True
+        if self.valid >= self.regained and not self.distrusted:
+            self.share = min(1.0, self.share + self.fade)
+        else:
+            self.share = max(0.0, self.share - self.fade)
+        self.known = 0.0 if self.foreseen else force
+        force += self.share * self.answer.process(self.high_pass.process(self.surprise))
+        self.applied(force)
+        return force
+
+    def applied(self, actuator_force: float) -> None:
+        """Pass the force finally sent, minus friction compensation, to the model."""
+        taken = 0.0
+        if self.inverse is not None:
+            taken = self.inverse.friction_force
+        self.surplus = actuator_force - taken - self.known
+
+    def reset(self) -> None:
+        """Clear all filters, and assume valid handle samples."""
+        self.feedforward.reset()
+        self.high_pass.reset()
+        self.model.reset()
+        self.answer.reset()
+        self.begin()
+
+
+class Substitution:
+    """Share of a controller's force that is used, and the force of `dynamic` beside it.
+
+    Its subclass `Fallback` decides on both.
+
+    Parameters
+    ----------
+    dynamic : Force
+        Controller that may take over.
+    step : float
+        Change of the shares by sample in a crossfade.
+    settling : int
+        Number of samples after which the filters of `dynamic` have settled.
+
+    Attributes
+    ----------
+    requested : float
+        Force of the last sample that the controller asked for, N.
+    """
+
+    authority: Any
+    supervisor: Any
+
+    def __init__(self, dynamic: Force, step: float, settling: int) -> None:
+        self.dynamic: Force = dynamic
+        self.step, self.pace, self.settling = step, step, settling
+        self.reducible = False
+        self.substitute = ""  # name of what takes over
+        self.share = 1.0  # of the controller's force
+        self.gain = 0.0  # share of the force of `dynamic`
+        self.probing = False  # a part of the controller's force beside the substitute
+        self.part = self.requested = 0.0
+        self.running = 0  # number of samples of `dynamic` since it began
+
+    def force(self, desired_acceleration: float, requested: float) -> float:
+        """Return the force to send in place of the controller's force, N."""
+        if self.reducible:
+            requested *= self.authority.used
+        self.requested = requested
+        if self.share == 1.0 and self.gain == 0.0 and not self.substitute:
+            return requested
+        self.running += 1
+        substituted = self.dynamic.force(desired_acceleration, UNKNOWN)
+        share, gain = 1.0, 0.0
+        if self.substitute:
+            share = self.part if self.probing else 0.0
+            gain = 1.0 if self.substitute == DYNAMIC and self.running > self.settling else 0.0
+        pace = self.pace
+        self.share += min(max(share - self.share, -pace), pace)
+        self.gain += min(max(gain - self.gain, -pace), pace)
+        return self.share * requested + self.gain * substituted
+
+
+class Stage:
+    """Controller with its own high-pass, both started at the same time.
+
+    To a filter with zero state, an earlier constant acceleration is a step. An inverse, which
+    extends the high-pass to far lower frequencies, responds to a step with newtons for seconds.
+
+    Parameters
+    ----------
+    name : str
+    controller : Force
+    high_pass : SampleFilter
+    cancels : SampleFilter, optional
+        Filter from the arm's force on the handle to minus the force that cancels it.
+
+    Attributes
+    ----------
+    rest : float
+        Tool's acceleration at rest, mostly gravity, m/s^2.
+    desired : float
+        Desired acceleration of the last sample, m/s^2.
+    cancelling : float
+        Part of the last force that cancels a part of the arm's, N.
+    """
+
+    def __init__(
+        self, name: str, controller: Force, high_pass: SampleFilter, cancels: SampleFilter | None
+    ) -> None:
+        self.name, self.controller = name, controller
+        self.high_pass, self.cancellation = high_pass, cancels
+        self.rest = self.desired = self.own = self.cancelling = 0.0
+
+    def process(self, tool: float, measured: float, gain: float, pushed: float) -> float:
+        """Return the controller's force, times the gain.
+
+        The force that cancels a part of the arm's belongs to no desired acceleration: a gain above
+        1 does not increase it. A smaller one reduces it, so that a gain of 0 leaves no force.
+
+        Parameters
+        ----------
+        tool : float
+            Tool acceleration, m/s^2.
+        measured : float
+            Handle acceleration as it would be at a gain of 1, m/s^2.
+        gain : float
+        pushed : float
+            Part of the arm's force on the handle that is to be cancelled, N.
+        """
+        desired = self.high_pass.process(tool - self.rest)
+        self.desired = gain * desired
+        own = self.controller.force(desired, measured)
+        self.own = own
+        if self.cancellation is None:
+            return gain * own
+        self.cancelling = min(1.0, gain) * -self.cancellation.process(pushed)
+        return gain * own + self.cancelling
+
+    def applied(self, force: float, gain: float) -> None:
+        """Pass the force that drives the handle to the controller, as for a gain of 1."""
+        self.controller.applied(force / gain if gain != 0.0 else self.own)
+
+    def reset(self) -> None:
+        """Return to the state for zero past input."""
+        self.rest = self.cancelling = 0.0
+        self.high_pass.reset()
+        self.controller.reset()
+        if self.cancellation is not None:
+            self.cancellation.reset()
+
+
+class CoilChannel:
+    """Force of one coil: its controller, a change to another one, and the gain.
+
+    Its subclass `Channel` chooses the controllers.
+
+    Parameters
+    ----------
+    active : Stage
+    substitution : Substitution
+    trace : Trace
+        Samples for supervision and learning.
+    guard : ActuatorGuard
+
+    Attributes
+    ----------
+    gain : float
+        Factor of the desired acceleration.
+    resting : float
+        Fraction of the mean accelerations that is renewed by sample.
+    listening, fading : int
+        Number of samples that another controller only receives, and of the crossfade after them.
+    asleep : bool
+        True in the idle state, also once a force was not finite: filters with an infinite state
+        never recover without a reset.
+    tool, measured, handle, pushed : float
+        Input of a sample: plausible acceleration of the tool; of the handle along this coil, NaN
+        if missing, infinite if saturated; the last known one for the limits, m/s^2; part of the
+        arm's force on the handle that is to be cancelled, N.
+    desired : float
+        Desired acceleration, m/s^2. The force is the guard's: asked, and allowed within limits.
+    withheld : int
+        Number of forces that were not computed, or faded in, because the device applied none.
+    """
+
+    def __init__(
+        self, active: Stage, substitution: Substitution, trace: Trace, guard: ActuatorGuard
+    ) -> None:
+        self.active, self.substitution = active, substitution
+        self.trace, self.guard = trace, guard
+        self.follower: Stage | None = None
+        self.gain, self.gain_target, self.gain_step = 1.0, 1.0, 0.0
+        self.gain_left = 0  # samples until the gain is reached
+        self.listening = self.fading = self.listened = self.withheld = 0
+        self.asleep, self.muted = True, False
+        self.share = 1.0  # of the force, after the device applied none
+        self.resting, self.rest = 0.0, 0.0  # mean tool acceleration, m/s^2
+        self.upright = UNKNOWN  # mean handle acceleration, mostly gravity, m/s^2
+        self.tool = self.measured = self.handle = self.pushed = 0.0
+        self.desired = 0.0
+
+    def request(self) -> None:
+        """Compute desired acceleration and force before the actuator's limits; then `settle`."""
+        if self.gain_left:
+            self.gain_left -= 1
+            self.gain = self.gain_target - self.gain_left * self.gain_step
+        gain = self.gain
+        tool = self.tool
+        measured = self.measured
+        if math.isfinite(measured):
+            upright = measured if math.isnan(self.upright) else self.upright
+            self.upright = upright + self.resting * (measured - upright)
+        # Controllers compute the force for a gain of 1, so that a change of the gain is no
+        # excitation for them: its product with the desired acceleration has slow components,
+        # which an inverse follows up to the actuator's stops.
+        if gain == 0.0 or self.gain_left:
+            measured = UNKNOWN
+        elif gain != 1.0:
+            measured = self.upright + (measured - self.upright) / gain
+        active: Stage = self.active
+        force = active.process(tool, measured, gain, self.pushed)
+        desired = active.desired
+        self.rest += self.resting * (tool - self.rest)
+        if self.follower is not None:
+            force = self.crossfaded(force, measured)
+            desired = self.active.desired
+        if not (math.isfinite(desired) and math.isfinite(force)):
+            self.asleep = True
+            desired = force = 0.0
+        self.desired = desired
+        force = self.substitution.force(desired, force)
+        if self.muted:
+            self.share = 0.0
+        elif self.share < 1.0:
+            self.share = min(1.0, self.share + 1.0 / self.fading)
+        if self.share < 1.0:
+            self.withheld += 1
+        self.guard.asked = self.share * force
+
+    def crossfaded(self, force: float, measured: float) -> float:
+        """Return the force during a change to the follower, which is active afterwards.
+
+        Parameters
+        ----------
+        force : float
+            Force of the active controller, N.
+        measured : float
+            Handle acceleration as it would be at a gain of 1, m/s^2.
+        """
+        follower = self.follower
+        assert follower is not None
+        if not self.listened:
+            follower.rest = self.rest
+        following = follower.process(self.tool, measured, self.gain, self.pushed)
+        self.listened += 1
+        share = (self.listened - self.listening) / self.fading
+        if share >= 1.0:
+            self.take_over(follower)
+            return following
+        return force + max(0.0, share) * (following - force)
+
+    def take_over(self, stage: Stage) -> None:
+        """Use another controller from now on."""
+
+    def settle(self) -> None:
+        """Finish a sample with the force that is really sent."""
+        force = self.guard.allowed
+        active: Stage = self.active
+        substitution: Substitution = self.substitution
+        if active.cancellation is not None:
+            # The handle answers neither to that part of the arm's force nor to what cancels it.
+            used = substitution.share * substitution.authority.used
+            force -= self.share * used * active.cancelling
+        active.applied(force, self.gain)
+        if self.follower is not None:
+            self.follower.applied(force, self.gain)
+        self.trace.push(self.desired, self.measured, force, substitution.requested)
+
+
+class HandleCompensation:
+    """Desired acceleration of a handle and the forces of its coils, for a sample of the tool.
+
+    Its subclass `Compensation` builds it, and decides on what does not change in every sample.
+
+    Parameters
+    ----------
+    coils : list of CoilChannel
+        One for a coil along z, or three for coils along x, y and z.
+    sections : ndarray, shape (n, 6)
+        High-pass of the desired acceleration of three axes.
+    handle_range : float
+        Acceleration below which the handle's accelerometer is not saturated, m/s^2.
+    per_axis : bool
+        True if the limits of several coils do not keep the direction of the force.
+
+    Attributes
+    ----------
+    desired_x, desired_y, desired_z : float
+        Desired acceleration of the last sample: high-passed tool acceleration times the gain; in
+        all axes also with a reduction, if the handle has them, m/s^2.
+    force_x, force_y, force_z : float
+        Force of each coil within its limits, N; always finite.
+    count_x, count_y, count_z : float
+        Part of the arm's force on the handle that its encoders' rounding causes, N; due with the
+        coils' forces of the next sample.
+    rejected : int
+        Number of samples with a component in use that was not finite or not plausible. Tool
+        samples become zero, handle samples count as missing.
+    untrusted : int
+        Number of handle samples that were missing, or saturated in any component.
+    due : int
+        Count of samples, see `Trace`, from which `adapt` of the subclass has something to do.
+    """
+
+    authority: Any
+    alignment: Any  # monitor of three axes, or None
+    switch: Any  # reduction of the tool's axes to one
+    tool_decoupling: VectorConvolution
+    handle_decoupling: VectorConvolution
+
+    def __init__(
+        self, coils: list[CoilChannel], sections: FloatMatrix, handle_range: float, per_axis: bool
+    ) -> None:
+        self.coils = coils
+        self.first: CoilChannel = coils[0]
+        self.z: CoilChannel = coils[-1]
+        self.single = len(coils) == 1
+        self.high_passes = [SampleFilter(sections) for _ in coils]
+        self.handle_range, self.per_axis = handle_range, per_axis
+        self.judged_alone = False  # the coil along z, among others
+        self.desired_x = self.desired_y = self.desired_z = 0.0
+        self.force_x = self.force_y = self.force_z = 0.0
+        self.count_x = self.count_y = self.count_z = 0.0
+        self.rejected = self.untrusted = self.due = 0
+        # The first samples since the start. That of the tool is mostly gravity.
+        self.has_tool = self.has_handle = False
+        self.tool_x = self.tool_y = self.tool_z = 0.0
+        self.handle_x = self.handle_y = self.handle_z = 0.0
+        self.has_seen = False  # a trusted sample of the handle
+
+    def compute(
+        self, t_x: float, t_y: float, t_z: float, known: bool, h_x: float, h_y: float, h_z: float
+    ) -> None:
+        """Process one sample of tool and handle acceleration.
+
+        Parameters
+        ----------
+        t_x, t_y, t_z : float
+            Measured tool acceleration, m/s^2. If a component in use is not finite or beyond
+            `LARGEST_ACCELERATION`, all count as zero. Otherwise one bad sample could corrupt the
+            filters or keep the actuator at its limit for seconds.
+        known : bool
+            False if the handle's sample is missing.
+        h_x, h_y, h_z : float
+            Handle acceleration of the previous sample, m/s^2, as the present sample may not have
+            arrived.
+        """
+        channel: CoilChannel
+        guard: ActuatorGuard
+        single: bool = self.single
+        # A tool that has its one axis may send anything along others.
+        across = is_within(t_x, t_y, 0.0, LARGEST_ACCELERATION)
+        if not (across or (single and not self.switch.reduces)) or not (
+            math.fabs(t_z) <= LARGEST_ACCELERATION  # also false for NaN
+        ):
+            self.rejected += 1
+            t_x = t_y = t_z = 0.0
+        if single:
+            h_x = h_y = 0.0
+        first: CoilChannel = self.first
+        if first.asleep and self.is_still(t_x, t_y, t_z, known, h_x, h_y, h_z):
+            self.clear()
+            return
+        self.take_handle(known, h_x, h_y, h_z)
+        self.take_tool(t_x, t_y, t_z)
+        for channel in self.coils:
+            channel.request()
+            if channel.asleep:  # its controller was unstable
+                self.reset()
+                self.clear()
+                return
+        self.desired_z = first.desired
+        if not single:
+            self.desire(t_x, t_y, t_z)
+        limited: bool = False
+        for channel in self.coils:
+            guard = channel.guard
+            guard.allowed = guard.within(guard.asked, channel.handle)
+            if guard.allowed != guard.asked:
+                limited = True
+        if limited:
+            self.limit()
+        for channel in self.coils:
+            channel.guard.advance(channel.guard.allowed, channel.handle)
+        if not single:
+            if first.substitution.reducible:
+                self.judge()
+            self.force_x = first.guard.allowed
+            self.force_y = self.coils[1].guard.allowed
+        self.force_z = self.z.guard.allowed
+        for channel in self.coils:
+            channel.settle()
+
+    def clear(self) -> None:
+        """Set the results of a sample in the idle state."""
+        self.desired_x = self.desired_y = self.desired_z = 0.0
+        self.force_x = self.force_y = self.force_z = 0.0
+
+    def reset(self) -> None:
+        """Return to the initial state."""
+
+    def wake(self) -> None:
+        """End the idle state of the channels, for a tool that was at rest."""
+
+    def is_still(
+        self, t_x: float, t_y: float, t_z: float, known: bool, h_x: float, h_y: float, h_z: float
+    ) -> bool:
+        """Return whether all samples so far are equal; end the idle state if two differ."""
+        if not self.has_tool:
+            self.has_tool, self.tool_x, self.tool_y, self.tool_z = True, t_x, t_y, t_z
+        if known and not self.has_handle:
+            self.has_handle, self.handle_x, self.handle_y, self.handle_z = True, h_x, h_y, h_z
+        moved: bool = t_z != self.tool_z
+        if not self.single or self.switch.reduces:
+            moved = moved or t_x != self.tool_x or t_y != self.tool_y
+        if known:
+            moved = moved or h_x != self.handle_x or h_y != self.handle_y or h_z != self.handle_z
+        if moved:
+            self.wake()
+        return not moved
+
+    def take_handle(self, known: bool, h_x: float, h_y: float, h_z: float) -> None:
+        """Pass a sample of the handle to the channels: decoupled, and the one for the limits."""
+        trusted: bool = known and is_within(h_x, h_y, h_z, self.handle_range)
+        z: CoilChannel = self.z
+        doubt = UNKNOWN
+        if trusted:
+            z.handle = h_z
+        elif not known:
+            self.untrusted += 1
+        elif is_within(h_x, h_y, h_z, LARGEST_ACCELERATION):
+            self.untrusted += 1
+            doubt = INFINITE
+        else:
+            self.rejected += 1
+        if self.single:
+            z.measured = h_z if trusted else doubt
+            return
+        x: CoilChannel = self.coils[0]
+        y: CoilChannel = self.coils[1]
+        seen: VectorConvolution = self.handle_decoupling
+        if trusted:
+            x.handle, y.handle = h_x, h_y
+            if not self.has_seen:
+                # To a decoupling with zero past, gravity is a step.
+                self.has_seen = True
+                seen.fill(h_x, h_y, h_z)
+        # If the handle's acceleration is unknown, it is assumed to be gravity.
+        seen.process(x.handle, y.handle, z.handle)
+        x.measured, y.measured, z.measured = doubt, doubt, doubt
+        if trusted:
+            x.measured, y.measured, z.measured = seen.x, seen.y, seen.z
+
+    def take_tool(self, t_x: float, t_y: float, t_z: float) -> None:
+        """Pass a sample of the tool to the channels: decoupled, or reduced to one axis."""
+        if not self.switch.idle:
+            t_x, t_y, t_z = self.switch.process((t_x, t_y, t_z))
+        elif not self.single:
+            tool: VectorConvolution = self.tool_decoupling
+            tool.process(t_x, t_y, t_z)
+            t_x, t_y, t_z = tool.x, tool.y, tool.z
+        self.z.tool, self.z.pushed = t_z, self.count_z
+        if not self.single:
+            self.coils[0].tool, self.coils[0].pushed = t_x, self.count_x
+            self.coils[1].tool, self.coils[1].pushed = t_y, self.count_y
+
+    def desire(self, t_x: float, t_y: float, t_z: float) -> None:
+        """Set the desired acceleration of three axes, and the forces of the coils in use."""
+        gain = self.first.gain  # the same for all axes
+        x, y, z = self.high_passes
+        self.desired_x = gain * x.process(t_x - self.tool_x)
+        self.desired_y = gain * y.process(t_y - self.tool_y)
+        self.desired_z = gain * z.process(t_z - self.tool_z)
+        others: float = 1.0 - self.switch.alone
+        if others != 1.0:
+            self.coils[0].guard.asked *= others
+            self.coils[1].guard.asked *= others
+
+    def limit(self) -> None:
+        """Take note that a limit acts, and keep the direction of the force of several coils."""
+        channel: CoilChannel
+        asked = allowed = 0.0
+        for channel in self.coils:
+            # No difference of the handle is named meanwhile.
+            channel.substitution.supervisor.hold()
+            asked = max(asked, math.fabs(channel.guard.asked))
+            allowed = max(allowed, math.fabs(channel.guard.allowed))
+        if asked != 0.0:  # or a moving coil is braked
+            self.authority.limit(allowed / asked)
+        if self.single:
+            return
+        self.alignment.hold()
+        if not self.per_axis:
+            scale_within([each.guard for each in self.coils])
+            for channel in self.coils:
+                # Limited again, for a coil that must be braked.
+                channel.guard.allowed = channel.guard.within(channel.guard.allowed, channel.handle)
+
+    def judge(self) -> None:
+        """Pass the desired motion of the driven coils, and the measured one, to the authority."""
+        x, y, z = self.authority.traces
+        known: bool = math.isfinite(self.z.measured)
+        moved: float = self.z.handle if known else UNKNOWN
+        if self.judged_alone:
+            # What the coil along z shall cause is its own channel's.
+            x.push(0.0, 0.0, 0.0, 0.0)
+            y.push(0.0, 0.0, 0.0, 0.0)
+            z.push(self.z.desired, moved, 0.0, 0.0)
+            return
+        x.push(self.desired_x, self.coils[0].handle if known else UNKNOWN, 0.0, 0.0)
+        y.push(self.desired_y, self.coils[1].handle if known else UNKNOWN, 0.0, 0.0)
+        z.push(self.desired_z, moved, 0.0, 0.0)
+
+
+def is_within(x: float, y: float, z: float, most: float) -> bool:
+    """Return whether no component is beyond a limit or NaN."""
+    return math.fabs(x) <= most and math.fabs(y) <= most and math.fabs(z) <= most
