@@ -200,7 +200,7 @@ class Channel(CoilChannel):
         """Execute a part of the slow computations; return the number of samples to the next."""
         fallback = self.fallback
         judged = fallback.update()
-        left = fallback.left
+        left = fallback.due - self.trace.count
         for stage in filter(None, (self.active, self.follower)):
             controller = self._controllers[stage.name]
             left = min(left, controller.adapt() or 1)

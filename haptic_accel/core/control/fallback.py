@@ -123,6 +123,8 @@ class Fallback(Substitution):
     Attributes
     ----------
     supervisor : ResponseSupervisor
+    due : int
+        Count of the trace from which `update` has something to do.
     substitute : str
         Name of the substitute; empty if there is none.
     """
@@ -187,7 +189,7 @@ class Fallback(Substitution):
         self.trace.kept = max(self.trace.kept, 2 * len(self._counted) + self._delay)
         self.authority.follow(self._delay)
         # Counts before which no acceleration was desired of it, and no force asked for.
-        self._followed = self._replaced = self.trace.count
+        self._followed = self._replaced = self.due = self.trace.count
         self._pause = PAUSE
         self.probing = False
         self.part = 0.0
@@ -197,23 +199,21 @@ class Fallback(Substitution):
 
     def update(self) -> bool:
         """Execute a part of slow computations; return True after a new result."""
-        turn, parts = self.trace.count % TURNS, self._parts
+        count = self.trace.count
+        if count < self.due:
+            return False
+        turn, parts = count % TURNS, self._parts
         done = turn < len(parts) and parts[turn].update()
         if done and turn:
             self._reconsider() if turn == 2 else self._judge()
-        return done and not turn
+        lefts = enumerate(each.left for each in self._parts)
+        self.due = count + min(left + (place - count - left) % TURNS for place, left in lefts)
+        return done and turn == 0
 
     @property
     def is_supervising(self) -> bool:
         """True in the samples in which the supervision has its turn."""
         return self.trace.count % TURNS == 0
-
-    @property
-    def left(self) -> int:
-        """Number of samples until `update` has something to do."""
-        count = self.trace.count
-        parts = enumerate(each.left for each in self._parts)
-        return min(left + (turn - count - left) % TURNS for turn, left in parts)
 
     @property
     def _parts(self) -> tuple[ResponseSupervisor | ResponseEstimator, ...]:

@@ -47,9 +47,9 @@ NEVER = 1 << 40
 """Number of samples until a computation that is not needed."""
 
 
-def latest(
+def values(
     trace: Trace, signal: list[float], length: int, late: int = 0, start: int = 0
-) -> FloatArray:
+) -> list[float]:
     """Return samples of a signal of a trace, oldest first; zero where there is none.
 
     Parameters
@@ -67,8 +67,15 @@ def latest(
     end = len(signal) - late
     known = max(0, min(trace.count - late - start, end))
     if known >= length:
-        return np.array(signal[end - length : end])
-    return np.array([0.0] * (length - known) + signal[end - known : end])
+        return signal[end - length : end]
+    return [0.0] * (length - known) + signal[end - known : end]
+
+
+def latest(
+    trace: Trace, signal: list[float], length: int, late: int = 0, start: int = 0
+) -> FloatArray:
+    """Return `values` as an array."""
+    return np.array(values(trace, signal, length, late, start))
 
 
 class Evaluation(ABC):

@@ -35,15 +35,8 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.reduction import REDUCTIONS
 from haptic_accel.core.resampling import resampled
 from haptic_accel.core.sampling import NANOSECONDS, SPARSE
+from haptic_accel.kits.export import signals
 from haptic_accel.kits.export.frames import CLOCKS, recorded_rate
-from haptic_accel.kits.export.signals import (
-    HANDLE,
-    TOOL,
-    descriptions,
-    on_grid,
-    signal_of,
-    write_json,
-)
 
 RAW_AUDIO = "foxglove_msgs/msg/RawAudio"
 FIELDS = (
@@ -85,7 +78,7 @@ def write_wav(bag: Bag, folder: Path) -> None:
     samples = np.column_stack(list(channels.values()))
     samples /= about["full_scale_m_s2"]
     wavfile.write(folder / "vibration.wav", rate, samples)
-    write_json(folder / "signals.json", descriptions(bag) | {"sound": about})
+    signals.write_json(folder / "signals.json", signals.descriptions(bag) | {"sound": about})
 
 
 def write_audio(bag: Bag, folder: Path) -> None:
@@ -112,21 +105,21 @@ def write_audio(bag: Bag, folder: Path) -> None:
                 stamp = about["start_ns"] + begin * NANOSECONDS // SOUND_RATE
                 message = kind(moment(*divmod(stamp, NANOSECONDS)), block, PCM, SOUND_RATE, 1)
                 writer.write(topic, stamp, store.serialize_cdr(message, RAW_AUDIO))
-    write_json(folder / "signals.json", descriptions(bag) | {"sound": about})
+    signals.write_json(folder / "signals.json", signals.descriptions(bag) | {"sound": about})
 
 
 def _sound(bag: Bag) -> tuple[dict[str, FloatArray], dict[str, Any]]:
     """Return tool and handle on one grid, m/s^2, by channel, and their description for JSON."""
     rate = recorded_rate(bag)
-    stamps = [signal_of(bag, each).stamps for each in (TOOL, HANDLE)]
+    stamps = [signals.signal_of(bag, each).stamps for each in (signals.TOOL, signals.HANDLE)]
     start = int(min(each[0] for each in stamps))
     length = round((int(max(each[-1] for each in stamps)) - start) * rate / NANOSECONDS) + 1
     if length > SPARSE * min(map(len, stamps)):
         raise ParameterError(f"{bag.path}: tool and handle have few of {length} samples: {CLOCKS}")
     channels, missing = {}, {}
-    for part, exported in (("tool", TOOL), ("handle", HANDLE)):
+    for part, exported in (("tool", signals.TOOL), ("handle", signals.HANDLE)):
         for axis in bag.axes.names:
-            held, seen = on_grid(bag, exported, axis, start, rate, length)
+            held, seen = signals.on_grid(bag, exported, axis, start, rate, length)
             channels[f"{part}.{axis}"] = held
             missing[part] = int((~seen).sum())
     peak = max(float(np.abs(each).max()) for each in channels.values())
