@@ -274,7 +274,7 @@ class TravelPredictor:
         self.kept: FloatArray = np.asarray(1.0 / (1.0 + later))
         self.latest = [0.0] * max(1, round(PERSISTING / step))
 
-    def expect(self, forces: FloatArray) -> None:
+    def expect(self, forces: Any) -> None:
         """Set the response of each member; the predicted travel remains.
 
         Parameters
@@ -299,8 +299,7 @@ class TravelPredictor:
         self.products: FloatArray = np.empty(travels.size)
         lasting = np.cumsum(travels[: self.horizon - 1], axis=0)
         lasting[self.lasting :] -= lasting[: -self.lasting].copy()
-        self.held: FloatArray = np.zeros(self.horizon * count)
-        self.held[count : count + lasting.size] = lasting.ravel()
+        self.held: FloatArray = np.concatenate([np.zeros((1, count)), lasting]).ravel()
 
     def reset(self) -> None:
         """Clear the past."""
@@ -391,7 +390,7 @@ class ExcursionControl:
         self.fading: int = max(1, round(EXCURSION_FADING * rate))
         self.restart(taps)
 
-    def replace(self, taps: FloatArray) -> None:
+    def replace(self, taps: Any) -> None:
         """Crossfade to other taps of the members over `FADING`.
 
         The prediction uses the new taps at once. A running crossfade stops at its present mixture.
@@ -406,7 +405,7 @@ class ExcursionControl:
         self.left = self.fading
         self.predictor.expect(taps + self.following)
 
-    def restart(self, taps: FloatArray) -> None:
+    def restart(self, taps: Any) -> None:
         """Clear the past, and use these taps of the members, shape (k, n)."""
         self.taps: FloatMatrix = taps.copy()
         self.members, length = taps.shape
@@ -1012,7 +1011,7 @@ class HandleCompensation:
     ) -> None:
         self.coils = coils
         self.first: CoilChannel = coils[0]
-        self.z: CoilChannel = coils[-1]
+        self.z: CoilChannel = coils[len(coils) - 1]
         self.single = len(coils) == 1
         self.high_passes = [SampleFilter(sections) for _ in coils]
         self.handle_range, self.per_axis = handle_range, per_axis
