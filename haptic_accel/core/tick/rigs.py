@@ -87,10 +87,10 @@ class Quantizer:
 
     def convert(self, value: float) -> float:
         """Return the value after conversion."""
-        if math.fabs(value) > self.full_scale:
+        if value > self.full_scale or value < -self.full_scale:
             self.saturated += 1
             return math.copysign(self.full_scale, value)
-        return encoded(value, self.step) if self.step else 0.0
+        return ((value / self.step + TO_WHOLE) - TO_WHOLE) * self.step if self.step else 0.0
 
 
 class Accelerometer(Quantizer):
@@ -193,14 +193,15 @@ class SimulatedArm:
 
     def drive_arm(self, time: float, x: float, y: float, z: float) -> None:
         """Set the force of the arm's motors from a time on, N; discard later ones given before."""
-        if self.waits(time):
+        # Most forces act at the time of the newest sample.
+        if (self.waiting or time != self.last or not self.sampled) and self.waits(time):
             self.waiting.append(TimedForce(time, True, x, y, z))
         else:
             self.pull(x, y, z)
 
     def drive_actuator(self, time: float, x: float, y: float, z: float) -> None:
         """Set the forces of the coils from a time on, N; discard later ones given before."""
-        if self.waits(time):
+        if (self.waiting or time != self.last or not self.sampled) and self.waits(time):
             self.waiting.append(TimedForce(time, False, x, y, z))
         else:
             self.push(x, y, z)
@@ -593,14 +594,13 @@ class HeldArm(SimulatedArm):
         due: int = int((time / step + TO_WHOLE) - TO_WHOLE) - self.now
         longest: int = self.stall if self.started else 0
         if due > longest:
-            self.now += due - longest
-            self.since += due - longest
+            self.now, self.since = self.now + due - longest, self.since + due - longest
             due = longest
         gone: bool = self.let_go(due * step if due > 0 else 0.0)
         while due > 0:
+            now: int = self.now
             if self.delayed:
                 self.act_delayed()
-            now: int = self.now
             if now >= self.hand_until:
                 self.lead_hand()
             steps: int = min(due, self.hand_until - now, self.friction_steps)
@@ -620,7 +620,9 @@ class HeldArm(SimulatedArm):
             self.started = self.exploring = True
             self.since = self.hand_until = self.now
         most = self.max_force
-        self.free = not self.load(limited(x, most), limited(y, most), limited(z, most))
+        if not (-most <= x <= most and -most <= y <= most and -most <= z <= most):
+            x, y, z = limited(x, most), limited(y, most), limited(z, most)
+        self.free = not self.load(x, y, z)
         self.silence = 0.0
 
     def release(self) -> None:
@@ -633,8 +635,7 @@ class HeldArm(SimulatedArm):
     def drive(self, converter: Quantizer, force: float) -> float:
         """Return the force of a coil for a command, N, rounded and limited; 0 for NaN."""
         converted = converter.convert(0.0 if math.isnan(force) else force)
-        if converted != 0.0:
-            self.started = True
+        self.started = self.started or converted != 0.0
         return self.force_scale * converted
 
     def command(self, x: float, y: float, z: float) -> None:
