@@ -262,8 +262,8 @@ class Authority:
 
     @property
     def left(self) -> int:
-        """Number of samples until `update` has something to do."""
-        return max(1, self._taken + self._length - self.traces[0].count)
+        """Number of samples until `update` has something to do; not positive if it is due."""
+        return self._taken + self._length - self.traces[0].count
 
     def limit(self, share: float) -> None:
         """Take note that the limits of the actuator left only a share of a force."""

@@ -301,9 +301,9 @@ class Compensation(HandleCompensation):
         if self._is_alone != self.judged_alone:
             self._judge_anew()
         elif self.first.substitution.reducible:
-            if not self.channels[0].fallback.is_supervising:
+            if self.authority.left <= 0 and not self.channels[0].fallback.is_supervising:
                 self.authority.update(all(each.supervisor.described for each in self.channels))
-            left.append(self.authority.left)
+            left.append(max(1, self.authority.left))
         if self.switch.name != self.switch.active or 0.0 < self.switch.alone < 1.0:
             left.append(1)  # the coil along z may soon be alone, or no longer
         self.due = self.first.trace.count + min(left)
