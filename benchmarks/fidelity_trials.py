@@ -36,8 +36,7 @@ from haptic_accel.core.evaluation.metrics import Band, band_nrmse
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.resampling import crossfaded
-from haptic_accel.core.sampling import DEFAULT_RATE
+from haptic_accel.core.sampling import DEFAULT_RATE, crossfaded
 from haptic_accel.core.tables import ResultTable, Row
 from haptic_accel.core.tables import number as figure
 from haptic_accel.core.tick import TravelEstimator

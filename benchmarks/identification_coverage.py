@@ -43,8 +43,11 @@ from haptic_accel.core.handle.three_axis import CoilMounting, SensorMounts
 from haptic_accel.core.identification.estimate import SMALLER, RecordingError
 from haptic_accel.core.identification.evaluation import identify_handle
 from haptic_accel.core.identification.fit import INTERVAL, HandleFit
-from haptic_accel.core.identification.stops import check_stops
-from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
+from haptic_accel.core.identification.sweep import (
+    IdentificationTrial,
+    SweepParameters,
+    check_stops,
+)
 from haptic_accel.core.identification.three_axes import COMPARED, identify_three_axes
 from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.rig.master_rig import MasterRigParameters, SimulatedMasterParameters

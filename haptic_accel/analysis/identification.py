@@ -38,13 +38,13 @@ from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification import three_axes
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.evaluation import Tell, identify_handle, stages
-from haptic_accel.core.identification.multisine import orthogonal_excitation
-from haptic_accel.core.identification.stops import (
+from haptic_accel.core.identification.sweep import (
     LIMITED,
     STOPS_HIT,
     Recorded,
     check_stops,
     check_travel,
+    orthogonal_excitation,
 )
 from haptic_accel.core.identification.three_axes import (
     ThreeAxisIdentification,

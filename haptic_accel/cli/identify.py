@@ -51,8 +51,11 @@ from haptic_accel.core.axes import ALL_AXES, Axes
 from haptic_accel.core.identification.estimate import SMALLER, RecordingError
 from haptic_accel.core.identification.evaluation import DEFAULT_FREE
 from haptic_accel.core.identification.fit import check_free
-from haptic_accel.core.identification.multisine import repeats_of_trial
-from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
+from haptic_accel.core.identification.sweep import (
+    IdentificationTrial,
+    SweepParameters,
+    repeats_of_trial,
+)
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.process import (

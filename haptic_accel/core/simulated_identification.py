@@ -23,9 +23,13 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core.actuator.safety import MasterSafetyParameters
-from haptic_accel.core.identification.multisine import orthogonal_excitation
-from haptic_accel.core.identification.stops import LIMITED
-from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters, excitation
+from haptic_accel.core.identification.sweep import (
+    LIMITED,
+    IdentificationTrial,
+    SweepParameters,
+    excitation,
+    orthogonal_excitation,
+)
 from haptic_accel.core.loop.device_side import ACTUATOR, rig_side
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.parameters import ParameterError

@@ -24,9 +24,17 @@ import numpy as np
 from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.resampling import MOST_SAMPLES, crossfaded, resampled
 from haptic_accel.core.rig.interface import Rig
-from haptic_accel.core.sampling import NANOSECONDS, BoolArray, Stamped, half_period, on_grid
+from haptic_accel.core.sampling import (
+    MOST_SAMPLES,
+    NANOSECONDS,
+    BoolArray,
+    Stamped,
+    crossfaded,
+    half_period,
+    on_grid,
+    resampled,
+)
 from haptic_accel.core.tick.rigs import ReplayArm
 
 SHORTEST = 0.2

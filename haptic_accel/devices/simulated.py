@@ -24,7 +24,6 @@ from haptic_accel.core.axes import ALL_AXES, Axes
 from haptic_accel.core.bounded_work import without_bounded_work
 from haptic_accel.core.model import FloatArray, GripParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema, shown
-from haptic_accel.core.resampling import crossfaded
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import (
     MasterRig,
@@ -40,6 +39,7 @@ from haptic_accel.core.rig.slave_rig import (
     SurfaceParameters,
     Vibrating,
 )
+from haptic_accel.core.sampling import crossfaded
 from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
 from haptic_accel.core.tick.rigs import HAND_REACH, GuidedHand, Hand

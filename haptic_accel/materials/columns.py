@@ -31,7 +31,7 @@ import numpy as np
 
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, shown
-from haptic_accel.core.resampling import RATE_TOLERANCE, checked_rate
+from haptic_accel.core.sampling import RATE_TOLERANCE, checked_rate
 from haptic_accel.core.warning import warn_once
 
 STANDARD_GRAVITY = 9.80665

@@ -27,7 +27,7 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_accel.core import resampling
+from haptic_accel.core import sampling
 from haptic_accel.core.bounded_files import opened
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.outliers import without_outliers
@@ -102,20 +102,20 @@ def read_recording(
         allowed values. A recording shorter than `SHORTEST` is rejected, as are NaN and infinity,
         more than 1 % of outliers, and a file that contradicts itself or `recording_rate`.
     """
-    rate = resampling.checked_rate("rate", rate)
+    rate = sampling.checked_rate("rate", rate)
     name = shown(os.fspath(path))
     samples, recording_rate = read_samples(
         path, recording_rate, column, full_scale, assumed=FULL_SCALE
     )
     seconds = len(samples) / recording_rate
-    if seconds * rate > resampling.MOST_SAMPLES:
+    if seconds * rate > sampling.MOST_SAMPLES:
         raise ParameterError(
             f"{name}: {seconds:.3g} s are {seconds * rate:.3g} samples at {rate:g} Hz, "
-            f"must be at most {resampling.MOST_SAMPLES}"
+            f"must be at most {sampling.MOST_SAMPLES}"
         )
     if samples.ndim > 1 and most_columns == 1:
         raise ParameterError(f"{name}: column = {shown(column or '')}: must be one column here")
-    return resampling.resampled(samples, recording_rate, rate)
+    return sampling.resampled(samples, recording_rate, rate)
 
 
 def read_samples(
@@ -221,14 +221,14 @@ def _listed(column: str) -> list[str]:
 
 def check_rate(name: str, own: float, stated: float, wording: Wording) -> None:
     """Reject a stated rate that contradicts that in a file; 0 is not stated."""
-    if stated and not math.isclose(stated, own, rel_tol=resampling.RATE_TOLERANCE):
+    if stated and not math.isclose(stated, own, rel_tol=sampling.RATE_TOLERANCE):
         raise ParameterError(
             f"{wording.rate} = {stated:g}: must be 0 or {own:g} Hz as {name} says"
         )
 
 
 def _checked(recording_rate: float, wording: Wording) -> float:
-    return recording_rate and resampling.checked_rate(wording.rate, recording_rate)
+    return recording_rate and sampling.checked_rate(wording.rate, recording_rate)
 
 
 def _signals(
@@ -239,7 +239,7 @@ def _signals(
     if not rate:
         raise ParameterError(
             f"{wording.rate} = 0: must be given for a CSV file without times such as {name}, "
-            f"from {resampling.LOWEST_RATE:g} to {resampling.HIGHEST_RATE:g} Hz"
+            f"from {sampling.LOWEST_RATE:g} to {sampling.HIGHEST_RATE:g} Hz"
         )
     if samples / rate < SHORTEST:
         raise ParameterError(

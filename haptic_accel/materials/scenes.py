@@ -41,9 +41,15 @@ from haptic_accel.core.parameters import (
     own_schema,
     parameter,
 )
-from haptic_accel.core.surfaces.sampled_shapes import DistanceGrid, HeightField
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
-from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
+from haptic_accel.core.surfaces.shapes import (
+    Box,
+    Cylinder,
+    DistanceGrid,
+    HeightField,
+    Plane,
+    Sphere,
+)
 from haptic_accel.core.surfaces.taps import Mode, TapModel
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
 from haptic_accel.core.warning import warn_once
@@ -285,9 +291,9 @@ def _object(name: str, section: Document, materials: Mapping[str, Material]) -> 
     )
 
 
-def _sampled(section: Document, read: Any) -> Shape:
+def _sampled(section: Document, read: Any) -> HeightField | DistanceGrid:
     """Return a shape from a separate file."""
     file, sampling = section.path.parent / section.at("file").text(), section.build(Sampling)
     with section.located("file"):
-        shape: Shape = read(file, sampling)
+        shape: HeightField | DistanceGrid = read(file, sampling)
     return shape

@@ -26,10 +26,9 @@ import numpy as np
 import yaml
 
 from haptic_accel.core.bounded_files import located
-from haptic_accel.core.document import Document, read_yaml_document
+from haptic_accel.core.document import Document, load_yaml, read_yaml_document
 from haptic_accel.core.parameters import shown
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
-from haptic_accel.core.yaml_text import load_yaml
 from haptic_accel.materials.array_files import read_arrays
 
 UNITS = {

@@ -24,7 +24,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core import resampling
+from haptic_accel.core import sampling
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.warning import warn_once
@@ -93,7 +93,7 @@ def read_wav(
         if channel and channel not in numbers:
             raise missing(name, "channel", (channel,), numbers, wording)
     chosen = [numbers.index(each) if each else _heard(name, frames, wording) for each in requested]
-    own_rate = resampling.checked_rate(f"{name}: sampling rate", rate)
+    own_rate = sampling.checked_rate(f"{name}: sampling rate", rate)
     return own_rate, [_relative(frames[:, number]) for number in chosen]
 
 
@@ -147,10 +147,10 @@ def _decoded(
     if missed:
         raise _not_wav(name, f"it has no chunk {missed[0]!r}")
     count, frame = (int.from_bytes(chunks[FORMAT][at : at + 2], order) for at in (2, 12))
-    if len(chunks[DATA]) > resampling.MOST_SAMPLES * max(frame, 1) or count > MOST_CHANNELS:
+    if len(chunks[DATA]) > sampling.MOST_SAMPLES * max(frame, 1) or count > MOST_CHANNELS:
         raise ParameterError(
             f"{name}: {len(chunks[DATA])} bytes of {count} channels: must be at most"
-            f" {resampling.MOST_SAMPLES} samples of {MOST_CHANNELS}"
+            f" {sampling.MOST_SAMPLES} samples of {MOST_CHANNELS}"
         )
     parts = b"WAVE"
     for kind in (FORMAT, DATA):

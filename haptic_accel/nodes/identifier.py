@@ -23,7 +23,7 @@ from collections import deque
 
 from haptic_accel.core import topics
 from haptic_accel.core.axes import Axes
-from haptic_accel.core.identification.multisine import repeats_of_trial, trial_forces
+from haptic_accel.core.identification.sweep import repeats_of_trial, trial_forces
 from haptic_accel.core.model import ACTUATOR, ZERO, Vector
 from haptic_accel.core.process import REPEAT, TOO_STRONG, tell_supervisor
 from haptic_accel.core.sampling import NANOSECONDS

@@ -29,7 +29,7 @@ from hypothesis import strategies as st
 
 from damaged_files import ANY_BYTES, NOISE, array, other_arrays, text, written, zipped
 from fuzzing import accepted, fuzz_few, in_child, measured, mutated, without_programs
-from haptic_accel.core.handle.discrete import read_discrete_model
+from haptic_accel.core.handle.plant import read_discrete_model
 from haptic_accel.core.surfaces.taps import Tap
 from haptic_accel.materials.mesh_baking import baked
 from haptic_accel.materials.scenes import Sampling, read_heights, read_taps

@@ -34,7 +34,7 @@ from scipy.io import wavfile
 
 from fuzzing import ODD_TEXTS, accepted, fuzz, measured, mutated, without_programs
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.resampling import crossfaded, resampled
+from haptic_accel.core.sampling import crossfaded, resampled
 from haptic_accel.materials import recordings as recording
 from haptic_accel.materials.recordings import FULL_SCALE, FloatArray, read_recording
 from recordings import write_recording, write_wav

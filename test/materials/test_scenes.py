@@ -28,8 +28,7 @@ from hypothesis import strategies as st
 
 from fuzzing import ODD_TEXTS, accepted, fuzz, mutated
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.surfaces.sampled_shapes import DistanceGrid
-from haptic_accel.core.surfaces.shapes import Box, Plane, Sphere
+from haptic_accel.core.surfaces.shapes import Box, DistanceGrid, Plane, Sphere
 from haptic_accel.core.surfaces.taps import Tap
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.scenes import (

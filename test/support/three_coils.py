@@ -23,8 +23,11 @@ from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.identification.fit import Friction, Point
 from haptic_accel.core.identification.motion import simulated
-from haptic_accel.core.identification.multisine import orthogonal_excitation
-from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
+from haptic_accel.core.identification.sweep import (
+    IdentificationTrial,
+    SweepParameters,
+    orthogonal_excitation,
+)
 from haptic_accel.core.model import FloatArray, HandleParameters, MountParameters
 
 RATE = 1000.0

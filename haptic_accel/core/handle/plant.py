@@ -13,7 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Plant for controllers: from a force at one tick to the handle's acceleration at later ticks."""
+"""Plant for controllers: from a force at one tick to the handle's acceleration at later ticks.
+
+Its response is that of physical parameters, or of a discrete model written by an identification.
+"""
 
 from __future__ import annotations
 
@@ -25,16 +28,73 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.handle.discrete import DiscreteModel, read_discrete_model
+from haptic_accel.core.document import read_json_document
 from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.model import (
     AccelerometerParameters,
     ComplexArray,
+    FloatArray,
     HandleParameters,
     MountParameters,
 )
-from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
+from haptic_accel.core.parameters import Checked, ParameterError, Specification, like, parameter
 from haptic_accel.core.sampling import check_latency
+
+
+@dataclass(frozen=True)
+class DiscreteModel:
+    """Stable transfer function in z with a delay.
+
+    Attributes
+    ----------
+    sections : ndarray, shape (n, 6)
+        Second-order sections, rows b0 b1 b2 a0 a1 a2 with a0 = 1; from N to m/s^2.
+    rate : float
+        Samples per second.
+    delay_samples : int
+        Whole samples of delay before the sections.
+    """
+
+    sections: FloatArray
+    rate: float
+    delay_samples: int
+
+    def response(self, frequency: npt.ArrayLike) -> ComplexArray:
+        """Return the complex response at frequencies in Hz, m/s^2 per N."""
+        z = np.exp(2j * np.pi * np.asarray(frequency, dtype=np.float64) / self.rate)
+        response = z**-self.delay_samples
+        for section in self.sections:
+            response = response * np.polyval(section[:3], z) / np.polyval(section[3:], z)
+        return np.asarray(response)
+
+
+def read_discrete_model(path: Path) -> DiscreteModel:
+    """Read the discrete model from the metrics of an identification.
+
+    Parameters
+    ----------
+    path : Path
+        JSON file written by ``haptic-accel identify --json``.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read, or contains no stable discrete model.
+    """
+    content = read_json_document(path).at("discrete_model")
+    rate, delay = content.at("rate_hz").number(), content.at("delay_samples")
+    sections = content.at("sections")
+    rows = sections.array()
+    if (
+        rows.ndim != 2
+        or rows.shape[1] != 6
+        or not np.isfinite(rows).all()
+        or np.any(rows[:, 3] != 1)
+    ):
+        sections.wrong("must be rows of six numbers, the fourth of them 1")
+    if not all(np.abs(np.roots(row[3:])).max(initial=0.0) < 1.0 for row in rows):
+        sections.wrong("must be stable")
+    return DiscreteModel(rows, rate, delay.checked(1, Specification("delay", "", 0)))
 
 
 class Dynamics(Protocol):

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from haptic_accel.core.handle.discrete import DiscreteModel
+from haptic_accel.core.handle.plant import DiscreteModel
 from haptic_accel.core.identification.estimate import RecordingError, check_pair
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.parameters import ParameterError, check_positive_rate

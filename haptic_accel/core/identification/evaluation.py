@@ -26,7 +26,7 @@ from statistics import fmean
 import numpy as np
 
 from haptic_accel.core.handle.approximate import approximate_model
-from haptic_accel.core.handle.discrete import DiscreteModel
+from haptic_accel.core.handle.plant import DiscreteModel
 from haptic_accel.core.identification import estimate
 from haptic_accel.core.identification.discrete import identify_discrete
 from haptic_accel.core.identification.fit import DEFAULT_FREE as OF_RESPONSES

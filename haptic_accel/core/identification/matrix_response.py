@@ -12,23 +12,29 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
-"""Response of a handle with three coils: estimate, covariance, coherence and wiring faults."""
+"""Response of a handle with three coils: estimate, covariance, coherence and wiring faults.
+
+Its coupling is fitted over frequency, as causal impulse responses.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
 from haptic_accel.core.axes import NAMES
 from haptic_accel.core.identification import estimate
-from haptic_accel.core.identification.multisine import kept_periods
 from haptic_accel.core.identification.sweep import (
     IdentificationTrial,
     SweepParameters,
     by_axis,
     check_axes,
+    kept_periods,
     repeat_samples,
 )
 from haptic_accel.core.model import ComplexArray, FloatArray
@@ -258,3 +264,248 @@ def _pushes_back(found: MatrixResponse, axis: int) -> bool:
     impulse = np.linalg.solve(normal, (basis.conj().T @ response).real)
     size = np.abs(impulse)
     return bool(impulse[np.argmax(size > ONSET * size.max())] < 0.0)
+
+
+LENGTHS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+"""Lengths among which that of the impulse responses is chosen, samples. A handle that turns in the
+hand at 10 Hz needs 256 at 1 kHz."""
+
+DECAYS = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
+"""Time constants of the prior's standard deviation that are tried, samples."""
+
+SCALES = 10.0 ** np.arange(-8.0, 1.1, 0.5)
+"""Variances of the second sample that are tried, relative to that of the data; the directions of
+coils, the first samples, are free."""
+
+DECAYED = 6.0
+"""Number of time constants after which a sample is taken for zero: a four-hundredth."""
+
+EARNED = 3.0
+"""Log-likelihood by which a coupling with dynamics must exceed a static one: a chance of a
+twentieth for the two numbers of its prior."""
+
+LARGEST_TAP = 1.0
+"""Standard deviation that the last fit allows the second sample of an impulse response, times the
+largest response if that is above 1; the first sample is free (assumed)."""
+
+LAST_TAP = 0.01
+"""Ratio of the last sample to `LARGEST_TAP` in the last fit (assumed)."""
+
+LEAST_DEVIATION = 1e-3
+"""Least standard deviation of a line, relative to the coil's own response: a coil's plant is not
+known better (assumed)."""
+
+FOLLOWED = 0.2
+"""Weight of the smoothed coupling's deviation in the last fit, so that what is assumed above the
+band does not bend it within."""
+
+OUTSIDE = 0.3
+"""Standard deviation of the coupling above the excited band, from that at its end (assumed), if it
+is less than 1, and relative to it otherwise: the band says nothing about it, but a controller
+drives the coils there too."""
+
+BELOW, FIRST = 0.03, 3
+"""Standard deviation of the coupling below the band, from its mean over the first lines (assumed),
+and their number."""
+
+STEP_BELOW = 1.0
+"""Distance of the frequencies below the band, Hz."""
+
+STEP_OUTSIDE = 5.0
+"""Distance of the frequencies above the band, Hz."""
+
+
+class Coupling(NamedTuple):
+    """Fitted coupling.
+
+    Attributes
+    ----------
+    taps : ndarray, shape (3, 3, length)
+        Impulse responses of K at the rate of the response.
+    response : ndarray, shape (n, 3, 3)
+        K at the lines of the response.
+    deviation : ndarray, shape (n, 3, 3)
+        Standard deviation of its real and imaginary part.
+    """
+
+    taps: FloatArray
+    response: ComplexArray
+    deviation: FloatArray
+
+
+def fit_coupling(found: MatrixResponse, own: ComplexArray, passed: ComplexArray) -> Coupling:
+    """Fit the impulse responses of K in G = K diag(own), of all nine elements.
+
+    Each axis of the accelerometer has a mount of its own, with which K contains the ratio of two
+    modes: long, and poorly known where the coil's own axis hardly moves. Without this ratio, which
+    the fits of the axes know well, the coupling is that of a rigid handle. An element is smoothed
+    without it if that is more likely.
+
+    The smoothing is a regression with a prior of decaying, correlated samples (TC kernel: Chen,
+    Ohlsson and Ljung, Automatica 48(8), 2012), whose size and decay have the largest marginal
+    likelihood, as has the variance of the data, if it is above that of the noise. A coupling that
+    noise cannot tell from a static one is static. The impulse responses have the shortest of
+    `LENGTHS` that follows the smoothed coupling within its own deviation. Above the band, the
+    coupling is that at its end, times the ratio of the modes there, with a deviation of `OUTSIDE`;
+    far below it, that at its begin, with a deviation of `BELOW`.
+
+    Parameters
+    ----------
+    found : MatrixResponse
+    own : ndarray, shape (n, 3)
+        Response that each coil would have along its own axis, at the lines of `found`.
+    passed : ndarray, shape (n + m, 3, 3)
+        Ratio of that response with the mount of another axis to it, by axis and coil, at the lines
+        of `found` and at the m frequencies of `above`.
+    """
+    count = len(own)
+    response = np.zeros_like(passed)
+    deviation = np.zeros_like(found.deviation)
+    for axis, coil in np.ndindex(COILS, COILS):
+        ratios = [np.ones(len(passed)), passed[:, axis, coil]]
+        tried = [
+            (_smoothed(found, axis, coil, own[:, coil] * ratio[:count]), ratio)
+            for ratio in (ratios[:1] if axis == coil else ratios)
+        ]
+        best, ratio = max(tried, key=lambda each: each[0].likelihood)
+        end = np.repeat(best.response[-1].real, len(ratio) - count)
+        response[:, axis, coil] = np.append(best.response, end) * ratio
+        deviation[:, axis, coil] = best.deviation * np.abs(ratio[:count])
+    known = np.maximum(deviation, LEAST_DEVIATION)
+    for length in LENGTHS:
+        taps = _taps(found, response, FOLLOWED * known, length)
+        turns = np.outer(found.frequency, np.arange(length)) / found.rate
+        modelled = np.moveaxis(taps @ np.exp(-2j * np.pi * turns).T, 2, 0)
+        if np.mean(np.abs((modelled - response[:count]) / known) ** 2) < 1.0:
+            break
+    return Coupling(taps, response[:count], deviation)
+
+
+def below(found: MatrixResponse) -> FloatArray:
+    """Return the frequencies far below the band at which the coupling is assumed, Hz."""
+    return np.arange(0.0, found.frequency[0] / 2, STEP_BELOW)
+
+
+def above(found: MatrixResponse) -> FloatArray:
+    """Return the frequencies above the band at which the coupling is assumed, Hz."""
+    return np.arange(found.frequency[-1] + STEP_OUTSIDE, found.rate / 2, STEP_OUTSIDE)
+
+
+@dataclass(frozen=True)
+class _Smoothed:
+    """Smoothed element: log-likelihood, values at the lines, and their standard deviation."""
+
+    likelihood: float
+    response: ComplexArray
+    deviation: FloatArray
+
+
+def _smoothed(found: MatrixResponse, axis: int, coil: int, own: ComplexArray) -> _Smoothed:
+    """Smooth an element relative to a response `own`, shape (n,)."""
+    least = LEAST_DEVIATION * np.abs(own)
+    weights = np.abs(own) / np.maximum(found.deviation[:, axis, coil], least)
+    measured = found.response[:, axis, coil] / own
+    # Nothing is measured below the band, where a free fit would have a resonance.
+    start = below(found)
+    # All are one value, which is as uncertain as the first lines.
+    unsure = math.sqrt(len(start) / float(np.sum(weights[:FIRST] ** 2)))
+    weights = np.append(weights, np.full(len(start), 1.0 / math.hypot(BELOW, unsure)))
+    first = np.full(len(start), measured[:FIRST].real.mean(), dtype=np.complex128)
+    measured = np.append(measured, first)
+    lines = np.append(found.frequency, start)
+    basis = np.exp(-2j * np.pi * np.outer(lines, np.arange(LENGTHS[-1])) / found.rate)
+    rows, data = _stacked(basis * weights[:, np.newaxis]), _stacked(measured * weights)
+    normal, vector = rows.T @ rows, rows.T @ data
+    free, static = normal[0, 0], vector[0] / normal[0, 0]
+    # The first sample is free: all else is orthogonal to it.
+    power = float(data @ data) - static * float(vector[0])
+    towards = normal[0, 1:] / free
+    rest, left = (
+        normal[1:, 1:] - free * np.outer(towards, towards),
+        vector[1:] - vector[0] * towards,
+    )
+    count = len(data)
+
+    def likelihood(explained: float, gained: float) -> tuple[float, float]:
+        noise = max(1.0, (power - explained) / count)
+        return -(count * math.log(noise) + (power - explained) / noise + gained) / 2, noise
+
+    best, noise = likelihood(0.0, 0.0)
+    threshold, chosen = best + EARNED, None
+    for root in _roots():
+        size = len(root)
+        values, vectors = np.linalg.eigh(root.T @ rest[:size, :size] @ root)
+        values, turned = np.maximum(values, 0.0), vectors.T @ (root.T @ left[:size])
+        for scale in SCALES:
+            shrunk = scale / (1.0 + scale * values)
+            found_here, at = likelihood(
+                float(shrunk @ turned**2), float(np.log1p(scale * values).sum())
+            )
+            if found_here > max(best, threshold):
+                best, noise = found_here, at
+                chosen = root @ vectors, shrunk, turned
+    basis = basis[: len(own)]
+    constant = basis[:, 0]
+    if chosen is None:
+        scatter = np.full(len(own), math.sqrt(noise / free / 2))
+        return _Smoothed(best, static * constant, scatter)
+    directions, shrunk, turned = chosen
+    size = len(directions)
+    seen = (basis[:, 1 : size + 1] - np.outer(constant, towards[:size])) @ directions
+    variance = noise * (1.0 / free + np.abs(seen) ** 2 @ shrunk)
+    return _Smoothed(best, static * constant + seen @ (shrunk * turned), np.sqrt(variance / 2))
+
+
+@cache
+def _roots() -> list[FloatArray]:
+    """Return roots of the prior's covariances of all samples but the first."""
+    return list(_decaying_roots())
+
+
+def _decaying_roots() -> Iterator[FloatArray]:
+    for decay in DECAYS:
+        size = min(LENGTHS[-1] - 1, round(DECAYED * decay))
+        variance = np.exp(-2.0 * np.arange(size + 1) / decay)
+        # Sums of independent increments from the end have the covariance of the TC kernel.
+        steps = np.append(-np.diff(variance)[:-1], variance[-2])
+        yield np.triu(np.ones((size, size))) * np.sqrt(steps)
+
+
+def _taps(
+    found: MatrixResponse, response: ComplexArray, deviation: FloatArray, length: int
+) -> FloatArray:
+    """Return impulse responses of a length that follow a coupling at the lines, (3, 3, length)."""
+    start = below(found)
+    frequency = np.concatenate([found.frequency, above(found), start])
+    basis: ComplexArray = np.exp(-2j * np.pi * np.outer(frequency, np.arange(length)) / found.rate)
+    prior = _prior(length)
+    taps = np.zeros((COILS, COILS, length))
+    for axis, coil in np.ndindex(COILS, COILS):
+        target = response[:, axis, coil]
+        outside = OUTSIDE * np.maximum(1.0, np.abs(target[len(deviation) :]))
+        unknown = np.append(outside, np.full(len(start), BELOW))
+        first = np.full(len(start), target[:FIRST].real.mean(), dtype=np.complex128)
+        target = np.append(target, first)
+        weights = 1.0 / np.append(deviation[:, axis, coil], unknown)
+        rows = _stacked(basis * weights[:, np.newaxis])
+        largest = max(1.0, float(np.abs(target).max()))
+        taps[axis, coil] = np.linalg.solve(
+            rows.T @ rows + prior / largest**2, rows.T @ _stacked(target * weights)
+        )
+    return taps
+
+
+def _prior(length: int) -> FloatArray:
+    """Return the inverse covariance of the samples; the first is free."""
+    precision = np.zeros((length, length))
+    if length > 1:
+        index = np.arange(length - 1)
+        decay = LAST_TAP ** (2.0 / (length - 1))
+        covariance = LARGEST_TAP**2 * decay ** np.maximum.outer(index, index)
+        precision[1:, 1:] = np.linalg.inv(covariance)
+    return precision
+
+
+def _stacked(values: ComplexArray) -> FloatArray:
+    """Return real parts above imaginary parts."""
+    return np.concatenate([values.real, values.imag])

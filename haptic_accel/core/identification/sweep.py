@@ -13,21 +13,35 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Logarithmic sine sweep as excitation of the handle, and its detection in a recording."""
+"""Excitation of the handle, its detection in a recording, and checks of the actuator's travel.
+
+One coil has a logarithmic sine sweep. Each of three coils has a multisine whose lines have the
+magnitudes and group delays of that sweep (Mueller and Massarani, J. Audio Eng. Soc. 49(6), 2001):
+force and travel at each frequency are those of the sweep, and the crest factor is as low. A trial
+has four realisations, in which the coils' signs are columns of a Hadamard matrix. The excitations
+of the coils are thus orthogonal at every line, and all nine elements of the response are known at
+the same lines with the least variance for a given force (Dobrowiecki and Schoukens, Automatica
+43(10), 2007; Pintelon and Schoukens, System Identification, 2nd ed., 2012). Three realisations
+would do with turned phases in place of signs. With signs, each coil always has the same waveform:
+its dry friction, which is the same in both directions, distorts all realisations alike, and is
+fitted as for one axis.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.axes import NAMES
-from haptic_accel.core.identification.estimate import RecordingError, check_pair
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.axes import ALL_AXES, NAMES, Axes
+from haptic_accel.core.identification.estimate import SMALLER, RecordingError, check_pair
+from haptic_accel.core.model import FloatArray, Suspension
 from haptic_accel.core.outliers import without_outliers
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate, parameter
+from haptic_accel.core.tick import TravelEstimator
 
 ALIKE = 0.95
 """Minimum correlation of a recorded force with the excitation (assumed)."""
@@ -380,3 +394,184 @@ def find_trials(
 
 
 _LEAST_FORCE = 1e-3  # share of excitation
+
+
+SIGNS: FloatArray = np.array(
+    [[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, 1.0]]
+)
+"""Signs of the coils in each realisation, shape (4, 3): columns of a Hadamard matrix."""
+
+FADE = 0.05
+"""Time in which the force rises at the start of a realisation, s (assumed; part of the repeat that
+is not evaluated)."""
+
+
+def multisine(parameters: SweepParameters, rate: float) -> FloatArray:
+    """Return one period of the multisine of each coil.
+
+    The coils begin a third of the period apart, so that they have different frequencies at any
+    time.
+
+    Parameters
+    ----------
+    parameters : SweepParameters
+        Sweep with the same amplitude at each frequency.
+    rate : float
+        Samples per second, above twice the end frequency.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Forces of the coils, N; n is duration times rate, rounded.
+
+    Raises
+    ------
+    ParameterError
+        The end frequency is not below half the rate.
+    """
+    samples = repeat_samples(parameters, rate)
+    frequency = np.fft.rfftfreq(samples, 1.0 / rate)
+    low, high = parameters.band
+    used = (frequency >= low) & (frequency <= high)
+    octaves = np.log(frequency[used] / low)
+    growth = parameters.duration / math.log(high / low)  # time for a factor e of frequency
+    amplitude = parameters.start_amplitude + (octaves / math.log(high / low)) * (
+        parameters.end_amplitude - parameters.start_amplitude
+    )
+    # The sweep spends growth / f seconds per Hz at the frequency f.
+    line = amplitude * np.sqrt(growth / frequency[used]) / parameters.duration
+    # The group delay growth * octaves, integrated over frequency; a sine at the start.
+    turns = growth * (frequency[used] * octaves - frequency[used] + low) + 0.25
+    spectrum = np.zeros((3, len(frequency)), dtype=np.complex128)
+    for coil in range(3):
+        begins = coil * parameters.duration / 3
+        spectrum[coil, used] = line * np.exp(-2j * np.pi * (turns + begins * frequency[used]))
+    return np.asarray(np.fft.irfft(spectrum * (samples / 2), samples).T)
+
+
+def orthogonal_excitation(parameters: SweepParameters, rate: float) -> FloatArray:
+    """Return all realisations of a trial, each with all its repeats, one after the other.
+
+    Returns
+    -------
+    ndarray, shape (4 * repeats * n, 3)
+        Forces of the coils, N.
+
+    Raises
+    ------
+    ParameterError
+        The end frequency is not below half the rate.
+    """
+    repeated = np.tile(multisine(parameters, rate), (parameters.repeats, 1))
+    fading = min(round(FADE * rate), len(repeated))
+    repeated[:fading] *= (0.5 - 0.5 * np.cos(np.pi * np.arange(fading) / fading))[:, np.newaxis]
+    return np.concatenate([signs * repeated for signs in SIGNS])
+
+
+def trial_forces(axes: Axes, parameters: SweepParameters, rate: float) -> FloatArray:
+    """Return the forces of a trial of a handle with one coil, or with three.
+
+    Returns
+    -------
+    ndarray, shape (m, number of axes)
+        Forces of the coils, N: those of `excitation` or of `orthogonal_excitation`.
+
+    Raises
+    ------
+    ParameterError
+        There are two axes, or the end frequency is not below half the rate.
+    """
+    if axes == ALL_AXES:
+        return orthogonal_excitation(parameters, rate)
+    if len(axes.names) > 1:
+        raise ParameterError(
+            f"axes = {', '.join(axes.names)}: must be one, or {', '.join(ALL_AXES.names)}, for an"
+            " identification"
+        )
+    return excitation(parameters, rate)[:, np.newaxis]
+
+
+def repeats_of_trial(axes: Axes, parameters: SweepParameters) -> int:
+    """Return the number of repeats in a trial of `trial_forces`."""
+    return parameters.repeats * (len(SIGNS) if axes == ALL_AXES else 1)
+
+
+def kept_periods(values: FloatArray, parameters: SweepParameters, rate: float) -> FloatArray:
+    """Return the evaluated periods of a signal recorded from the start of the excitation on.
+
+    Parameters
+    ----------
+    values : ndarray, shape (m, 3)
+        m must be at least the length of the excitation.
+
+    Returns
+    -------
+    ndarray, shape (4, repeats - 1, n, 3)
+        Periods of each realisation but the first, in which the handle settles.
+    """
+    period = repeat_samples(parameters, rate)
+    whole = len(SIGNS) * parameters.repeats * period
+    periods = values[:whole].reshape(len(SIGNS), parameters.repeats, period, 3)
+    return periods[:, DROPPED_REPEATS:]
+
+
+STOPS_HIT = "travel_stops_hit"
+"""Status entry of a trial: number of contacts with a stop, if known."""
+
+LIMITED = tuple(f"actuator force limited{by}" for by in ("", " by heat", " by travel"))
+"""Entries in a trial's counters and a device's diagnostics: number of forces reduced by the safety
+layer. The applied force then differs from the command."""
+
+DOUBTFUL, REFUSED = 0.95, 1.1
+"""Ratios of estimated to free travel above which a fit is doubtful, or rejected. The estimate
+neglects dry friction and the sensor's offset (assumed: 10 %)."""
+
+Recorded = Mapping[str, Sequence[IdentificationTrial]]
+"""Trials by the name of the grip."""
+
+
+def check_stops(recorded: Recorded) -> None:
+    """Reject trials in which the actuator hit its stops or its force was limited.
+
+    Raises
+    ------
+    RecordingError
+        The message names the grip.
+    """
+    for name, trials in recorded.items():
+        for key in (STOPS_HIT, *LIMITED):
+            if count := max(trial.counters.get(key, 0) for trial in trials):
+                raise RecordingError(
+                    f"{key} = {count} ({name}): must be 0; use a smaller amplitude", SMALLER
+                )
+
+
+def check_travel(
+    name: str, trial: IdentificationTrial, suspension: Suspension, most: float
+) -> str:
+    """Estimate the actuator's travel in a trial; return a reason for doubt, or an empty string.
+
+    Parameters
+    ----------
+    name : str
+        Name of the grip.
+    trial : IdentificationTrial
+        Trial without latency; the acceleration includes gravity.
+    suspension : Suspension
+        Actuator on its fitted suspension. Contacts with the stops make it look more mobile.
+    most : float
+        Free travel either way, m.
+
+    Raises
+    ------
+    RecordingError
+        The estimate exceeds the travel by more than its error.
+    """
+    estimator = TravelEstimator(suspension, trial.rate)
+    pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
+    travel = max(abs(estimator.observe(*pair)) for pair in pairs)
+    found = f"travel = {1e3 * travel:.2f} mm ({name}), as estimated"
+    allowed = f"must be at most {1e3 * most:.2f} mm; use a smaller amplitude"
+    if travel > REFUSED * most:
+        raise RecordingError(f"{found}: {allowed}", SMALLER)
+    return f"{found}: {allowed}" if travel > DOUBTFUL * most else ""

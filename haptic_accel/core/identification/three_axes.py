@@ -26,23 +26,27 @@ from haptic_accel.core.axes import HIGHEST_CONDITION, NAMES
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.identification import evaluation
-from haptic_accel.core.identification.coupling import Coupling, above, fit_coupling
 from haptic_accel.core.identification.estimate import NOISE_LINES, RecordingError, smoothed
 from haptic_accel.core.identification.fit import HandleFit, fit_handle
 from haptic_accel.core.identification.matrix_response import (
     COILS,
+    Coupling,
     MatrixResponse,
+    above,
     check_matrix_response,
+    fit_coupling,
     matrix_response,
 )
 from haptic_accel.core.identification.motion import simulated
-from haptic_accel.core.identification.multisine import SIGNS, kept_periods, multisine
 from haptic_accel.core.identification.sweep import (
     DROPPED_REPEATS,
     OUTLIERS,
+    SIGNS,
     IdentificationTrial,
     SweepParameters,
     by_axis,
+    kept_periods,
+    multisine,
 )
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError

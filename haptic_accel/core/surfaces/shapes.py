@@ -13,18 +13,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Shapes by their signed distance in their own frame: m, negative inside."""
+"""Shapes by their signed distance in their own frame: m, negative inside.
+
+They are solids by formula, height fields, and distance grids, for example of meshes.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar, Protocol, cast
 
 import numpy as np
 
-from haptic_accel.core.model import FloatArray, Vector
-from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel.core.model import ZERO, FloatArray, Vector
+from haptic_accel.core.parameters import Checked, ParameterError, parameter
 
 UP: Vector = (0.0, 0.0, 1.0)
 
@@ -169,3 +174,218 @@ def unit(x: float, y: float, z: float) -> Vector:
     """Return a direction as a unit vector; upwards for zero."""
     length = math.sqrt(x * x + y * y + z * z)
     return (x / length, y / length, z / length) if length else UP
+
+
+@dataclass(frozen=True, eq=False)
+class HeightField:
+    """Solid below a grid of heights around the origin; the heights continue beyond its border.
+
+    Heights are interpolated bilinearly between samples.
+
+    Attributes
+    ----------
+    heights : ndarray, shape (n, m)
+        Heights in m, by index along x and y; at least two along each.
+    spacing : float
+        Distance between two samples, m.
+    """
+
+    heights: FloatArray
+    spacing: float
+    _corner: tuple[float, float] = field(init=False, repr=False)
+    _rows: list[list[float]] = field(init=False, repr=False)
+    _scale: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check the samples.
+
+        Raises
+        ------
+        ParameterError
+            The samples are no table of finite numbers, or the spacing is not above 0.
+        """
+        _check("heights", self.heights, self.spacing, axes=2)
+        steepest = _slopes(self.heights, self.spacing).max()
+        object.__setattr__(self, "_rows", self.heights.tolist())
+        n, m = self.heights.shape
+        corner = (-(n - 1) * self.spacing / 2, -(m - 1) * self.spacing / 2)
+        object.__setattr__(self, "_corner", corner)
+        # The distance is at least the height times the cosine of the steepest slope.
+        object.__setattr__(self, "_scale", 1 / math.hypot(1, steepest))
+
+    @property
+    def stride(self) -> float:
+        """Half of the spacing, m."""
+        return self.spacing / 2
+
+    def distance(self, x: float, y: float, z: float) -> float:
+        """Return a lower bound of a point's signed distance, m; exact for a constant slope."""
+        (a, b), (c, d), u, v = self._cell(x, y)
+        return (z - (1 - u) * ((1 - v) * a + v * b) - u * ((1 - v) * c + v * d)) * self._scale
+
+    def gradient(self, x: float, y: float, z: float) -> Vector:
+        """Return the gradient of the distance: normal to the surface below a point."""
+        (a, b), (c, d), u, v = self._cell(x, y)
+        share = self._scale / self.spacing
+        return (
+            ((1 - v) * (a - c) + v * (b - d)) * share,
+            ((1 - u) * (a - b) + u * (c - d)) * share,
+            self._scale,
+        )
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Return the signed distances of points of shape (n, 3), m."""
+        positions = (points[:, :2] - self._corner) / self.spacing
+        return (points[:, 2] - _interpolated(self.heights, positions)) * self._scale
+
+    def _cell(self, x: float, y: float) -> tuple[Sequence[float], Sequence[float], float, float]:
+        """Return the heights of a position's cell, two by two along x and y, and the weights."""
+        row, u = _interval((x - self._corner[0]) / self.spacing, len(self._rows))
+        column, v = _interval((y - self._corner[1]) / self.spacing, len(self._rows[0]))
+        before, behind = self._rows[row], self._rows[row + 1]
+        return before[column : column + 2], behind[column : column + 2], u, v
+
+
+@dataclass(frozen=True, eq=False)
+class DistanceGrid:
+    """Solid given by signed distances on a grid, with trilinear interpolation.
+
+    Parts thinner than two spacings are lost.
+
+    Attributes
+    ----------
+    grid : ndarray, shape (n, m, k)
+        Signed distances in m, by index along x, y and z; at least two along each.
+    spacing : float
+        Distance between two samples, m.
+    corner : tuple of float
+        Position of the first sample, m.
+    """
+
+    grid: FloatArray
+    spacing: float
+    corner: Vector = ZERO
+    _flat: Sequence[float] = field(init=False, repr=False)
+    _scale: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check the samples.
+
+        Raises
+        ------
+        ParameterError
+            The samples are no table of finite numbers, the spacing is not above 0, or the solid
+            reaches the border.
+        """
+        _check("distances", self.grid, self.spacing, axes=3)
+        inner = self.grid[1:-1, 1:-1, 1:-1]
+        if (self.grid <= 0).sum() != (inner <= 0).sum():
+            raise ParameterError("distances: must be above 0 m at the border of the grid")
+        # Python floats without a copy.
+        flat = np.ascontiguousarray(self.grid, dtype=float).ravel()
+        object.__setattr__(self, "_flat", cast(Sequence[float], flat.data))
+        # Interpolated distances may have a gradient above 1; inside this does not matter.
+        outside = _largest_of_cells(self.grid) > 0
+        steepest = _slopes(self.grid, self.spacing)[outside].max()
+        object.__setattr__(self, "_scale", 1 / max(1.0, float(steepest)))
+
+    @property
+    def stride(self) -> float:
+        """Half of the spacing, m."""
+        return self.spacing / 2
+
+    def distance(self, x: float, y: float, z: float) -> float:
+        """Return a lower bound of the signed distance of a point, m; exact without steep cells."""
+        value, _, outside = self._look(x, y, z)
+        if outside == ZERO:
+            return value * self._scale
+        # The solid is within the grid: the distance to it is at least that of the nearest grid
+        # position.
+        return math.hypot(value * self._scale, *outside)
+
+    def gradient(self, x: float, y: float, z: float) -> Vector:
+        """Return the gradient of the distance; its length is only as exact as the distance."""
+        value, (g_x, g_y, g_z), (o_x, o_y, o_z) = self._look(x, y, z)
+        if o_x or o_y or o_z:
+            return unit(value * g_x + o_x, value * g_y + o_y, value * g_z + o_z)
+        g_x, g_y, g_z = unit(g_x, g_y, g_z)
+        return self._scale * g_x, self._scale * g_y, self._scale * g_z
+
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Return the signed distances of points of shape (n, 3), m."""
+        positions = (points - self.corner) / self.spacing
+        last = np.array(self.grid.shape) - 1
+        outside = np.linalg.norm(positions - positions.clip(0, last), axis=1) * self.spacing
+        values = _interpolated(self.grid, positions) * self._scale
+        return np.where(outside > 0, np.hypot(values, outside), values)
+
+    def _look(self, x: float, y: float, z: float) -> tuple[float, Vector, Vector]:
+        """Return value and gradient at the nearest grid position, and the vector from there."""
+        step, (c_x, c_y, c_z), (n, m, k) = self.spacing, self.corner, self.grid.shape
+        a, b, c = (x - c_x) / step, (y - c_y) / step, (z - c_z) / step
+        (i, u), (j, v), (h, w) = _interval(a, n), _interval(b, m), _interval(c, k)
+        outside = ((a - i - u) * step, (b - j - v) * step, (c - h - w) * step)
+        f, at = self._flat, (i * m + j) * k + h
+        # Along z, then y, then x.
+        rows = (at, at + k, at + m * k, at + m * k + k)
+        p, q, r, s = ((1 - w) * f[row] + w * f[row + 1] for row in rows)
+        p_z, q_z, r_z, s_z = (f[row + 1] - f[row] for row in rows)
+        low, high = (1 - v) * p + v * q, (1 - v) * r + v * s
+        gradient = (
+            (high - low) / step,
+            ((1 - u) * (q - p) + u * (s - r)) / step,
+            ((1 - u) * ((1 - v) * p_z + v * q_z) + u * ((1 - v) * r_z + v * s_z)) / step,
+        )
+        return (1 - u) * low + u * high, gradient, outside
+
+
+def _check(name: str, samples: FloatArray, spacing: float, axes: int) -> None:
+    """Reject samples that are no table of finite numbers, and a spacing not above 0."""
+    if samples.ndim != axes or min(samples.shape) < 2:
+        raise ParameterError(
+            f"{name}: shape {samples.shape}: must have {axes} axes with at least 2 samples each"
+        )
+    if not np.all(np.isfinite(samples)):
+        raise ParameterError(f"{name}: must be finite numbers")
+    if not (math.isfinite(spacing) and spacing > 0):
+        raise ParameterError(f"spacing = {spacing}: must be above 0 m")
+
+
+def _slopes(samples: FloatArray, spacing: float) -> FloatArray:
+    """Return an upper bound of the gradient between samples for each cell."""
+    squares: FloatArray = np.zeros(())
+    for axis in range(samples.ndim):
+        steps = np.abs(np.diff(samples, axis=axis)) / spacing
+        squares = squares + _largest_of_cells(steps, besides=axis) ** 2
+    return np.asarray(np.sqrt(squares))
+
+
+def _largest_of_cells(values: FloatArray, besides: int = -1) -> FloatArray:
+    """Return the largest value at each cell's corners, along all axes but one."""
+    for axis in set(range(values.ndim)) - {besides}:
+        along = values.swapaxes(0, axis)
+        values = np.maximum(along[1:], along[:-1]).swapaxes(0, axis)
+    return values
+
+
+def _interval(position: float, samples: int) -> tuple[int, float]:
+    """Return the index of the sample before a position, in units of the spacing, and weight."""
+    if position <= 0:
+        return 0, 0.0
+    if position >= samples - 1:
+        return samples - 2, 1.0
+    before = int(position)
+    return before, position - before
+
+
+def _interpolated(samples: FloatArray, positions: FloatArray) -> FloatArray:
+    """Return interpolated values at positions of shape (n, axes) in units of the spacing."""
+    last = np.array(samples.shape) - 1
+    positions = positions.clip(0, last)
+    before = np.minimum(positions.astype(int), last - 1)
+    shares = positions - before
+    found = np.zeros(len(positions))
+    for corner in itertools.product((0, 1), repeat=samples.ndim):
+        weight = np.where(corner, shares, 1 - shares).prod(axis=1)
+        found += weight * samples[tuple((before + corner).T)]
+    return found

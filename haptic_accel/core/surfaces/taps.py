@@ -24,7 +24,7 @@ import numpy as np
 
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate, parameter
-from haptic_accel.core.resampling import resampled
+from haptic_accel.core.sampling import resampled
 from haptic_accel.core.surfaces.texture import Provenance
 
 MOST_MODES = 3

@@ -34,8 +34,14 @@ from haptic_accel.bags.reading import Bag
 from haptic_accel.core import topics
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.resampling import look_ahead, resampled
-from haptic_accel.core.sampling import NANOSECONDS, SPARSE, BoolArray, IntArray
+from haptic_accel.core.sampling import (
+    NANOSECONDS,
+    SPARSE,
+    BoolArray,
+    IntArray,
+    look_ahead,
+    resampled,
+)
 from haptic_accel.kits.export import signals
 from haptic_accel.kits.export.signals import HANDLE, TOOL, ExportedSignal, finite, signal_of
 

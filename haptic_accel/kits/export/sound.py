@@ -33,8 +33,7 @@ from haptic_accel.bags.reading import Bag
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.reduction import REDUCTIONS
-from haptic_accel.core.resampling import resampled
-from haptic_accel.core.sampling import NANOSECONDS, SPARSE
+from haptic_accel.core.sampling import NANOSECONDS, SPARSE, resampled
 from haptic_accel.kits.export import signals
 from haptic_accel.kits.export.frames import CLOCKS, recorded_rate
 

@@ -25,10 +25,9 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from haptic_accel.core.control.channel import LARGEST_GAIN
-from haptic_accel.core.document import Document
+from haptic_accel.core.document import Document, load_yaml
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError, Specification, checked
-from haptic_accel.core.yaml_text import load_yaml
 from haptic_accel.kits.study.plan import expected_minutes
 from haptic_accel.kits.study.protocol import Condition, Protocol, Value
 from haptic_accel.kits.study.reading import ARGUMENTS, GAIN, NETWORK, TEXTS, word

@@ -30,7 +30,7 @@ from haptic_accel.cli.tables import print_table
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, printable
 from haptic_accel.core.reduction import REDUCTIONS
-from haptic_accel.core.resampling import resampled
+from haptic_accel.core.sampling import resampled
 from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
 from haptic_accel.core.tables import records
 from haptic_accel.core.topics import CONTACT_FORCE, SLAVE, SLAVE_ARM_FORCE

@@ -25,7 +25,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from haptic_accel.core.handle.discrete import DiscreteModel
+from haptic_accel.core.handle.plant import DiscreteModel
 from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.identification.discrete import identify_discrete
 from haptic_accel.core.identification.estimate import RecordingError

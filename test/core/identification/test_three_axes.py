@@ -26,8 +26,7 @@ from haptic_accel.core.identification import three_axes
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.fit import DEFAULT_FREE as WITHOUT_FRICTION
 from haptic_accel.core.identification.fit import INTERVAL
-from haptic_accel.core.identification.multisine import orthogonal_excitation
-from haptic_accel.core.identification.sweep import IdentificationTrial
+from haptic_accel.core.identification.sweep import IdentificationTrial, orthogonal_excitation
 from haptic_accel.core.parameters import ParameterError
 from three_coils import BANDWIDTH, DIRECTIONS, RANGE, RATE, SWEEP, moved, plant, recorded, trials
 

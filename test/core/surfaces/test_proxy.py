@@ -29,9 +29,8 @@ from scipy.spatial.transform import Rotation
 
 from haptic_accel.core.model import Vector
 from haptic_accel.core.surfaces.proxy import SKIN, Proxy
-from haptic_accel.core.surfaces.sampled_shapes import DistanceGrid
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
-from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
+from haptic_accel.core.surfaces.shapes import Box, Cylinder, DistanceGrid, Plane, Shape, Sphere
 
 few = settings(deadline=None, max_examples=20)
 

@@ -26,8 +26,15 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.surfaces.sampled_shapes import DistanceGrid, HeightField
-from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
+from haptic_accel.core.surfaces.shapes import (
+    Box,
+    Cylinder,
+    DistanceGrid,
+    HeightField,
+    Plane,
+    Shape,
+    Sphere,
+)
 
 few = settings(deadline=None, max_examples=50)
 

@@ -26,9 +26,8 @@ import pytest
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.slave_rig import ToolParameters
-from haptic_accel.core.surfaces.sampled_shapes import HeightField
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
-from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
+from haptic_accel.core.surfaces.shapes import Box, Cylinder, HeightField, Plane, Shape, Sphere
 from haptic_accel.core.surfaces.tool import Contact, VirtualTool
 
 RATE = 1000.0

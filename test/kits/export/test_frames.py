@@ -32,7 +32,7 @@ from haptic_accel.core.axes import ACTUATOR_AXES
 from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.resampling import resampled
+from haptic_accel.core.sampling import resampled
 from haptic_accel.kits.export.frames import FrameRate, engagements, frames_of, recorded_rate
 from haptic_accel.kits.export.sound import write_wav
 

@@ -29,7 +29,7 @@ from rosbags.highlevel import AnyReader
 from scipy.io import wavfile
 
 from haptic_accel.bags.trial_bag import write_trial
-from haptic_accel.core.resampling import resampled
+from haptic_accel.core.sampling import resampled
 from haptic_accel.core.trial import Trial
 from haptic_accel.kits.export.sound import FULL
 from verbs import output_of

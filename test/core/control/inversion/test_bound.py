@@ -24,8 +24,7 @@ from scipy import signal
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.inversion.bound import causal_bound, limited_bound
 from haptic_accel.core.control.inversion.spectrum import measured_spectrum
-from haptic_accel.core.handle.discrete import DiscreteModel
-from haptic_accel.core.handle.plant import IdentifiedPlant, Plant
+from haptic_accel.core.handle.plant import DiscreteModel, IdentifiedPlant, Plant
 from haptic_accel.core.handle.response import travel_response
 from haptic_accel.core.model import FloatArray, MountParameters, handle_model
 

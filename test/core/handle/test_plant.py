@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from haptic_accel.core.handle.discrete import DiscreteModel, read_discrete_model
+from haptic_accel.core.handle.plant import DiscreteModel, read_discrete_model
 from haptic_accel.core.parameters import ParameterError
 
 RATE = 1000.0
