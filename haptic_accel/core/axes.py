@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core.decimals import read_decimal
-from haptic_accel.core.model import FloatArray, Vector
+from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, shown
 
 NAMES = ("x", "y", "z")
@@ -174,15 +174,15 @@ class Mounting:
                 f" number is {condition:.3g}, must be at most {HIGHEST_CONDITION:g}"
             )
         inverse = np.asarray(np.linalg.inv(rows), dtype=np.float64)
-        self._to_handle, self._to_coils = _Rows(inverse), _Rows(inverse.T)
+        self._to_handle, self._to_coils = inverse.tolist(), inverse.T.tolist()
 
     def acceleration(self, measured: Vector) -> Vector:
         """Return the acceleration whose components along the axes of a sensor were measured."""
-        return self._to_handle.times(measured)
+        return product(self._to_handle, *measured)
 
     def coil_forces(self, force: Vector) -> Vector:
         """Return the forces of the coils whose sum is a force."""
-        return self._to_coils.times(force)
+        return product(self._to_coils, *force)
 
 
 def read_mounting(name: str, text: str, axes: Axes) -> Mounting | None:
@@ -203,13 +203,11 @@ def read_mounting(name: str, text: str, axes: Axes) -> Mounting | None:
     return Mounting(np.reshape(read_numbers(name, text, 9), (3, 3)), name)
 
 
-class _Rows:
-    """Rows of a 3x3 matrix: floats, as numpy would take ten times as long for one product."""
-
-    def __init__(self, matrix: FloatArray) -> None:
-        self._rows = matrix.tolist()
-
-    def times(self, vector: Vector) -> Vector:
-        x, y, z = vector
-        first, second, third = (row[0] * x + row[1] * y + row[2] * z for row in self._rows)
-        return first, second, third
+def product(rows: Sequence[Sequence[float]], x: float, y: float, z: float) -> Vector:
+    """Return the product of a 3x3 matrix with a vector; numpy would take ten times as long."""
+    a, b, c = rows
+    return (
+        a[0] * x + a[1] * y + a[2] * z,
+        b[0] * x + b[1] * y + b[2] * z,
+        c[0] * x + c[1] * y + c[2] * z,
+    )

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -50,7 +50,6 @@ _STAMP = struct.Struct("<iI")
 _LENGTH = struct.Struct("<I")
 _VECTORS = {code: struct.Struct(f"{mark}3d") for code, mark in _BYTE_ORDERS.items()}
 _VECTOR_SIZE = _VECTORS[1].size
-_LENGTHS = {code: struct.Struct(f"{mark}I") for code, mark in _BYTE_ORDERS.items()}
 _QUATERNIONS = {code: struct.Struct(f"{mark}4d") for code, mark in _BYTE_ORDERS.items()}
 _BEHIND = {"pose.position": struct.pack("<4d", *IDENTITY), "vector": b""}
 """Bytes after the vector, by its path: an identity quaternion, nothing, or no rotation."""
@@ -134,6 +133,21 @@ def _append_text(data: bytearray, text: str) -> None:
     data += bytes(-(len(data) - _ORIGIN) % _LENGTH.size) + _LENGTH.pack(len(encoded)) + encoded
 
 
+def _unpacked(
+    layouts: Mapping[int, struct.Struct], data: bytes, behind: int = 0
+) -> tuple[int, Any]:
+    """Return the stamp of a message and numbers that begin some bytes behind its first vector."""
+    try:
+        order = data[1]
+        sec, nanosec, frame_length = _HEADERS[order].unpack_from(data, _ORIGIN)
+        numbers = layouts[order].unpack_from(data, _vector_offset(frame_length) + behind)
+    except KeyError:
+        raise ValueError("not plain CDR") from None
+    except (IndexError, struct.error):
+        raise ValueError("too short") from None
+    return sec * NANOSECONDS + nanosec, numbers
+
+
 def unpack_stamped_vector(data: bytes) -> tuple[int, Vector]:
     """Return stamp (system time, ns) and vector of a message.
 
@@ -143,15 +157,7 @@ def unpack_stamped_vector(data: bytes) -> tuple[int, Vector]:
         The message is no header with three doubles in plain CDR.
     """
     # The usual message passes without a check, as ten of them arrive per millisecond.
-    try:
-        order = data[1]
-        sec, nanosec, frame_length = _HEADERS[order].unpack_from(data, _ORIGIN)
-        vector = _VECTORS[order].unpack_from(data, _vector_offset(frame_length))
-    except KeyError:
-        raise ValueError("not plain CDR") from None
-    except (IndexError, struct.error):
-        raise ValueError("too short") from None
-    return sec * NANOSECONDS + nanosec, vector
+    return _unpacked(_VECTORS, data)
 
 
 def unpack_orientation(data: bytes) -> tuple[float, ...]:
@@ -162,14 +168,8 @@ def unpack_orientation(data: bytes) -> tuple[float, ...]:
     ValueError
         The message is no pose in plain CDR.
     """
-    try:
-        order = data[1]
-        (frame_length,) = _LENGTHS[order].unpack_from(data, _ORIGIN + _STAMP.size)
-        return _QUATERNIONS[order].unpack_from(data, _vector_offset(frame_length) + _VECTOR_SIZE)
-    except KeyError:
-        raise ValueError("not plain CDR") from None
-    except (IndexError, struct.error):
-        raise ValueError("too short") from None
+    orientation: tuple[float, ...] = _unpacked(_QUATERNIONS, data, _VECTOR_SIZE)[1]
+    return orientation
 
 
 def unpack_state(data: bytes) -> bool:

@@ -27,11 +27,7 @@ ENABLE, DISABLE, PAUSE, RESUME, HOME, UNHOME = COMMANDS = (
     *("home", "unhome"),
 )
 
-_ALLOWED = {
-    ENABLE: (DISABLED, ENABLED, FAULT),
-    PAUSE: (ENABLED, PAUSED),
-    RESUME: (PAUSED,),
-}
+_ALLOWED = {ENABLE: (DISABLED, ENABLED, FAULT), PAUSE: (ENABLED, PAUSED), RESUME: (PAUSED,)}
 """States in which a command is valid, if not all are (CRTK, "State Transitions")."""
 
 _LEVELS = ("unconfigured", "inactive", "active")

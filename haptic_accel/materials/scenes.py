@@ -42,14 +42,7 @@ from haptic_accel.core.parameters import (
     parameter,
 )
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
-from haptic_accel.core.surfaces.shapes import (
-    Box,
-    Cylinder,
-    DistanceGrid,
-    HeightField,
-    Plane,
-    Sphere,
-)
+from haptic_accel.core.surfaces.shapes import SHAPES, DistanceGrid, HeightField
 from haptic_accel.core.surfaces.taps import Mode, TapModel
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
 from haptic_accel.core.warning import warn_once
@@ -151,9 +144,6 @@ def _baked(path: Path, sampling: Sampling) -> dict[str, Any]:
             ) from None
         return dict(read_arrays(result))
 
-
-SHAPES: Mapping[str, Any] = {"plane": Plane, "sphere": Sphere, "box": Box, "cylinder": Cylinder}
-"""Shapes by their names in a file."""
 
 PLACE = Specification("position in the arm's base frame", "m", -10.0, 10.0)
 ANGLE = Specification("roll, pitch and yaw", "rad", -2 * math.pi, 2 * math.pi)

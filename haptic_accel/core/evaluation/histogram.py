@@ -94,8 +94,7 @@ class DurationHistogram:
 
     def summary(self) -> dict[str, float]:
         """Return the reported quantiles and the maximum by label, s; NaN without durations."""
-        reached = list(accumulate(self._counts))
-        found = {label: self._quantile(reached, q) for label, q in QUANTILES.items()}
+        found = {label: self.quantile(q) for label, q in QUANTILES.items()}
         return {**found, "max": self.maximum}
 
     def diagnostics(self, name: str) -> dict[str, str]:
@@ -127,10 +126,7 @@ class DurationHistogram:
         """
         if not 0.0 <= q <= 1.0:
             raise ValueError(f"q = {q}: must be from 0 to 1")
-        return self._quantile(list(accumulate(self._counts)), q)
-
-    def _quantile(self, reached: list[int], q: float) -> float:
-        """Return a quantile from the cumulative counts of the bins."""
+        reached = list(accumulate(self._counts))
         total = reached[-1]
         if total == 0:
             return math.nan

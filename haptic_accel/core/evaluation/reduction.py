@@ -24,7 +24,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_passed
-from haptic_accel.core.evaluation.delay import estimate_delay
 from haptic_accel.core.evaluation.metrics import BAND_EDGES, QUIET_SHARE
 from haptic_accel.core.model import FloatArray, vector
 from haptic_accel.core.reduction import REDUCTIONS, PrincipalDirection
@@ -49,20 +48,14 @@ class ReductionLoss:
         where nothing is lost.
     spectral_error : float
         RMS over the octaves with vibration of the level against all three axes, dB.
-    correlation : float
-        Correlation with the handle's acceleration at the best delay, of either sign; NaN without
-        a handle.
     """
 
     name: str
     power: float
     spectral_error: float
-    correlation: float
 
 
-def reduction_table(
-    acceleration: FloatArray, rate: float, handle: FloatArray | None = None
-) -> list[ReductionLoss]:
+def reduction_table(acceleration: FloatArray, rate: float) -> list[ReductionLoss]:
     """Return the loss by each reduction.
 
     Motion of the hand and gravity are removed first, by the compensation's high-pass.
@@ -73,8 +66,6 @@ def reduction_table(
         Acceleration of the tool, m/s^2.
     rate : float
         Samples per second, above 30 Hz.
-    handle : ndarray, shape (n,), optional
-        Acceleration of the handle along its coil, m/s^2.
 
     Examples
     --------
@@ -88,38 +79,24 @@ def reduction_table(
     axis: 0.64, 1.9 dB
     principal, live: 0.98, 0.8 dB
     """
-    moving = np.column_stack([_moving(each, rate) for each in acceleration.T])
+    passed = [high_passed(each, HIGH_PASS_FREQUENCY, rate) for each in acceleration.T]
+    moving = np.column_stack(passed)
     signals = {name: reduced(moving) for name, reduced in REDUCTIONS.items()}
     live = PrincipalDirection(rate)
     signals[LIVE_PRINCIPAL] = np.array([live(vector(each)) for each in moving])
     there = np.sum([_band_powers(each, rate) for each in moving.T], axis=0)
-    heard = None if handle is None else _moving(handle, rate)
-    return [_loss(name, each, there, rate, heard) for name, each in signals.items()]
+    return [_loss(name, each, there, rate) for name, each in signals.items()]
 
 
-def _loss(
-    name: str, signal: FloatArray, there: FloatArray, rate: float, handle: FloatArray | None
-) -> ReductionLoss:
+def _loss(name: str, signal: FloatArray, there: FloatArray, rate: float) -> ReductionLoss:
     """Return the loss of one reduction; `there` is the power of all axes by band."""
     kept = _band_powers(signal, rate)
     loud = there > QUIET_SHARE * there.sum()
     if not loud.any():
-        return ReductionLoss(name, math.nan, math.nan, math.nan)
+        return ReductionLoss(name, math.nan, math.nan)
     levels = 10 * np.log10(np.maximum(kept[loud] / there[loud], SILENT))
-    return ReductionLoss(
-        name,
-        float(kept.sum() / there.sum()),
-        float(np.sqrt(np.mean(levels**2))),
-        math.nan if handle is None else _correlation(signal, handle, rate),
-    )
-
-
-def _correlation(signal: FloatArray, handle: FloatArray, rate: float) -> float:
-    return max(estimate_delay(sign * signal, handle, rate).correlation for sign in (1, -1))
-
-
-def _moving(acceleration: FloatArray, rate: float) -> FloatArray:
-    return high_passed(acceleration, HIGH_PASS_FREQUENCY, rate)
+    error = float(np.sqrt(np.mean(levels**2)))
+    return ReductionLoss(name, float(kept.sum() / there.sum()), error)
 
 
 def _band_powers(signal: FloatArray, rate: float) -> FloatArray:

@@ -20,7 +20,7 @@ Its coupling is fitted over frequency, as causal impulse responses.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
@@ -367,10 +367,10 @@ def fit_coupling(found: MatrixResponse, own: ComplexArray, passed: ComplexArray)
             (_smoothed(found, axis, coil, own[:, coil] * ratio[:count]), ratio)
             for ratio in (ratios[:1] if axis == coil else ratios)
         ]
-        best, ratio = max(tried, key=lambda each: each[0].likelihood)
-        end = np.repeat(best.response[-1].real, len(ratio) - count)
-        response[:, axis, coil] = np.append(best.response, end) * ratio
-        deviation[:, axis, coil] = best.deviation * np.abs(ratio[:count])
+        (_, best, spread), ratio = max(tried, key=lambda each: each[0][0])
+        end = np.repeat(best[-1].real, len(ratio) - count)
+        response[:, axis, coil] = np.append(best, end) * ratio
+        deviation[:, axis, coil] = spread * np.abs(ratio[:count])
     known = np.maximum(deviation, LEAST_DEVIATION)
     for length in LENGTHS:
         taps = _taps(found, response, FOLLOWED * known, length)
@@ -391,16 +391,9 @@ def above(found: MatrixResponse) -> FloatArray:
     return np.arange(found.frequency[-1] + STEP_OUTSIDE, found.rate / 2, STEP_OUTSIDE)
 
 
-@dataclass(frozen=True)
-class _Smoothed:
-    """Smoothed element: log-likelihood, values at the lines, and their standard deviation."""
-
-    likelihood: float
-    response: ComplexArray
-    deviation: FloatArray
-
-
-def _smoothed(found: MatrixResponse, axis: int, coil: int, own: ComplexArray) -> _Smoothed:
+def _smoothed(
+    found: MatrixResponse, axis: int, coil: int, own: ComplexArray
+) -> tuple[float, ComplexArray, FloatArray]:
     """Smooth an element relative to a response `own`, shape (n,)."""
     least = LEAST_DEVIATION * np.abs(own)
     weights = np.abs(own) / np.maximum(found.deviation[:, axis, coil], least)
@@ -448,27 +441,25 @@ def _smoothed(found: MatrixResponse, axis: int, coil: int, own: ComplexArray) ->
     constant = basis[:, 0]
     if chosen is None:
         scatter = np.full(len(own), math.sqrt(noise / free / 2))
-        return _Smoothed(best, static * constant, scatter)
+        return best, static * constant, scatter
     directions, shrunk, turned = chosen
     size = len(directions)
     seen = (basis[:, 1 : size + 1] - np.outer(constant, towards[:size])) @ directions
     variance = noise * (1.0 / free + np.abs(seen) ** 2 @ shrunk)
-    return _Smoothed(best, static * constant + seen @ (shrunk * turned), np.sqrt(variance / 2))
+    return best, static * constant + seen @ (shrunk * turned), np.sqrt(variance / 2)
 
 
 @cache
 def _roots() -> list[FloatArray]:
     """Return roots of the prior's covariances of all samples but the first."""
-    return list(_decaying_roots())
-
-
-def _decaying_roots() -> Iterator[FloatArray]:
+    roots = []
     for decay in DECAYS:
         size = min(LENGTHS[-1] - 1, round(DECAYED * decay))
         variance = np.exp(-2.0 * np.arange(size + 1) / decay)
         # Sums of independent increments from the end have the covariance of the TC kernel.
         steps = np.append(-np.diff(variance)[:-1], variance[-2])
-        yield np.triu(np.ones((size, size))) * np.sqrt(steps)
+        roots.append(np.triu(np.ones((size, size))) * np.sqrt(steps))
+    return roots
 
 
 def _taps(

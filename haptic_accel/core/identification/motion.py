@@ -114,39 +114,19 @@ def fit_motion(
     at = min(range(len(refined)), key=lambda index: last.cost(refined[index]))
     fit = last.fit(refined[at], start)
     # The coarse simulation shifts the minimum, but hardly changes the shape around it.
-    low, high = _region(coarse, near, INTERVAL**2 * fit.inflation)
+    # An interval holds all values near some minimum with a limited cost.
+    most = min(map(coarse.cost, near)) + INTERVAL**2 * fit.inflation
+    ends = [coarse.ends(values, most) for values in near if coarse.cost(values) < most]
+    lows, highs = zip(*ends, strict=True)
     shift = refined[at] - near[at]
     bounds = coordinates.bounds(refined[at], trials[0].rate)
-    ends = [coordinates.point(np.clip(end + shift, *bounds)) for end in (low, high)]
+    extremes = np.min(lows, axis=0), np.max(highs, axis=0)
+    points = [coordinates.point(np.clip(end + shift, *bounds)) for end in extremes]
     errors = {
-        name: max(abs(end.value(name) - fit.value(name)) for end in ends) / INTERVAL
+        name: max(abs(end.value(name) - fit.value(name)) for end in points) / INTERVAL
         for name in coordinates.free
     }
     return replace(fit, standard_errors=errors)
-
-
-def _region(
-    problem: _Problem, minima: Sequence[FloatArray], rise: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return the ends of profile-likelihood intervals around all minima below the cost limit.
-
-    Parameters
-    ----------
-    problem : _Problem
-    minima : sequence of ndarray, shape (n,)
-        Local minima of the cost.
-    rise : float
-        Cost above the least one at the ends of an interval.
-
-    Returns
-    -------
-    low, high : ndarray, shape (n,)
-        Search variables.
-    """
-    most = min(map(problem.cost, minima)) + rise
-    ends = [problem.ends(minimum, most) for minimum in minima if problem.cost(minimum) < most]
-    low, high = zip(*ends, strict=True)
-    return np.min(low, axis=0), np.max(high, axis=0)
 
 
 def simulated(

@@ -286,24 +286,12 @@ class Endpoint:
         age = max(0.0, (system - motion.stamp) / NANOSECONDS) if motion.stamp else 0.0
         self._sent[self._sequence % REMEMBERED] = self._sequence, system, now - age
         own, peer = self.session.pair
-        session, sequence, sent, received = self._answered
+        # Energy counts for a pair of sessions, so none is given before the peer is known.
+        given = shipped if self._answered[0] == peer else 0.0
+        first = self._next_sample - len(self._samples) // len(self._axes.names)
         return Packet(
-            self._side,
-            own,
-            self._sequence,
-            system,
-            session,
-            sequence,
-            sent,
-            received,
-            *state,
-            *motion,
-            # Energy counts for a pair of sessions, so none is given before the peer is known.
-            shipped if session == peer else 0.0,
-            self._rate,
-            self._next_sample - len(self._samples) // len(self._axes.names),
-            tuple(self._samples),
-            self._axes,
+            *(self._side, own, self._sequence, system, *self._answered, *state, *motion),
+            *(given, self._rate, first, tuple(self._samples), self._axes),
         ).pack()
 
     def incoming(self, data: bytes, now: float, system: int) -> Packet | None:
@@ -375,11 +363,8 @@ class Endpoint:
 
     def problems(self, system: int, now: float) -> dict[str, str]:
         """Return a line for the user for each kind of problem between the hosts."""
-        refused, offset, bound = (
-            self.session.problem(now),
-            self.clock.offset(system),
-            self.clock.bound,
-        )
+        refused, offset = self.session.problem(now), self.clock.offset(system)
+        bound = self.clock.bound
         found = {refused: refused} if refused else {}
         if math.isfinite(bound) and abs(offset) > CLOCKS_AGREE + bound:
             found["clock"] = (

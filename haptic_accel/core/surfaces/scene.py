@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from haptic_accel.core.axes import product
 from haptic_accel.core.model import ZERO, FloatArray, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.surfaces.shapes import Shape
@@ -80,7 +81,7 @@ class SceneObject:
     def gradient(self, x: float, y: float, z: float) -> Vector:
         """Return the gradient of the distance at a point, in the base frame."""
         gradient = self.shape.gradient(*self._inside(x, y, z))
-        return gradient if self.rotation == ZERO else _product(self._rows, *gradient)
+        return gradient if self.rotation == ZERO else product(self._rows, *gradient)
 
     def distances(self, points: FloatArray) -> FloatArray:
         """Return the signed distances of points of shape (n, 3) in the base frame, m."""
@@ -90,7 +91,7 @@ class SceneObject:
         """Return a point of the base frame in the shape's frame."""
         o_x, o_y, o_z = self.position
         x, y, z = x - o_x, y - o_y, z - o_z
-        return (x, y, z) if self.rotation == ZERO else _product(self._columns, x, y, z)
+        return (x, y, z) if self.rotation == ZERO else product(self._columns, x, y, z)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,17 +194,6 @@ class Scene:
             if lines:
                 found[each.name] = [np.asarray(line) for line in lines]
         return found
-
-
-def _product(rows: tuple[Vector, ...], x: float, y: float, z: float) -> Vector:
-    """Return the product of a matrix and a vector."""
-    # In Python, as numpy takes longer for three numbers.
-    a, b, c = rows
-    return (
-        a[0] * x + a[1] * y + a[2] * z,
-        b[0] * x + b[1] * y + b[2] * z,
-        c[0] * x + c[1] * y + c[2] * z,
-    )
 
 
 def _turn(axis: int, angle: float) -> FloatArray:

@@ -20,11 +20,10 @@ They are solids by formula, height fields, and distance grids, for example of me
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Protocol, cast
+from typing import Any, ClassVar, Protocol, cast
 
 import numpy as np
 
@@ -162,6 +161,10 @@ class Cylinder(Convex):
         """Return the signed distances of points of shape (n, 3), m."""
         aside = np.hypot(points[:, 0], points[:, 1]) - self.radius
         return _outside_corner(np.column_stack([aside, np.abs(points[:, 2]) - self.height / 2]))
+
+
+SHAPES: Mapping[str, Any] = {"plane": Plane, "sphere": Sphere, "box": Box, "cylinder": Cylinder}
+"""Solids by formula, by their names in a file."""
 
 
 def _outside_corner(beyond: FloatArray) -> FloatArray:
@@ -380,12 +383,6 @@ def _interval(position: float, samples: int) -> tuple[int, float]:
 
 def _interpolated(samples: FloatArray, positions: FloatArray) -> FloatArray:
     """Return interpolated values at positions of shape (n, axes) in units of the spacing."""
-    last = np.array(samples.shape) - 1
-    positions = positions.clip(0, last)
-    before = np.minimum(positions.astype(int), last - 1)
-    shares = positions - before
-    found = np.zeros(len(positions))
-    for corner in itertools.product((0, 1), repeat=samples.ndim):
-        weight = np.where(corner, shares, 1 - shares).prod(axis=1)
-        found += weight * samples[tuple((before + corner).T)]
-    return found
+    from scipy import ndimage
+
+    return np.asarray(ndimage.map_coordinates(samples, positions.T, order=1, mode="nearest"))

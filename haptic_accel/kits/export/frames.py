@@ -31,17 +31,10 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.bags.reading import Bag
-from haptic_accel.core import topics
+from haptic_accel.core import sampling, topics
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.sampling import (
-    NANOSECONDS,
-    SPARSE,
-    BoolArray,
-    IntArray,
-    look_ahead,
-    resampled,
-)
+from haptic_accel.core.sampling import NANOSECONDS, BoolArray, IntArray
 from haptic_accel.kits.export import signals
 from haptic_accel.kits.export.signals import HANDLE, TOOL, ExportedSignal, finite, signal_of
 
@@ -123,7 +116,7 @@ class FrameRate:
     @property
     def look_ahead(self) -> float:
         """Time by which the resampling's filter reaches beyond a sample, s."""
-        return look_ahead(self.recorded, self.rate)
+        return sampling.look_ahead(self.recorded, self.rate)
 
     def description(self, axes: Axes) -> dict[str, Any]:
         """Return what a reader has to know about the windows, for JSON."""
@@ -221,7 +214,7 @@ def frames_of(bag: Bag, begin: int, end: int, rate: FrameRate, axes: Axes) -> Fr
         A signal is missing, or has hardly any samples in the period.
     """
     count = int((end - begin) * rate.fps / NANOSECONDS)
-    if count > SPARSE * (samples := len(signal_of(bag, TOOL).stamps)):
+    if count > sampling.SPARSE * (samples := len(signal_of(bag, TOOL).stamps)):
         raise ParameterError(f"{bag.path}: {samples} samples for {count} frames: {CLOCKS}")
     times = begin + np.round(np.arange(1, count + 1) * (NANOSECONDS / rate.fps)).astype(np.int64)
     notes: list[str] = []
@@ -271,7 +264,7 @@ def _windows(
         if not index:
             lost = int((~seen[inside]).sum())
             _note(bag, exported, lost, len(seen[inside]), "samples repeat the one before", notes)
-        whole = resampled(held, rate.recorded, rate.rate)[first : first + size]
+        whole = sampling.resampled(held, rate.recorded, rate.rate)[first : first + size]
         windows[..., index] = whole.reshape(count, rate.samples)
     return windows
 
