@@ -23,13 +23,8 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core.actuator.safety import MasterSafetyParameters
-from haptic_accel.core.identification.sweep import (
-    LIMITED,
-    IdentificationTrial,
-    SweepParameters,
-    excitation,
-    orthogonal_excitation,
-)
+from haptic_accel.core.identification import sweep
+from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
 from haptic_accel.core.loop.device_side import ACTUATOR, rig_side
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.parameters import ParameterError
@@ -87,9 +82,8 @@ def run_identification(
     check_latency(latency)
     rig = rig or MasterRigParameters()
     axes = axes_of(rig)
-    excite = excitation if len(axes.names) == 1 else orthogonal_excitation
-    exciting = excite(parameters or SweepParameters(), rate)
-    force = np.concatenate([exciting, np.zeros((latency, *exciting.shape[1:]))])
+    exciting = sweep.trial_forces(axes, parameters or SweepParameters(), rate)
+    force = np.squeeze(np.concatenate([exciting, np.zeros((latency, len(axes.names)))]))
     return [
         _excite(rig, _trial_seed(seed, index), force, rate, latency) for index in range(trials)
     ]
@@ -136,5 +130,5 @@ def _excite(
         side.apply()
         side.watch()
     values: dict[str, str | int] = {**master.counters(), **side.safety.diagnostics()}
-    counts = {key: int(values[key]) for key in (*master.counters(), *LIMITED)}
+    counts = {key: int(values[key]) for key in (*master.counters(), *sweep.LIMITED)}
     return IdentificationTrial(rate, force, along(axes, acceleration), counts, latency)

@@ -85,12 +85,8 @@ def read_discrete_model(path: Path) -> DiscreteModel:
     rate, delay = content.at("rate_hz").number(), content.at("delay_samples")
     sections = content.at("sections")
     rows = sections.array()
-    if (
-        rows.ndim != 2
-        or rows.shape[1] != 6
-        or not np.isfinite(rows).all()
-        or np.any(rows[:, 3] != 1)
-    ):
+    formed = rows.ndim == 2 and rows.shape[1] == 6 and np.isfinite(rows).all()
+    if not formed or np.any(rows[:, 3] != 1):
         sections.wrong("must be rows of six numbers, the fourth of them 1")
     if not all(np.abs(np.roots(row[3:])).max(initial=0.0) < 1.0 for row in rows):
         sections.wrong("must be stable")

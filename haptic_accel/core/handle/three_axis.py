@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,21 @@ INPUTS = 12
 _BODY, _RATES = slice(0, 9), slice(9, 18)  # all coordinates of the bodies, and their velocities
 
 
+def _sensor(position: float, reason: str = "assumed") -> Any:
+    text = f"position of the accelerometer from the centre of mass ({reason})"
+    return parameter(position, text, "m", -0.2, 0.2)
+
+
+def _tilt(angle: float, coil: str, other: str, degrees: int) -> Any:
+    text = f"angle of coil {coil} from {coil} towards {other} (assumed: {degrees} degrees)"
+    return parameter(angle, text, "rad", -1.0, 1.0)
+
+
+def _offset(distance: float, coil: str, along: str) -> Any:
+    text = f"distance of coil {coil}'s line of action along {along} (assumed)"
+    return parameter(distance, text, "m", -0.1, 0.1)
+
+
 @dataclass(frozen=True)
 class BodyParameters(Checked):
     """Rigid handle: inertia, the grip's width, and the accelerometer on it."""
@@ -61,20 +77,9 @@ class BodyParameters(Checked):
         0.0,
         0.2,
     )
-    sensor_x: float = parameter(
-        0.006, "position of the accelerometer from the centre of mass (assumed)", "m", -0.2, 0.2
-    )
-    sensor_y: float = parameter(
-        -0.004, "position of the accelerometer from the centre of mass (assumed)", "m", -0.2, 0.2
-    )
-    sensor_z: float = parameter(
-        0.020,
-        "position of the accelerometer from the centre of mass (assumed: at the stylus' end of the"
-        " coils)",
-        "m",
-        -0.2,
-        0.2,
-    )
+    sensor_x: float = _sensor(0.006)
+    sensor_y: float = _sensor(-0.004)
+    sensor_z: float = _sensor(0.020, "assumed: at the stylus' end of the coils")
     sensor_axis: str = parameter(
         "y", "axis of an unknown rotation of the accelerometer", choices=NAMES
     )
@@ -90,24 +95,12 @@ class CoilMounting(Checked):
     cross-coupling of -10 dB.
     """
 
-    tilt_x: float = parameter(
-        0.26, "angle of coil x from x towards y (assumed: 15 degrees)", "rad", -1.0, 1.0
-    )
-    tilt_y: float = parameter(
-        0.31, "angle of coil y from y towards z (assumed: 18 degrees)", "rad", -1.0, 1.0
-    )
-    tilt_z: float = parameter(
-        0.22, "angle of coil z from z towards x (assumed: 13 degrees)", "rad", -1.0, 1.0
-    )
-    offset_x: float = parameter(
-        0.004, "distance of coil x's line of action along z (assumed)", "m", -0.1, 0.1
-    )
-    offset_y: float = parameter(
-        0.006, "distance of coil y's line of action along x (assumed)", "m", -0.1, 0.1
-    )
-    offset_z: float = parameter(
-        0.005, "distance of coil z's line of action along y (assumed)", "m", -0.1, 0.1
-    )
+    tilt_x: float = _tilt(0.26, "x", "y", 15)
+    tilt_y: float = _tilt(0.31, "y", "z", 18)
+    tilt_z: float = _tilt(0.22, "z", "x", 13)
+    offset_x: float = _offset(0.004, "x", "z")
+    offset_y: float = _offset(0.006, "y", "x")
+    offset_z: float = _offset(0.005, "z", "y")
 
     @property
     def directions(self) -> FloatArray:

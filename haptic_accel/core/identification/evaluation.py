@@ -148,15 +148,11 @@ class Identification:
     @property
     def outliers(self) -> list[str]:
         """Lines on the grips with outliers in the acceleration; empty if there are none."""
-        lines = []
-        for name, grip in self.grips.items():
-            samples = sum(len(trial.handle_acceleration) for trial in grip.trials)
-            if count := sum(trial.counters[OUTLIERS] for trial in grip.trials):
-                lines.append(
-                    f"{name}: {count} of {samples} samples of handle_acceleration are outliers:"
-                    " replaced by interpolation"
-                )
-        return lines
+        return [
+            f"{name}: {line}"
+            for name, grip in self.grips.items()
+            for line in outliers(grip.trials)
+        ]
 
     @property
     def doubts(self) -> list[str]:
@@ -206,7 +202,7 @@ def identify_handle(
         name: _identify_grip(
             [trial.aligned.cleaned for trial in trials],
             *(sweep, acceleration_range, fit, free),
-            _telling(tell, name),
+            telling(tell, name),
         )
         for name, trials in recorded.items()
     }
@@ -241,8 +237,17 @@ def _stage(grip: str, stage: str) -> str:
     return f"fit of {grip}: {stage}"
 
 
-def _telling(tell: Tell, grip: str) -> Tell:
+def telling(tell: Tell, grip: str) -> Tell:
+    """Return a function that adds the name of a grip or axis to that of a stage."""
     return lambda stage: tell(_stage(grip, stage))
+
+
+def outliers(trials: Sequence[IdentificationTrial]) -> list[str]:
+    """Return a line on the outliers in the acceleration; empty if there are none."""
+    samples = sum(trial.handle_acceleration.size for trial in trials)
+    count = sum(trial.counters[OUTLIERS] for trial in trials)
+    line = f"{count} of {samples} samples of handle_acceleration are outliers: replaced by"
+    return [f"{line} interpolation"] * bool(count)
 
 
 def centred(values: FloatArray) -> FloatArray:

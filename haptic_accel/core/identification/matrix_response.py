@@ -413,10 +413,8 @@ def _smoothed(
     # The first sample is free: all else is orthogonal to it.
     power = float(data @ data) - static * float(vector[0])
     towards = normal[0, 1:] / free
-    rest, left = (
-        normal[1:, 1:] - free * np.outer(towards, towards),
-        vector[1:] - vector[0] * towards,
-    )
+    rest = normal[1:, 1:] - free * np.outer(towards, towards)
+    left = vector[1:] - vector[0] * towards
     count = len(data)
 
     def likelihood(explained: float, gained: float) -> tuple[float, float]:
@@ -431,9 +429,8 @@ def _smoothed(
         values, turned = np.maximum(values, 0.0), vectors.T @ (root.T @ left[:size])
         for scale in SCALES:
             shrunk = scale / (1.0 + scale * values)
-            found_here, at = likelihood(
-                float(shrunk @ turned**2), float(np.log1p(scale * values).sum())
-            )
+            gained = float(np.log1p(scale * values).sum())
+            found_here, at = likelihood(float(shrunk @ turned**2), gained)
             if found_here > max(best, threshold):
                 best, noise = found_here, at
                 chosen = root @ vectors, shrunk, turned

@@ -381,16 +381,13 @@ def find_trials(
             f" {parameters.start_frequency:g} to {parameters.end_frequency:g} Hz?"
         )
     gaps = np.zeros(len(whole), dtype=bool) if missing is None else missing
-    return [
-        IdentificationTrial(
-            rate,
-            whole[start : start + length + latency],
-            handle_acceleration[start : start + length + latency],
-            {SAMPLES_MISSING: int(np.sum(gaps[start : start + length + latency]))},
-            latency,
-        )
-        for start in sorted(starts)
-    ]
+    trials = []
+    for start in sorted(starts):
+        part = slice(start, start + length + latency)
+        counts = {SAMPLES_MISSING: int(np.sum(gaps[part]))}
+        found = IdentificationTrial(rate, whole[part], handle_acceleration[part], counts, latency)
+        trials.append(found)
+    return trials
 
 
 _LEAST_FORCE = 1e-3  # share of excitation

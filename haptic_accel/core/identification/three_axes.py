@@ -40,7 +40,6 @@ from haptic_accel.core.identification.matrix_response import (
 from haptic_accel.core.identification.motion import simulated
 from haptic_accel.core.identification.sweep import (
     DROPPED_REPEATS,
-    OUTLIERS,
     SIGNS,
     IdentificationTrial,
     SweepParameters,
@@ -88,12 +87,7 @@ class ThreeAxisIdentification:
     @property
     def outliers(self) -> list[str]:
         """Line on the outliers in the acceleration; empty if there are none."""
-        samples = sum(trial.handle_acceleration.size for trial in self.trials)
-        count = sum(trial.counters[OUTLIERS] for trial in self.trials)
-        return [
-            f"{count} of {samples} samples of handle_acceleration are outliers: replaced by"
-            " interpolation"
-        ] * bool(count)
+        return evaluation.outliers(self.trials)
 
 
 def identify_three_axes(
@@ -132,7 +126,7 @@ def identify_three_axes(
     fit = partial(fit_handle, known=known, low_pass_frequency=bandwidth)
     fits, undecided = {}, []
     for coil, name in enumerate(NAMES):
-        stage = _telling(tell, name)
+        stage = evaluation.telling(tell, f"axis {name}")
         stage(evaluation.GRIP_STAGES[0])
         alone = _alone(trials, response, sweep, coil)
         fits[name], doubts = evaluation.choose_fit(
@@ -177,10 +171,6 @@ def stages() -> list[str]:
     return [*axes, LAST_STAGE]
 
 
-def _telling(tell: evaluation.Tell, axis: str) -> evaluation.Tell:
-    return lambda stage: tell(f"fit of axis {axis}: {stage}")
-
-
 def _alone(
     trials: Sequence[IdentificationTrial], found: MatrixResponse, sweep: SweepParameters, axis: int
 ) -> list[IdentificationTrial]:
@@ -200,17 +190,10 @@ def _alone(
         caused = np.zeros(spectra.shape[:3], dtype=np.complex128)
         caused[:, :, found.lines] = np.einsum("fc,rpfc->rpf", others, spectra[:, :, found.lines])
         alone = accelerations[..., axis] - np.fft.irfft(caused, forces.shape[2], axis=2)
-        for sign, force, acceleration in zip(
-            SIGNS[:, axis], forces[..., axis], alone, strict=True
-        ):
-            actuator_force, handle_acceleration = (
-                sign * np.concatenate([each[0], *each]) for each in (force, acceleration)
-            )
-            cut.append(
-                IdentificationTrial(
-                    trial.rate, actuator_force, handle_acceleration, trial.counters
-                )
-            )
+        signals = zip(SIGNS[:, axis], forces[..., axis], alone, strict=True)
+        for sign, *pair in signals:
+            force, moved = (sign * np.concatenate([each[0], *each]) for each in pair)
+            cut.append(IdentificationTrial(trial.rate, force, moved, trial.counters))
     return cut
 
 

@@ -21,18 +21,13 @@ import bisect
 import math
 from collections import Counter, deque
 from collections.abc import Sequence
-from typing import Final, Literal, NamedTuple
+from typing import NamedTuple
 
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.control.loss_concealment import LossConcealment
 from haptic_accel.core.model import Vector
 
-Kind = Literal["waiting", "true", "repaired", "concealed"]
-WAITING: Final = "waiting"
-TRUE: Final = "true"
-REPAIRED: Final = "repaired"
-CONCEALED: Final = "concealed"
-KINDS: Final = (WAITING, TRUE, REPAIRED, CONCEALED)
+WAITING, TRUE, REPAIRED, CONCEALED = KINDS = ("waiting", "true", "repaired", "concealed")
 
 QUANTILE = 0.99
 """Fraction of samples that must have arrived when they are due."""
@@ -86,14 +81,14 @@ class Played(NamedTuple):
     """
 
     value: Vector
-    kind: Kind
+    kind: str
 
 
 class _Held(NamedTuple):
     """Components of a received sample, and their kind."""
 
     value: tuple[float, ...]
-    kind: Kind
+    kind: str
 
 
 class Playout:

@@ -20,11 +20,82 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import integrate, signal
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.surfaces.line_spectrum import from_polynomial, to_polynomial
-from haptic_accel.core.surfaces.texture import Texture, TextureModel
+from haptic_accel.core.surfaces import texture
+from haptic_accel.core.surfaces.texture import (
+    Texture,
+    TextureModel,
+    from_polynomial,
+    to_polynomial,
+)
+
+RISING = st.lists(st.floats(0.05, 1.0), min_size=1, max_size=21).map(
+    lambda steps: np.cumsum(steps)[:-1] * np.pi / np.sum(steps)
+)
+"""Up to 20 line spectral frequencies in (0, pi), none close to another."""
+
+
+def test_known_line_spectra() -> None:
+    # 1 / A(z) = 1: the frequencies lie at equal distances; order 1: at arccos(-a_1).
+    assert texture.from_polynomial(np.array([1.0, 0.0, 0.0])) == pytest.approx(
+        np.pi / 3 * np.arange(1, 3)
+    )
+    assert texture.from_polynomial(np.array([1.0, -0.5])) == pytest.approx(np.arccos(0.5))
+    assert texture.to_polynomial(np.empty((2, 0))).tolist() == [[1.0], [1.0]]
+
+
+@given(RISING)
+def test_rising_frequencies_are_those_of_a_stable_polynomial(lsf: np.ndarray) -> None:
+    polynomial = texture.to_polynomial(lsf)
+    assert np.all(np.abs(np.roots(polynomial)) < 1 + 1e-9)
+    assert texture.from_polynomial(polynomial) == pytest.approx(lsf, abs=1e-6)
+
+
+def test_an_unstable_polynomial_is_refused() -> None:
+    with pytest.raises(ParameterError, match="not inside the unit circle"):
+        texture.from_polynomial(np.array([1.0, -2.0, 1.5]))
+
+
+def test_order_is_strict_and_within_zero_to_pi() -> None:
+    assert texture.is_ordered(np.array([[0.1, 0.2], [1.0, 3.1]]))
+    for wrong in ([0.0, 1.0], [0.2, 0.2], [0.3, 0.2], [1.0, np.pi]):
+        assert not texture.is_ordered(np.array([[0.1, 0.2], wrong]))
+
+
+def test_levinson_finds_the_filter_of_an_autocovariance() -> None:
+    polynomial = np.array([1.0, -1.2, 0.72])
+    response = lfilter([2.0], polynomial, np.eye(1, 500)[0])
+    covariance = np.array([response[lag:] @ response[: 500 - lag] for lag in range(5)])
+    (found, white), variances = texture.levinson(np.array([covariance, np.eye(1, 5)[0]]))
+    assert found == pytest.approx([*polynomial, 0.0, 0.0], abs=1e-6)
+    assert variances[0, [0, 2, 4]] == pytest.approx([covariance[0], 4.0, 4.0])
+    assert white.tolist() == [1.0, 0.0, 0.0, 0.0, 0.0]
+
+
+@given(RISING)
+def test_an_autocovariance_solves_the_equations_of_its_polynomial(lsf: np.ndarray) -> None:
+    polynomial = texture.to_polynomial(lsf)
+    covariance = texture.autocovariance(polynomial, lags=len(lsf) + 3)
+    extended = np.append(polynomial, np.zeros(3))
+    innovation = toeplitz(covariance) @ extended  # Yule and Walker
+    assert innovation == pytest.approx(np.eye(1, len(extended))[0], abs=1e-7 * covariance[0])
+
+
+def test_the_power_of_filtered_noise_is_the_sum_of_the_squares_of_its_response() -> None:
+    forward, feedback = np.array([2.0, 0.5, -0.3, 0.1]), np.array([1.0, -1.2, 0.72])
+    response = lfilter(forward, feedback, np.eye(1, 500)[0])
+    assert texture.power_gain(forward, feedback) == pytest.approx(response @ response)
+    pair = texture.power_gain(
+        np.array([forward, [1, 0, 0, 0]]), np.array([feedback, [1.0, -0.5, 0.0]])
+    )
+    assert pair == pytest.approx([response @ response, 4 / 3])
+
 
 SPEEDS = np.array([0.0, 0.2, 0.0, 0.2, 0.11])
 FORCES = np.array([0.0, 0.0, 5.0, 4.0, 2.0])

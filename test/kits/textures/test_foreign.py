@@ -35,8 +35,7 @@ from scipy.io import wavfile
 from fuzzing import fuzz_few, measured
 from haptic_accel.core.model import GRAVITY, FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.surfaces.line_spectrum import is_ordered, to_polynomial
-from haptic_accel.core.surfaces.texture import Texture, TextureModel
+from haptic_accel.core.surfaces.texture import Texture, TextureModel, is_ordered, to_polynomial
 from haptic_accel.kits.textures.foreign import REFERENCE, import_texture, read_hatt
 
 SPEED, FORCE = (float(value) for value in REFERENCE)
