@@ -95,8 +95,11 @@ def measure(seconds: float, seed: int) -> dict[str, float]:
             last_distance = math.dist(at.master, at.slave)
             distance = max(distance, last_distance)
         for arm, half in hosts.halves.items():
-            commands = hosts.loops[arm].results.commands
-            force, before = commands[-1].force if commands else ZERO, forces[arm]
+            commands = hosts.loops[arm].commands
+            (_, _, force), before = (
+                next(commands[-1].each) if commands else (0, 0, ZERO),
+                forces[arm],
+            )
             forces[arm] = force
             if half.engagement.count != counts[arm]:
                 counts[arm], since[arm] = half.engagement.count, tick

@@ -36,10 +36,7 @@ from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.coupling.position_position import (
-    CouplingParameters,
-    PositionPositionCoupling,
-)
+from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import Vector
@@ -48,6 +45,7 @@ from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
 from haptic_accel.core.surfaces.texture import Texture, TextureModel
 from haptic_accel.core.surfaces.tool import VirtualTool
+from haptic_accel.core.tick import PositionPositionCoupling
 from haptic_accel.core.topics import TOOL_ACCELERATION
 from haptic_accel.devices import MASTERS, SLAVES, Device
 from haptic_accel.nodes.graph_node import GraphNode

@@ -23,10 +23,11 @@ from dataclasses import dataclass
 
 from haptic_accel.core.actuator.safety import SafetyParameters
 from haptic_accel.core.coupling.passive import PassiveParameters
-from haptic_accel.core.loop.device_side import ARM, rig_side
 from haptic_accel.core.model import ZERO, Sample, Vector
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.sampling import LATENCY
+from haptic_accel.core.simulated_rig import rig_side
+from haptic_accel.core.tick import ARM
 from haptic_accel.core.topics import ARMS
 from haptic_accel.core.two_hosts import TwoHosts
 
@@ -199,13 +200,13 @@ class TwoArms:
         """Yield the motion of the arms for each sample during a time in s."""
         for tick in range(round(duration * RATE)):
             self.hosts.step(tick)
-            (_, master), (_, slave) = (
-                sample for loop in self.hosts.loops.values() for sample in loop.results.samples
+            master, slave = (
+                sample for loop in self.hosts.loops.values() for sample in loop.samples
             )
             yield Instant(
-                master.sample.position,
-                slave.sample.position,
-                math.hypot(*slave.sample.velocity),
+                master.position,
+                slave.position,
+                math.hypot(*slave.velocity),
                 sum(master.work) + sum(slave.work),
             )
             self._hand.lead(max(0.0, tick / RATE - ENGAGING))

@@ -27,7 +27,8 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
 
 BUDGETS = {
-    "core": 14_705,
+    "core": 11_790,
+    "core/tick": 3_060,
     "analysis": 4_160,
     "nodes": 4_060,
     "kits/study": 3_970,
@@ -74,6 +75,7 @@ def lines_of_code(source: str) -> int:
 
 def test_every_folder_has_a_budget() -> None:
     folders = {file.relative_to(PACKAGE).parts[0] for file in PACKAGE.glob("*/**/*.py")} - {"kits"}
+    folders.add("core/tick")
     kits = {f"kits/{file.parent.name}" for file in PACKAGE.glob("kits/*/__init__.py")}
     assert folders | kits == BUDGETS.keys()
 
@@ -81,7 +83,11 @@ def test_every_folder_has_a_budget() -> None:
 @pytest.mark.parametrize("folder", BUDGETS)
 def test_a_folder_stays_within_its_budget(folder: str) -> None:
     files = (PACKAGE / folder).rglob("*.py")
-    size = sum(lines_of_code(file.read_text(encoding="utf-8")) for file in files)
+    size = sum(
+        lines_of_code(file.read_text(encoding="utf-8"))
+        for file in files
+        if folder != "core" or file.parent.name != "tick"
+    )
     budget = BUDGETS[folder]
     assert budget - SLACK <= size <= budget, f"{folder} has {size} lines, its budget is {budget}"
 

@@ -32,10 +32,10 @@ from haptic_accel.bags.reading import Bag, Diagnosis, read_bag
 from haptic_accel.bags.trial_bag import trial_vectors
 from haptic_accel.core import topics
 from haptic_accel.core.bounded_files import located
-from haptic_accel.core.due_forces import PAST_TICK
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, grid_indices, on_grid
+from haptic_accel.core.tick.device_side import PAST_TICK
 from haptic_accel.setup.arguments import REPLAY, SIMULATED, VIRTUAL, GraphArguments, check_lockstep
 from haptic_accel.setup.lockstep import lockstep_trial, replayed_track
 from haptic_accel.setup.setup import Setup

@@ -25,8 +25,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from haptic_accel.bags.delivery import LABELS, Delivery, durations
-from haptic_accel.core.due_forces import IN_TIME, MISSED_SHARE
 from haptic_accel.core.tables import Column, ResultTable, Row, number
+from haptic_accel.core.tick.device_side import IN_TIME, MISSED_SHARE
 
 
 def pair_metrics(delivery: Delivery) -> Row:

@@ -36,9 +36,9 @@ from haptic_accel.analysis.metrics import (
 from haptic_accel.analysis.plots import percent
 from haptic_accel.analysis.segments import Segment
 from haptic_accel.core.control.supervision import DEVIATES
-from haptic_accel.core.due_forces import IN_TIME
 from haptic_accel.core.evaluation.metrics import DIRECTION_SHARE
 from haptic_accel.core.tables import ResultTable, number
+from haptic_accel.core.tick.device_side import IN_TIME
 
 
 def summary(analysis: Analysis, comparison: Comparison | None = None) -> list[str]:

@@ -25,7 +25,6 @@ import numpy.typing as npt
 from haptic_accel.core.actuator.safety import MasterSafetyParameters
 from haptic_accel.core.identification import sweep
 from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
-from haptic_accel.core.loop.device_side import ACTUATOR, rig_side
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import (
@@ -35,6 +34,8 @@ from haptic_accel.core.rig.master_rig import (
     simulated_master,
 )
 from haptic_accel.core.sampling import DEFAULT_RATE, LATENCY, NANOSECONDS, check_latency
+from haptic_accel.core.simulated_rig import rig_side
+from haptic_accel.core.tick import ACTUATOR
 from haptic_accel.core.trial import along
 
 
@@ -125,8 +126,9 @@ def _excite(
     acceleration = np.zeros((len(force), 3))
     for tick, exciting in enumerate(force.reshape(len(force), -1).tolist()):
         side.begin(tick)
-        acceleration[tick] = next(side.read()).sample.acceleration
-        side.command(ACTUATOR, tick * NANOSECONDS / rate, axes.vector(exciting))
+        side.read()
+        acceleration[tick] = side.samples[0].acceleration
+        side.command(ACTUATOR, tick * NANOSECONDS / rate, *axes.vector(exciting))
         side.apply()
         side.watch()
     values: dict[str, str | int] = {**master.counters(), **side.safety.diagnostics()}

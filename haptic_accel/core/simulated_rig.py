@@ -17,26 +17,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy.typing as npt
 
-from haptic_accel.core import topics
+from haptic_accel.core import tick, topics
 from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyParameters
+from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
 from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
-from haptic_accel.core.coupling.position_position import (
-    CouplingParameters,
-    PositionPositionCoupling,
-)
+from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import sampled_response
-from haptic_accel.core.loop.compensation import CompensationPart
-from haptic_accel.core.loop.coupling import CouplingPart
-from haptic_accel.core.loop.device_side import ARM, DeviceSide, DrivenDevice, rig_side
-from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
 from haptic_accel.core.model import ComplexArray, HandleParameters, ModeParameters
 from haptic_accel.core.parameters import Checked, like
 from haptic_accel.core.rig.master_rig import DriveParameters, MasterRigParameters, axes_of
@@ -74,11 +68,11 @@ class RigParameters:
     master_safety: MasterSafetyParameters | None = None
     slave_safety: SafetyParameters = field(default_factory=SafetyParameters)
 
-    def coupled(self, rate: float, latency: int) -> PositionPositionCoupling | PassivePair:
+    def coupled(self, rate: float, latency: int) -> tick.PairCoupling:
         """Return the coupling of arms on one host."""
         if self.halves:
             return PassivePair(self.halves, rate, latency)
-        return PositionPositionCoupling(self.coupling)
+        return tick.PositionPositionCoupling(self.coupling)
 
     def plant(self, handle: HandleParameters) -> Plant:
         """Return the plant of a controller, with a handle as held by one user."""
@@ -106,14 +100,28 @@ class RigParameters:
         return PassiveParameters(law=law, stiffness=c.k_m, scale=c.scale, max_force=c.max_force)
 
 
+def rig_side(
+    device: tick.DrivenDevice,
+    limits: SafetyParameters,
+    rate: float,
+    latency: int,
+    kinds: Collection[str] = (tick.ARM, tick.ACTUATOR),
+    axes: Axes = ACTUATOR_AXES,
+) -> tick.DeviceSide:
+    """Return one side of a virtual rig for lockstep, with a safety layer that allows forces."""
+    safety = tick.SafetyLayer(limits, rate, axes)
+    safety.enable(0.0, True)
+    return tick.DeviceSide(device, safety, rate, latency, kinds=kinds)
+
+
 def build_parts(
     rig: RigParameters,
-    devices: Mapping[str, DrivenDevice],
+    devices: Mapping[str, tick.DrivenDevice],
     compensation: CompensationParameters,
     controllers: Mapping[str, Checked],
     rate: float,
     latency: int,
-) -> tuple[dict[str, DeviceSide], CompensationPart]:
+) -> tuple[dict[str, tick.DeviceSide], tick.CompensationPart]:
     """Return both arms' sides, which allow forces, and the compensation.
 
     Parameters
@@ -137,21 +145,23 @@ def build_parts(
     """
     on_master, on_slave = rig.safety
     sides = {
-        MASTER: rig_side(devices[MASTER], on_master, rate, latency, axes=axes_of(rig.master)),
-        SLAVE: rig_side(devices[SLAVE], on_slave, rate, latency, (ARM,)),
+        tick.MASTER: rig_side(
+            devices[tick.MASTER], on_master, rate, latency, axes=axes_of(rig.master)
+        ),
+        tick.SLAVE: rig_side(devices[tick.SLAVE], on_slave, rate, latency, (tick.ARM,)),
     }
     built = Compensation(compensation, rate, controllers, latency=latency)
-    return sides, CompensationPart(built, rate, latency)
+    return sides, tick.CompensationPart(built, rate, latency)
 
 
 def build_loop(
     rig: RigParameters,
-    sides: Mapping[str, DeviceSide],
-    compensation: CompensationPart,
+    sides: Mapping[str, tick.DeviceSide],
+    compensation: tick.CompensationPart,
     *,
     composed: bool = True,
     longest: int = 1,
-) -> HostLoop:
+) -> tick.HostLoop:
     """Return the loop of both arms on one host, whose devices are not stopped.
 
     Parameters
@@ -169,6 +179,8 @@ def build_loop(
     engagement = Engagement(EngagementParameters(), now=0.0)
     for arm in topics.ARMS:
         engagement.arm_stopped(arm, False)
-    rate, latency = sides[MASTER].rate, sides[MASTER].latency
-    coupled = CouplingPart(rig.coupled(rate, latency), engagement, rate, longest, counted=composed)
-    return HostLoop(sides, coupled, compensation)
+    rate, latency = sides[tick.MASTER].rate, sides[tick.MASTER].latency
+    coupled = tick.CouplingPart(
+        rig.coupled(rate, latency), engagement, rate, longest, counted=composed
+    )
+    return tick.HostLoop(sides, coupled, compensation)

@@ -28,13 +28,12 @@ import numpy as np
 from haptic_accel.core import model, topics
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.control import filters
-from haptic_accel.core.control.compensation import Compensation, CompensationParameters
+from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
 from haptic_accel.core.evaluation import metrics
 from haptic_accel.core.evaluation.delay import aligned
 from haptic_accel.core.evaluation.discrimination import indistinguishable
-from haptic_accel.core.loop.wiring import MASTER, SLAVE, HostLoop
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.network.playout import Played
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate
@@ -45,6 +44,7 @@ from haptic_accel.core.sampling import DEFAULT_RATE, LATENCY, check_latency
 from haptic_accel.core.simulated_rig import RigParameters, build_loop, build_parts
 from haptic_accel.core.surfaces.scene import Scene
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig
+from haptic_accel.core.tick import MASTER, CompensationPart, HostLoop
 from haptic_accel.core.track import ReplayRig, Track
 from haptic_accel.core.two_hosts import TwoHosts
 
@@ -318,9 +318,7 @@ def run_trial(
         if channel is None
         else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts, tool_axes)
     )
-    samples = _samples(
-        rigs, hosts, part.compensation, time.tolist(), deque(grips), warnings, crossings
-    )
+    samples = _samples(rigs, hosts, part, time.tolist(), deque(grips), warnings, crossings)
     # Number by number, as an array takes three times longer to read nested tuples.
     rows = np.fromiter(chain.from_iterable(samples), float).reshape(len(time), -1)
     vectors = rows.reshape(len(time), -1, 3).swapaxes(0, 1)
@@ -392,7 +390,7 @@ def _arms(slave: Rig) -> list[str]:
 def _samples(
     rigs: tuple[MasterRig | ThreeAxisRig, Rig],
     hosts: HostLoop | TwoHosts,
-    compensation: Compensation,
+    part: CompensationPart,
     times: Sequence[float],
     grips: deque[GripChange],
     warnings: list[Warned],
@@ -415,22 +413,30 @@ def _samples(
             else:
                 master.change_grip(changed)
         hosts.step(tick)
-        results = [loop.results for loop in loops]
-        handle, tool = (taken.sample for each in results for _, taken in each.samples)
-        forces = {command.arm: command.force for each in results for command in each.commands}
-        felt = results[0].compensated
-        _, desired, force = felt[-1] if felt else (0, model.ZERO, model.ZERO)
+        handle, tool = (sample for loop in loops for sample in loop.samples)
+        m_x = m_y = m_z = s_x = s_y = s_z = 0.0
+        for loop in loops:
+            if loop.commands:
+                forces = loop.commands[-1]
+                if forces.on_master:
+                    m_x, m_y, m_z = forces.m_x, forces.m_y, forces.m_z
+                if forces.on_slave:
+                    s_x, s_y, s_z = forces.s_x, forces.s_y, forces.s_z
+        desired = force = model.ZERO
+        if part.results:
+            felt = part.results[-1]
+            desired, force = felt.desired_acceleration, felt.actuator_force
         if isinstance(hosts, TwoHosts):
             played = hosts.halves[MASTER].played
             crossings.append(PlayedSample(played, hosts.position, hosts.energy))
         if time >= looked + WARNING_CHECK_PERIOD:
-            looked, (now, _) = time, compensation.diagnostics()
+            looked, (now, _) = time, part.slow.diagnostics()
             if now != words:
                 words = now
                 warnings.append((time, words))
         yield (
-            *(*tool.acceleration, *desired, *handle.acceleration, *force),
-            *(*handle.position, *handle.velocity, *forces.get(MASTER, model.ZERO)),
-            *(*tool.position, *tool.velocity, *forces.get(SLAVE, model.ZERO)),
+            *(tool.a_x, tool.a_y, tool.a_z, *desired, handle.a_x, handle.a_y, handle.a_z, *force),
+            *(handle.x, handle.y, handle.z, handle.v_x, handle.v_y, handle.v_z, m_x, m_y, m_z),
+            *(tool.x, tool.y, tool.z, tool.v_x, tool.v_y, tool.v_z, s_x, s_y, s_z),
             *(touching.contact_force or () if touching else ()),
         )

@@ -13,27 +13,276 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Two hosts in lockstep: their loops, and a simulated network between them."""
+"""Coupling of two hosts: an arm's half, its place in the loop, and both hosts in lockstep.
+
+The caller of a half exchanges datagrams with the peer's half. The order in a tick is: `receive`,
+`begin`, `put` for each sample, `poll` if the engagement is due, `packet`.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from haptic_accel.core.arm_endpoint import ArmEndpoint
+from haptic_accel.core import tick
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
-from haptic_accel.core.coupling.engagement import EngagementParameters
+from haptic_accel.core.coupling.engagement import Decision, EngagementParameters
 from haptic_accel.core.coupling.half_engagement import HalfEngagement
-from haptic_accel.core.coupling.passive import PassiveParameters
-from haptic_accel.core.loop.compensation import CompensationPart
-from haptic_accel.core.loop.device_side import DeviceSide
-from haptic_accel.core.loop.half_coupling import HalfCouplingPart
-from haptic_accel.core.loop.wiring import MASTER, HostLoop
+from haptic_accel.core.coupling.passive import (
+    NONSENSE,
+    PassiveHalf,
+    PassiveParameters,
+    of_slave,
+    scaled,
+)
+from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.network import endpoint
 from haptic_accel.core.network.channel import Channel, ChannelParameters
+from haptic_accel.core.network.endpoint import Endpoint, Motion, State
+from haptic_accel.core.network.packet import Packet
+from haptic_accel.core.network.playout import WAITING, Played
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ARMS
+
+CATCH_UP = 0.05
+"""Speed at which the arms approach each other after engagement, m/s: half that of a stroke. It
+falls with the energy that the tank has to spare, so that following takes precedence."""
+
+RISE_TIME = 0.1
+"""Time in which stiffness and damping rise from zero after engagement, s: an arm that moves at 0.5
+m/s feels at most 15 mN more in each millisecond."""
+
+
+class ArmEndpoint:
+    """Half of the coupling at an arm, and the packets exchanged with the peer's half.
+
+    All lengths in packets and in the half are relative to the reference position, in the master's
+    scale. It is the position at engagement, or if the engagement is resumed, that of the previous
+    one. A force is zero at engagement: from the arm's own position, the set-point approaches the
+    peer's at `CATCH_UP`. Forces use this scale too, and energies are divided by its square.
+    Times as for `Endpoint`.
+
+    Parameters
+    ----------
+    side : str
+        Arm of this host, one of `ARMS`.
+    parameters : PassiveParameters
+    rate : float
+        Samples per second.
+    latency : int
+        Delay from sample to force, in samples.
+    session : int
+        Random number of this run, not 0.
+    axes : Axes
+        Axes of the local tool.
+
+    Attributes
+    ----------
+    half : PassiveHalf
+    endpoint : Endpoint
+    """
+
+    def __init__(
+        self,
+        side: str,
+        parameters: PassiveParameters,
+        rate: float,
+        latency: int,
+        session: int,
+        axes: Axes = ACTUATOR_AXES,
+    ) -> None:
+        leads = side == ARMS[1]
+        self._scale = parameters.scale if leads else 1.0
+        own = of_slave(parameters) if leads else parameters
+        self.half = PassiveHalf(own, rate, latency, leads=leads)
+        self.endpoint = Endpoint(side, rate, session, axes)
+        self._origin = ZERO
+        self._approach = CATCH_UP / rate  # m in a sample
+        self._goal = ZERO
+        self._ahead: Vector | None = None  # of the peer's position; None until it is engaged
+        self._pair = 0, 0
+
+    @property
+    def engaged(self) -> bool:
+        """True while the arm is coupled."""
+        return self.half.engaged
+
+    @property
+    def set_point(self) -> tuple[Vector, Vector]:
+        """Position, m, and velocity, m/s, of the peer's arm; zero while uncoupled."""
+        peer = self.endpoint.peer
+        return (peer.position, peer.velocity) if peer and peer.engaged else (ZERO, ZERO)
+
+    def engage(self, position: Vector, *, resume: bool = False) -> None:
+        """Couple the arm at a position, m, which is its reference position unless it resumes."""
+        if not resume:
+            self._origin = position
+        self._goal, self._ahead = self._own(position, self._origin), None
+        self.half.engage(RISE_TIME)
+
+    def outgoing(self, state: State, motion: Motion, now: float, system: int) -> bytes | None:
+        """Return the due packet, or None; a free arm is reported at rest.
+
+        Parameters as for `Endpoint.outgoing`, with the measured motion.
+        """
+        stamp, position, velocity = motion
+        crossing = Motion(stamp)
+        if self.engaged:
+            crossing = Motion(stamp, self._own(position, self._origin), self._own(velocity))
+        return self.endpoint.outgoing(state, crossing, self.half.shipped, now, system)
+
+    def incoming(self, data: bytes, now: float, system: int) -> Packet | None:
+        """Process a datagram; return its packet if sent by the peer and newer than all before."""
+        packet = self.endpoint.incoming(data, now, system)
+        if packet is None:
+            return None
+        if self._pair != (pair := self.endpoint.session.pair):
+            self._pair = pair
+            self.half.new_session()
+        self.half.receive(self.endpoint.shipped)
+        return packet
+
+    def force(
+        self, position: Vector, velocity: Vector, now: float, work: float | None = None
+    ) -> Vector:
+        """Return the force for the arm, N; see `PassiveHalf.force`. Arguments are measurements."""
+        own = self._own(position, self._origin)
+        force = self.half.force(
+            own,
+            self._own(velocity),
+            *self._follow(),
+            self.endpoint.round_trip_age(now),
+            None if work is None else work / self._scale**2,
+        )
+        if self._ahead is not None and self._ahead != ZERO and self.half.share < 1.0:
+            # Wait where the energy suffices, so that the force does not jump when more arrives.
+            d_x, d_y, d_z = scaled(own, 1.0 - self.half.share, self._goal)
+            a_x, a_y, a_z = self._ahead
+            self._ahead = a_x + d_x, a_y + d_y, a_z + d_z
+        return scaled(force, self._scale)
+
+    def _follow(self) -> tuple[Vector, Vector]:
+        """Return set-point, m, and its velocity, m/s, which approaches the peer's position."""
+        peer = self.endpoint.peer
+        if not (peer and peer.engaged and math.hypot(*peer.position) < NONSENSE):
+            return self._goal, ZERO
+        x, y, z = peer.position
+        if self._ahead is None:
+            self._ahead = scaled(self._goal, 1.0, peer.position)
+        elif gap := math.hypot(*self._ahead):
+            step = self.half.supply * self._approach
+            self._ahead = scaled(self._ahead, max(0.0, 1.0 - step / gap))
+        d_x, d_y, d_z = self._ahead
+        self._goal = x + d_x, y + d_y, z + d_z
+        return self._goal, peer.velocity
+
+    def _own(self, vector: Vector, origin: Vector = ZERO) -> Vector:
+        """Return a vector relative to an origin in the master's scale."""
+        return scaled(vector, 1.0 / self._scale, origin)
+
+
+class HalfCouplingPart(tick.ArmCoupling):
+    """Engage an arm with its peer, compute its forces, and play the peer's samples.
+
+    Times as for `Endpoint`.
+
+    Parameters
+    ----------
+    end : ArmEndpoint
+    engagement : HalfEngagement
+        Engagement of the same arm.
+    timeout : float
+        Time without packets of the peer after which its last packet is ignored, s.
+
+    Attributes
+    ----------
+    end : ArmEndpoint
+    engagement : HalfEngagement
+    offset : int
+        System time minus the clock of the stamps, ns.
+    played : Played
+        Last played sample of the peer's tool.
+    """
+
+    engagement: HalfEngagement
+
+    def __init__(self, end: ArmEndpoint, engagement: HalfEngagement, timeout: float) -> None:
+        super().__init__(engagement)
+        self.end = end
+        self.passes_tools = False
+        self.offset = 0
+        self.played = Played(ZERO, WAITING)
+        self._timeout = timeout
+        self._newest: tick.ArmSample | None = None
+        self._ready = False
+
+    def receive(self, datagrams: Iterable[bytes], now: float, system: int) -> None:
+        """Process received datagrams."""
+        for data in datagrams:
+            if packet := self.end.incoming(data, now, system):
+                self.engagement.peer_heard(packet, now)
+        self.engagement.unusable = self.end.endpoint.session.unusable(now, self._timeout)
+
+    def begin(self, now: float, stamp: int) -> tick.ArmSample | None:
+        """At the master, play the peer's sample of a tick; restart the playout after a silence."""
+        if self.engagement.arms[0] != tick.MASTER:
+            return None
+        playout = self.end.endpoint.playout
+        if not self.end.endpoint.fresh(now, self._timeout):
+            playout.clear()
+        self.played = playout.play(now)
+        if self.played.kind == WAITING:
+            return None
+        return tick.ArmSample(stamp, acceleration=self.played.value)
+
+    def put_tool(self, sample: tick.ArmSample) -> None:
+        """Add a sample of the tool for the peer."""
+        self.end.endpoint.sampled(sample.stamp + self.offset, sample.acceleration)
+
+    def put(self, sample: tick.ArmSample, now: float) -> None:
+        """Add a sample of the arm; a non-finite sample counts as missing."""
+        arm = self.engagement.arms[0]
+        usable = self.engagement.watches[arm].take(now, sample)
+        if not (usable and math.isfinite(sum(sample.velocity))):
+            return
+        self._newest = sample
+        if self.end.engaged and not self.engagement.interrupted:
+            work = sum(sample.work) if sample.has_work else None
+            x, y, z = self.end.force(sample.position, sample.velocity, now, work)
+            forces = tick.CoupledForces()
+            self.forces.append(forces)
+            forces.on_master, forces.on_slave = arm == tick.MASTER, arm == tick.SLAVE
+            forces.m_stamp = forces.s_stamp = sample.stamp
+            forces.m_x, forces.m_y, forces.m_z = x, y, z
+            forces.s_x, forces.s_y, forces.s_z = x, y, z
+
+    def poll(self, now: float, listeners: int) -> Decision:
+        """Engage or release the arm if this is due; arguments as for `Engagement.missing`."""
+        decision = self.engagement.decide(now, listeners)
+        if decision.release:
+            del self.forces[self.passed :]
+            self.end.half.disengage()
+        if decision.engage and self._newest:
+            self.end.engage(self._newest.position, resume=decision.resume)
+        self._ready = self.engagement.ready(now, listeners)
+        return decision
+
+    def packet(self, now: float, system: int) -> bytes | None:
+        """Return the datagram that is due for the peer, or None."""
+        here = self.engagement
+        stop = here.stop
+        state = State(
+            self._ready, here.engaged, stop.stopped, here.resumes, stop.began, here.count
+        )
+        motion = endpoint.Motion()
+        if newest := self._newest:
+            stamp = newest.stamp + self.offset
+            motion = endpoint.Motion(stamp, newest.position, newest.velocity)
+        return self.end.outgoing(state, motion, now, system)
+
 
 BEGIN = 1_800_000_000
 """System time of both hosts at the first sample, s."""
@@ -77,19 +326,19 @@ class TwoHosts:
         self,
         parameters: PassiveParameters,
         network: ChannelParameters,
-        sides: Mapping[str, DeviceSide],
-        compensation: CompensationPart | None = None,
+        sides: Mapping[str, tick.DeviceSide],
+        compensation: tick.CompensationPart | None = None,
         seed: int = 0,
         blackouts: Sequence[tuple[float, float]] = (),
         axes: Axes = ACTUATOR_AXES,
     ) -> None:
         self._axes = axes
         self._parameters, self._sides, self._compensation = parameters, sides, compensation
-        self._rate = sides[MASTER].rate
+        self._rate = sides[tick.MASTER].rate
         self._first = round(BEGIN * self._rate)
         self._sessions = itertools.count(1)
         self.halves: dict[str, HalfCouplingPart] = {}
-        self.loops: dict[str, HostLoop] = {}
+        self.loops: dict[str, tick.HostLoop] = {}
         for arm in ARMS:
             self.restart(arm, 0.0)
         self.channels = [
@@ -100,7 +349,7 @@ class TwoHosts:
     @property
     def position(self) -> float:
         """Time of the played sample, in samples since the first; NaN while waiting."""
-        return self.halves[MASTER].end.endpoint.playout.position - self._first
+        return self.halves[tick.MASTER].end.endpoint.playout.position - self._first
 
     @property
     def energy(self) -> tuple[float, float]:
@@ -116,8 +365,8 @@ class TwoHosts:
         half = HalfCouplingPart(end, HalfEngagement(conditions, now, arm), conditions.timeout)
         half.offset = BEGIN * NANOSECONDS
         self.halves[arm] = half
-        compensation = self._compensation if arm == MASTER else None
-        self.loops[arm] = HostLoop({arm: side}, half, compensation)
+        compensation = self._compensation if arm == tick.MASTER else None
+        self.loops[arm] = tick.HostLoop({arm: side}, half, compensation)
 
     def step(self, tick: int) -> None:
         """Process a tick on both hosts."""

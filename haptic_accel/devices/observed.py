@@ -29,10 +29,9 @@ import numpy as np
 
 from haptic_accel.core.actuator.safety import SafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
-from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide
 from haptic_accel.core.model import ZERO, FloatArray
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.tick import SafetyLayer
+from haptic_accel.core.tick import ACTUATOR, ARM, DeviceSide, SafetyLayer
 from haptic_accel.devices.interface import Device, DeviceError
 
 KEPT = 20.0
@@ -232,11 +231,13 @@ class ObservedDevice:
 
     def _take(self) -> None:
         """Store the samples that have come, and answer each with a force."""
-        for tick, sample, _, _ in self._side.read():
+        self._side.read()
+        for sample in self._side.samples:
+            tick = sample.tick
             self._samples.append((tick, sample.acceleration[ACTUATOR_AXIS], sample.position))
             if self._force and not self._safety.refusal:
                 due = tick + self._latency
                 force = self._force(due / self._rate)
                 moment = round(tick / self._rate * NANOSECONDS)
-                self._side.command(ACTUATOR, moment, along_actuator(force))
+                self._side.command(ACTUATOR, moment, *along_actuator(force))
                 self._forces.append((due, force))

@@ -28,8 +28,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from haptic_accel.core.due_forces import IN_TIME, MISSED_SHARE
 from haptic_accel.core.sampling import DEFAULT_RATE
+from haptic_accel.core.tick.device_side import IN_TIME, MISSED_SHARE
 from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
 from haptic_accel.graph.middleware import DISCOVERY_RANGE, LOOPBACK_PROFILE
 

@@ -29,11 +29,11 @@ from haptic_accel.core import topics
 from haptic_accel.core.cdr import unpack_orientation
 from haptic_accel.core.control.compensation import PLANT, Compensation
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.loop.compensation import CompensatedSample, CompensationPart
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.orientation import Orientation
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.reduction import NO_REDUCTION
+from haptic_accel.core.tick import CompensatedSample, CompensationPart
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.priority import FELT_PRIORITY
 from haptic_accel.nodes.scheduling import run
@@ -92,20 +92,22 @@ class Compensator(GraphNode):
         came = False
         for stamp, acceleration in self._tools.drain():
             came = True
-            self.part.put_tool(stamp, acceleration)
+            self.part.put_tool(stamp, *acceleration)
         if self.part.waiting:
             for stamp, acceleration in self._handles.drain():
-                self.part.put_handle(stamp, acceleration)
-            self.publish(self.part.forces(time.time_ns()), offset=0)
+                self.part.put_handle(stamp, True, *acceleration)
+            self.part.compute(float(time.time_ns()))
+            self.publish(self.part.results, offset=0)
+            self.part.results.clear()
         if came:
             self._follow_orientation()
         return self._arrivals.polled(found=came and not self.part.waiting)
 
     def publish(self, felt: Iterable[CompensatedSample], offset: int) -> None:
         """Publish forces; system time is their stamps plus an offset in ns."""
-        for stamp, desired, force in felt:
-            self._send_force(stamp + offset, force)
-            self._send_desired(stamp + offset, desired)
+        for each in felt:
+            self._send_force(each.stamp + offset, each.actuator_force)
+            self._send_desired(each.stamp + offset, each.desired_acceleration)
 
     def _follow_orientation(self) -> None:
         """Take the handle's orientation, for the next samples: no force waits for it."""

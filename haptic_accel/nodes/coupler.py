@@ -18,20 +18,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
+from haptic_accel.core import tick
 from haptic_accel.core.coupling.engagement import Engagement
 from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
-from haptic_accel.core.coupling.position_position import (
-    FADE_TIME,
-    CouplingParameters,
-    PositionPositionCoupling,
-)
-from haptic_accel.core.loop.coupling import CouplingPart
-from haptic_accel.core.loop.wiring import ArmCommand, Tool
+from haptic_accel.core.coupling.position_position import FADE_TIME, CouplingParameters
 from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.tick import ArmSample, CoupledForces
 from haptic_accel.core.topics import ARMS
 from haptic_accel.nodes.coupling_node import ARM_TOPICS, CouplingNode, MotionSynchronizer
 from haptic_accel.nodes.scheduling import run
@@ -46,10 +41,12 @@ class Coupler(CouplingNode):
         super().__init__((*schema(CouplingParameters), *schema(PassiveParameters)))
         p, rate = self.parameters, self.parameters.rate
         self._passive = PassivePair(p, rate, p.latency) if p.coupling == PASSIVE else None
-        self._coupling = self._passive or PositionPositionCoupling(p)
+        self._coupling = self._passive or tick.PositionPositionCoupling(p)
         self._changed = False
         longest = round(CATCH_UP * rate)
-        self.part: CouplingPart = CouplingPart(self._coupling, self.engagement, rate, longest)
+        self.part: tick.CouplingPart = tick.CouplingPart(
+            self._coupling, self.engagement, rate, longest
+        )
         self._motions = {
             arm: MotionSynchronizer(
                 self.samples(signals.position, rate),
@@ -102,19 +99,24 @@ class Coupler(CouplingNode):
     def couple(self) -> bool:
         """Send the forces of every complete tick; return True if no tick is incomplete."""
         came = False
-        for arm, motions in self._motions.items():
-            for motion in motions.drain():
+        for index, (arm, motions) in enumerate(self._motions.items()):
+            for sample in motions.drain():
                 came = True
-                self.part.put(arm, motion, time.monotonic())
+                sample.arm = index
+                self.part.put(sample, time.monotonic())
             if refusal := motions.arriving.sequence.refusal:
-                self.engagement.stamp_refused(arm, refusal)
-        self.publish((), self.part.commands(), offset=0)
+                self.engagement.watches[arm].refusal = f": {arm}: {refusal}"
+        self.part.couple()
+        self.publish([], self.part.forces, offset=0)
+        self.part.forces.clear()
         return came and not self.part.waiting
 
-    def publish(self, tools: Iterable[Tool], commands: Iterable[ArmCommand], offset: int) -> None:
+    def publish(self, tools: list[ArmSample], commands: list[CoupledForces], offset: int) -> None:
         """Publish forces; the slave device publishes the tool's samples."""
-        for arm, stamp, force in commands:
-            self.forces[arm].send(stamp + offset, force)
+        on_master, on_slave = self.forces.values()
+        for caused in commands:
+            on_master.send(caused.m_stamp + offset, (caused.m_x, caused.m_y, caused.m_z))
+            on_slave.send(caused.s_stamp + offset, (caused.s_x, caused.s_y, caused.s_z))
 
     def prepare(self) -> None:
         """Begin the transition to new gains; a damper waits for velocities."""

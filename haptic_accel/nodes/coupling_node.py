@@ -20,24 +20,21 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from std_srvs.srv import SetBool
 
-from haptic_accel.core import topics
+from haptic_accel.core import tick, topics
 from haptic_accel.core.coupling.engagement import Engagement
-from haptic_accel.core.coupling.pairing import Motion
-from haptic_accel.core.loop.device_side import DeviceSide
-from haptic_accel.core.loop.wiring import ArmCommand, Coupling, Tool, release
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.process import ENGAGED, OVER, tell_supervisor
+from haptic_accel.core.tick import ArmSample, CoupledForces
 from haptic_accel.nodes.emergency_stop import CouplerStop
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.signals import Inbox, Samples
 from haptic_accel.nodes.timing import ArrivalKeeper
 
-MASTER, SLAVE = topics.ARMS
-ARM_TOPICS = {MASTER: topics.MASTER, SLAVE: topics.SLAVE}
+ARM_TOPICS = {tick.MASTER: topics.MASTER, tick.SLAVE: topics.SLAVE}
 
 
 class SynchronizedSignal:
@@ -110,7 +107,7 @@ class MotionSynchronizer:
         """Join velocities once they arrive."""
         self.velocity = SynchronizedSignal(velocities, flowing=False)
 
-    def drain(self) -> Iterator[Motion]:
+    def drain(self) -> Iterator[ArmSample]:
         """Yield the complete samples."""
         for sample in self.arriving.drain():
             self._positions.append(sample)
@@ -126,7 +123,7 @@ class MotionSynchronizer:
             self._positions.popleft()
             velocity = self.velocity.value if self.velocity else ZERO
             work = sum(self.work.value) if self.work and self.work.flowing else None
-            yield Motion(stamp, position, velocity, work)
+            yield ArmSample(stamp, position, velocity, work)
 
     @property
     def waiting(self) -> bool:
@@ -154,14 +151,14 @@ class CouplingNode(GraphNode):
 
     Attributes
     ----------
-    part : Coupling
+    part : ArmCoupling
         Set by a subclass.
     sides : mapping of str to DeviceSide
         Devices in this process; empty if there are none. With devices, a loop passes samples and
         forces through `part`, and calls `receive`, `step`, `reply` and `publish`.
     """
 
-    part: Coupling
+    part: tick.ArmCoupling
 
     task = "coupling"
 
@@ -171,7 +168,7 @@ class CouplingNode(GraphNode):
         super().__init__("coupler", changeable)
         self.engagement = self.build_engagement(time.monotonic())
         self.forces = {arm: self.sender(ARM_TOPICS[arm].arm_force) for arm in self.engagement.arms}
-        self.sides: Mapping[str, DeviceSide] = {}
+        self.sides: Mapping[str, tick.DeviceSide] = {}
         self._arrivals = ArrivalKeeper(self.parameters.rate)
         self._aside = False
         # Until the first message only: each message slows the compensator.
@@ -202,7 +199,7 @@ class CouplingNode(GraphNode):
         """Send the results of a tick to the peer; do nothing without a peer."""
 
     @abstractmethod
-    def publish(self, tools: Iterable[Tool], commands: Iterable[ArmCommand], offset: int) -> None:
+    def publish(self, tools: list[ArmSample], commands: list[CoupledForces], offset: int) -> None:
         """Publish the results of this process's loop; `offset` as for `receive`."""
 
     def prepare(self) -> None:
@@ -261,7 +258,7 @@ class CouplingNode(GraphNode):
             self.finish(f"duration of {self.parameters.duration:g} s is over")
 
     def _let_go(self) -> None:
-        release(self.sides, time.monotonic())
+        tick.release(self.sides, time.monotonic())
         for force in () if self._aside else self.forces.values():
             force.send(time.time_ns(), ZERO)
 

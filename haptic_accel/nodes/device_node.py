@@ -28,11 +28,10 @@ from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
 from haptic_accel.core.cdr import unpack_stamped_vector
-from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide, TickSample
 from haptic_accel.core.model import Vector
 from haptic_accel.core.parameters import ParameterError, from_flat, schema
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.tick import STOPPED, SafetyLayer
+from haptic_accel.core.tick import ACTUATOR, ARM, STOPPED, ArmSample, DeviceSide, SafetyLayer
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.sound_bench import NoArm
 from haptic_accel.nodes.crtk import MotionCommands, OperatingState, Queries
@@ -116,7 +115,7 @@ class DeviceNode(Managed, GraphNode):
             for topic in (arm.acceleration, arm.position, arm.velocity)
         )
         self._work_sender = self.sender(arm.work)
-        self._work_asked = self._contact_asked = False
+        self._work_asked = False
         self._contact_sender = self.sender(arm.contact_force) if arm.contact_force else None
         self._joint_states = JointStates(self, arm.position, p.rate)
         self._inboxes = {ARM: self.inbox(arm.arm_force)}
@@ -355,23 +354,22 @@ class DeviceNode(Managed, GraphNode):
         """Number of kinds of forces that come as messages, not from this process's loop."""
         return sum([not inbox.fed for inbox in self._inboxes.values()])
 
-    def publish(self, taken: TickSample) -> None:
+    def publish(self, sample: ArmSample) -> None:
         """Publish a sample."""
-        tick, sample, work, contact = taken
-        stamp = self.rate_keeper.time(tick) + self.offset
+        stamp = self.rate_keeper.time(sample.tick) + self.offset
         self._acceleration.send(stamp, sample.acceleration)
         self._position.send(stamp, sample.position, sample.orientation)
         self._velocity.send(stamp, sample.velocity)
         if self._work_asked:
-            self._work_sender.send(stamp, work)
-        if self._contact_sender and self._contact_asked and contact is not None:
-            self._contact_sender.send(stamp, contact)
+            self._work_sender.send(stamp, sample.work)
+        if self._contact_sender and self.side.wants_contact and sample.contact is not None:
+            self._contact_sender.send(stamp, sample.contact)
         self._joint_states.add(stamp, sample.position)
         if self._queries.asked:
             arm = self.safety.arm_limit
             self._queries.publish(
                 stamp,
-                sample,
+                sample.sample,
                 (arm.x, arm.y, arm.z),
                 self._motions.servo.set_point,
                 self.device.joints,
@@ -399,7 +397,7 @@ class DeviceNode(Managed, GraphNode):
                 self.device.point(position)
         for kind, taken in forces.items():
             for stamp, force in taken:
-                self.side.command(kind, (stamp or self._unstamped(kind)) - self.offset, force)
+                self.side.command(kind, (stamp or self._unstamped(kind)) - self.offset, *force)
 
     def _taken(self, kind: str) -> list[tuple[int, Vector]]:
         """Return received forces of a kind with their stamps, system time in ns."""
@@ -408,7 +406,7 @@ class DeviceNode(Managed, GraphNode):
             return []
         taken = inbox.drain_sole(unpack_stamped_vector)
         if not inbox.sole:
-            self.side.refuse(kind)
+            self.side.forces[kind].clear()
         if inbox.changed:
             self._note_rivals(kind)
         return taken
@@ -433,7 +431,7 @@ class DeviceNode(Managed, GraphNode):
         rivals = self.rivals(*inboxes)
         self.safety.note_rivals(kind.replace("_", " "), rivals)
         if rivals:
-            self.side.refuse(kind)
+            self.side.forces[kind].clear()
 
     def _unstamped(self, kind: str) -> int:
         """Return a stamp for an unstamped force: the present time, or none to refuse the force."""
@@ -499,7 +497,7 @@ class DeviceNode(Managed, GraphNode):
         for look in (*polls, self._operating.report):
             look()
         self._work_asked = self._work_sender.listeners > 0
-        self._contact_asked = bool(self._contact_sender and self._contact_sender.listeners)
+        self.side.wants_contact = bool(self._contact_sender and self._contact_sender.listeners)
         for kind in self._inboxes:
             self._note_rivals(kind)
         for line in self.safety.news(steady_now()):

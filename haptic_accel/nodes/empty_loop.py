@@ -27,9 +27,9 @@ import sys
 import time
 from typing import Any
 
-from haptic_accel.core.due_forces import IN_TIME
 from haptic_accel.core.process import module_command
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.tick.device_side import IN_TIME
 from haptic_accel.nodes.priority import ask_for_realtime, sharpen_timers
 from haptic_accel.nodes.timing import RateKeeper, wake_time
 

@@ -21,7 +21,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from haptic_accel.core.loop.wiring import HostLoop, Results
+from haptic_accel.core.tick import HostLoop
+from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import DeviceError
 from haptic_accel.nodes.timing import (
     FORCES_TIME,
@@ -116,7 +117,7 @@ class LoopRunner:
             self._serve(tick)
         elif not self._loop.complete or any([each.received for each in self._devices.values()]):
             self._loop.go_on()
-            self._finish([self._loop.results])
+            self._finish()
         wake = self._keeper.next
         for arm, arrivals in self._arrivals.items():
             side = self._loop.sides[arm]
@@ -134,33 +135,28 @@ class LoopRunner:
             device.offset = self._offset
         if self._coupler:
             self._coupler.receive(self._offset)
-        self._finish([self._stepped(each) for each in range(tick - self._frame + 1, tick + 1)])
+        first = tick - self._frame + 1
+        for each in range(first, tick + 1):
+            self._loop.step(each, each == first)
+        self._finish()
 
-    def _stepped(self, tick: int) -> Results:
-        """Process a sample of a frame, and return its results."""
-        self._loop.step(tick)
-        return self._loop.results
-
-    def _finish(self, frame: Sequence[Results]) -> None:
+    def _finish(self) -> None:
         """Send and publish the results of the last steps, after all due forces."""
+        loop = self._loop
         if self._coupler:
             self._coupler.reply()
-        for results in frame:
-            self._publish(results)
-        for device in self._devices.values():
-            device.end_with_device()
-
-    def _publish(self, results: Results) -> None:
         if self._compensator:
-            self._compensator.publish(results.compensated, self._offset)
-        for arm, taken in results.samples:
-            device = self._devices[arm]
+            self._compensator.publish(loop.compensated, self._offset)
+        for sample in loop.samples:
+            device = self._devices[ARMS[sample.arm]]
             try:
-                device.publish(taken)
+                device.publish(sample)
             except FAILURES as error:  # the driver may fail to give further values
                 device.fail(error)
         if self._coupler:
-            self._coupler.publish(results.tools, results.commands, self._offset)
+            self._coupler.publish(loop.tools, loop.commands, self._offset)
+        for device in self._devices.values():
+            device.end_with_device()
 
     def follow_stop(self) -> None:
         """Follow the emergency stop; mute signals that other nodes publish as well."""
@@ -171,7 +167,7 @@ class LoopRunner:
         if self._compensator:
             self._compensator.follow_stop()
         followers = [each for each in (self._coupler, self._compensator) if each]
-        self._loop.muted = set().union(*(each.contested for each in followers))
+        self._loop.mute(set().union(*(each.contested for each in followers)))
         for each in followers:
             each.contested_in_loop = self._loop.contested
 

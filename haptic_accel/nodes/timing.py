@@ -24,9 +24,9 @@ from collections import defaultdict
 from collections.abc import Callable
 from functools import cache
 
-from haptic_accel.core.evaluation.histogram import DurationHistogram
-from haptic_accel.core.loop.device_side import FLOWING
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.tick import DurationHistogram
+from haptic_accel.core.tick.device_side import FLOWING
 
 FORCES_TIME, RECEIVING_TIME = 60e-6, 50e-6
 """Time for each device of a process from the beginning of a tick until its forces are written, s,

@@ -24,10 +24,10 @@ import numpy as np
 
 from haptic_accel.core.control.fallback import LEAST_DESIRED
 from haptic_accel.core.control.filters import comparable
-from haptic_accel.core.due_forces import LATE_TIME
 from haptic_accel.core.evaluation.metrics import evaluate, lengths
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.sampling import NANOSECONDS, IntArray, grid_indices
+from haptic_accel.core.tick.device_side import LATE_TIME
 from haptic_accel.scope.windows import Windows, paired
 
 MARGIN = 0.25

@@ -28,11 +28,11 @@ from typing import Any, NamedTuple
 
 from haptic_accel.core.axes import ACTUATOR_AXIS, NAMES
 from haptic_accel.core.control.controllers import granted_delay
-from haptic_accel.core.loop.wiring import MASTER, SLAVE
 from haptic_accel.core.model import ACTUATOR, ZERO, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.simulated_rig import build_loop, build_parts
+from haptic_accel.core.tick import MASTER, SLAVE
 from haptic_accel.devices.simulated import PointerMaster, SimulatedSlave, SimulatedSlaveParameters
 from haptic_accel.scope.node_reports import NodeReport, NodeReports
 from haptic_accel.scope.server import CommandError, check_choice
@@ -120,7 +120,8 @@ class PacedRig:
         for device in devices.values():
             device.open()
         sides, part = build_parts(rig, devices, around, self._controllers, self._rate, latency)
-        self._loop, self._compensation = build_loop(rig, sides, part), part.compensation
+        sides[SLAVE].wants_contact = True
+        self._loop, self._compensation = build_loop(rig, sides, part), part.slow
         self.windows.show_axes(self._master.axes)
         self._axes = [
             (NAMES.index(axis), windows) for axis, windows in self.windows.by_axis.items()
@@ -221,10 +222,9 @@ class PacedRig:
         loop, windows = self._loop, self.windows
         loop.step(self._tick)
         self._tick += 1
-        results = loop.results
-        for arm, (tick, sample, _, contact) in results.samples:
-            stamp = origin + loop.stamp(tick)
-            if arm == MASTER:
+        for sample in loop.samples:
+            stamp = origin + sample.stamp
+            if not sample.arm:
                 for index, each in self._axes:
                     each.handle.put(stamp, sample.acceleration[index])
                 windows.places["handle"] = sample.position
@@ -232,14 +232,13 @@ class PacedRig:
                 windows.position.put(stamp, sample.position[ACTUATOR_AXIS])
                 windows.places["tool"] = sample.position
                 windows.places["tool_velocity"] = sample.velocity
-                windows.places["contact_force"] = contact or ZERO
-        for command in results.commands:
-            if command.arm == SLAVE:
-                windows.arm_force.put(origin + command.stamp, command.force[ACTUATOR_AXIS])
-        for stamp, desired, force in results.compensated:
+                windows.places["contact_force"] = sample.contact or ZERO
+        for caused in loop.commands:
+            windows.arm_force.put(origin + caused.s_stamp, caused.s_z)
+        for felt in loop.compensated:
             for index, each in self._axes:
-                each.desired.put(origin + stamp, desired[index])
-                each.force.put(origin + stamp, force[index])
+                each.desired.put(origin + felt.stamp, felt.desired_acceleration[index])
+                each.force.put(origin + felt.stamp, felt.actuator_force[index])
 
     def _carry_out(self) -> None:
         """Carry out what pages have asked for."""

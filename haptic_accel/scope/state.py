@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.due_forces import LONGEST
 from haptic_accel.core.model import POSTURES
+from haptic_accel.core.tick.device_side import LONGEST
 from haptic_accel.devices.simulated import PointerMaster
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.scenes import read_scene

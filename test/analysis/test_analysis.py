@@ -35,10 +35,10 @@ from haptic_accel.analysis.frames import table_two
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.writing import as_json, write_analysis
 from haptic_accel.core import topics
-from haptic_accel.core.due_forces import LATE_TIME, LONGEST, PAST_TICK
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, MountParameters
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.tick.device_side import LATE_TIME, LONGEST, PAST_TICK
 from haptic_accel.core.trial import Trial
 
 RATE = 1000.0

@@ -28,9 +28,9 @@ from haptic_accel.analysis.divergence import find_divergence
 from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
-from haptic_accel.core.due_forces import PAST_TICK
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.tick.device_side import PAST_TICK
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial, record_trial

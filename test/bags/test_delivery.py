@@ -26,7 +26,7 @@ from haptic_accel.analysis.segments import cut
 from haptic_accel.bags.delivery import count, durations
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
-from haptic_accel.core.due_forces import LATE_TIME, LONGEST, PAST_TICK
+from haptic_accel.core.tick.device_side import LATE_TIME, LONGEST, PAST_TICK
 
 RATE = 500.0
 

@@ -25,9 +25,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.due_forces import DueForces
-from haptic_accel.core.model import ZERO
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.tick import DueForces
 from haptic_accel.nodes.timing import BEHIND, CATCH_UP, ArrivalKeeper, RateKeeper, system_time
 
 PERIOD = NANOSECONDS // 1000
@@ -67,7 +66,7 @@ def test_forces_of_a_process_that_stood_still_are_late_though_none_comes_after_i
         for tick in due(keeper):
             forces.pop(tick)
             forces.took_effect(clock.now / NANOSECONDS)
-            forces.put(tick, tick, ZERO)
+            forces.put(tick, tick, 0.0, 0.0, 0.0)
     # Of tick 100 to 200, the last is served in time, and has the 100 before it made up for it.
     assert (forces.due, forces.missed, forces.past_tick) == (300 - keeper.missed, 99, 0)
     assert keeper.missed == 1

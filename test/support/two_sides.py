@@ -31,10 +31,11 @@ from two_arms import HAND_DAMPING, RATE, Around, Hand, Path, PointMass
 
 from haptic_accel.core.actuator.safety import ArmLimits, SafetyParameters
 from haptic_accel.core.coupling.passive import PassiveHalf, PassiveParameters
-from haptic_accel.core.loop.device_side import ARM, rig_side
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.channel import Channel
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.simulated_rig import rig_side
+from haptic_accel.core.tick import ARM
 
 PACKETS = 2
 """Samples from packet to packet."""
@@ -131,13 +132,14 @@ class Side:
     def read(self, tick: int) -> None:
         """Read the arm's sample of a tick, and its motors' work so far, J."""
         self.device.begin(tick)
-        ((_, self.arm, work, _),) = self.device.read()
-        self.work = sum(work)
+        self.device.read()
+        (sample,) = self.device.samples
+        self.arm, self.work = sample.sample, sum(sample.work)
 
     def push(self, tick: int, force: Vector) -> None:
         """Command the force caused by a tick's sample; a stopped device applies zero."""
         stamp = round(tick * NANOSECONDS / RATE)
-        self.device.command(ARM, stamp, ZERO if self.stopped else force)
+        self.device.command(ARM, stamp, *(ZERO if self.stopped else force))
         self.device.apply()
         self.device.watch()
 

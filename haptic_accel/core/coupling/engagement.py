@@ -25,10 +25,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from haptic_accel.core.actuator.safety import AUTOMATIC, MANUAL
-from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.emergency_stop import EmergencyStop
 from haptic_accel.core.parameters import Checked, parameter
-from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.tick import ArmWatch
 from haptic_accel.core.topics import ARMS
 
 STEP_PERIOD = 0.02
@@ -41,15 +40,6 @@ FREE_TIME = 0.5
 """Minimum time between release and re-engagement, s. The positions at engagement become the
 reference positions, so the arms must be at rest. The arms of the virtual rig are back at their
 start by then."""
-
-FASTEST = 10.0
-"""Speed that no arm reaches, m/s; a hand that leads a handle moves at 1 to 2 m/s."""
-
-REFUSED = "{}: position {:.4g}, {:.4g}, {:.4g} m: refused, as it is {:.3g} m from the one before"
-"""Reason to refuse a position that is not finite, or where no arm can be."""
-
-HELD = 5e-3
-"""Time for which a device may repeat a position, s: an arm with 200 positions a second."""
 
 RESTING = "waiting for the arms to come to rest"
 """Reason for free arms shortly after their release."""
@@ -136,10 +126,8 @@ class Engagement:
         Stop of the coupler; a long disagreement with a device stops all nodes.
     compensated : bool
         A force of the compensator was received, or none is required.
-    interrupted : str
-        Silence or jump that ends the engagement at the next `decide`; empty for none.
-    refused : int
-        Number of positions that are not finite, or farther than an arm can have moved.
+    watches : dict of ArmWatch
+        Plausibility and silence of the arms' positions; the caller passes each to its arm's.
     arms : tuple of str
     """
 
@@ -149,12 +137,8 @@ class Engagement:
         self._parameters = parameters
         self.arms = tuple(arms)
         self.engaged = False
-        self.interrupted = ""
         self.compensated = not parameters.compensated
-        self._received = dict.fromkeys(arms, -math.inf)
-        self._last = dict[str, Motion]()
-        self._refusals = dict[str, str]()  # of the newest position, by arm
-        self.refused = 0
+        self.watches = {arm: ArmWatch(arm, parameters.timeout) for arm in arms}
         self._freed = ""  # why the arms stay free until a request
         self.stop = EmergencyStop(now)
         self._differing_since = math.inf
@@ -164,29 +148,16 @@ class Engagement:
         self._warned = now
         self._step_due = now
 
-    def position_received(self, arm: str, now: float, motion: Motion) -> bool:
-        """Record an arm's position, and return whether it is usable.
+    @property
+    def refused(self) -> int:
+        """Number of positions that are not finite, or farther than an arm can have moved."""
+        return sum(watch.refused for watch in self.watches.values())
 
-        A silence before it ends the engagement, as a process that stood still finds the next
-        positions before it looks for missing ones. A position farther than an arm can move ends
-        it, too; those that follow it are compared with it. One that is not finite is missing.
-        """
-        last = self._last.get(arm, motion)
-        way, time = math.dist(motion.position, last.position), motion.stamp - last.stamp
-        if not way <= FASTEST * max(time / NANOSECONDS, HELD):  # or not finite
-            refusal = REFUSED.format(arm, *motion.position, way)
-            self._refusals[arm], self.refused = f": {refusal}", self.refused + 1
-            if math.isfinite(way):
-                self.interrupted, self._last[arm] = refusal, motion
-            return False
-        if (silence := now - self._received[arm]) > self._parameters.timeout:
-            self.interrupted = f"no position of {arm} for {silence:.3g} s"
-        self._received[arm], self._refusals[arm], self._last[arm] = now, "", motion
-        return True
-
-    def stamp_refused(self, arm: str, reason: str) -> None:
-        """Record why the stamp of an arm's newest position is refused."""
-        self._refusals[arm] = f": {arm}: {reason}"
+    @property
+    def interrupted(self) -> str:
+        """Silence or jump that ends the engagement at the next `decide`; empty for none."""
+        found = [w.interrupted for w in self.watches.values() if w.interrupted]
+        return found[-1] if found else ""
 
     def arm_stopped(self, arm: str, stopped: bool) -> None:
         """Record whether the device of an arm is stopped."""
@@ -220,13 +191,14 @@ class Engagement:
         p = self._parameters
         if self._held:
             return self._held
-        silent = [arm for arm, then in self._received.items() if now - then > p.timeout]
+        silent = [each for each in self.watches.values() if now - each.received > p.timeout]
         if silent:
-            refusals = "".join(self._refusals.get(arm, "") for arm in silent)
-            return f"waiting for the position of {' and '.join(silent)}{refusals}"
+            refusals = "".join(each.refusal for each in silent)
+            names = " and ".join(each.arm for each in silent)
+            return f"waiting for the position of {names}{refusals}"
         if self.engaged:
             return self.interrupted
-        unknown = [arm for arm in self._received if arm not in self._arms_stopped]
+        unknown = [arm for arm in self.arms if arm not in self._arms_stopped]
         if unknown:
             return f"waiting for {' and '.join(f'{arm}/stopped' for arm in unknown)}"
         if now - self._released < FREE_TIME:
@@ -247,7 +219,8 @@ class Engagement:
         self.engaged = not missing
         if engage:
             self._first_engaged = min(self._first_engaged, now)
-        self.interrupted = ""
+        for watch in self.watches.values():
+            watch.interrupted = ""
         if release:
             self._released = now
         return Decision(
@@ -267,8 +240,8 @@ class Engagement:
 
     def _stop_all(self, now: float) -> str:
         """Stop all after a long disagreement with a device; return a log line, or ""."""
-        for arm, received in self._received.items():
-            if self._parameters.timeout < now - received < math.inf:
+        for arm, watch in self.watches.items():
+            if self._parameters.timeout < now - watch.received < math.inf:
                 self._arms_stopped.pop(arm, None)  # the device no longer exists
         states = {"coupler": self.stop.stopped, **self._arms_stopped}
         differ = len(set(states.values())) > 1

@@ -29,6 +29,7 @@ from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, like, parameter
 from haptic_accel.core.sampling import LATENCY
+from haptic_accel.core.tick import ArmSample, PairCoupling
 
 LAWS = ("spring", "damped", "passive")
 """Spring only; spring with local damping and age-limited stiffness; the same with an energy
@@ -440,7 +441,7 @@ class PassiveHalf:
             self.shipped += energy
 
 
-class PassivePair:
+class PassivePair(PairCoupling):
     """Both halves in one process, as a replacement for `PositionPositionCoupling`.
 
     Parameters
@@ -458,32 +459,24 @@ class PassivePair:
     """
 
     def __init__(self, parameters: PassiveParameters, rate: float, latency: int = LATENCY) -> None:
-        self._scale = parameters.scale
+        super().__init__()
+        self.stiffness, self.scale = parameters.stiffness, parameters.scale
         self._origins: tuple[Vector, Vector] | None = None
         self.halves = (
             PassiveHalf(parameters, rate, latency),
             PassiveHalf(of_slave(parameters), rate, latency, leads=True),
         )
 
-    @property
-    def engaged(self) -> bool:
-        """True while the arms are coupled."""
-        return self._origins is not None
-
-    @property
-    def felt(self) -> tuple[float, float]:
-        """Stiffness at the master, N/m, and slave motion per master motion."""
-        return self.halves[0].stiffness, self._scale
-
     def engage(self, master: Vector, slave: Vector) -> None:
         """Couple the arms at their positions, m."""
+        self.engaged = True
         self._origins, self._slave = (master, slave), slave
         for half in self.halves:
             half.engage()
 
     def disengage(self) -> None:
         """Uncouple: forces are zero until the next `engage`."""
-        self._origins = None
+        self.engaged, self._origins = False, None
         for half in self.halves:
             half.disengage()
 
@@ -494,44 +487,37 @@ class PassivePair:
         for `PositionPositionCoupling.change` only and is ignored.
         """
         if self._origins is not None:
-            ratio = parameters.scale / self._scale
+            ratio = parameters.scale / self.scale
             x, y, z = self._slave
             x0, y0, z0 = self._origins[1]
             moved = x - (x - x0) * ratio, y - (y - y0) * ratio, z - (z - z0) * ratio
             self._origins = self._origins[0], moved
-        self._scale = parameters.scale
+        self.scale = parameters.scale
         for half, own in zip(self.halves, (parameters, of_slave(parameters)), strict=True):
             half.change(own)
 
-    def forces(
-        self,
-        master: Vector,
-        slave: Vector,
-        master_velocity: Vector = ZERO,
-        slave_velocity: Vector = ZERO,
-        work: tuple[float | None, float | None] = (None, None),
-    ) -> tuple[Vector, Vector]:
-        """Return the forces for the arms of master and slave, N; arguments in m, m/s and J.
-
-        `work` contains the work of both arms, as for `PassiveHalf.force`.
-        """
+    def couple(self, master: ArmSample, slave: ArmSample) -> None:
+        """Compute the forces for samples of both arms, with the work of their motors if known."""
         if self._origins is None:
-            return ZERO, ZERO
+            self.m_x = self.m_y = self.m_z = self.s_x = self.s_y = self.s_z = 0.0
+            return
         first, second = self.halves
-        if all(map(math.isfinite, slave)):
-            self._slave = slave
-        scale, (master_origin, slave_origin) = self._scale, self._origins
-        one = scaled(master, 1.0, master_origin)
-        other = scaled(slave, 1.0 / scale, slave_origin)
-        other_velocity = scaled(slave_velocity, 1.0 / scale)
-        on_one, on_other = work
+        if all(map(math.isfinite, slave.position)):
+            self._slave = slave.position
+        scale, (master_origin, slave_origin) = self.scale, self._origins
+        one = scaled(master.position, 1.0, master_origin)
+        other = scaled(slave.position, 1.0 / scale, slave_origin)
+        other_velocity = scaled(slave.velocity, 1.0 / scale)
+        on_one, on_other = (sum(a.work) if a.has_work else None for a in (master, slave))
         if on_other is not None:
             on_other /= scale * scale
-        on_master = first.force(one, master_velocity, other, other_velocity, 0.0, on_one)
-        on_slave = second.force(other, other_velocity, one, master_velocity, 0.0, on_other)
+        on_master = first.force(one, master.velocity, other, other_velocity, 0.0, on_one)
+        on_slave = second.force(other, other_velocity, one, master.velocity, 0.0, on_other)
         first.receive(second.shipped)
         second.receive(first.shipped)
-        return on_master, scaled(on_slave, scale)
+        self.stiffness = first.stiffness
+        self.m_x, self.m_y, self.m_z = on_master
+        self.s_x, self.s_y, self.s_z = scaled(on_slave, scale)
 
 
 def _toward(start: Vector, end: Vector, share: float) -> Vector:

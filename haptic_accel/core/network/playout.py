@@ -24,8 +24,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
-from haptic_accel.core.control.loss_concealment import LossConcealment
 from haptic_accel.core.model import Vector
+from haptic_accel.core.tick import LossConcealment
 
 WAITING, TRUE, REPAIRED, CONCEALED = KINDS = ("waiting", "true", "repaired", "concealed")
 

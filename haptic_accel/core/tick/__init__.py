@@ -15,17 +15,15 @@
 
 """What runs in every sample, to be imported from here."""
 
-from __future__ import annotations
-
-from haptic_accel.core.tick.guard import CUSHION as CUSHION
-from haptic_accel.core.tick.guard import CUSHION_END as CUSHION_END
-from haptic_accel.core.tick.guard import LARGEST_ACCELERATION as LARGEST_ACCELERATION
-from haptic_accel.core.tick.guard import ActuatorGuard as ActuatorGuard
-from haptic_accel.core.tick.guard import TravelEstimator as TravelEstimator
-from haptic_accel.core.tick.guard import scale_within as scale_within
-from haptic_accel.core.tick.kernels import add_scaled, dot, dots, peak, product, row_dot
-from haptic_accel.core.tick.limits import STOPPED as STOPPED
-from haptic_accel.core.tick.limits import SafetyLayer as SafetyLayer
-from haptic_accel.core.tick.watching import Trace as Trace
-
-__all__ = ["add_scaled", "dot", "dots", "peak", "product", "row_dot"]
+from haptic_accel.core.tick.control import *
+from haptic_accel.core.tick.coupling import *
+from haptic_accel.core.tick.device_side import *
+from haptic_accel.core.tick.guard import *
+from haptic_accel.core.tick.histogram import *
+from haptic_accel.core.tick.kernels import *
+from haptic_accel.core.tick.limits import *
+from haptic_accel.core.tick.loop import *
+from haptic_accel.core.tick.loss_concealment import *
+from haptic_accel.core.tick.rigs import *
+from haptic_accel.core.tick.samples import *
+from haptic_accel.core.tick.watching import *

@@ -36,11 +36,11 @@ from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.running import is_ours, on_keys, print_line, stop_on_signal
 from haptic_accel.core.axes import NAMES, Axes
 from haptic_accel.core.bounded_files import located
-from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.model import GRAVITY, ZERO, Vector
 from haptic_accel.core.parameters import Checked, from_flat, like, parameter
 from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.tick import PositionPositionCoupling
 from haptic_accel.devices.can.bus import bus_configuration, open_bus
 from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
 from haptic_accel.devices.connection import AUTO

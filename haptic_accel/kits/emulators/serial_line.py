@@ -26,14 +26,10 @@ from collections.abc import Callable, Sequence
 from operator import attrgetter
 from pathlib import Path
 
+from haptic_accel.core import tick
 from haptic_accel.core.actuator.safety import SafetyParameters
 from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
-from haptic_accel.core.coupling.position_position import PositionPositionCoupling
-from haptic_accel.core.loop.coupling import CouplingPart
-from haptic_accel.core.loop.device_side import ARM, DeviceSide
-from haptic_accel.core.loop.wiring import HostLoop
 from haptic_accel.core.model import ZERO, Vector
-from haptic_accel.core.tick import SafetyLayer
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices.serial.protocol import CLOCKS, FULL_SCALE, Identity
 from haptic_accel.devices.simulated import SimulatedDevice
@@ -230,7 +226,7 @@ class CoupledArms:
         self,
         boards: Sequence[EmulatedBoard],
         devices: Sequence[SimulatedDevice],
-        coupling: PositionPositionCoupling,
+        coupling: tick.PositionPositionCoupling,
     ) -> None:
         self._boards, self._devices, self._coupling = boards, devices, coupling
         self._tick = 0
@@ -242,8 +238,8 @@ class CoupledArms:
         engagement = Engagement(EngagementParameters(), now=self.due)
         for arm in ARMS:
             engagement.arm_stopped(arm, False)
-        self._part = CouplingPart(self._coupling, engagement, 1 / STEP)
-        self._loop = HostLoop(self._sides, self._part, decide=self._couple)
+        self._part = tick.CouplingPart(self._coupling, engagement, 1 / STEP)
+        self._loop = tick.HostLoop(self._sides, self._part, decide=self._couple)
         self.coupled = False
 
     @property
@@ -277,11 +273,11 @@ class CoupledArms:
                 board.faults.begin()
 
 
-def _side(device: SimulatedDevice) -> DeviceSide:
+def _side(device: SimulatedDevice) -> tick.DeviceSide:
     """Return a device's arm behind a safety layer that allows forces."""
-    safety = SafetyLayer(SafetyParameters(), 1 / STEP)
+    safety = tick.SafetyLayer(SafetyParameters(), 1 / STEP)
     safety.enable(0.0, True)
-    return DeviceSide(device, safety, 1 / STEP, latency=0, kinds=[ARM])
+    return tick.DeviceSide(device, safety, 1 / STEP, latency=0, kinds=[tick.ARM])
 
 
 class SerialLines:

@@ -30,13 +30,18 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 
 from haptic_accel.core.control.compensation import Compensation
-from haptic_accel.core.loop.compensation import CompensationPart
-from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide
-from haptic_accel.core.loop.wiring import MASTER, SLAVE
 from haptic_accel.core.parameters import ParameterError, one_line
 from haptic_accel.core.process import DONE, ENDING, FAILED
 from haptic_accel.core.simulated_rig import build_loop
-from haptic_accel.core.tick import SafetyLayer
+from haptic_accel.core.tick import (
+    ACTUATOR,
+    ARM,
+    MASTER,
+    SLAVE,
+    CompensationPart,
+    DeviceSide,
+    SafetyLayer,
+)
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import Device, DeviceError
 from haptic_accel.graph.stop_signal import PendingStop, own_domain
@@ -142,9 +147,9 @@ class FeltLoop:
             self._sides[MASTER].take_off()
 
     def _pass_on(self) -> None:
-        for arm, taken in self._loop.results.samples:
-            if arm == SLAVE:
-                self._ring.put(taken.tick, taken.sample.acceleration)
+        for sample in self._loop.samples:
+            if sample.arm == ARMS.index(SLAVE):
+                self._ring.put(sample.tick, sample.acceleration)
 
 
 def _built(setup: Setup[GraphArguments], arm: str) -> tuple[Device, DeviceSide]:

@@ -22,19 +22,17 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable
 
 from haptic_accel.core import topics
-from haptic_accel.core.arm_endpoint import ArmEndpoint
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.coupling.half_engagement import HalfEngagement
-from haptic_accel.core.loop.half_coupling import HalfCouplingPart
-from haptic_accel.core.loop.wiring import ArmCommand, Tool
 from haptic_accel.core.network.playout import KINDS, WAITING
 from haptic_accel.core.network.session import random_session
 from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.tick import SLAVE, ArmSample, CoupledForces
+from haptic_accel.core.two_hosts import ArmEndpoint, HalfCouplingPart
 from haptic_accel.kits.link.local import COUPLER, LocalEnd
-from haptic_accel.nodes.coupling_node import ARM_TOPICS, SLAVE, CouplingNode, MotionSynchronizer
+from haptic_accel.nodes.coupling_node import ARM_TOPICS, CouplingNode, MotionSynchronizer
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.signals import Samples
 from haptic_accel.nodes.timing import RateKeeper, system_time, wake_time
@@ -137,13 +135,14 @@ class HalfCoupler(CouplingNode):
         if data := self.part.packet(time.monotonic(), time.time_ns()):
             self._local.send(data)
 
-    def publish(self, tools: Iterable[Tool], commands: Iterable[ArmCommand], offset: int) -> None:
+    def publish(self, tools: list[ArmSample], commands: list[CoupledForces], offset: int) -> None:
         """Publish played samples, and forces with the peer's position."""
         for tool in tools:
             self._send_tool(tool.stamp + offset, tool.acceleration)
-        for arm, stamp, force in commands:
-            self.forces[arm].send(stamp + offset, force)
-            self._send_peer_position(stamp + offset, self._end.set_point[0])
+        (force,) = self.forces.values()
+        for caused in commands:  # the same for both arms, of which one is here
+            force.send(caused.m_stamp + offset, (caused.m_x, caused.m_y, caused.m_z))
+            self._send_peer_position(caused.m_stamp + offset, self._end.set_point[0])
 
     def step(self) -> None:
         """Engage, release or end according to the state; log faults of the peer."""
@@ -158,12 +157,13 @@ class HalfCoupler(CouplingNode):
         """Send forces for all complete samples; return True if no sample waits."""
         if self._tools:
             for stamp, acceleration in self._tools.drain():
-                self.part.put_tool(Tool(stamp, acceleration))
+                self.part.put_tool(ArmSample(stamp, acceleration=acceleration))
         came = False
         for motion in self._motions.drain():
             came = True
-            self.part.put(self.parameters.side, motion, time.monotonic())
-        self.publish((), self.part.commands(), offset=0)
+            self.part.put(motion, time.monotonic())
+        self.publish([], self.part.forces, offset=0)
+        self.part.forces.clear()
         return came and not self._motions.waiting
 
     def _play(self) -> float:
@@ -173,8 +173,8 @@ class HalfCoupler(CouplingNode):
         while (tick := self._ticks.due()) is not None:
             # The nominal time of the tick, even if several ticks are served late.
             moment = self._ticks.time(tick)
-            self.part.begin(moment / NANOSECONDS, system_time(moment))
-            self.publish(self.part.tools(), (), offset=0)
+            if played := self.part.begin(moment / NANOSECONDS, system_time(moment)):
+                self.publish([played], [], offset=0)
         return self._ticks.next
 
 

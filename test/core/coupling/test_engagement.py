@@ -34,9 +34,8 @@ from haptic_accel.core.coupling.engagement import (
     Engagement,
     EngagementParameters,
 )
-from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.emergency_stop import LATCHED_SETTLING
-from haptic_accel.core.model import ZERO
+from haptic_accel.core.tick import ArmSample
 from haptic_accel.core.topics import ARMS
 
 TIMEOUT = 0.1
@@ -64,8 +63,8 @@ class Run:
 
     def position(self, arm: str, x: float = 0.0) -> bool:
         """Receive a position; return whether it is usable."""
-        motion = Motion(round(self.now * 1e9), (x, 0.0, 0.0), ZERO)
-        return self.engagement.position_received(arm, self.now, motion)
+        sample = ArmSample(round(self.now * 1e9), (x, 0.0, 0.0))
+        return self.engagement.watches[arm].take(self.now, sample)
 
     @property
     def missing(self) -> str:
@@ -91,7 +90,7 @@ def test_the_arms_engage_once_both_positions_are_there() -> None:
 def test_engaging_waits_for_the_word_of_both_devices_that_they_are_not_stopped() -> None:
     engagement = Engagement(EngagementParameters(), 0.0)
     for arm in ARMS:
-        engagement.position_received(arm, 1.0, Motion(10**9, ZERO, ZERO))
+        engagement.watches[arm].take(1.0, ArmSample(10**9))
     assert engagement.decide(1.0, 1) == NOTHING
     assert engagement.missing(1.0, 1) == "waiting for master/stopped and slave/stopped"
     engagement.arm_stopped("slave", False)
@@ -175,7 +174,7 @@ def test_an_arm_that_moves_with_a_hand_stays_coupled(rate: float) -> None:
 
 def test_a_refused_stamp_is_named_while_positions_are_missing() -> None:
     run = Run()
-    run.engagement.stamp_refused("slave", "stamps do not advance")
+    run.engagement.watches["slave"].refusal = ": slave: stamps do not advance"
     run.step(arms=("master",))
     assert run.missing == "waiting for the position of slave: slave: stamps do not advance"
 

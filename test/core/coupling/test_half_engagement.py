@@ -24,7 +24,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.arm_endpoint import ArmEndpoint
 from haptic_accel.core.coupling import half_engagement
 from haptic_accel.core.coupling.engagement import (
     FREE_TIME,
@@ -32,13 +31,12 @@ from haptic_accel.core.coupling.engagement import (
     STOPPED,
     EngagementParameters,
 )
-from haptic_accel.core.coupling.pairing import Motion
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.emergency_stop import LATCHED_SETTLING
-from haptic_accel.core.loop.half_coupling import HalfCouplingPart
-from haptic_accel.core.model import ZERO
 from haptic_accel.core.network.channel import Channel, ChannelParameters
 from haptic_accel.core.network.session import UNHEARD
+from haptic_accel.core.tick import ArmSample
+from haptic_accel.core.two_hosts import ArmEndpoint, HalfCouplingPart
 
 RATE = 1000.0
 TIMEOUT = 0.1
@@ -61,7 +59,7 @@ class Host:
     def sample(self, now: float, system: int) -> None:
         engagement = self.engagement
         engagement.arm_stopped(self.side, engagement.stop.stopped)
-        self.part.put(self.side, Motion(system, ZERO, ZERO), now)
+        self.part.put(ArmSample(system), now)
         if not engagement.due(now):
             return
         decision = self.part.poll(now, 0)

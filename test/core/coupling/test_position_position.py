@@ -25,12 +25,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.coupling.position_position import (
-    CouplingParameters,
-    PositionPositionCoupling,
-)
+from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.tick import PositionPositionCoupling
 
 positions = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
 velocities = st.tuples(*[st.floats(-1.0, 1.0)] * 3)

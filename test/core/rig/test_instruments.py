@@ -26,13 +26,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
-from haptic_accel.core.coupling.pairing import Motion
-from haptic_accel.core.coupling.position_position import PositionPositionCoupling
 from haptic_accel.core.model import ZERO, AccelerometerParameters, FloatArray, Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRig
 from haptic_accel.core.rig.slave_rig import SlaveRig, SurfaceParameters
 from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.tick import ArmSample, PositionPositionCoupling
 from haptic_accel.core.tick.rigs import (
     PUT_BACK_AFTER,
     Accelerometer,
@@ -181,8 +180,8 @@ class CoupledRigs:
             rig.advance(now)
         handle, tool = self.master.measure(), self.slave.measure()
         for arm, rig in zip(ARMS, (handle, tool), strict=True):
-            motion = Motion(round(now * 1e9), rig.position, ZERO)
-            self.engagement.position_received(arm, now, motion)
+            sample = ArmSample(round(now * 1e9), rig.position)
+            self.engagement.watches[arm].take(now, sample)
         decision = self.engagement.decide(now, 0)
         if decision.release:
             self._coupling.disengage()

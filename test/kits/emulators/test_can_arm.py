@@ -27,6 +27,7 @@ from hypothesis import strategies as st
 from haptic_accel.core.coupling import position_position
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.tick import PositionPositionCoupling
 from haptic_accel.devices import simulated
 from haptic_accel.devices.can import protocol
 from haptic_accel.devices.can.arm import DrivenArm, State
@@ -185,7 +186,7 @@ def test_coupled_arms_move_together(values: dict[str, object]) -> None:
         for _ in range(100):
             side.step()
         assert side.arm.state is State.ARMED, side.arm.fault
-    coupling = position_position.PositionPositionCoupling(position_position.CouplingParameters())
+    coupling = PositionPositionCoupling(position_position.CouplingParameters())
     tips: list[tuple[np.ndarray, np.ndarray]] = []
     for _ in range(round(2.0 * RATE)):
         master, slave = (side.arm.read(side.now).position for side in sides)

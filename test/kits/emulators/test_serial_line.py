@@ -27,12 +27,10 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.core.coupling.position_position import (
-    CouplingParameters,
-    PositionPositionCoupling,
-)
+from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.model import Vector
 from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.tick import PositionPositionCoupling
 from haptic_accel.devices import simulated
 from haptic_accel.devices.serial import protocol
 from haptic_accel.kits.emulators import serial_line

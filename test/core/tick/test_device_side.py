@@ -28,10 +28,12 @@ from haptic_accel.core.actuator.safety import (
     MasterSafetyParameters,
 )
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
-from haptic_accel.core.loop import device_side
 from haptic_accel.core.model import LATER, ZERO, Reading, Sample, Vector
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.tick import SafetyLayer
+from haptic_accel.core.simulated_rig import rig_side
+from haptic_accel.core.tick import ACTUATOR, ARM, ArmSample, ArmWork, DeviceSide, SafetyLayer
+from haptic_accel.core.tick.device_side import SAMPLE_TIMEOUT
+from haptic_accel.core.tick.samples import KEPT
 
 RATE = 1000.0
 SPEED = 0.1
@@ -65,22 +67,21 @@ def rig() -> Rig:
     return Rig()
 
 
-def side(rig: Rig, latency: int) -> device_side.DeviceSide:
-    return device_side.rig_side(
-        rig, MasterSafetyParameters(hardware=ActuatorParameters()), RATE, latency
-    )
+def side(rig: Rig, latency: int) -> DeviceSide:
+    return rig_side(rig, MasterSafetyParameters(hardware=ActuatorParameters()), RATE, latency)
 
 
 def serve(
-    side: device_side.DeviceSide, tick: int, arm: Vector | None, actuator: float | None = None
-) -> list[device_side.TickSample]:
+    side: DeviceSide, tick: int, arm: Vector | None, actuator: float | None = None
+) -> list[ArmSample]:
     side.begin(tick)
-    taken = list(side.read())
+    side.read()
+    taken = list(side.samples)
     moment = tick * NANOSECONDS / RATE
     if arm is not None:
-        side.command(device_side.ARM, moment, arm)
+        side.command(ARM, moment, *arm)
     if actuator is not None:
-        side.command(device_side.ACTUATOR, moment, along_actuator(actuator))
+        side.command(ACTUATOR, moment, *along_actuator(actuator))
     side.apply()
     side.watch()
     return taken
@@ -123,9 +124,9 @@ def test_work_is_force_times_displacement(rig: Rig) -> None:
     master = side(rig, 1)
     ticks = 100
     for tick in range(ticks + 1):
-        ((_, _, work, _),) = serve(master, tick, (0.0, 0.0, -2.0))
+        (sample,) = serve(master, tick, (0.0, 0.0, -2.0))
     # From the first tick with force to the last sample.
-    assert work == pytest.approx((0.0, 0.0, -2.0 * SPEED * (ticks - 1) / RATE))
+    assert sample.work == pytest.approx((0.0, 0.0, -2.0 * SPEED * (ticks - 1) / RATE))
 
 
 class Slow:
@@ -159,10 +160,10 @@ class Clock:
 STILL = Sample(ZERO, ZERO, ZERO)
 
 
-def clocked(device: Slow, clock: Clock, **options: Any) -> device_side.DeviceSide:
+def clocked(device: Slow, clock: Clock, **options: Any) -> DeviceSide:
     safety = SafetyLayer(MasterSafetyParameters(hardware=ActuatorParameters()), RATE)
     safety.enable(0.0, True)
-    return device_side.DeviceSide(device, safety, RATE, 1, clock, **options)
+    return DeviceSide(device, safety, RATE, 1, clock, **options)
 
 
 def test_a_sample_that_comes_later_is_the_one_of_its_tick() -> None:
@@ -170,10 +171,12 @@ def test_a_sample_that_comes_later_is_the_one_of_its_tick() -> None:
     part = clocked(device, clock)
     for tick in (5, 6):
         part.begin(tick)
-        assert list(part.read()) == []
+        part.read()
+        assert part.samples == []
         assert not part.complete
     device.readings = [STILL, None]
-    assert [(each.tick, each.sample) for each in part.read()] == [(5, STILL)]
+    part.read()
+    assert [(each.tick, each.sample) for each in part.samples] == [(5, STILL)]
     assert device.asked[-2:] == [0.005, 0.006]
     assert (part.unread, part.complete) == (1, True)
 
@@ -181,16 +184,17 @@ def test_a_sample_that_comes_later_is_the_one_of_its_tick() -> None:
 def test_a_sample_is_waited_for_so_long_and_no_longer() -> None:
     device, clock = Slow(), Clock()
     part = clocked(device, clock)
-    ticks = round(device_side.SAMPLE_TIMEOUT * RATE) + 10
+    ticks = round(SAMPLE_TIMEOUT * RATE) + 10
     for tick in range(ticks):
         part.begin(tick)
-        assert list(part.read()) == []
+        part.read()
+        assert part.samples == []
     assert part.unread == 10
 
 
 @pytest.mark.parametrize(
     ("counted", "deadlines", "longest"),
-    [(None, (2, 1), 0.7e-3), ([device_side.ACTUATOR], (0, 0), 0.0)],
+    [(None, (2, 1), 0.7e-3), ([ACTUATOR], (0, 0), 0.0)],
     ids=["arm", "no arm"],
 )
 def test_a_force_that_comes_after_its_tick_acts_at_once_and_is_late(
@@ -198,18 +202,18 @@ def test_a_force_that_comes_after_its_tick_acts_at_once_and_is_late(
 ) -> None:
     device, clock = Slow(), Clock()
     part = clocked(device, clock, counted=counted)
-    part.command(device_side.ARM, 9e6, (0.0, 0.0, 0.5))
+    part.command(ARM, 9e6, *(0.0, 0.0, 0.5))
     clock.now = 0.010
     part.begin(10)
     part.apply()
-    assert device.written == [(0.010, {device_side.ARM: (0.0, 0.0, 0.5)})]
+    assert device.written == [(0.010, {ARM: (0.0, 0.0, 0.5)})]
     clock.now = 0.0115
     part.begin(11)
     part.apply()
     clock.now = 0.0117
-    part.command(device_side.ARM, 10e6, (0.0, 0.0, 0.6))
-    part.apply_late()
-    assert device.written[1:] == [(0.0117, {device_side.ARM: (0.0, 0.0, 0.6)})]
+    part.command(ARM, 10e6, *(0.0, 0.0, 0.6))
+    part.apply(True)
+    assert device.written[1:] == [(0.0117, {ARM: (0.0, 0.0, 0.6)})]
     assert (part.deadlines, part.longest) == (deadlines, pytest.approx(longest))
     assert ("arm force due" in part.diagnostics()) == (counted is None)
 
@@ -218,7 +222,7 @@ def test_an_old_force_reaches_no_device() -> None:
     device, clock = Slow(), Clock()
     part = clocked(device, clock)
     for moment in (clock.now - 1.1 * MAX_AGE, clock.now + 1.1 * MAX_AGE):
-        part.command(device_side.ARM, moment * NANOSECONDS, (0.0, 0.0, 0.5))
+        part.command(ARM, moment * NANOSECONDS, *(0.0, 0.0, 0.5))
         part.begin(1)
         part.apply()
     # Nor is one of the future, once its time has come.
@@ -235,25 +239,25 @@ def test_an_old_force_reaches_no_device() -> None:
 def test_a_pause_before_the_write_leaves_no_force(looks: int, written: list[Vector]) -> None:
     device, clock = Slow(), Clock()
     part = clocked(device, clock)
-    part.command(device_side.ARM, 0.0, (0.0, 0.0, 0.5))
+    part.command(ARM, 0.0, *(0.0, 0.0, 0.5))
     part.begin(1)
     # The process is stopped for 8 s after so many looks at the clock, the last before the write.
     moments = iter([0.001] * looks)
     part.clock = lambda: next(moments, 8.0)
     part.apply()
-    assert [forces[device_side.ARM] for _, forces in device.written] == written
+    assert [forces[ARM] for _, forces in device.written] == written
 
 
 def test_a_device_with_a_clock_gets_forces_before_they_are_due() -> None:
     device, clock = Slow(), Clock()
-    part = clocked(device, clock, ahead=[device_side.ACTUATOR])
+    part = clocked(device, clock, ahead=[ACTUATOR])
     device.late = 7
-    part.command(device_side.ARM, 9e6, ZERO)  # the arms engage: those before do not count
+    part.command(ARM, 9e6, *ZERO)  # the arms engage: those before do not count
     part.begin(10)
     clock.now = 0.0101
-    part.command(device_side.ACTUATOR, 10e6, along_actuator(0.1))
+    part.command(ACTUATOR, 10e6, *along_actuator(0.1))
     ((time, forces),) = device.written
-    assert (time, list(forces)) == (0.011, [device_side.ACTUATOR])
+    assert (time, list(forces)) == (0.011, [ACTUATOR])
     device.late += 3
     assert part.deadlines == (2, 3)
 
@@ -265,49 +269,54 @@ def along_x(value: float) -> Vector:
     return (value, 0.0, 0.0)
 
 
+def after(work: ArmWork, time: float, position: Vector) -> Vector:
+    work.until(time, *position)
+    return work.x, work.y, work.z
+
+
 def test_the_work_on_a_body_is_its_kinetic_energy() -> None:
     mass, position, velocity = 0.1, 0.0, 0.0
-    work = device_side.ArmWork()
+    work = ArmWork()
     for tick in range(1000):
-        done = work.until(tick * PERIOD, along_x(position))
+        done = after(work, tick * PERIOD, along_x(position))
         assert done == pytest.approx(along_x(mass * velocity**2 / 2), abs=1e-12)
         force = math.sin(0.1 * tick)
-        work.apply(tick * PERIOD, along_x(force))
+        work.apply(tick * PERIOD, *along_x(force))
         position += velocity * PERIOD + force / mass * PERIOD**2 / 2
         velocity += force / mass * PERIOD
 
 
 def test_a_late_force_counts_for_what_is_left_of_the_period() -> None:
-    work = device_side.ArmWork()
-    work.until(0.0, ZERO)
-    work.apply(0.0, (1.0, 2.0, 0.0))
-    work.apply(0.75 * PERIOD, (5.0, 0.0, 4.0))
-    assert work.until(PERIOD, (8.0, 4.0, -1.0)) == pytest.approx((16.0, 6.0, -1.0))
-    assert work.until(2 * PERIOD, (9.0, 4.0, -1.0)) == pytest.approx((21.0, 6.0, -1.0))
+    work = ArmWork()
+    work.until(0.0, *ZERO)
+    work.apply(0.0, *(1.0, 2.0, 0.0))
+    work.apply(0.75 * PERIOD, *(5.0, 0.0, 4.0))
+    assert after(work, PERIOD, (8.0, 4.0, -1.0)) == pytest.approx((16.0, 6.0, -1.0))
+    assert after(work, 2 * PERIOD, (9.0, 4.0, -1.0)) == pytest.approx((21.0, 6.0, -1.0))
 
 
 def test_a_sample_may_be_read_after_the_next_forces() -> None:
-    work = device_side.ArmWork()
-    work.until(0.0, ZERO)
-    work.apply(0.0, along_x(1.0))
-    work.apply(PERIOD, along_x(2.0))
-    assert work.until(PERIOD, along_x(1.0)) == along_x(1.0)
-    assert work.until(2 * PERIOD, along_x(2.0)) == along_x(3.0)
+    work = ArmWork()
+    work.until(0.0, *ZERO)
+    work.apply(0.0, *along_x(1.0))
+    work.apply(PERIOD, *along_x(2.0))
+    assert after(work, PERIOD, along_x(1.0)) == along_x(1.0)
+    assert after(work, 2 * PERIOD, along_x(2.0)) == along_x(3.0)
 
 
 def test_a_lost_sample_divides_the_way_by_time() -> None:
-    work = device_side.ArmWork()
-    work.until(0.0, ZERO)
+    work = ArmWork()
+    work.until(0.0, *ZERO)
     for tick, force in enumerate((1.0, 2.0)):
-        work.apply(tick * PERIOD, along_x(force))
-    work.until(PERIOD, along_x(math.nan))
-    assert work.until(2 * PERIOD, along_x(2.0)) == pytest.approx(along_x(3.0))
+        work.apply(tick * PERIOD, *along_x(force))
+    work.until(PERIOD, *along_x(math.nan))
+    assert after(work, 2 * PERIOD, along_x(2.0)) == pytest.approx(along_x(3.0))
 
 
 def test_forces_without_samples_take_no_memory_without_end() -> None:
-    work = device_side.ArmWork()
-    work.until(0.0, ZERO)
-    for tick in range(3 * device_side.KEPT):
-        work.apply(tick * PERIOD, along_x(1.0))
-    kept_of_the_way = work.until(3 * device_side.KEPT * PERIOD, along_x(3.0))
+    work = ArmWork()
+    work.until(0.0, *ZERO)
+    for tick in range(3 * KEPT):
+        work.apply(tick * PERIOD, *along_x(1.0))
+    kept_of_the_way = after(work, 3 * KEPT * PERIOD, along_x(3.0))
     assert kept_of_the_way == pytest.approx(along_x(1.0))

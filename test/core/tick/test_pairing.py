@@ -18,30 +18,34 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.coupling.pairing import Motion, Pairing
-from haptic_accel.core.model import ZERO
+from haptic_accel.core.tick import ArmSample, Pairing
 
 PERIOD = 1_000_000
 
 
-def motion(tick: int, offset: int = 0) -> Motion:
-    return Motion(tick * PERIOD + offset, (float(tick), 0.0, 0.0), ZERO)
+def put(pairing: Pairing, arm: int, tick: int, offset: int = 0) -> None:
+    sample = ArmSample(tick * PERIOD + offset, (float(tick), 0.0, 0.0))
+    sample.arm = arm
+    pairing.put(sample)
 
 
 def ticks(pairing: Pairing) -> list[tuple[float, float]]:
-    return [(one.position[0], other.position[0]) for one, other in pairing.pairs()]
+    found = []
+    while pairing.advance():
+        found.append((pairing.master.x, pairing.slave.x))
+    return found
 
 
 def test_samples_of_one_tick_belong_together_whoever_comes_first() -> None:
     pairing = Pairing(1000.0, 100)
-    pairing.put(0, motion(5))
+    put(pairing, 0, 5)
     assert pairing.waiting
     assert ticks(pairing) == []
-    pairing.put(1, motion(5, offset=700))
+    put(pairing, 1, 5, offset=700)
     assert ticks(pairing) == [(5.0, 5.0)]
     assert not pairing.waiting
-    pairing.put(1, motion(6))
-    pairing.put(0, motion(6, offset=-900))
+    put(pairing, 1, 6)
+    put(pairing, 0, 6, offset=-900)
     assert ticks(pairing) == [(6.0, 6.0)]
     assert pairing.held == 0
 
@@ -49,9 +53,9 @@ def test_samples_of_one_tick_belong_together_whoever_comes_first() -> None:
 def test_for_a_lost_sample_the_one_before_stands() -> None:
     pairing = Pairing(1000.0, 100)
     for tick in (1, 2, 3, 4):
-        pairing.put(0, motion(tick))
+        put(pairing, 0, tick)
     for tick in (1, 4):
-        pairing.put(1, motion(tick))
+        put(pairing, 1, tick)
     assert ticks(pairing) == [(1.0, 1.0), (2.0, 1.0), (3.0, 1.0), (4.0, 4.0)]
     assert pairing.held == 2
 
@@ -62,7 +66,7 @@ def test_nothing_is_lost_in_any_order_of_arrival(arms: list[int]) -> None:
     sent = [0, 0]
     found = []
     for arm in arms:
-        pairing.put(arm, motion(sent[arm]))
+        put(pairing, arm, sent[arm])
         sent[arm] += 1
         found += ticks(pairing)
     assert found == [(float(tick), float(tick)) for tick in range(min(sent))]
@@ -71,12 +75,12 @@ def test_nothing_is_lost_in_any_order_of_arrival(arms: list[int]) -> None:
 def test_what_waits_is_forgotten_where_a_clock_was_set_back() -> None:
     pairing = Pairing(1000.0, 100)
     for arm in (0, 1):
-        pairing.put(arm, motion(5000))
+        put(pairing, arm, 5000)
     assert ticks(pairing) == [(5000.0, 5000.0)]
-    pairing.put(0, motion(5001))
+    put(pairing, 0, 5001)
     pairing.clear()
     assert not pairing.waiting
-    pairing.put(1, motion(2))
-    pairing.put(1, motion(3))
-    pairing.put(0, motion(3))
+    put(pairing, 1, 2)
+    put(pairing, 1, 3)
+    put(pairing, 0, 3)
     assert ticks(pairing) == [(3.0, 3.0)]

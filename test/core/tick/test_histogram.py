@@ -25,7 +25,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.evaluation.histogram import LONGEST_DURATION, SHORTEST, DurationHistogram
+from haptic_accel.core.tick.histogram import LONGEST_DURATION, SHORTEST, DurationHistogram
 
 untimed = settings(deadline=None)
 counted_apart = st.floats(SHORTEST, LONGEST_DURATION)

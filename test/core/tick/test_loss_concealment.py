@@ -20,7 +20,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.control.loss_concealment import HISTORY, LossConcealment
+from haptic_accel.core.tick.loss_concealment import HISTORY, LossConcealment
 
 
 def bridge_over(samples: list[float]) -> LossConcealment:

@@ -19,12 +19,10 @@ from __future__ import annotations
 
 import pytest
 
-from haptic_accel.core.loop.device_side import ACTUATOR, ARM, DeviceSide
-from haptic_accel.core.loop.wiring import HostLoop
 from haptic_accel.core.model import Vector
 from haptic_accel.core.rig.master_rig import axes_of
 from haptic_accel.core.simulated_rig import build_loop, build_parts
-from haptic_accel.core.tick import SafetyLayer
+from haptic_accel.core.tick import ACTUATOR, ARM, DeviceSide, HostLoop, SafetyLayer
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import Device
 from haptic_accel.devices.simulated import SimulatedMaster, SimulatedSlave
@@ -81,14 +79,13 @@ def signals(frame: int, late: float = 0.0) -> tuple[Signals, dict[str, tuple[int
         clock.now = last / RATE + late
         for tick in range(last - frame + 1, last + 1):
             loop.step(tick)
-            samples, _, commands, compensated = loop.results
             found.append(
                 (
-                    *(each.sample.acceleration for _, each in samples),
-                    *(each.sample.position for _, each in samples),
-                    *(each.work for _, each in samples),
-                    *(each.force for each in commands),
-                    *(each.actuator_force for each in compensated),
+                    *(each.acceleration for each in loop.samples),
+                    *(each.position for each in loop.samples),
+                    *(each.work for each in loop.samples),
+                    *(force for each in loop.commands for _, _, force in each.each),
+                    *(each.actuator_force for each in loop.compensated),
                 )
             )
     return found, {arm: side.deadlines for arm, side in loop.sides.items()}

@@ -19,10 +19,10 @@ import math
 
 import pytest
 
-from haptic_accel.core.axes import ALL_AXES, along_actuator
+from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
-from haptic_accel.core.loop.compensation import CompensationPart
 from haptic_accel.core.model import Vector
+from haptic_accel.core.tick import CompensatedSample, CompensationPart
 
 RATE = 1000.0
 PERIOD = 1_000_000
@@ -38,26 +38,32 @@ def part() -> CompensationPart:
     return CompensationPart(compensation, RATE, latency=1, longest=100)
 
 
+def forces(part: CompensationPart, now: int) -> list[CompensatedSample]:
+    part.results.clear()
+    part.compute(now)
+    return [*part.results]
+
+
 def stamps(part: CompensationPart, now: int) -> list[int]:
-    return [caused.stamp for caused in part.forces(now)]
+    return [caused.stamp for caused in forces(part, now)]
 
 
 def test_a_force_waits_for_the_handles_sample_of_the_tick_before(part: CompensationPart) -> None:
-    part.put_tool(5 * PERIOD, along_actuator(1.0))
+    part.put_tool(5 * PERIOD, *along_actuator(1.0))
     assert stamps(part, 5 * PERIOD + SOON) == []
-    part.put_handle(4 * PERIOD, along_actuator(0.5))
+    part.put_handle(4 * PERIOD, True, *along_actuator(0.5))
     assert stamps(part, 5 * PERIOD + SOON) == [5 * PERIOD]
     assert part.without == 0
 
 
 def test_a_handles_sample_that_is_lost_is_not_waited_for(part: CompensationPart) -> None:
     for tick in (5, 6):
-        part.put_tool(tick * PERIOD, along_actuator(1.0))
+        part.put_tool(tick * PERIOD, *along_actuator(1.0))
     assert stamps(part, 6 * PERIOD + LATE) == [5 * PERIOD, 6 * PERIOD]
     assert part.without == 1  # the first has none before it
-    part.put_tool(7 * PERIOD, along_actuator(1.0))
+    part.put_tool(7 * PERIOD, *along_actuator(1.0))
     part.put_handle(
-        8 * PERIOD, along_actuator(0.5)
+        8 * PERIOD, True, *along_actuator(0.5)
     )  # that of tick 6 was lost: a later one is there
     assert stamps(part, 7 * PERIOD + SOON) == [7 * PERIOD]
     assert part.without == 2
@@ -66,45 +72,41 @@ def test_a_handles_sample_that_is_lost_is_not_waited_for(part: CompensationPart)
 def test_lost_samples_of_the_tool_are_predicted_unless_they_are_many(
     part: CompensationPart,
 ) -> None:
-    part.put_tool(PERIOD, along_actuator(1.0))
-    part.put_tool(5 * PERIOD, along_actuator(1.0))
-    part.put_tool(105 * PERIOD, along_actuator(1.0))
+    part.put_tool(PERIOD, *along_actuator(1.0))
+    part.put_tool(5 * PERIOD, *along_actuator(1.0))
+    part.put_tool(105 * PERIOD, *along_actuator(1.0))
     assert len(stamps(part, 105 * PERIOD + LATE)) == 3
     assert (part.lost, part.bridged) == (102, 3)
 
 
 def test_of_the_samples_of_two_ticks_each_finds_its_own(part: CompensationPart) -> None:
     for tick in (4, 5):
-        part.put_handle(tick * PERIOD, along_actuator(0.5))
-    part.put_tool(5 * PERIOD, along_actuator(1.0))
-    part.put_tool(6 * PERIOD, along_actuator(1.0))
+        part.put_handle(tick * PERIOD, True, *along_actuator(0.5))
+    part.put_tool(5 * PERIOD, *along_actuator(1.0))
+    part.put_tool(6 * PERIOD, *along_actuator(1.0))
     assert stamps(part, 6 * PERIOD) == [5 * PERIOD, 6 * PERIOD]
     assert part.without == 0
 
 
-class Passing:
+class Passing(Compensation):
     """A compensation for three coils that passes on what it gets."""
 
-    axes = ALL_AXES
-
     def __init__(self) -> None:
+        super().__init__(CompensationParameters(controller="constant", axes="x, y, z"), RATE)
         self.given: list[Vector] = []
 
-    def process(self, tool: Vector, handle: Vector | None) -> tuple[Vector, Vector]:
-        self.given.append(tool)
-        return tool, tool
-
-    def adapt(self) -> None:
-        pass
+    def compute(self, t_x: float, t_y: float, t_z: float, *handle: float) -> None:
+        self.given.append((t_x, t_y, t_z))
+        self.desired_x, self.desired_y, self.desired_z = t_x, t_y, t_z
 
 
 def test_a_turned_handle_gets_the_tools_vibration_in_its_own_axes() -> None:
     part = CompensationPart(Passing(), RATE, latency=1)
-    part.put_tool(PERIOD, (1.0, 2.0, 3.0))
+    part.put_tool(PERIOD, *(1.0, 2.0, 3.0))
     part.orientation = 0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)  # a quarter turn about z
-    part.put_tool(2 * PERIOD, (1.0, 2.0, 3.0))
-    part.put_tool(3 * PERIOD, along_actuator(3.0))  # of a sensor with one axis
-    found = [caused.desired_acceleration for caused in part.forces(3 * PERIOD + LATE)]
+    part.put_tool(2 * PERIOD, *(1.0, 2.0, 3.0))
+    part.put_tool(3 * PERIOD, *along_actuator(3.0))  # of a sensor with one axis
+    found = [caused.desired_acceleration for caused in forces(part, 3 * PERIOD + LATE)]
     assert found[0] == (1.0, 2.0, 3.0)
     assert found[1] == pytest.approx((2.0, -1.0, 3.0))
     assert found[2] == along_actuator(3.0)
@@ -114,16 +116,17 @@ def test_nothing_is_predicted_from_a_sample_with_an_axis_that_is_no_number() -> 
     passing = Passing()
     part = CompensationPart(passing, RATE, latency=1)
     for tick in range(30):
-        part.put_tool(tick * PERIOD, (math.nan, 1000.0, 1000.0) if tick % 3 else (1.0, 1.0, 1.0))
-        list(part.forces(tick * PERIOD + LATE))
-    part.put_tool(40 * PERIOD, (1.0, 1.0, 1.0))
-    list(part.forces(40 * PERIOD + LATE))
+        tool = (math.nan, 1000.0, 1000.0) if tick % 3 else (1.0, 1.0, 1.0)
+        part.put_tool(tick * PERIOD, *tool)
+        forces(part, tick * PERIOD + LATE)
+    part.put_tool(40 * PERIOD, *(1.0, 1.0, 1.0))
+    forces(part, 40 * PERIOD + LATE)
     assert part.bridged == 10
     assert all(max(map(abs, tool)) <= 1.0 for tool in passing.given[30:])
 
 
 def test_what_waits_can_be_forgotten(part: CompensationPart) -> None:
-    part.put_tool(PERIOD, along_actuator(1.0))
+    part.put_tool(PERIOD, *along_actuator(1.0))
     part.clear()
     assert not part.waiting
     assert stamps(part, PERIOD + LATE) == []

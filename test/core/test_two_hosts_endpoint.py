@@ -22,10 +22,10 @@ import math
 
 import pytest
 
-from haptic_accel.core.arm_endpoint import CATCH_UP, ArmEndpoint
 from haptic_accel.core.coupling.passive import PassiveParameters
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network.endpoint import Motion, State
+from haptic_accel.core.two_hosts import CATCH_UP, ArmEndpoint
 
 RATE, SCALE, STIFFNESS = 1000.0, 2.0, 250.0
 BEGIN = 1_800_000_000_000_000_000

@@ -81,7 +81,7 @@ class DurationHistogram:
         elif seconds < SHORTEST:
             self._counts[0] += 1
         elif seconds >= _HIGHEST_EDGE:
-            self._counts[-1] += 1
+            self._counts[_BINS + 1] += 1
         else:
             raise ValueError(f"seconds = {seconds}: must be a number")
         if not seconds <= self.maximum:  # NaN at first
@@ -127,7 +127,7 @@ class DurationHistogram:
         if not 0.0 <= q <= 1.0:
             raise ValueError(f"q = {q}: must be from 0 to 1")
         reached = list(accumulate(self._counts))
-        total = reached[-1]
+        total = reached[_BINS + 1]
         if total == 0:
             return math.nan
         rank = max(math.ceil(q * total), 1)

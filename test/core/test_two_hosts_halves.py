@@ -26,12 +26,12 @@ from haptic_accel.core.actuator.safety import SafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes, along_actuator
 from haptic_accel.core.coupling.engagement import FREE_TIME, STEP_PERIOD
 from haptic_accel.core.coupling.passive import PassiveParameters
-from haptic_accel.core.loop.device_side import ARM, rig_side
-from haptic_accel.core.loop.wiring import MASTER, SLAVE
 from haptic_accel.core.model import ZERO, Sample, Vector
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.network.playout import TRUE, WAITING
 from haptic_accel.core.sampling import LATENCY, RELEASED
+from haptic_accel.core.simulated_rig import rig_side
+from haptic_accel.core.tick import ARM, MASTER, SLAVE
 from haptic_accel.core.two_hosts import TwoHosts
 
 RATE = 1000.0
@@ -89,12 +89,13 @@ class Run:
         for _ in range(round(seconds * RATE)):
             self.hosts.step(self.tick)
             forces = {
-                command.arm: command.force
+                arm: force
                 for loop in self.hosts.loops.values()
-                for command in loop.results.commands
+                for caused in loop.commands
+                for arm, _, force in caused.each
             }
             played = self.hosts.halves[MASTER].played
-            found.append(PlayedSample(forces.get(MASTER), forces.get(SLAVE), played.kind))
+            found.append(PlayedSample(forces.get(0), forces.get(1), played.kind))
             self.tick += 1
         return found
 

@@ -19,14 +19,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.due_forces import IN_TIME, DueForces
+from haptic_accel.core.tick import DueForces
+from haptic_accel.core.tick.device_side import IN_TIME
 
 PERIOD = 1e-3
 """Period of the grid, s."""
 
 
-def force(sample: int) -> tuple[float, float, float]:
-    return (0.0, 0.0, float(sample))
+def put(forces: DueForces, sample: int) -> None:
+    forces.put(sample, sample, 0.0, 0.0, float(sample))
+
+
+def pop(forces: DueForces, tick: int, *, ahead: bool = False) -> int | None:
+    """Return the stamp of the force taken, which is the number of its sample."""
+    if not forces.pop(tick, ahead):
+        return None
+    assert (forces.x, forces.y, forces.z) == (0.0, 0.0, float(forces.stamp))
+    return forces.stamp
 
 
 @pytest.mark.parametrize("latency", [1, 2, 20])
@@ -36,12 +45,10 @@ def test_a_force_in_time_is_applied_at_its_tick_and_neither_earlier_nor_later(
     forces = DueForces(latency, PERIOD)
     applied = {}
     for tick in range(100):
-        if found := forces.pop(tick):
+        if (found := pop(forces, tick)) is not None:
             applied[tick] = found
-        forces.put(tick, tick * 1000, force(tick))
-    assert applied == {
-        tick: ((tick - latency) * 1000, force(tick - latency)) for tick in range(latency, 100)
-    }
+        put(forces, tick)
+    assert applied == {tick: tick - latency for tick in range(latency, 100)}
     assert (forces.due, forces.past_tick) == (100, 0)
 
 
@@ -50,9 +57,9 @@ def test_a_force_that_comes_after_its_tick_is_there_at_once_and_counted_if_it_wa
     latency: int, counts: tuple[int, int]
 ) -> None:
     forces = DueForces(latency, PERIOD)
-    assert forces.pop(5 + latency) is None
-    forces.put(5, 5000, force(5))
-    assert forces.pop(5 + latency) == (5000, force(5))
+    assert pop(forces, 5 + latency) is None
+    put(forces, 5)
+    assert pop(forces, 5 + latency) == 5
     assert (forces.due, forces.past_tick) == counts
 
 
@@ -68,41 +75,41 @@ def test_no_force_is_early_or_applied_after_a_newer_one(
             # On time for its tick, or so many ticks after.
             if sample + latency + delay - 3 == tick:
                 late += sample + latency < tick
-                forces.put(sample, sample, force(sample))
-        if found := forces.pop(tick):
-            assert found[0] + latency <= tick
-            applied.append(found[0])
+                put(forces, sample)
+        if (found := pop(forces, tick)) is not None:
+            assert found + latency <= tick
+            applied.append(found)
     assert applied == sorted(set(applied))
     assert forces.past_tick == late
 
 
 def test_a_force_that_is_out_of_date_is_passed_on_at_once_or_never() -> None:
     forces = DueForces(1, PERIOD)
-    forces.pop(6)
-    forces.put(6, 6000, force(6))
-    forces.pass_on(10**18, force(1000))
-    assert forces.pop(6) == (10**18, force(1000))
-    forces.pass_on(10**18, force(1000))
-    assert forces.pop(7) == (6000, force(6))
-    assert forces.pop(10**9) is None
+    pop(forces, 6)
+    put(forces, 6)
+    forces.pass_on(1000, 0.0, 0.0, 1000.0)
+    assert pop(forces, 6) == 1000
+    forces.pass_on(1000, 0.0, 0.0, 1000.0)
+    assert pop(forces, 7) == 6
+    assert pop(forces, 10**9) is None
     assert (forces.newest, forces.due, forces.past_tick) == (6, 1, 0)
 
 
 def test_a_force_overtaken_by_one_that_was_taken_ahead_of_its_tick_is_not_late() -> None:
     forces = DueForces(2, PERIOD)
-    forces.put(10, 10, force(10))
-    assert forces.pop(12, ahead=True)
-    forces.put(9, 9, force(9))
-    assert forces.pop(11, ahead=True) is None
+    put(forces, 10)
+    assert pop(forces, 12, ahead=True) == 10
+    put(forces, 9)
+    assert pop(forces, 11, ahead=True) is None
     assert (forces.due, forces.past_tick) == (2, 0)
 
 
 def loop(forces: DueForces, moments: dict[int, float], ticks: int) -> None:
     """Serve ticks at their times, or at those given, s; each sample's force comes at once."""
     for tick in range(ticks):
-        forces.pop(tick)
+        pop(forces, tick)
         forces.took_effect(moments.get(tick, tick * PERIOD))
-        forces.put(tick, tick, force(tick))
+        put(forces, tick)
 
 
 def test_a_device_that_stands_still_for_5_ms_misses_what_is_due_in_that_time() -> None:
@@ -136,10 +143,10 @@ def test_a_force_may_take_effect_a_quarter_of_a_period_late(share: float, missed
 
 def test_of_forces_that_come_together_all_that_were_due_are_missed() -> None:
     forces = DueForces(1, PERIOD)
-    forces.pop(9)
+    pop(forces, 9)
     for sample in range(4, 9):
-        forces.put(sample, sample, force(sample))
-    assert forces.pop(9) == (8, force(8))
+        put(forces, sample)
+    assert pop(forces, 9) == 8
     forces.took_effect(9.1e-3)
     assert (forces.due, forces.missed, forces.past_tick) == (5, 4, 5)
     assert forces.longest == pytest.approx(4.1e-3)
@@ -147,11 +154,11 @@ def test_of_forces_that_come_together_all_that_were_due_are_missed() -> None:
 
 def test_a_straggler_that_never_takes_effect_is_missed() -> None:
     forces = DueForces(1, PERIOD)
-    forces.put(8, 8, force(8))
-    assert forces.pop(9)
+    put(forces, 8)
+    assert pop(forces, 9) == 8
     forces.took_effect(9e-3)
-    forces.put(7, 7, force(7))
-    assert forces.pop(9) is None
+    put(forces, 7)
+    assert pop(forces, 9) is None
     forces.took_effect(9.1e-3)
     assert (forces.due, forces.missed) == (2, 1)
 
@@ -161,7 +168,7 @@ def test_a_force_taken_ahead_is_missed_only_if_given_to_the_device_late(
     now: float, missed: int
 ) -> None:
     forces = DueForces(2, PERIOD)
-    forces.put(10, 10, force(10))
-    assert forces.pop(12, ahead=True)
+    put(forces, 10)
+    assert pop(forces, 12, ahead=True) == 10
     forces.took_effect(now)
     assert forces.missed == missed

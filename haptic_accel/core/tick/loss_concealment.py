@@ -70,8 +70,9 @@ class LossConcealment:
         for _ in range(count):
             following = float(coefficients @ newest_first)
             newest_first = np.append(following, newest_first)[: len(coefficients)]
-            predicted.append(mean + following)
-            self.put(predicted[-1])
+            value = mean + following
+            predicted.append(value)
+            self.put(value)
         return predicted
 
 

@@ -1,0 +1,611 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One device behind its safety layer: its samples, its due forces and the end of forces.
+
+A force is due a whole number of samples after the sample that caused it. A controller can invert a
+constant delay of a plant, but not a varying delay. The machine's monotonic clock decides whether a
+force was in time. Pauses of the sending and of the applying process both count, as a hand feels
+them alike.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+from haptic_accel.core.actuator.safety import MAX_AGE
+from haptic_accel.core.model import LATER, ZERO
+from haptic_accel.core.tick.histogram import DurationHistogram
+from haptic_accel.core.tick.limits import ActuatorLimit, ArmLimit, SafetyLayer
+from haptic_accel.core.tick.rigs import Reading, SimulatedArm
+from haptic_accel.core.tick.samples import ArmSample, ArmWork
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection
+
+    from haptic_accel.core import model
+    from haptic_accel.core.model import Vector
+
+
+ARM, ACTUATOR = "arm_force", "actuator_force"
+"""Kinds of commands, named as in `DrivenDevice.write`."""
+
+NANOSECOND: float = 1e-9
+
+IN_TIME: float = 0.25
+"""Maximum delay of a force beyond its due time that counts as in time, in periods.
+
+During the delay the previous force acts. If every force were that late, the phase at a tenth of
+the sampling rate would lag by 9 degrees, an error of 16 %. A smaller limit would count normal
+waking, sampling and writing: 0.16 periods at 1 kHz (median, five processes on two shared cores).
+"""
+
+MISSED_SHARE: float = 0.001
+"""Maximum fraction of missed deadlines for a rate that counts as kept."""
+
+STRAGGLING: int = 20
+"""Maximum number of samples by which a force may be overtaken."""
+
+PAST_TICK, LONGEST, LATE_TIME = "past their tick", "longest lateness (us)", "late (s)"
+"""Suffixes of counts in diagnostics, after the kind of force."""
+
+SAMPLE_TIMEOUT: float = 0.02
+"""Time after which a missing sample counts as lost, s."""
+
+FLOWING: int = 5
+"""Number of ticks without a command after which no command is expected."""
+
+MEMORY: float = 0.3
+"""Time for which a sample stays unchanged, s: longer than others wait for it, and than a frame."""
+
+NO_TICK: int = -(1 << 60)
+"""Number of a tick before all others."""
+
+
+class DrivenDevice(Protocol):
+    """Interface of a device for the loop; see `haptic_accel.devices.Device`."""
+
+    @property
+    def late(self) -> int:
+        """Number of forces received in advance but applied by the device too late."""
+
+    @property
+    def contact_force(self) -> Vector | None:
+        """Force of the surface on the tool at the last sample, N; None if unknown."""
+
+    def read(self, time: float) -> model.Reading:
+        """Return the sample at a time, s."""
+
+    def write(
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
+    ) -> None:
+        """Apply the forces, N, that are due at a time, s."""
+
+
+class DueForces:
+    """Commands of one kind, from reception until they take effect.
+
+    Ticks and samples are numbered by the points of the sampling grid.
+
+    Parameters
+    ----------
+    latency : int
+        Delay from sample to force, in samples; 0 for immediate application.
+    period : float
+        Period of the grid, s; point 0 is at 0 s of the monotonic clock.
+    ahead : bool
+        The device accepts forces before they are due.
+
+    Attributes
+    ----------
+    due, missed, past_tick : int
+        Numbers of forces: with a due time; in effect later than `IN_TIME` allows; received after
+        their tick.
+    longest : float
+        Maximum delay of a force beyond its due time, s.
+    late_time : float
+        Total time for which missed forces were due but not yet in effect, s.
+    has_newest, newest : bool, int
+        Whether a force was received, and the number of the newest sample of one.
+    stamp, x, y, z : int, float
+        Stamp of the sample that caused the force taken last, ns, and the force, N.
+    age : DurationHistogram
+        Time from the sample that caused a force until its application.
+    late_before : int
+        Number of forces that the device had applied late before counting began.
+
+    Examples
+    --------
+    >>> forces = DueForces(latency=1, period=1e-3)
+    >>> forces.put(7, 7_000_000, 0.0, 0.0, 0.5)
+    >>> forces.pop(7), forces.pop(8), forces.z
+    (False, True, 0.5)
+    >>> forces.took_effect(12e-3)
+    >>> forces.missed, round(forces.longest, 6)
+    (1, 0.004)
+    """
+
+    def __init__(self, latency: int, period: float, ahead: bool = False) -> None:
+        self.ahead: bool = ahead and latency > 0
+        self.latency: int = latency
+        self.lag: int = 0 if self.ahead else latency
+        self.period: float = period
+        # Stamp and force by the tick at which it is due.
+        self.waiting: dict[int, tuple[int, float, float, float]] = {}
+        self.first: int = NO_TICK  # no force waits for an earlier tick
+        self.last: int = NO_TICK
+        self.carried_out: int = NO_TICK
+        self.has_newest = False
+        self.taken: list[int] = []
+        self.newest = self.due = self.missed = self.past_tick = 0
+        self.longest = self.late_time = self.late_until = 0.0
+        self.outdated: tuple[int, float, float, float] | None = None
+        self.stamp = 0
+        self.x = self.y = self.z = 0.0
+        self.age: DurationHistogram = DurationHistogram()
+        self.late_before = 0
+
+    def put(self, sample: int, stamp: int, x: float, y: float, z: float) -> None:
+        """Store a force until due; discard a force older than the last applied force."""
+        due = sample + self.latency
+        if self.latency:
+            self.due += 1
+            self.past_tick += due <= self.carried_out
+        if not self.has_newest or sample > self.newest:
+            self.has_newest, self.newest = True, sample
+        # A much older force was not overtaken: the safety layer rejects and reports it.
+        behind = self.last - due
+        if 0 <= behind <= STRAGGLING:
+            self.taken.append(due)
+            return
+        if not self.waiting or due < self.first:
+            self.first = due
+        self.waiting[due] = (stamp, x, y, z)
+
+    def pass_on(self, stamp: int, x: float, y: float, z: float) -> None:
+        """Pass an outdated force to the next `pop`, so that the safety layer rejects it.
+
+        A stored force from the future would be in time later.
+        """
+        self.outdated = (stamp, x, y, z)
+
+    def pop(self, tick: int, ahead: bool = False) -> bool:
+        """Take the newest force that is due at a tick or earlier; return False if there is none.
+
+        An outdated force is taken only if no other is due. `ahead` means that the tick has not
+        been executed yet.
+        """
+        if not ahead:
+            self.carried_out = tick
+        found, self.outdated = self.outdated, None
+        waiting = self.waiting
+        due: int = self.first
+        while waiting and due <= tick:
+            if due in waiting:
+                found = waiting.pop(due)
+                self.last = due
+                self.taken.append(due)
+            due += 1
+        self.first = due
+        if found is None:
+            return False
+        self.stamp, self.x, self.y, self.z = found
+        return True
+
+    def took_effect(self, now: float) -> None:
+        """Record the monotonic time in s at which the last forces took effect or were skipped.
+
+        Forces taken ahead count as in time if the device's clock applies them.
+        """
+        taken = self.taken
+        if not taken:
+            return
+        if self.latency:
+            if len(taken) > 1:
+                taken.sort()
+            for index in range(len(taken)):
+                number: int = taken[index]
+                time = number * self.period
+                lateness = now - time
+                if lateness > self.longest:
+                    self.longest = lateness
+                if lateness > IN_TIME * self.period:
+                    self.missed += 1
+                    # Time in which several forces waited counts once.
+                    since = time if time > self.late_until else self.late_until
+                    if now > since:
+                        self.late_time += now - since
+                    self.late_until = now
+        taken.clear()
+
+    def is_missing(self, tick: int) -> bool:
+        """Return whether commands arrive, but the command needed after a tick is missing."""
+        needed = tick - self.lag
+        return self.has_newest and needed - FLOWING <= self.newest < needed
+
+    def clear(self) -> None:
+        """Discard the waiting forces."""
+        self.waiting.clear()
+        self.outdated = None
+
+    def count_anew(self, late: int = 0) -> None:
+        """Reset the counts to zero; the device has applied so many forces late until now."""
+        self.due = self.missed = self.past_tick = 0
+        self.longest = self.late_time = 0.0
+        self.age.reset()
+        self.late_before = late
+
+    def diagnostics(self) -> dict[str, str]:
+        """Return all counts except `missed`, for diagnostics."""
+        return {
+            "due": str(self.due),
+            PAST_TICK: str(self.past_tick),
+            LONGEST: f"{self.longest * 1e6:.0f}",
+            LATE_TIME: f"{self.late_time:.6f}",
+        }
+
+
+class DeviceSide:
+    """One device behind its safety layer, processed tick by tick.
+
+    Call `begin` at each tick. `read` takes the available samples, `apply` applies the forces that
+    are due, and `watch` ends forces that have lasted too long. Forces may be passed to `command`
+    at any time, but before `apply` if they are due at once.
+
+    Parameters
+    ----------
+    device : DrivenDevice
+    safety : SafetyLayer
+    rate : float
+        Ticks per second.
+    latency : int
+        Delay from sample to force, in ticks.
+    clock : callable, optional
+        Monotonic time, s, with tick 0 at 0; default: the time of the tick, as in lockstep.
+    kinds : collection of str
+        Kinds of commands: `ARM`, `ACTUATOR`.
+    ahead : collection of str
+        Kinds that the device accepts before they are due.
+    framed : bool
+        The device accepts all forces before they are due. A kind that is not in `ahead` has no
+        clock of the device: a force that is overdue takes effect when it is given.
+    counted : collection of str, optional
+        Kinds that the device applies, whose ages and deadlines count; default: all.
+    servo : PositionServo, optional
+        Position control of the arm; replaces commands while it has a set-point.
+    receive : callable
+        Called before forces are applied, to pass received forces to `command`.
+
+    Attributes
+    ----------
+    device : DrivenDevice
+    safety : SafetyLayer
+    forces : dict of DueForces
+        Commands by kind.
+    counted : collection of str
+    tick : int
+        Newest tick.
+    samples : list of ArmSample
+        Samples of the last `read`, in order.
+    newest : ArmSample or None
+    unread : int
+        Number of ticks without a sample.
+    wants_contact : bool
+        True if samples need the force of the surface on the tool.
+    sampling : bool
+        True while the device is open; the caller sets it to false when closing the device.
+
+    Raises
+    ------
+    DeviceError, OSError
+        The device failed; raised by all methods that read or write it.
+    """
+
+    def __init__(
+        self,
+        device: DrivenDevice,
+        safety: SafetyLayer,
+        rate: float,
+        latency: int,
+        clock: Callable[[], float] | None = None,
+        *,
+        kinds: Collection[str] = (ARM, ACTUATOR),
+        ahead: Collection[str] = (),
+        framed: bool = False,
+        counted: Collection[str] | None = None,
+        servo: Any = None,
+        receive: Callable[[], None] | None = None,
+    ) -> None:
+        self.device: DrivenDevice = device
+        self.motion: SimulatedArm | None = None
+        self.wants_contact = False
+        self.safety: SafetyLayer = safety
+        self.arm_limit: ArmLimit = safety.arm_limit
+        self.actuator_limit: ActuatorLimit | None = safety.actuator_limit
+        self.servo: Any = servo
+        self.receive: Callable[[], None] | None = receive
+        self.rate: float = rate
+        self.latency: int = latency
+        self.sampling = True
+        self.clock: Callable[[], float] | None = clock
+        self.tick = self.unread = 0
+        self.now: float = clock() if clock else 0.0
+        self.watched = -1
+        self.forces: dict[str, DueForces] = {
+            kind: DueForces(latency, 1 / rate, framed or kind in ahead) for kind in kinds
+        }
+        self.arm: DueForces | None = self.forces.get(ARM)
+        self.actuator: DueForces | None = self.forces.get(ACTUATOR)
+        self.is_arm_at_tick: bool = self.arm is not None and not self.arm.ahead
+        self.is_coil_at_tick: bool = self.actuator is not None and not self.actuator.ahead
+        self.is_arm_clocked: bool = ARM in ahead
+        self.is_actuator_clocked: bool = ACTUATOR in ahead
+        self.counted: Collection[str] = kinds if counted is None else counted
+        self.timeout: int = max(1, round(SAMPLE_TIMEOUT * rate))
+        self.waiting: list[int] = []
+        self.work: ArmWork = ArmWork()
+        self.ring: list[ArmSample] = [ArmSample() for _ in range(round(MEMORY * rate) + 64)]
+        self.used = self.index = 0
+        self.start(device)
+        self.samples: list[ArmSample] = []
+        self.newest: ArmSample | None = None
+        self.is_measured = False
+
+    # Samples
+
+    def start(self, device: DrivenDevice) -> None:
+        """Restart with a device that has just been opened."""
+        self.device, self.sampling = device, True
+        # A simulated device is called without tuples.
+        self.motion = vars(device).get("motion") if hasattr(device, "__dict__") else None
+        self.waiting.clear()
+        before, self.work = self.work, ArmWork()
+        self.work.unknown = before.unknown
+
+    def begin(self, tick: int) -> None:
+        """Begin a tick, whose sample is due."""
+        self.tick = tick
+        self.waiting.append(tick)
+
+    def read(self) -> None:
+        """Take the available samples, in order; count the lost ones."""
+        samples = self.samples
+        samples.clear()
+        waiting = self.waiting
+        while waiting:
+            tick: int = waiting[0]
+            time = tick / self.rate
+            motion = self.motion
+            reading: Any = None
+            if motion is not None:
+                motion.measure(time)
+            else:
+                reading = self.device.read(time)
+                if reading is LATER:
+                    if tick > self.tick - self.timeout:
+                        return
+                    reading = None
+            del waiting[0]
+            if motion is None and reading is None:
+                self.unread += 1
+                continue
+            sample: ArmSample = self.ring[self.used]
+            self.used = self.used + 1 if self.used + 1 < len(self.ring) else 0
+            sample.arm, sample.tick = self.index, tick
+            sample.stamp = round(tick * 1e9 / self.rate)
+            if motion is not None:
+                at: Reading = motion.reading
+                sample.x, sample.y, sample.z = at.x, at.y, at.z
+                sample.v_x, sample.v_y, sample.v_z = at.v_x, at.v_y, at.v_z
+                sample.a_x, sample.a_y, sample.a_z = at.a_x, at.a_y, at.a_z
+            else:
+                sample.x, sample.y, sample.z = reading[0]
+                sample.v_x, sample.v_y, sample.v_z = reading[1]
+                sample.a_x, sample.a_y, sample.a_z = reading[2]
+                sample.orientation = reading[3]
+            if self.wants_contact:
+                sample.contact = self.device.contact_force
+            self.newest, self.is_measured = sample, True
+            if self.servo and self.servo.set_point:
+                self.hold(tick, sample)
+            work = self.work
+            work.until(time, sample.x, sample.y, sample.z)
+            sample.has_work = True
+            sample.work_x, sample.work_y, sample.work_z = work.x, work.y, work.z
+            samples.append(sample)
+
+    @property
+    def unlocated(self) -> int:
+        """Number of samples whose position is not finite: they cause no force of the arm."""
+        return self.work.unknown
+
+    @property
+    def complete(self) -> bool:
+        """True when all samples and commands of the newest tick have arrived."""
+        tick = self.tick
+        return not (
+            self.waiting
+            or (self.arm and self.arm.is_missing(tick))
+            or (self.actuator and self.actuator.is_missing(tick))
+        )
+
+    # Forces
+
+    def command(self, kind: str, moment: float, x: float, y: float, z: float) -> None:
+        """Add a force, N, caused by the sample at a clock time, ns."""
+        is_arm = kind == ARM
+        forces: DueForces = self.forces[kind]
+        if is_arm and not forces.has_newest:
+            # The arms engage: late forces during start-up are not counted.
+            for each in self.forces.values():
+                each.count_anew(self.device.late)
+        sample: int = round(moment * self.rate * NANOSECOND)
+        now = self.clock() if self.clock else self.tick / self.rate
+        age = now - moment * NANOSECOND
+        if age > MAX_AGE or age < -MAX_AGE:
+            sample = self.tick - self.latency
+            forces.pass_on(round(moment), x, y, z)
+        else:
+            forces.put(sample, round(moment), x, y, z)
+            if is_arm and self.servo:
+                self.servo.set_point = None
+        if forces.ahead:
+            due = sample + self.latency
+            # A force that is already late acts at once, and the device does not count it.
+            forces.past_tick += due <= self.tick
+            time = due / self.rate
+            if not (self.is_arm_clocked if is_arm else self.is_actuator_clocked):
+                now = self.clock() if self.clock else self.tick / self.rate
+                time = time if time > now else now
+            self.write_due(time, due, is_arm, not is_arm)
+
+    def free(self) -> None:
+        """Apply a zero force of the arm, as if computed from the last sample."""
+        self.forces[ARM].put(self.tick, round(self.tick * 1e9 / self.rate), 0.0, 0.0, 0.0)
+
+    def apply(self, is_late: bool = False) -> None:
+        """Apply the forces that are due at the newest tick, or that arrived after their tick."""
+        time = self.tick / self.rate
+        if is_late and self.clock:
+            time = self.clock()
+        self.write_due(time, self.tick, self.is_arm_at_tick, self.is_coil_at_tick)
+
+    def watch(self) -> None:
+        """End forces without a new command for too long; call once per tick after `apply`."""
+        if self.watched == self.tick:
+            return
+        self.watched = self.tick
+        time = self.tick / self.rate
+        begun = self.clock() if self.clock else time
+        now = self.advanced(time, begun)
+        if self.arm_limit.expires(now):
+            self.write(time, begun, True, False)
+        coils, sample = self.actuator_limit, self.newest
+        if coils is not None:
+            if sample is None:
+                changes = coils.tick(now, False, 0.0, 0.0, 0.0)
+            else:
+                changes = coils.tick(now, self.is_measured, sample.a_x, sample.a_y, sample.a_z)
+            if changes:
+                self.write(time, begun, False, True)
+        self.is_measured = False
+
+    def take_off(self) -> None:
+        """Set all forces to zero."""
+        now = self.clock() if self.clock else self.tick / self.rate
+        self.device.write(now, arm_force=ZERO, actuator_force=ZERO)
+        self.work.apply(now, 0.0, 0.0, 0.0)
+
+    def hold(self, tick: int, sample: ArmSample) -> None:
+        """Command the position control's force for a sample while a position is commanded."""
+        servo = self.servo
+        if self.safety.refusal or self.safety.contested:
+            servo.set_point = None
+        elif force := servo.force(sample.position, sample.velocity):
+            self.forces[ARM].put(tick, sample.stamp, *force)
+
+    def write_due(self, time: float, tick: int, is_arm: bool, is_actuator: bool) -> None:
+        """Write the newest forces due at a tick, limited by the safety layer."""
+        begun = self.clock() if self.clock else self.tick / self.rate
+        now = self.advanced(time, begun)
+        arm, actuator, coils = self.arm, self.actuator, self.actuator_limit
+        writes_arm = writes_actuator = False
+        if is_arm and arm is not None and arm.pop(tick, arm.ahead):
+            age = begun - arm.stamp * NANOSECOND
+            writes_arm = self.arm_limit.command(now, age, arm.x, arm.y, arm.z)
+        if is_actuator and actuator is not None and actuator.pop(tick, actuator.ahead) and coils:
+            age = begun - actuator.stamp * NANOSECOND
+            writes_actuator = coils.command(now, age, actuator.x, actuator.y, actuator.z)
+        try:
+            if writes_arm or writes_actuator:
+                self.write(time, begun, writes_arm, writes_actuator)
+        finally:
+            done = self.clock() if self.clock else self.tick / self.rate
+            if is_arm and arm is not None:
+                arm.took_effect(done)
+            if is_actuator and actuator is not None:
+                actuator.took_effect(done)
+        if writes_arm and arm is not None:
+            arm.age.add(done - arm.stamp * NANOSECOND)
+        if writes_actuator and actuator is not None:
+            actuator.age.add(done - actuator.stamp * NANOSECOND)
+
+    def write(self, time: float, judged: float, writes_arm: bool, writes_actuator: bool) -> None:
+        """Write the forces that the safety layer holds since a clock time, s.
+
+        No force if the process was stopped since (SIGSTOP) for longer than samples are waited for.
+        """
+        arm, coils, motion = self.arm_limit, self.actuator_limit, self.motion
+        m_x, m_y, m_z = arm.x, arm.y, arm.z
+        f_x = f_y = f_z = 0.0
+        if writes_actuator and coils is not None:
+            f_x, f_y, f_z = coils.x, coils.y, coils.z
+        if self.clock and self.clock() - judged > SAMPLE_TIMEOUT:
+            m_x = m_y = m_z = f_x = f_y = f_z = 0.0
+        if motion is not None:
+            if writes_arm:
+                motion.drive_arm(time, m_x, m_y, m_z)
+            if writes_actuator:
+                motion.drive_actuator(time, f_x, f_y, f_z)
+        elif not writes_arm:
+            self.device.write(time, actuator_force=(f_x, f_y, f_z))
+        elif not writes_actuator:
+            self.device.write(time, arm_force=(m_x, m_y, m_z))
+        else:
+            force = (f_x, f_y, f_z)
+            self.device.write(time, arm_force=(m_x, m_y, m_z), actuator_force=force)
+        if writes_arm:
+            self.work.apply(time, m_x, m_y, m_z)
+
+    def advanced(self, time: float, now: float) -> float:
+        """Return a time for the safety layer, s, which never decreases."""
+        earlier = time if time < now else now
+        if earlier > self.now:
+            self.now = earlier
+        return self.now
+
+    # Counts
+
+    @property
+    def deadlines(self) -> tuple[int, int]:
+        """Numbers of forces with a due time, and of late forces."""
+        return (
+            sum(self.forces[kind].due for kind in self.counted),
+            sum(map(self.missed, self.counted)),
+        )
+
+    @property
+    def longest(self) -> float:
+        """Maximum delay of a force beyond its due time, s."""
+        return max((self.forces[kind].longest for kind in self.counted), default=0.0)
+
+    def diagnostics(self) -> dict[str, str]:
+        """Return counts and ages of the commands for diagnostics."""
+        values = dict[str, str]()
+        for kind in self.counted:
+            each, name = self.forces[kind], kind.replace("_", " ")
+            values |= {
+                f"{name} count": str(each.age.count),
+                **{f"{name} {key}": value for key, value in each.diagnostics().items()},
+                f"{name} deadlines missed": str(self.missed(kind)),
+                **each.age.diagnostics(f"{name} age"),
+            }
+        return values
+
+    def missed(self, kind: str) -> int:
+        """Return the number of forces that took effect late, here or at the device."""
+        forces = self.forces[kind]
+        there = self.device.late - forces.late_before if forces.ahead else 0
+        return forces.missed + max(0, there)

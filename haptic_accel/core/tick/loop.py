@@ -1,0 +1,462 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Loop of one host: the order of measuring, coupling, compensating and applying in a tick."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from haptic_accel.core.model import IDENTITY
+from haptic_accel.core.tick.control import HandleCompensation
+from haptic_accel.core.tick.coupling import ArmCoupling, CoupledForces
+from haptic_accel.core.tick.device_side import ACTUATOR, ARM, DeviceSide
+from haptic_accel.core.tick.loss_concealment import LossConcealment
+from haptic_accel.core.tick.samples import ArmSample
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from haptic_accel.core.model import Vector
+
+SENDING_TIME: float = 0.5
+"""Time reserved for sending a force to its device before it is due, in periods. The handle's
+sample of the previous tick is awaited until then."""
+
+LONGEST_BRIDGE: float = 0.02
+"""Longest gap in the tool's samples that prediction fills, s. A longer prediction of texture is
+useless, and the arms disengage soon after."""
+
+MASTER, SLAVE = "master", "slave"
+
+
+class CompensatedSample:
+    """Result for a tool sample: desired acceleration, m/s^2, and coils' forces, N.
+
+    Attributes
+    ----------
+    stamp : int
+        Stamp of the tool's sample, ns.
+    d_x, d_y, d_z, f_x, f_y, f_z : float
+        Desired acceleration and forces.
+    """
+
+    def __init__(self, stamp: int, made: HandleCompensation) -> None:
+        self.stamp: int = stamp
+        self.d_x = self.d_y = self.d_z = self.f_x = self.f_y = self.f_z = 0.0
+        self.d_x, self.d_y, self.d_z = made.desired_x, made.desired_y, made.desired_z
+        self.f_x, self.f_y, self.f_z = made.force_x, made.force_y, made.force_z
+
+    @property
+    def desired_acceleration(self) -> Vector:
+        """Desired acceleration, m/s^2."""
+        return self.d_x, self.d_y, self.d_z
+
+    @property
+    def actuator_force(self) -> Vector:
+        """Force of each coil, N."""
+        return self.f_x, self.f_y, self.f_z
+
+
+class CompensationPart:
+    """Compute one force for each sample of the tool, in order.
+
+    The force of a tick depends on the tool's sample of that tick and on the handle's sample of the
+    previous tick. The handle's sample of the same tick may not have arrived yet.
+
+    Parameters
+    ----------
+    compensation : Compensation
+    rate : float
+        Samples per second.
+    latency : int
+        Delay from sample to force, in samples.
+    longest : int
+        Maximum number of waiting samples of the handle: at least those of two successive ticks.
+
+    Attributes
+    ----------
+    compensation : Compensation
+    samples, lost, bridged, without : int
+        Numbers of tool samples: received; lost; lost and predicted; used without the handle's
+        sample.
+    measured_across : bool
+        True if the tool has measured an acceleration across the actuator's axis.
+    orientation : tuple of float
+        Newest orientation of the handle in its base frame, from whose axes those of the tool's
+        samples are turned into the handle's.
+    results : list of CompensatedSample
+        Results that were computed since the list was cleared.
+    """
+
+    def __init__(self, compensation: Any, rate: float, latency: int, longest: int = 2) -> None:
+        self.compensation: HandleCompensation = compensation
+        self.slow: Any = compensation
+        self.period: float = 1e9 / rate
+        self.longest_wait: float = (max(1, latency) - SENDING_TIME) * self.period
+        self.longest_bridge: float = LONGEST_BRIDGE * rate
+        self.longest: int = longest
+        self.tools: list[tuple[int, float, float, float]] = []
+        self.handles: list[tuple[int, bool, float, float, float]] = []
+        self.has_last = self.measured_across = False
+        self.last = 0
+        self.axes: Any = compensation.axes
+        self.concealments: list[LossConcealment] = [LossConcealment() for _ in self.axes.names]
+        self.samples = self.lost = self.bridged = self.without = 0
+        self.orientation: Any = IDENTITY
+        self.results: list[CompensatedSample] = []
+
+    def put_tool(self, stamp: int, x: float, y: float, z: float) -> None:
+        """Add a sample of the tool, m/s^2, with its stamp in ns; stamps must increase."""
+        if (x or y) and not self.measured_across:
+            self.measured_across = True
+        if self.orientation is not IDENTITY:
+            x, y, z = self.turned(x, y, z)
+        self.tools.append((stamp, x, y, z))
+
+    def put_count_force(self, x: float, y: float, z: float) -> None:
+        """Set the arm's force due to rounding, N, in the base frame, due with the next forces."""
+        each = self.compensation
+        if self.orientation is not IDENTITY and self.orientation != IDENTITY:
+            x, y, z = self.turned(x, y, z, True)
+        each.count_x, each.count_y, each.count_z = x, y, z
+
+    def put_handle(self, stamp: int, is_known: bool, x: float, y: float, z: float) -> None:
+        """Add a sample of the handle, m/s^2; it is not known if it was lost."""
+        handles = self.handles
+        if len(handles) == self.longest:
+            del handles[0]
+        handles.append((stamp, is_known, x, y, z))
+
+    def turned(self, x: float, y: float, z: float, is_vector: bool = False) -> Vector:
+        """Return a tool's acceleration, or another vector of the base's axes, in the handle's."""
+        from haptic_accel.core.orientation import from_base, is_turned
+
+        vector = x, y, z
+        if is_vector or is_turned(self.orientation, vector):
+            return from_base(self.orientation, vector)
+        return vector
+
+    @property
+    def waiting(self) -> bool:
+        """True while a sample of the tool waits for a sample of the handle."""
+        return bool(self.tools)
+
+    def clear(self) -> None:
+        """Discard the waiting samples."""
+        self.tools.clear()
+        self.handles.clear()
+        self.has_last = False
+
+    def compute(self, now: float) -> None:
+        """Compute the forces of all samples that are ready, and add them to the results.
+
+        After each force, and before the next one, the controller does part of its slow
+        computations.
+
+        Parameters
+        ----------
+        now : float
+            Time on the clock of the stamps, ns.
+        """
+        tools, handles = self.tools, self.handles
+        half = self.period / 2
+        compensation = self.compensation
+        while tools:
+            stamp, t_x, t_y, t_z = tools[0]
+            due = stamp - self.period
+            while handles and handles[0][0] < due - half:
+                del handles[0]
+            known, h_x, h_y, h_z = False, 0.0, 0.0, 0.0
+            if handles:
+                received, known, h_x, h_y, h_z = handles[0]
+                known = known and received < due + half
+            elif now - stamp < self.longest_wait:
+                break
+            del tools[0]
+            self.fill(stamp)
+            # No sample precedes the first.
+            if not known and self.samples > 0:
+                self.without += 1
+            self.samples += 1
+            self.store(t_x, t_y, t_z)
+            compensation.compute(t_x, t_y, t_z, known, h_x, h_y, h_z)
+            self.results.append(CompensatedSample(stamp, compensation))
+            if compensation.first.trace.count >= compensation.due:
+                self.slow.adapt()
+
+    def fill(self, stamp: int) -> None:
+        """Pass predictions of lost samples to the filters, which thus miss no sample."""
+        last, known = self.last, self.has_last
+        self.last, self.has_last = stamp, True
+        if not known or stamp - last < 1.5 * self.period:
+            return
+        lost = round((stamp - last) / self.period) - 1
+        self.lost += lost
+        if 0 < lost <= self.longest_bridge:
+            self.bridged += lost
+            predicted = [each.predict(lost) for each in self.concealments]
+            for values in zip(*predicted, strict=True):
+                x, y, z = self.axes.vector(values)
+                self.compensation.compute(x, y, z, False, 0.0, 0.0, 0.0)
+
+    def store(self, x: float, y: float, z: float) -> None:
+        """Store a sample for predictions; one with an axis that is not finite counts as zero."""
+        if len(self.concealments) == 1:
+            self.concealments[0].put(z)
+            return
+        if not math.isfinite(x + y + z):
+            x = y = z = 0.0
+        for concealment, value in zip(self.concealments, (x, y, z), strict=True):
+            concealment.put(value)
+
+
+class HostLoop:
+    """Parts of one host, and their order in a tick.
+
+    A tick samples the devices, applies the forces that are due, and computes the forces of later
+    ticks, or of the same tick without latency. A clock provides the ticks live, a counter in
+    lockstep; the code is the same.
+
+    Parameters
+    ----------
+    sides : mapping of str to DeviceSide
+        Devices by arm, in sampling order; all with the same rate and latency.
+    coupling : ArmCoupling, optional
+        None if forces come from elsewhere.
+    compensation : CompensationPart, optional
+        None without a handle.
+    decide : callable, optional
+        Called with the time in s when due, to call `ArmCoupling.poll`. The default assumes that
+        all subscribers exist, as in lockstep.
+    failures : tuple of type
+        Errors of a device that affect its arm only.
+    failed : callable, optional
+        Called with an arm and such an error, to stop the arm's sampling.
+
+    Attributes
+    ----------
+    samples : list of ArmSample
+        Samples read in the last step, or since it was told to go on with a frame.
+    tools : list of ArmSample
+        Samples of the tool passed to the compensation.
+    commands : list of CoupledForces
+        Forces on arms caused by these samples.
+    compensated : list of CompensatedSample
+        Actuator forces caused by these samples.
+    muted : set of str
+        Topics of signals that are not passed on, as they have other publishers too.
+    contested : int
+        Number of samples that were not passed on.
+    """
+
+    def __init__(
+        self,
+        sides: Mapping[str, DeviceSide],
+        coupling: ArmCoupling | None = None,
+        compensation: CompensationPart | None = None,
+        *,
+        decide: Callable[[float], None] | None = None,
+        failures: tuple[type[Exception], ...] = (),
+        failed: Callable[[str, Exception], None] = lambda arm, error: None,
+    ) -> None:
+        self.sides: dict[str, DeviceSide] = dict(sides)
+        self.coupling: ArmCoupling | None = coupling
+        self.compensation: CompensationPart | None = compensation
+        self.decide: Callable[[float], None] | None = decide
+        self.failures: tuple[type[Exception], ...] = failures
+        self.failed: Callable[[str, Exception], None] = failed
+        self.each: list[DeviceSide] = list(self.sides.values())
+        for arm, side in self.sides.items():
+            side.index = int(arm == SLAVE)
+        self.master: DeviceSide | None = self.sides.get(MASTER)
+        self.slave: DeviceSide | None = self.sides.get(SLAVE)
+        self.rate: float = self.each[0].rate
+        self.at_once: bool = self.each[0].latency == 0
+        self.samples: list[ArmSample] = []
+        self.tools: list[ArmSample] = []
+        self.commands: list[CoupledForces] = coupling.forces if coupling else []
+        self.compensated: list[CompensatedSample] = compensation.results if compensation else []
+        self.contested = 0
+        self.mute(set())
+
+    @property
+    def complete(self) -> bool:
+        """True if no sample or force of a device is outstanding."""
+        return all([side.complete for side in self.each if side.sampling])
+
+    def mute(self, names: set[str]) -> None:
+        """Pass on no signals with these topics from now on."""
+        from haptic_accel.core import topics
+
+        motions = [
+            {each.position.name, each.velocity.name, each.work.name}
+            for each in (topics.MASTER, topics.SLAVE)
+        ]
+        self.mutes_master: bool = not names.isdisjoint(motions[0])
+        self.mutes_slave: bool = not names.isdisjoint(motions[1])
+        self.mutes_handle: bool = topics.HANDLE_ACCELERATION.name in names
+        self.mutes_tool: bool = topics.TOOL_ACCELERATION.name in names
+
+    def forget(self) -> None:
+        """Forget the results of earlier steps, whose objects are used again."""
+        self.samples.clear()
+        self.tools.clear()
+        self.commands.clear()
+        self.compensated.clear()
+
+    def step(self, tick: int, is_first: bool = True) -> None:
+        """Process a tick, the first of its frame or one whose results are added to the frame's."""
+        if is_first:
+            self.forget()
+        played: ArmSample | None = None
+        if self.coupling:
+            played = self.coupling.begin(tick / self.rate, round(tick * 1e9 / self.rate))
+        for side in self.each:
+            if side.sampling:
+                side.begin(tick)
+        self.serve(played, False)
+
+    def go_on(self) -> None:
+        """Process samples and forces that arrived after their tick."""
+        self.forget()
+        self.serve(None, True)
+
+    def serve(self, played: ArmSample | None, is_late: bool) -> None:
+        """Measure, couple, compensate, apply and watch; an error affects its device only."""
+        for side in self.each:
+            if side.sampling:
+                try:
+                    self.read(side)
+                    if not (is_late or self.at_once):
+                        side.apply(False)
+                except self.failures as error:
+                    self.fail(side, error)
+        self.cause(played)
+        for side in self.each:
+            if side.sampling:
+                try:
+                    if is_late or self.at_once:
+                        side.apply(is_late)
+                    if not is_late:
+                        side.watch()
+                except self.failures as error:
+                    self.fail(side, error)
+
+    def read(self, side: DeviceSide) -> None:
+        """Take a device's samples, and the forces from other processes."""
+        side.read()
+        self.samples.extend(side.samples)
+        if side.receive:
+            side.receive()
+
+    def fail(self, side: DeviceSide, error: Exception) -> None:
+        """Report a device's error, which affects its arm only."""
+        self.failed(next(arm for arm, each in self.sides.items() if each is side), error)
+
+    def cause(self, played: ArmSample | None) -> None:
+        """Pass the samples to coupling and compensation, and the forces to the devices."""
+        coupling, compensation = self.coupling, self.compensation
+        if coupling is None:
+            return
+        one = self.each[0]
+        now: float = one.clock() if one.clock else one.tick / self.rate
+        coupling.passed = len(coupling.forces)
+        # The samples of this step, which are the last of the frame's.
+        for side in self.each:
+            for sample in side.samples:
+                self.pass_on(coupling, sample, now)
+            side.samples.clear()
+        engagement = coupling.engagement
+        if engagement.due(now):
+            if self.decide:
+                self.decide(now)
+            else:
+                self.look(now)
+        coupling.couple()
+        for index in range(coupling.passed, len(coupling.forces)):
+            forces: CoupledForces = coupling.forces[index]
+            if forces.on_master:
+                self.command(self.master, ARM, forces.m_stamp, forces.m_x, forces.m_y, forces.m_z)
+            if forces.on_slave:
+                self.command(self.slave, ARM, forces.s_stamp, forces.s_x, forces.s_y, forces.s_z)
+        if compensation is None:
+            return
+        compensation.put_count_force(coupling.count_x, coupling.count_y, coupling.count_z)
+        if played is not None:
+            self.pass_tool(played)
+        before = len(compensation.results)
+        compensation.compute(now * 1e9)
+        for index in range(before, len(compensation.results)):
+            result: CompensatedSample = compensation.results[index]
+            self.command(self.master, ACTUATOR, result.stamp, result.f_x, result.f_y, result.f_z)
+
+    def pass_on(self, coupling: ArmCoupling, sample: ArmSample, now: float) -> None:
+        """Pass a sample of an arm to coupling and compensation."""
+        compensation = self.compensation
+        if sample.arm:
+            if self.mutes_slave:
+                self.contested += 1
+            else:
+                coupling.put(sample, now)
+            if self.mutes_tool:
+                self.contested += 1
+            elif not coupling.passes_tools:
+                coupling.put_tool(sample)
+            else:
+                self.tools.append(sample)
+                if compensation:
+                    compensation.put_tool(sample.stamp, sample.a_x, sample.a_y, sample.a_z)
+            return
+        if self.mutes_master:
+            self.contested += 1
+        else:
+            coupling.put(sample, now)
+        if compensation:
+            compensation.orientation = sample.orientation
+            self.contested += self.mutes_handle
+            known = not self.mutes_handle
+            compensation.put_handle(sample.stamp, known, sample.a_x, sample.a_y, sample.a_z)
+
+    def pass_tool(self, tool: ArmSample) -> None:
+        """Pass a played sample of the peer's tool to the compensation."""
+        self.tools.append(tool)
+        if self.mutes_tool:
+            self.contested += 1
+        elif self.compensation:
+            self.compensation.put_tool(tool.stamp, tool.a_x, tool.a_y, tool.a_z)
+
+    def command(
+        self, side: DeviceSide | None, kind: str, stamp: int, x: float, y: float, z: float
+    ) -> None:
+        """Pass a force to its device."""
+        if side is not None and side.sampling:
+            try:
+                side.command(kind, stamp, x, y, z)
+            except self.failures as error:  # the device accepts forces in advance
+                self.fail(side, error)
+
+    def look(self, now: float) -> None:
+        """Engage or release the arms, as all subscribers exist."""
+        if self.coupling and self.coupling.poll(now, 1).release:
+            release(self.sides, now)
+
+
+def release(sides: Mapping[str, DeviceSide], now: float) -> None:
+    """Apply a zero force to each arm, as if computed from the sample of a time, s."""
+    for side in sides.values():
+        if side.sampling:
+            side.command(ARM, round(now * 1e9), 0.0, 0.0, 0.0)
