@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING
 from haptic_accel.bags.folder import is_storage
 from haptic_accel.core import track
 from haptic_accel.core.bounded_files import located
-from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
 from haptic_accel.core.sampling import NANOSECONDS, Stamped, sampling_rate
 from haptic_accel.core.topics import MASTER, SLAVE, ArmTopics, Topic
-from haptic_accel.devices.simulated import SimulatedDevice
+from haptic_accel.devices.simulated import RecordingParameters, SimulatedDevice
 from haptic_accel.materials.recordings import read_recording
 
 if TYPE_CHECKING:
@@ -52,14 +52,8 @@ class ReplayParameters(Checked):
     """Recording to play, and way to play it."""
 
     file: str = parameter("", "folder or file of a bag, or CSV or WAV file of an acceleration")
-    rate: float = parameter(
-        0.0,
-        "sampling rate of a CSV file without a column of times; other files have their own",
-        unit="Hz",
-        low=0.0,
-        high=1e6,
-    )
-    column: str = parameter("", "column of a CSV or channel of a WAV file; empty for the default")
+    rate: float = like(RecordingParameters, "rate")
+    column: str = like(RecordingParameters, "column")
     speed: float = parameter(
         1.0,
         "seconds of the recording per second, as `ros2 bag play --rate`: signals are stretched in"

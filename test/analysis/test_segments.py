@@ -167,6 +167,20 @@ def test_a_missing_signal_is_named_with_what_follows(
     assert NAMES[lacking] not in found.segments[0].signals
 
 
+def test_what_is_desired_is_made_from_the_tool_where_it_is_missing(tmp_path: Path) -> None:
+    found = cut_of(tmp_path, content(2.0, without=("desired",)))
+    assert NAMES["desired"] in found.segments[0].signals
+    assert any("made from the tool's acceleration" in problem for problem in found.problems)
+
+
+def test_a_bag_that_says_nothing_of_itself_is_unknown(tmp_path: Path) -> None:
+    found = cut_of(tmp_path, replace(content(), facts={}))
+    (segment,) = found.segments
+    assert (segment.condition.controller, segment.condition.surface) == (UNKNOWN, UNKNOWN)
+    assert segment.rate == RATE
+    assert any("does not state how it was made" in problem for problem in found.problems)
+
+
 def test_a_rate_that_stamps_do_not_have_is_named(tmp_path: Path) -> None:
     written = content()
     written.facts["arguments"]["rate"] = 4000.0

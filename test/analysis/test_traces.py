@@ -26,6 +26,7 @@ from haptic_accel.analysis.traces import (
     Traces,
     enclosing,
     excerpt_of,
+    most_active,
     sampled,
     thinned,
 )
@@ -40,6 +41,13 @@ def test_no_peak_is_lost(length: int, pairs: int, seed: int) -> None:
     assert (kept.min(), kept.max()) == (values.min(), values.max())
     assert set(kept) <= set(values)
     assert step * len(kept) == pytest.approx(length)
+
+
+def test_the_liveliest_window_is_where_the_burst_is() -> None:
+    values = np.zeros(1000)
+    values[400:450] = 3.0
+    assert most_active(values, 50) == slice(400, 450)
+    assert most_active(values, 5000) == slice(0, 1000)
 
 
 def test_some_points_are_different_ones() -> None:

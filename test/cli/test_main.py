@@ -88,6 +88,16 @@ def every_verb() -> Iterator[tuple[str, ...]]:
             yield from ((verb, kind) for kind in below.list_commands(click.Context(below)))
 
 
+@pytest.mark.parametrize("verb", ["teleop", "experiment"])
+def test_help_lists_every_argument_with_default_and_unit(verb: str) -> None:
+    # A description may go on in the next line.
+    text = re.sub(r"\n {6,}", " ", output_of(verb, "--help"))
+    names = ["controller", "surface", "master", "slave", "rate", "duration", "record"]
+    for name in [*names, "bag", "params_file", "seed"]:
+        assert re.search(rf"^    {name} .*\(default: ", text, re.MULTILINE), text
+    assert "[Hz] (default: 1000.0)" in text
+
+
 @pytest.mark.parametrize(
     ("verb", "groups"),
     [
@@ -147,6 +157,13 @@ def test_options_for_one_purpose_have_a_heading() -> None:
     assert not re.search("--(delay|executor|rig) ", found["Options"])
     words = found["Arguments, each as key:=value"]
     assert "  Also as --key VALUE: rig, rate, grip, recording_rate.\n" in words
+
+
+@pytest.mark.parametrize("width", [60, 90])
+def test_help_is_as_wide_as_the_terminal(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", str(width))
+    text, _ = output_of("teleop", "--help").split("Examples:")
+    assert width - 10 < max(map(len, text.splitlines())) <= width
 
 
 def command_of(words: Sequence[str]) -> click.Command:
@@ -395,6 +412,14 @@ SOME_VERBS = [
         *("--out", "results"),
     ],
 ]
+
+
+@pytest.mark.parametrize("words", [["--help"], SOME_VERBS[0]], ids=lambda words: words[0])
+def test_output_that_cannot_be_written_is_named_in_one_line(
+    here: Path, words: list[object]
+) -> None:
+    said = "haptic-accel: output: No space left on device\n"
+    assert limited("true", *words, output="/dev/full") == (1, said)
 
 
 @pytest.mark.parametrize("words", SOME_VERBS, ids=lambda words: words[0])

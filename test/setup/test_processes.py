@@ -170,6 +170,10 @@ def test_one_line_tells_which_nodes_share_a_process(words: str, line: str) -> No
     assert arrangement(graph(parse_arguments(words.split()))) == line
 
 
+def test_an_identification_has_no_other_arrangement() -> None:
+    assert arrangement(identification_graph(IdentifyArguments())) == ""
+
+
 def test_who_leads_the_hand_changes_nothing_else_of_the_simulated_handle() -> None:
     words = ["rig:=ideal", "grip:=pinch", "controller:=adaptive"]
     scripted, led = (

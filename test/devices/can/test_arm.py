@@ -195,6 +195,11 @@ def test_no_torque_is_beyond_its_limit(x: float, y: float, z: float, kinematics:
         assert abs(torque) <= limit * (1 + 1e-6)
 
 
+def test_nor_is_one_that_overflows_on_its_way() -> None:
+    bench = Bench(joint1__gear_ratio=0.01).armed()
+    assert bench.push(0.0, 1e308, 0.0) == pytest.approx([0.0] * 3)
+
+
 def test_a_force_that_is_too_large_keeps_its_direction() -> None:
     weak = Bench(joint1__torque_limit=0.05).armed().push(3.0, 2.0, 1.0)
     strong = Bench().armed().push(3.0, 2.0, 1.0)

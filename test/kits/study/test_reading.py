@@ -218,15 +218,6 @@ def test_conditions_are_found_by_some_of_their_words() -> None:
             "rules.participants = 10: must be a multiple of 4, the rows of a Williams square",
         ),
         (
-            {
-                "task": "rating",
-                "factors": {"gain": [1, 2, 3]},
-                "order": {"kind": "williams"},
-                "rules": {"participants": 15},
-            },
-            "rules.participants = 15: must be a multiple of 6, the rows of a Williams square",
-        ),
-        (
             {"task": "rating", "scale": [0, 10, 20]},
             "scale = [0, 10, 20]: must be lowest rating, highest rating and step, which give",
         ),
@@ -243,10 +234,6 @@ def test_conditions_are_found_by_some_of_their_words() -> None:
         (
             {"tests": [TEST | {"measure": "rating"}]},
             "tests.0.measure = 'rating': must be one of correct, d_prime",
-        ),
-        (
-            {"tests": [TEST | {"measure": "threshold"}]},
-            "tests.0.measure = 'threshold': must be one of correct, d_prime",
         ),
         (
             {"tests": [TEST | {"condition": "controller=dynamic"}]},

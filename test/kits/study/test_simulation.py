@@ -124,15 +124,12 @@ def test_the_preference_follows_thurstone() -> None:
     assert share == pytest.approx(_two_intervals(1.0), abs=0.05)
 
 
-def test_conditions_far_apart_are_identified() -> None:
-    assert _correct(_study("identification", 0.0, 3.0, 6.0)) > 0.85
-
-
-def test_equal_conditions_are_identified_by_chance() -> None:
-    records = _records(_study("identification", 0.0, 0.0, 0.0))
-    answers = Counter(each.answer.value for each in records if each.answer)
-    for count in answers.values():
-        assert count / len(records) == pytest.approx(1 / 3, abs=0.05)
+@pytest.mark.parametrize(("apart", "correct"), [(3.0, 0.9), (0.0, 1 / 3)])
+def test_conditions_far_apart_are_identified_and_equal_ones_by_chance(
+    apart: float, correct: float
+) -> None:
+    found = _correct(_study("identification", 0.0, apart, 2 * apart))
+    assert found == pytest.approx(correct, abs=0.05)
 
 
 def test_ratings_have_the_mean_of_their_strength() -> None:

@@ -154,11 +154,6 @@ def test_the_information_of_guesses_is_corrected() -> None:
     assert np.mean([each.bits for each in found]) < 0.025
 
 
-def test_confusions_are_counted() -> None:
-    found = choices.confusion_matrix(["a", "b", "a"], ["a", "a", "b"], ["a", "b"])
-    assert found.tolist() == [[1, 1], [1, 0]]
-
-
 def test_a_textbook_scaling() -> None:
     found = choices.scale_dissimilarities(BORG_GROENEN)
     distances = np.linalg.norm(found.points[:, None] - found.points, axis=2)
@@ -177,17 +172,3 @@ def test_distances_in_a_plane_are_recovered(k: int, seed: int) -> None:
     assert distances == pytest.approx(wanted, abs=1e-6)
     assert found.stress == pytest.approx(0.0, abs=1e-6)
     assert found.points.mean(axis=0) == pytest.approx([0, 0], abs=1e-9)
-
-
-def test_majorization_improves_on_classical_scaling() -> None:
-    wanted = np.abs(np.random.default_rng(3).normal(3.0, 1.0, (6, 6)))
-    wanted = (wanted + wanted.T) * (1 - np.eye(6)) / 2
-    found = choices.scale_dissimilarities(wanted)
-
-    def loss(flat: FloatArray) -> float:
-        points = flat.reshape(6, 2)
-        return float(np.sum((wanted - np.linalg.norm(points[:, None] - points, axis=2)) ** 2))
-
-    reached = loss(found.points.ravel())
-    nearby = optimize.minimize(loss, found.points.ravel()).fun
-    assert reached == pytest.approx(nearby, rel=1e-4)
