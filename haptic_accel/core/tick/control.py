@@ -1111,7 +1111,7 @@ class HandleCompensation:
         moved: bool = t_z != self.tool_z
         if not self.single or self.switch.reduces:
             moved = moved or t_x != self.tool_x or t_y != self.tool_y
-        if known:
+        if known and h_x + h_y + h_z == h_x + h_y + h_z:  # nothing is believed of one with a NaN
             moved = moved or h_x != self.handle_x or h_y != self.handle_y or h_z != self.handle_z
         if moved:
             self.wake()
