@@ -13,12 +13,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bundles of messages of several topics, for receivers that tolerate a delay.
+"""Bundles of samples of several signals, for receivers that tolerate a delay.
 
-A bundle is a std_msgs/UInt8MultiArray in plain little-endian CDR. Its data are `_MARK`, the number
-of topics (2 bytes), for each topic the length of its name (2) and the name, then for each message,
-in order of sending, the system time in ns (8), the index of its topic (2), its length (4) and
-bytes.
+A bundle is a std_msgs/UInt8MultiArray in plain little-endian CDR. Its data are `_MARK`, the length
+of a list of topics (2 bytes), their names with a line feed between them, and for each sample, in
+order of sending, 80 bytes: system time of sending in ns (8), index of the topic (8), stamp as in a
+message (8), and seven doubles, vector and orientation. The receiver makes the messages.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ from typing import Generic, TypeVar
 from haptic_accel.core.sampling import NANOSECONDS
 
 BUNDLE_PERIOD = 0.02
-"""Maximum time from the first message of a bundle to its transmission while others follow, s. A
-killed process loses these messages."""
+"""Maximum time from the first sample of a bundle to its transmission while others follow, s. A
+killed process loses these samples."""
 
 LARGEST_BUNDLE = 48_000
-"""Size above which a bundle is sent early, bytes. With one more message it is still below the
+"""Size above which a bundle is sent early, bytes. With one more sample it is still below the
 largest UDP datagram (65,507 bytes), so the middleware need not fragment it."""
 
 LONGEST_BUNDLE = 2 * LARGEST_BUNDLE
-"""Size above which a bundle is rejected, bytes; a valid one with its last message and table is
+"""Size above which a bundle is rejected, bytes; a valid one with its last sample and table is
 smaller."""
 
 OLDEST = 1.0
-"""Maximum age of a message when its bundle is received, s; larger ages are clipped."""
+"""Maximum age of a sample when its bundle is received, s; larger ages are clipped."""
 
 DUPLICATE_MEMORY = 5.0
 """Minimum time for which a message is remembered, to detect its duplicate on the other path, s."""
@@ -54,27 +54,27 @@ DUPLICATE_MEMORY = 5.0
 MOST_REMEMBERED = 100_000
 """Number of messages of one topic above which older ones are forgotten earlier."""
 
-_MARK = b"hab1"
+_MARK = b"hab2"
 _BEFORE = struct.Struct("<4sIII")  # encapsulation; no dimension, no offset, length of the data
 _ENCAPSULATION = b"\0\1\0\0"
 _PADDING = 3  # maximum number of padding bytes added by the middleware
-_COUNT = struct.Struct("<H")
-_ENTRY = struct.Struct("<QHI")
-_LATEST = 2**63 - 1
+_LENGTH = struct.Struct("<H")
+_SAMPLE = struct.Struct("<QQiI7d")
+_PARTS = struct.Struct("<QQ8s56s")  # the same, with bytes for a message
+_BETWEEN = "\n"
 
 Item = TypeVar("Item")
 
-Entry = tuple[str, int, bytes]
-"""Topic, system time of sending in ns, and serialised message."""
+Entry = tuple[str, int, bytes, bytes]
+"""Topic, system time of sending in ns, bytes of the stamp, and of vector and orientation."""
 
 
 class Bundle:
-    """Collect messages, and pack them."""
+    """Collect samples, and pack them."""
 
     def __init__(self) -> None:
         self._topics: list[str] = []
-        self._parts: list[bytes] = []
-        self._size = self._since = 0
+        self._samples = bytearray()
 
     def index(self, topic: str) -> int:
         """Return the index of a topic, by its full name, in this and all later bundles."""
@@ -82,39 +82,30 @@ class Bundle:
             self._topics.append(topic)
         return self._topics.index(topic)
 
-    def put(self, index: int, time: int, message: bytes) -> bool:
-        """Add a message sent at a system time in ns; return whether the bundle is due."""
-        if not self._parts:
-            self._since = time
-        self._parts += _ENTRY.pack(time, index, len(message)), message
-        self._size += _ENTRY.size + len(message)
-        return self.overdue(time) or self._size > LARGEST_BUNDLE
-
-    def overdue(self, time: int) -> bool:
-        """Return whether the first message's age at a time, ns, exceeds the period."""
-        # A clock that is set back must not delay messages.
-        return not 0 <= time - self._since < BUNDLE_PERIOD * NANOSECONDS
+    def put(self, time: int, index: int, stamp: int, *values: float) -> bool:
+        """Add a sample: system times in ns, vector and orientation; return whether it is full."""
+        self._samples += _SAMPLE.pack(time, index, *divmod(stamp, NANOSECONDS), *values)
+        return len(self._samples) > LARGEST_BUNDLE
 
     def flush(self) -> bytes:
-        """Return the packed bundle and start another; empty if there is no message."""
-        if not self._parts:
+        """Return the packed bundle and start another; empty if there is no sample."""
+        if not self._samples:
             return b""
-        names = [name.encode() for name in self._topics]
-        table = [part for name in names for part in (_COUNT.pack(len(name)), name)]
-        data = b"".join((_MARK, _COUNT.pack(len(names)), *table, *self._parts))
-        self._parts, self._size = [], 0
+        table = _BETWEEN.join(self._topics).encode()
+        data = b"".join((_MARK, _LENGTH.pack(len(table)), table, self._samples))
+        self._samples.clear()
         return _BEFORE.pack(_ENCAPSULATION, 0, 0, len(data)) + data
 
 
 def unpack_bundle(data: bytes) -> list[Entry]:
-    """Return the messages of a bundle, in order of sending.
+    """Return the samples of a bundle, in order of sending.
 
     Raises
     ------
     ValueError
-        The data are no complete bundle; then all of its messages are rejected.
+        The data are no complete bundle; then all of its samples are rejected.
     """
-    if len(data) < _BEFORE.size + len(_MARK) + _COUNT.size:
+    if len(data) < _BEFORE.size + len(_MARK) + _LENGTH.size:
         raise ValueError("too short")
     if len(data) > LONGEST_BUNDLE:
         raise ValueError("too long")
@@ -126,32 +117,24 @@ def unpack_bundle(data: bytes) -> list[Entry]:
     if not end <= len(data) <= end + _PADDING:
         raise ValueError("not of the length that it says")
     if data[offset : offset + len(_MARK)] != _MARK:
-        raise ValueError(f"does not begin with {_MARK.decode()}")
-    try:
-        (count,) = _COUNT.unpack_from(data, offset + len(_MARK))
-        offset += len(_MARK) + _COUNT.size
-        topics = []
-        for _ in range(count):
-            (size,) = _COUNT.unpack_from(data, offset)
-            offset += _COUNT.size + size
-            topics.append(data[offset - size : offset].decode())
-        entries = []
-        while offset < end:
-            time, index, size = _ENTRY.unpack_from(data, offset)
-            offset += _ENTRY.size + size
-            entries.append((topics[index], min(time, _LATEST), data[offset - size : offset]))
-    except (struct.error, IndexError, UnicodeDecodeError):
-        raise ValueError("not a table of topics and their messages") from None
-    if offset != end:
-        raise ValueError("ends within a message")
-    return entries
+        raise ValueError(f"does not begin with {_MARK.decode()}: another version?")
+    offset += len(_MARK) + _LENGTH.size
+    (size,) = _LENGTH.unpack_from(data, offset - _LENGTH.size)
+    topics = data[offset : offset + size].decode().split(_BETWEEN)
+    offset += size
+    if offset > end or (end - offset) % _PARTS.size:
+        raise ValueError("ends within a sample")
+    entries = list(_PARTS.iter_unpack(data[offset:end]))
+    if any(index >= len(topics) for _, index, _, _ in entries):
+        raise ValueError("not samples of its topics")
+    return [(topics[index], sent, stamp, numbers) for sent, index, stamp, numbers in entries]
 
 
 def believed(time: int, received: int) -> int:
-    """Return the corrected time of a message in a bundle; both arguments are system times in ns.
+    """Return the corrected time of a sample in a bundle; both arguments are system times in ns.
 
     The result is before the reception, by at most `OLDEST`, whatever the sender's clock shows.
-    Messages of one sender stay in order.
+    Samples of one sender stay in order.
     """
     return min(max(time, received - round(OLDEST * NANOSECONDS)), received)
 

@@ -78,6 +78,10 @@ class StampedVector:
         start = (_ENCAPSULATION + header + frame).ljust(self._offset, b"\0")
         self._bytes = bytearray(start + bytes(_VECTOR_SIZE) + behind)
         self._orientation = IDENTITY
+        is_pose = VECTORS[topic.type] == "pose.position"
+        end = self._offset + _VECTOR_SIZE + is_pose * _QUATERNIONS[1].size
+        self._numbers, self._rest = end - self._offset, bytes(self._bytes[end:])
+        self._frame = bytes(self._bytes[STAMP_BYTES.stop : self._offset])
 
     def pack(self, stamp: int, vector: Vector, orientation: Quaternion = IDENTITY) -> bytes:
         """Return the message for a stamp, system time in ns, and a vector.
@@ -90,6 +94,11 @@ class StampedVector:
         _STAMP.pack_into(self._bytes, _ORIGIN, *divmod(stamp, NANOSECONDS))
         _VECTORS[1].pack_into(self._bytes, self._offset, *vector)
         return bytes(self._bytes)
+
+    def join(self, stamp: bytes, numbers: bytes) -> bytes:
+        """Return the message for the bytes of a stamp, and of a vector with an orientation."""
+        found = numbers[: self._numbers]
+        return b"".join((_ENCAPSULATION, stamp, self._frame, found, self._rest))
 
 
 def pack_diagnostics(

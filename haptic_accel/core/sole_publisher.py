@@ -58,6 +58,8 @@ class SolePublisher:
         Number of publishers that may have sent the messages of the last look.
     changed : bool
         Publishers came or left between the last two looks.
+    current : int
+        Number of publishers at the last look.
 
     Examples
     --------
@@ -75,7 +77,7 @@ class SolePublisher:
 
     def __init__(self, matched: Callable[[], Matched | None]) -> None:
         self._matched = matched
-        self._total = self._current = self._last = self._doubted = 0
+        self._total = self.current = self._last = self._doubted = 0
         self.contenders, self.changed = 0, False
 
     def sole(self, numbers: Sequence[int | None]) -> bool:
@@ -89,11 +91,11 @@ class SolePublisher:
         numbers : sequence of int or None
             Publisher's number of each message, in order; None if the middleware has none.
         """
-        before = self._current, self._total
+        before = self.current, self._total
         if counts := self._matched():
-            self._current, self._total = counts.current_count, counts.total_count
+            self.current, self._total = counts.current_count, counts.total_count
         current, total = before
-        self.changed = before != (self._current, self._total)
+        self.changed = before != (self.current, self._total)
         self.contenders = current + self._total - total
         if self.contenders > 1:
             return False

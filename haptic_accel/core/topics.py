@@ -129,7 +129,7 @@ SIGNALS = (
 """Sampled topics, each a stamped vector."""
 
 BUNDLES = Topic("_bundles", "std_msgs/msg/UInt8MultiArray", "", "", reliable=True)
-"""Messages of `SIGNALS` as sent by each process, bundled over some hundredths of a second, for the
+"""Samples of `SIGNALS` as sent by each process, bundled over some hundredths of a second, for the
 recorder. ROS tools hide names with an underscore."""
 
 ASKED = (MASTER_WORK, SLAVE_WORK, CONTACT_FORCE)

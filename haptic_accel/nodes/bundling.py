@@ -24,14 +24,18 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from haptic_accel.core.bundles import Bundle
+from haptic_accel.core.bundles import BUNDLE_PERIOD, Bundle
+from haptic_accel.core.model import Quaternion, Vector
+from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import BUNDLES
 
 BUNDLES_KEPT = 100
 """Number of bundles kept by a publisher: those of two seconds, to be sent again if one is lost."""
 
 FLUSH_PERIOD = 0.1
-"""Interval at which a bundle is sent when no message follows its last, s."""
+"""Interval at which a bundle is sent when no sample follows its last, s."""
+
+_PERIOD = round(BUNDLE_PERIOD * NANOSECONDS)
 
 _shared: dict[tuple[Any, str], BundleSender] = {}
 
@@ -66,7 +70,7 @@ def _key(node: Node) -> tuple[Any, str]:
 
 
 class BundleSender:
-    """Collects the messages of a process's signals, and publishes them in bundles.
+    """Collects the samples of a process's signals, and publishes them in bundles.
 
     Parameters
     ----------
@@ -78,38 +82,44 @@ class BundleSender:
     ----------
     listening : callable
         Returns the number of subscribers found.
+    period : int
+        Number of bundles due so far, with samples or without. Subscribers are counted once in each
+        period: counting them for each sample would take longer than all else.
     """
 
     def __init__(self, node: Node, publisher: Publisher) -> None:
         self._node = node
         self._bundle = Bundle()
-        self.index = self._bundle.index
+        self._listened = self._since = 0
+        self.period = 1
+        self.index, self._add = self._bundle.index, self._bundle.put
         self._name = publisher.topic_name
         self._publish: Any = publisher.handle.publish_raw
         self.listening: Callable[[], int] = publisher.handle.get_subscription_count
-        node.create_timer(FLUSH_PERIOD, self._flush_rest)
+        node.create_timer(FLUSH_PERIOD, self.flush)
 
     def listeners(self, node: Node) -> set[tuple[bytes, str]]:
         """Return the `owner` of each subscriber."""
         return set(map(owner, node.get_subscriptions_info_by_topic(self._name)))
 
-    def put(self, index: int, message: bytes) -> None:
-        """Add a message of a topic now."""
-        if self._bundle.put(index, time.time_ns(), message):
+    def put(self, index: int, stamp: int, vector: Vector, orientation: Quaternion) -> None:
+        """Add a sample of a topic, sent now."""
+        now = time.time_ns()
+        is_full = self._listened and self._add(now, index, stamp, *vector, *orientation)
+        # A clock that is set back must not delay samples.
+        if is_full or not 0 <= now - self._since < _PERIOD:
             self.flush()
 
     def flush(self) -> None:
-        """Publish collected messages."""
+        """Publish collected samples, and count the subscribers anew."""
         if data := self._bundle.flush():
             self._publish(data)
-
-    def _flush_rest(self) -> None:
-        if self._bundle.overdue(time.time_ns()):
-            self.flush()
+        self._since, self._listened = time.time_ns(), self.listening()
+        self.period += 1
 
     def leave(self, node: Node) -> None:
-        """Publish collected messages before a node is destroyed."""
+        """Publish collected samples before a node is destroyed."""
         self.flush()
         if node is self._node:
-            self.listening = int
+            self.listening, self._listened = int, 0
             del _shared[_key(node)]

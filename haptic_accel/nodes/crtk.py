@@ -199,9 +199,9 @@ class MotionCommands:
                 self.servo.set_point = goal
             else:
                 self.refused += 1
-        if self._holds.drain():
+        if self._holds.drain(bytes):
             self.servo.set_point = position
-        freed = bool(self._frees.drain())
+        freed = bool(self._frees.drain(bytes))
         if freed:
             self.servo.set_point = None
         return freed

@@ -174,8 +174,7 @@ class GraphView(GraphNode):
         by_axis = self.windows.by_axis
         for name, inbox in self._received.items():
             topic, put = self._signals[name]
-            for data, received in inbox.drain(unpack_stamped_vector):
-                stamp, vector = unpack_stamped_vector(data)
+            for _, received, (stamp, vector) in inbox.drain(unpack_stamped_vector):
                 for axis, windows in by_axis.items():
                     value = vector[NAMES.index(axis)]
                     if abs(value) <= LARGEST_VALUE:  # false for NaN

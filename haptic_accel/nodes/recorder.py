@@ -247,7 +247,7 @@ class Recorder(GraphNode):
         taken = [
             (received, (put, data))
             for inbox, put, unpack in self._sources
-            for data, received in inbox.drain(unpack)
+            for data, received, _ in inbox.drain(unpack)
         ]
         taken += [(sent, (self._puts[name], data)) for sent, name, data in self._receiver.drain()]
         for received, (put, data) in self._in_order.round(taken):

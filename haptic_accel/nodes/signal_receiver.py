@@ -19,11 +19,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
 
 from haptic_accel.core.bundles import DUPLICATE_MEMORY, BothWays, believed, unpack_bundle
-from haptic_accel.core.cdr import unpack_stamped_vector
+from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
 from haptic_accel.core.topics import BUNDLES, Topic
 from haptic_accel.nodes.bundling import participant
 from haptic_accel.nodes.graph_node import GraphNode
@@ -47,6 +46,8 @@ class _Signal:
 
     Attributes
     ----------
+    join : callable
+        Makes a message from a sample of a bundle.
     inbox : Inbox or None
         Inbox of the signal's own topic; None while all come in bundles.
     senders : list of bytes
@@ -59,6 +60,7 @@ class _Signal:
 
     def __init__(self, name: str, topic: Topic) -> None:
         self.name, self.topic = name, topic
+        self.join = StampedVector(topic).join
         self.inbox: Inbox | None = None
         self.senders: list[bytes] = []
         self.bundled = False
@@ -148,27 +150,16 @@ class SignalReceiver:
 
     def _by_itself(self, signal: _Signal) -> Iterator[tuple[int, str, bytes]]:
         now = time.monotonic()
-        for data, received in signal.inbox.drain(unpack_stamped_vector) if signal.inbox else ():
+        for data, received, _ in signal.inbox.drain(unpack_stamped_vector) if signal.inbox else ():
             if not signal.repeats(data, bundled=False, now=now):
                 yield received, signal.name, data
 
     def _in_bundles(self) -> Iterator[tuple[int, str, bytes]]:
         now = time.monotonic()
-        for data, received in self._bundles.drain():
-            for name, sent, message in self._or_refused(BUNDLES, unpack_bundle, data) or ():
-                signal = self._signals.get(name)
-                if not signal or not self._or_refused(
-                    signal.topic, unpack_stamped_vector, message
-                ):
-                    continue
-                signal.bundled = True
-                if not signal.repeats(message, bundled=True, now=now):
-                    yield believed(sent, received), name, message
-
-    def _or_refused(self, topic: Topic, unpack: Callable[[bytes], Any], data: bytes) -> Any:
-        """Return unpacked data, or None after a refusal."""
-        try:
-            return unpack(data)
-        except ValueError as error:
-            self._node.refuse(topic, str(error))
-            return None
+        for _, received, bundle in self._bundles.drain(unpack_bundle):
+            for name, sent, stamp, numbers in bundle:
+                if signal := self._signals.get(name):
+                    signal.bundled = True
+                    message = signal.join(stamp, numbers)
+                    if not signal.repeats(message, bundled=True, now=now):
+                        yield believed(sent, received), name, message

@@ -87,6 +87,8 @@ def test_what_is_packed_is_the_message_in_the_other_programs_bytes(
         rotation = message.pose.orientation
         assert (rotation.x, rotation.y, rotation.z, rotation.w) == (0, 0, 0, 1)
     assert bytes(TYPES.serialize_cdr(message, topic.type)) == packed
+    numbers = struct.pack("<7d", *vector, *IDENTITY)
+    assert cdr.StampedVector(topic).join(packed[cdr.STAMP_BYTES], numbers) == packed
 
 
 @given(st.lists(st.tuples(topics, stamps, vectors), min_size=1, max_size=5))
@@ -119,6 +121,8 @@ def test_a_pose_has_an_orientation() -> None:
     turned = pose.pack(6, (1.0, 2.0, 3.0), half_turn)
     assert cdr.unpack_orientation(turned) == half_turn
     assert cdr.unpack_stamped_vector(turned) == (6, (1.0, 2.0, 3.0))
+    numbers = struct.pack("<7d", 1.0, 2.0, 3.0, *half_turn)
+    assert pose.join(turned[cdr.STAMP_BYTES], numbers) == turned
     assert cdr.unpack_orientation(pose.pack(7, (1.0, 2.0, 3.0))) == IDENTITY
     with pytest.raises(ValueError, match="too short"):
         cdr.unpack_orientation(turned[:-1])
