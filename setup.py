@@ -18,9 +18,13 @@
 import re
 import sys
 from glob import glob
+from importlib.util import find_spec
 from pathlib import Path
 
 from setuptools import find_packages, setup
+
+sys.path.insert(0, "tick_build")
+from tick_unit import BuildUnit, extension
 
 NAME = "haptic_accel"
 VERSION = re.findall(r'__version__ = "(.+)"', Path(NAME, "__init__.py").read_text())[0]
@@ -139,6 +143,9 @@ setup(
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={NAME: ["py.typed"], f"{NAME}.pages": ["templates/*", "assets/*"]},
     data_files=data_files(),
+    # What runs in every sample, compiled, where there is a compiler.
+    ext_modules=[extension()] if find_spec("Cython") else [],
+    cmdclass={"build_ext": BuildUnit},
     # Templates are read as files.
     zip_safe=False,
     python_requires=f">={PYTHONS[0]}",
@@ -226,6 +233,8 @@ setup(
             "colcon-ros",
             # Reads colcon.pkg.
             "colcon-metadata",
+            # The compiled copy of what runs in every sample, for its tests.
+            "Cython>=3.1",
             # make release, and the changes of a release.
             "build",
             "towncrier",

@@ -28,6 +28,7 @@ from typing import Any
 
 from haptic_accel import __version__
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.tick import TICK
 
 PREFIX = "haptic_accel."
 """Prefix of this package's keys in a bag's custom data."""
@@ -70,9 +71,8 @@ def facts_of(custom: Mapping[str, str]) -> dict[str, Any]:
     """Return a bag's custom data as metadata; text that is no JSON remains text."""
     facts: dict[str, Any] = {}
     for key, value in custom.items():
-        if not key.startswith(PREFIX):
+        if (name := key.removeprefix(PREFIX)) == key:
             continue
-        name = key.removeprefix(PREFIX)
         try:
             facts[name] = value if name == VERSION else json.loads(value)
         except (ValueError, RecursionError):
@@ -124,6 +124,7 @@ def host() -> dict[str, Any]:
     return {
         "name": platform.node(),
         "python": platform.python_version(),
+        "tick": TICK,
         "system": platform.platform(),
         "ros_distro": ros_distro(),
         "cores": os.cpu_count(),
@@ -133,7 +134,6 @@ def host() -> dict[str, Any]:
 @cache
 def ros_distro() -> str:
     """Return the ROS 2 distribution of the environment, or of the installed wheels."""
-    wheels = (
-        re.fullmatch(r"ros[-_](\w+)[-_]rclpy", d.name or "") for d in metadata.distributions()
-    )
-    return os.environ.get("ROS_DISTRO") or next((w[1] for w in wheels if w), "unknown")
+    names = " ".join(each.name or "" for each in metadata.distributions())
+    wheels = re.findall(r"\bros[-_](\w+)[-_]rclpy\b", names)
+    return os.environ.get("ROS_DISTRO") or (*wheels, "unknown")[0]

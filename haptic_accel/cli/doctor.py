@@ -36,6 +36,7 @@ from haptic_accel.cli.output import save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.core.tables import ResultTable
+from haptic_accel.core.tick import COMPILED, TICK
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.graph import machine
 from haptic_accel.graph.machine import Finding
@@ -69,7 +70,7 @@ def doctor(part: str | None, arguments: AudioTrialArguments, json_file: Path | N
     if part:
         examine(arguments, json_file)
         return
-    findings = list(machine.machine_findings())
+    findings = [*machine.machine_findings(), tick_finding()]
     unusable = ""
     try:
         findings += ros_findings()
@@ -79,6 +80,14 @@ def doctor(part: str | None, arguments: AudioTrialArguments, json_file: Path | N
     save({"findings": [asdict(finding) for finding in findings]}, json_file)
     if unusable:
         raise StoppedError(f"rclpy cannot be used: {unusable}")
+
+
+def tick_finding() -> Finding:
+    """Return what runs in every sample."""
+    if TICK == COMPILED:
+        return Finding("tick", "ok", TICK)
+    fix = "install a C compiler and Python's headers (gcc, python3-dev), then haptic_accel again"
+    return Finding("tick", "warning", TICK, "a sample takes more processor time", fix)
 
 
 def ros_findings() -> Iterator[Finding]:

@@ -32,6 +32,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from haptic_accel.bags.facts import description
 from haptic_accel.core.cdr import pack_diagnostics
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.tick import TICK
 from haptic_accel.core.topics import BUNDLES, DESCRIPTION, DIAGNOSTICS, SIGNALS, Topic
 from haptic_accel.graph.locks import lock_signal
 from haptic_accel.nodes.bundling import BUNDLES_KEPT, BundleSender, join, participant
@@ -265,7 +266,7 @@ class GraphNode(SupervisedNode):
         counted = (f"{key}: {n}" for key, n in new.items())
         warning = ", ".join(filter(None, (warning, *contested, *counted)))
         counts = {key: str(count) for key, count in refused.items()}
-        values = {"scheduling": scheduling_class(), **counts, **values}
+        values = {"scheduling": scheduling_class(), "tick": TICK, **counts, **values}
         name = self.get_fully_qualified_name()
         self._gathered = pack_diagnostics(
             time.time_ns(),

@@ -87,17 +87,11 @@ def test_a_float_comes_back_as_it_is(value: float) -> None:
 
 
 @given(whole)
-def test_an_int_given_for_a_float_becomes_one(value: int) -> None:
-    result = checked("x", value, 1.0, ANY_NUMBER)
-    assert type(result) is float
-    assert result == value
-
-
-@given(whole)
-def test_a_whole_float_given_for_an_int_becomes_one(value: int) -> None:
-    result = checked("x", float(value), 1, ANY_NUMBER)
-    assert type(result) is int
-    assert result == value
+def test_an_int_for_a_float_and_a_whole_float_for_an_int_become_one(value: int) -> None:
+    for given_value, default in ((value, 1.0), (float(value), 1)):
+        result = checked("x", given_value, default, ANY_NUMBER)
+        assert type(result) is type(default)
+        assert result == value
 
 
 @given(finite)

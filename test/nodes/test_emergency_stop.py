@@ -125,16 +125,19 @@ def _taken(waiting: list[bool]) -> list[bool]:
     return taken
 
 
-def test_a_stop_is_released_once_all_devices_are() -> None:
+@pytest.mark.parametrize("refusing", [False, True])
+def test_a_stop_is_released_once_all_devices_are_and_not_if_one_refuses(refusing: bool) -> None:
     coupler = Coupler()
     coupler.waiting = [True]
     assert coupler.graph.follow()
+    coupler.refusing = refusing
     coupler.waiting = [False]
     assert coupler.graph.follow()
-    assert not coupler.graph.follow()
-    assert coupler.answers == [True, True]
-    assert coupler.told == [True, False]
-    assert coupler.asked_of_devices == [False, False]
+    assert coupler.graph.follow() == refusing
+    assert coupler.answers == [True, not refusing]
+    assert coupler.told == [True, False, True][: 3 if refusing else 2]
+    assert refusing or coupler.asked_of_devices == [False, False]
+    assert coupler.stop.stopped == refusing
 
 
 @pytest.mark.parametrize(
@@ -207,19 +210,6 @@ def test_a_stop_that_is_repeated_before_it_is_followed_is_followed_all_the_same(
     assert coupler.graph.follow()
     assert not coupler.graph.follow()
     assert coupler.told == [True]
-
-
-def test_a_release_that_a_device_refuses_leaves_all_stopped() -> None:
-    coupler = Coupler()
-    coupler.waiting = [True]
-    coupler.graph.follow()
-    coupler.refusing = True
-    coupler.waiting = [False]
-    assert coupler.graph.follow()
-    assert coupler.graph.follow()
-    assert coupler.answers == [True, False]
-    assert coupler.told == [True, False, True]
-    assert coupler.stop.stopped
 
 
 def test_a_release_is_that_of_the_coupler_where_it_answers() -> None:

@@ -205,12 +205,12 @@ class _End:
                 os.write(self.tap, frame)
 
     def _send(self, frame: bytes, now: float) -> None:
-        before = self.channel.travelling
+        before = len(self.channel.travelling)
         self.channel.send(frame, now)
         if frame[12:14] == _IPV4 and frame[23] == socket.IPPROTO_UDP:
             kind = "packet" if _MARK in frame else "large" if len(frame) >= LARGE else "small"
             self.counts["sent"][kind] += 1
-            self.counts["lost"][kind] += self.channel.travelling == before
+            self.counts["lost"][kind] += len(self.channel.travelling) == before
 
 
 def _carry(ends: Sequence[_End]) -> None:

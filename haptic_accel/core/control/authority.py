@@ -23,8 +23,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from haptic_accel.core.control.response_estimation import values
-from haptic_accel.core.tick import Trace
-from haptic_accel.core.tick.control import SampleFilter
+from haptic_accel.core.tick import SampleFilter, Trace
 
 BLOCK = 0.016
 """Time between updates, s: a period of 60 Hz."""

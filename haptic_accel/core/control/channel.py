@@ -30,8 +30,7 @@ from haptic_accel.core.control.filters import MOTION_SHARE, cancelling_sections,
 from haptic_accel.core.model import ACTUATOR, ApproximateModel
 from haptic_accel.core.outside import OutsideError, guard
 from haptic_accel.core.parameters import Checked, ParameterError
-from haptic_accel.core.tick import ActuatorGuard, Trace
-from haptic_accel.core.tick.control import DYNAMIC, CoilChannel, SampleFilter, Stage
+from haptic_accel.core.tick import DYNAMIC, ActuatorGuard, CoilChannel, SampleFilter, Stage, Trace
 
 LARGEST_GAIN = 4.0
 """Maximum gain: two doublings; beyond, strong textures mainly reach the actuator's limits."""

@@ -39,8 +39,7 @@ from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.tick import LARGEST_ACCELERATION as LARGEST_ACCELERATION
-from haptic_accel.core.tick import Trace
-from haptic_accel.core.tick.control import HandleCompensation, VectorConvolution
+from haptic_accel.core.tick import HandleCompensation, Trace, VectorConvolution
 
 AT_RANGE = 0.999
 """Fraction of full scale above which a handle sample counts as saturated, as converters differ."""

@@ -28,8 +28,7 @@ from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.response_estimation import ResponseEstimator, latest
 from haptic_accel.core.control.supervision import HIGHEST_SHARE, ResponseSupervisor
 from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray
-from haptic_accel.core.tick import Trace
-from haptic_accel.core.tick.control import DYNAMIC, Substitution
+from haptic_accel.core.tick import DYNAMIC, Substitution, Trace
 
 NONE = "none"
 """Name of a substitute without force."""

@@ -84,17 +84,13 @@ class Channel(Generic[T]):
         self._random = np.random.default_rng(seed)
         self._blackouts = tuple(blackouts)
         self._order = itertools.count()
-        self._travelling: list[tuple[float, int, T]] = []
-
-    @property
-    def travelling(self) -> int:
-        """Number of packets in transit; a duplicated packet counts twice."""
-        return len(self._travelling)
+        self.travelling: list[tuple[float, int, T]] = []
+        """Packets in transit, each with its arrival; a duplicated packet is there twice."""
 
     @property
     def next_arrival(self) -> float:
         """Time of the next arrival, s; infinite if no packet is in transit."""
-        return self._travelling[0][0] if self._travelling else math.inf
+        return self.travelling[0][0] if self.travelling else math.inf
 
     def send(self, packet: T, now: float) -> None:
         """Send a packet; it may get lost."""
@@ -104,11 +100,11 @@ class Channel(Generic[T]):
             return
         for draw in draws[: 1 + (twice < p.duplication)]:
             arrival = now + max(0.0, p.delay + p.jitter * (2.0 * draw - 1.0))
-            heapq.heappush(self._travelling, (arrival, next(self._order), packet))
+            heapq.heappush(self.travelling, (arrival, next(self._order), packet))
 
     def arrived(self, now: float) -> list[T]:
         """Return the packets that have arrived, in order of arrival."""
         found = []
-        while self._travelling and self._travelling[0][0] <= now:
-            found.append(heapq.heappop(self._travelling)[2])
+        while self.travelling and self.travelling[0][0] <= now:
+            found.append(heapq.heappop(self.travelling)[2])
         return found

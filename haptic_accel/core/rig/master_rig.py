@@ -200,18 +200,19 @@ class HeldRig(Rig, ABC):
         """Change the parameters of the handle from now on, without a jump of the motion."""
         self.handle = handle
         motion, drive = self._arm, self._p.drive
-        motion.transitions = transitions(*self._mechanics(), motion.step, motion.longest)
+        columns = motion.transitions = transitions(*self._mechanics(), motion.step, motion.longest)
         states, size = len(motion.state), len(motion.joint)
-        self._rub(motion.transitions.reshape(-1, size, states)[:, states:])
+        self._rub(columns.reshape(-1, size, states)[:, states:])
         if drive.coulomb_friction:
             # Steps within which held friction does not reverse a slip.
             reduced_mass = 1 / (1 / handle.m_a + 1 / handle.m_h)
             relaxation = reduced_mass * drive.slip_velocity / drive.coulomb_friction
             motion.friction_steps = max(1, int(min(motion.longest, relaxation / motion.step)))
-        motion.resting = np.zeros(states)
-        self._rest(motion.resting)
+        resting = np.zeros(states)
+        self._rest(resting)
+        motion.resting = resting
         if not motion.started:
-            motion.state[:] = motion.resting
+            self._state[:] = resting
 
     def hold(self, grip: model.GripParameters) -> None:
         """Change the grip of the same user from now on."""
@@ -423,7 +424,7 @@ def transitions(a: FloatArray, b: FloatArray, step: float, longest: int) -> Floa
     for _ in range(longest):
         power = power @ one
         columns.append(power[:states].T)
-    return np.concatenate(columns)
+    return np.ascontiguousarray(np.concatenate(columns))
 
 
 def axes_of(parameters: MasterRigParameters) -> Axes:

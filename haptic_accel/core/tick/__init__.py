@@ -15,6 +15,7 @@
 
 """What runs in every sample, to be imported from here."""
 
+from haptic_accel.core.tick._unit import COMPILED, TICK
 from haptic_accel.core.tick.control import *
 from haptic_accel.core.tick.coupling import *
 from haptic_accel.core.tick.device_side import *

@@ -560,7 +560,7 @@ class HeldArm(SimulatedArm):
             HandleCoil(parameters.actuator, drive, step, each) for each in accelerometers
         ]
         longest: int = min(round(1.0 / rate / step), round(HAND_STEP / step))
-        self.joint: FloatArray = np.zeros(states + inputs)
+        self.joint: Any = np.zeros(states + inputs)
         self.state: FloatArray = self.joint[:states]
         self.factors: FloatMatrix = self.joint[:, np.newaxis]
         self.products: FloatMatrix = np.empty((states + inputs, states))
@@ -746,7 +746,7 @@ class OneCoil(HeldArm):
         if coil.near(offset, slip, steps):
             steps = min(steps, STOP_STEPS)
             self.between[0] = coil.force(offset, slip)
-        first: int = (steps - 1) * len(self.joint)
+        first: int = (steps - 1) * len(self.factors)
         product(self.transitions, first, self.factors, self.products, self.state)
         if self.friction:
             # Friction follows the mean slip, including its own effect. It thus only dissipates
@@ -776,11 +776,11 @@ class ThreeCoils(HeldArm):
         body = parameters.body
         turn = order.rotation(body.sensor_axis, body.sensor_rotation)
         self.sensor: list[float] = turn.T.ravel().tolist()
-        self.frictions: FloatArray = np.zeros(3)
+        self.frictions: Any = np.zeros(3)
         self.rub_factors: FloatMatrix = self.frictions[:, np.newaxis]
         self.rub_products: FloatMatrix = np.empty((3, order.STATES))
-        self.rub_sum: FloatArray = np.empty(order.STATES)
-        self.rub_row: FloatMatrix = self.rub_sum[np.newaxis]
+        self.rub_row: FloatMatrix = np.empty((1, order.STATES))
+        self.rub_sum: FloatArray = self.rub_row[0]
         self.given: FloatArray = scalars(self.frictions)
         inputs = self.joint[order.STATES :]
         self.hand_motion = scalars(self.joint[order.HAND_X : order.HAND_V_Z + 1])
@@ -843,7 +843,7 @@ class ThreeCoils(HeldArm):
             if coil.near(coil.offset, slip, steps):
                 steps = min(steps, STOP_STEPS)
                 self.between[index] = coil.force(coil.offset, slip)
-        first: int = (steps - 1) * len(self.joint)
+        first: int = (steps - 1) * len(self.factors)
         product(self.transitions, first, self.factors, self.products, self.state)
         if self.friction:
             self.rub(steps)

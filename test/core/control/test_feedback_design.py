@@ -209,12 +209,9 @@ def test_the_summary_names_margins_and_errors_of_every_grip(design: FeedbackDesi
     assert f"{design.outlooks[0].without:.1f}" in lines[3]
 
 
-@pytest.mark.parametrize("margin", [0.0, 1.0, math.nan])
-def test_a_margin_that_cannot_be_is_refused(margin: float) -> None:
-    with pytest.raises(ParameterError, match="^margin = "):
-        design_feedback(Plant(), 1000.0, lambda f: f + 0j, margin=margin)
-
-
-def test_a_rate_too_low_is_refused() -> None:
-    with pytest.raises(ParameterError, match="^rate = "):
-        design_feedback(Plant(), 20.0, lambda f: f + 0j)
+@pytest.mark.parametrize(
+    ("rate", "margin"), [(1000.0, 0.0), (1000.0, 1.0), (1000.0, math.nan), (20.0, 0.5)]
+)
+def test_a_margin_or_rate_that_cannot_be_is_refused(rate: float, margin: float) -> None:
+    with pytest.raises(ParameterError, match="^rate = " if rate == 20.0 else "^margin = "):
+        design_feedback(Plant(), rate, lambda f: f + 0j, margin=margin)

@@ -266,17 +266,11 @@ def test_three_axes_are_played_and_concealed_as_each_alone() -> None:
     assert together.counts["concealed"] > 100
 
 
-def test_a_sample_with_one_component_that_is_no_number_is_missing() -> None:
-    playout = Playout(RATE)
-    playout.put(START, [1.0, 2.0, 3.0], 1.0, ALL_AXES)
-    assert playout.play(1.0).kind == "true"
-    playout.put(START + 1, [1.0, np.nan, 3.0], 1.001, ALL_AXES)
-    assert playout.play(1.001).kind == "concealed"
-
-
-def test_a_sender_with_other_axes_is_a_new_start() -> None:
+def test_a_component_that_is_no_number_is_missing_and_other_axes_are_a_new_start() -> None:
     playout = Playout(RATE)
     playout.put(START, [1.0, 2.0, 3.0], 1.0, ALL_AXES)
     assert playout.play(1.0) == ((1.0, 2.0, 3.0), "true")
-    playout.put(START + 1, [4.0], 1.001)
-    assert playout.play(1.001) == (along_actuator(4.0), "true")
+    playout.put(START + 1, [1.0, np.nan, 3.0], 1.001, ALL_AXES)
+    assert playout.play(1.001).kind == "concealed"
+    playout.put(START + 2, [4.0], 1.002)
+    assert playout.play(1.002) == (along_actuator(4.0), "true")

@@ -142,9 +142,7 @@ def test_a_peer_that_was_followed_returns_in_a_new_session_after_the_other_has_g
     assert session.admits(packet(3000, session=7, answers=session.own), 5.0) is NEWEST
 
 
-def test_packets_that_come_again_after_a_long_silence_do_not_end_the_session(
-    session: Session,
-) -> None:
+def test_packets_again_after_a_long_silence_do_not_end_the_session(session: Session) -> None:
     session.admits(packet(1), 1.0)
     assert session.admits(packet(1), 1.0 + 2 * ANEW) is Admission.REFUSED
     assert session.admits(packet(2), 2.0 + 2 * ANEW) is NEWEST

@@ -269,10 +269,7 @@ def test_of_two_pages_the_one_opened_last_is_the_participants(
     asked(page)
     page.keyboard.press("2")
     wait_until(lambda: len(visit.answers) == 2, "the answer")
-    assert [(number, answer.value) for number, answer in visit.answers] == [
-        (0, "same"),
-        (1, "different"),
-    ]
+    assert [(n, answer.value) for n, answer in visit.answers] == [(0, "same"), (1, "different")]
 
 
 def test_a_stimulus_waits_for_a_page_that_shows_it(browser: Browser, visit: Visit) -> None:

@@ -119,19 +119,12 @@ def test_a_haptic_file_has_its_envelopes_and_emphasis(tmp_path: Path) -> None:
             r"Time = -1.0: must be from 0 to 60 s",
         ),
         ({"Pattern": [event("Transient", 0.0, 9.0, 0.5)]}, r"ParameterValue = 9.0: must be from"),
+        *((text, "must be JSON: ") for text in (b"{", b"\xff", b"[" * 100_000)),
     ],
 )
 def test_a_wrong_pattern_is_refused_in_one_line(tmp_path: Path, content: Any, words: str) -> None:
-    path = written(tmp_path / "wrong.ahap", content)
+    path = tmp_path / "wrong.ahap"
+    path.write_bytes(content) if isinstance(content, bytes) else written(path, content)
     with pytest.raises(ParameterError, match=rf"^{path}: .*{words}") as raised:
-        read_pattern(path, RATE)
-    assert str(raised.value).isprintable()
-
-
-@pytest.mark.parametrize("content", [b"{", b"\xff", b"[" * 100_000])
-def test_what_is_no_json_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "wrong.haptic"
-    path.write_bytes(content)
-    with pytest.raises(ParameterError, match=rf"^{path}: must be JSON: ") as raised:
         read_pattern(path, RATE)
     assert str(raised.value).isprintable()

@@ -26,8 +26,7 @@ from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY
 from haptic_accel.core.control.response_estimation import NEVER
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.parameters import Checked
-from haptic_accel.core.tick import CUSHION
-from haptic_accel.core.tick.control import Force
+from haptic_accel.core.tick import CUSHION, Force
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,52 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Choice between the compiled unit of all sections and their plain text."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import sys
+from pathlib import Path
+
+from haptic_accel.core.warning import warn_once
+
+COMPILED, PLAIN = "compiled", "plain Python"
+
+
+def _chosen() -> str:
+    """Put the compiled unit in the place of each section if it is of these; return what runs.
+
+    A value of the environment variable HAPTIC_ACCEL_PLAIN keeps to plain Python.
+    """
+    name = f"{__package__}._compiled"
+    if os.environ.get("HAPTIC_ACCEL_PLAIN") or not importlib.util.find_spec(name):
+        return PLAIN
+    try:
+        unit = importlib.import_module(name)
+        text = b"".join(map(Path.read_bytes, sorted(Path(__file__).parent.glob("[a-z]*.py"))))
+        if hashlib.sha256(text).hexdigest() != unit.DIGEST:
+            raise ImportError("it is of another version; install haptic_accel again")
+    except Exception as error:  # a file of another processor, or damaged
+        warn_once(f"plain Python runs in place of the compiled tick: {error}")
+        return PLAIN
+    sys.modules.update(dict.fromkeys([f"{__package__}.{name}" for name in unit.SECTIONS], unit))
+    return COMPILED
+
+
+TICK = _chosen()
+"""What runs in every sample: `COMPILED` or `PLAIN`."""

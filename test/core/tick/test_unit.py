@@ -1,0 +1,73 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The compiled tick: the bits of plain Python, and plain Python where it cannot be used."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tick_bits import UNIT, differing_sums, differing_trials, first_difference, loaded
+from tick_unit import built
+
+
+@pytest.fixture(scope="module")
+def unit(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a unit that checks each index."""
+    if not (find_spec("Cython") and (shutil.which("cc") or "CC" in os.environ)):
+        pytest.skip("needs Cython and a C compiler")
+    return built(tmp_path_factory.mktemp("unit"), boundscheck=True)
+
+
+def test_compiled_and_plain_give_the_same_bits(unit: Path) -> None:
+    """One test, as the unit takes long to build."""
+    assert differing_trials(unit) == []
+    assert differing_sums(loaded(unit)) == []
+
+    @given(st.integers(0, 1 << 32), st.sampled_from(["z", "x, y, z"]))
+    def of_the_safety_layer(seed: int, axes: str) -> None:
+        assert first_difference(loaded(unit), 100, seed, axes) is None
+
+    of_the_safety_layer()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("axes", ["z", "x, y, z"])
+def test_a_million_ticks_of_the_safety_layer_keep_limits_and_bits(unit: Path, axes: str) -> None:
+    assert first_difference(loaded(unit), 1_000_000, axes=axes) is None
+
+
+@pytest.mark.parametrize(("name", "told"), [("x.so", "x.so: "), ("x.py", "of another ver")])
+def test_a_unit_that_cannot_be_used_costs_one_line(tmp_path: Path, name: str, told: str) -> None:
+    (tmp_path / name).write_text("DIGEST = ''")
+    found = f"find(name, {str(tmp_path / name)!r}) if name == {UNIT!r} else None"
+    code = (
+        "import sys; from importlib.util import spec_from_file_location as find\n"
+        f"sys.meta_path.insert(0, type('', (), {{'find_spec': lambda name, *_: {found}}}))\n"
+        "from haptic_accel.core.tick import TICK; print(TICK)"
+    )
+    use = {**os.environ, "HAPTIC_ACCEL_PLAIN": ""}
+    done = subprocess.run([sys.executable, "-c", code], env=use, capture_output=True, text=True)
+    assert (done.stdout, done.stderr.count("\n")) == ("plain Python\n", 1)
+    assert told in done.stderr
