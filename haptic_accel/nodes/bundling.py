@@ -119,7 +119,7 @@ class BundleSender:
 
     def leave(self, node: Node) -> None:
         """Publish collected samples before a node is destroyed."""
-        self.flush()
         if node is self._node:
-            self.listening, self._listened = int, 0
+            self.listening = int
             del _shared[_key(node)]
+        self.flush()
