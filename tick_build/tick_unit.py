@@ -34,7 +34,7 @@ from setuptools.errors import CompileError
 
 PACKAGE = "haptic_accel.core.tick"
 UNIT = "_compiled"
-FLAGS = ["-O2", "-ffp-contract=off", "-Wno-unreachable-code"]
+FLAGS = ["-O1", "-g0", "-ffp-contract=off", "-Wno-unreachable-code"]
 """Flags of the compiler. Products and sums must not be fused: results would differ from plain
 Python's where the processor can do so."""
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy.typing as npt
 
@@ -101,7 +102,7 @@ class RigParameters:
 
 
 def rig_side(
-    device: tick.DrivenDevice,
+    device: Any,
     limits: SafetyParameters,
     rate: float,
     latency: int,
@@ -116,7 +117,7 @@ def rig_side(
 
 def build_parts(
     rig: RigParameters,
-    devices: Mapping[str, tick.DrivenDevice],
+    devices: Mapping[str, Any],
     compensation: CompensationParameters,
     controllers: Mapping[str, Checked],
     rate: float,
@@ -128,7 +129,7 @@ def build_parts(
     ----------
     rig : RigParameters
         Limits of the devices, and the master's axes.
-    devices : mapping of str to DrivenDevice
+    devices : mapping of str to Device
         Master and slave, by arm.
     compensation : CompensationParameters
     controllers : mapping

@@ -27,11 +27,8 @@ from dataclasses import dataclass
 from haptic_accel.core.actuator.safety import AUTOMATIC, MANUAL
 from haptic_accel.core.emergency_stop import EmergencyStop
 from haptic_accel.core.parameters import Checked, parameter
-from haptic_accel.core.tick import ArmWatch
+from haptic_accel.core.tick.coupling import STEP_PERIOD, ArmWatch
 from haptic_accel.core.topics import ARMS
-
-STEP_PERIOD = 0.02
-"""Interval of calls of `Engagement.step`, s."""
 
 WARNING_PERIOD = 5.0
 """Interval between "waiting for ..." warnings, s."""

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
     from haptic_accel.core.model import Vector
 
+STEP_PERIOD: float = 0.02
+"""Interval of decisions about the engagement, s."""
+
 CORRECTION_TIME: float = 0.02
 """Time constant with which the observer returns to the measured position, s: several counts of 55
 um at 10 mm/s, as in the vibration of a texture."""
@@ -399,6 +402,10 @@ class ArmCoupling:
     def put_tool(self, sample: ArmSample) -> None:
         """Add a sample of this host's tool."""
 
+    def is_due(self, now: float) -> bool:
+        """Return whether the next `poll` is due."""
+        return bool(self.engagement.due(now))
+
     def poll(self, now: float, listeners: int) -> Any:
         """Engage or release the arms if due; arguments as for `Engagement.missing`."""
         raise NotImplementedError
@@ -442,6 +449,7 @@ class CouplingPart(ArmCoupling):
         self._master_watch: ArmWatch = watches[0]
         self._slave_watch: ArmWatch = watches[1]
         self._engaging = False
+        self._due: float = BEFORE_ALL
 
     @property
     def engaged(self) -> bool:
@@ -464,12 +472,18 @@ class CouplingPart(ArmCoupling):
         watch.take(now, sample)
         self._pairing.put(sample)
 
+    def is_due(self, now: float) -> bool:
+        """Return whether the next `poll` is due."""
+        master, slave = self._master_watch, self._slave_watch
+        return now >= self._due or bool(master.interrupted or slave.interrupted)
+
     def poll(self, now: float, listeners: int) -> Any:
         """Couple the arms at their next samples, or uncouple them, if this is due.
 
         Arguments as for `Engagement.missing`.
         """
         decision = self.engagement.decide(now, listeners)
+        self._due = now + STEP_PERIOD
         if decision.release:
             self._engaging = False
             self._coupling.disengage()

@@ -23,7 +23,8 @@ them alike.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+import math
+from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.actuator.safety import MAX_AGE
 from haptic_accel.core.model import LATER, ZERO
@@ -35,12 +36,9 @@ from haptic_accel.core.tick.samples import ArmSample, ArmWork
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
 
-    from haptic_accel.core import model
-    from haptic_accel.core.model import Vector
-
 
 ARM, ACTUATOR = "arm_force", "actuator_force"
-"""Kinds of commands, named as in `DrivenDevice.write`."""
+"""Kinds of commands, named as in `Device.write`."""
 
 NANOSECOND: float = 1e-9
 
@@ -72,26 +70,6 @@ MEMORY: float = 0.3
 
 NO_TICK: int = -(1 << 60)
 """Number of a tick before all others."""
-
-
-class DrivenDevice(Protocol):
-    """Interface of a device for the loop; see `haptic_accel.devices.Device`."""
-
-    @property
-    def late(self) -> int:
-        """Number of forces received in advance but applied by the device too late."""
-
-    @property
-    def contact_force(self) -> Vector | None:
-        """Force of the surface on the tool at the last sample, N; None if unknown."""
-
-    def read(self, time: float) -> model.Reading:
-        """Return the sample at a time, s."""
-
-    def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
-    ) -> None:
-        """Apply the forces, N, that are due at a time, s."""
 
 
 class DueForces:
@@ -266,7 +244,7 @@ class DeviceSide:
 
     Parameters
     ----------
-    device : DrivenDevice
+    device : haptic_accel.devices.Device
     safety : SafetyLayer
     rate : float
         Ticks per second.
@@ -290,7 +268,7 @@ class DeviceSide:
 
     Attributes
     ----------
-    device : DrivenDevice
+    device : haptic_accel.devices.Device
     safety : SafetyLayer
     forces : dict of DueForces
         Commands by kind.
@@ -315,7 +293,7 @@ class DeviceSide:
 
     def __init__(
         self,
-        device: DrivenDevice,
+        device: Any,
         safety: SafetyLayer,
         rate: float,
         latency: int,
@@ -328,7 +306,7 @@ class DeviceSide:
         servo: Any = None,
         receive: Callable[[], None] | None = None,
     ) -> None:
-        self.device: DrivenDevice = device
+        self.device: Any = device
         self.motion: SimulatedArm | None = None
         self.wants_contact = False
         self.safety: SafetyLayer = safety
@@ -342,7 +320,6 @@ class DeviceSide:
         self.clock: Callable[[], float] | None = clock
         self.tick = self.unread = 0
         self.now: float = clock() if clock else 0.0
-        self.watched = -1
         self.forces: dict[str, DueForces] = {
             kind: DueForces(latency, 1 / rate, framed or kind in ahead) for kind in kinds
         }
@@ -350,6 +327,7 @@ class DeviceSide:
         self.actuator: DueForces | None = self.forces.get(ACTUATOR)
         self.is_arm_at_tick: bool = self.arm is not None and not self.arm.ahead
         self.is_coil_at_tick: bool = self.actuator is not None and not self.actuator.ahead
+        self.is_ahead: bool = any(each.ahead for each in self.forces.values())
         self.is_arm_clocked: bool = ARM in ahead
         self.is_actuator_clocked: bool = ACTUATOR in ahead
         self.counted: Collection[str] = kinds if counted is None else counted
@@ -365,7 +343,7 @@ class DeviceSide:
 
     # Samples
 
-    def start(self, device: DrivenDevice) -> None:
+    def start(self, device: Any) -> None:
         """Restart with a device that has just been opened."""
         self.device, self.sampling = device, True
         # A simulated device is called without tuples.
@@ -404,7 +382,7 @@ class DeviceSide:
             sample: ArmSample = self.ring[self.used]
             self.used = self.used + 1 if self.used + 1 < len(self.ring) else 0
             sample.arm, sample.tick = self.index, tick
-            sample.stamp = round(tick * 1e9 / self.rate)
+            sample.stamp = math.floor(tick * 1e9 / self.rate + 0.5)
             if motion is not None:
                 at: Reading = motion.reading
                 sample.x, sample.y, sample.z = at.x, at.y, at.z
@@ -445,20 +423,25 @@ class DeviceSide:
 
     def command(self, kind: str, moment: float, x: float, y: float, z: float) -> None:
         """Add a force, N, caused by the sample at a clock time, ns."""
-        is_arm = kind == ARM
-        forces: DueForces = self.forces[kind]
+        self.take(kind == ARM, math.floor(moment + 0.5), x, y, z)
+
+    def take(self, is_arm: bool, stamp: int, x: float, y: float, z: float) -> None:
+        """Add a force of the arm, or of the actuator, N, as `command` does."""
+        forces = self.arm if is_arm else self.actuator
+        if forces is None:
+            return
         if is_arm and not forces.has_newest:
             # The arms engage: late forces during start-up are not counted.
             for each in self.forces.values():
                 each.count_anew(self.device.late)
-        sample: int = round(moment * self.rate * NANOSECOND)
+        sample: int = math.floor(stamp * self.rate * NANOSECOND + 0.5)
         now = self.clock() if self.clock else self.tick / self.rate
-        age = now - moment * NANOSECOND
+        age = now - stamp * NANOSECOND
         if age > MAX_AGE or age < -MAX_AGE:
             sample = self.tick - self.latency
-            forces.pass_on(round(moment), x, y, z)
+            forces.pass_on(stamp, x, y, z)
         else:
-            forces.put(sample, round(moment), x, y, z)
+            forces.put(sample, stamp, x, y, z)
             if is_arm and self.servo:
                 self.servo.set_point = None
         if forces.ahead:
@@ -484,9 +467,6 @@ class DeviceSide:
 
     def watch(self) -> None:
         """End forces without a new command for too long; call once per tick after `apply`."""
-        if self.watched == self.tick:
-            return
-        self.watched = self.tick
         time = self.tick / self.rate
         begun = self.clock() if self.clock else time
         now = self.advanced(time, begun)
@@ -528,15 +508,13 @@ class DeviceSide:
         if is_actuator and actuator is not None and actuator.pop(tick, actuator.ahead) and coils:
             age = begun - actuator.stamp * NANOSECOND
             writes_actuator = coils.command(now, age, actuator.x, actuator.y, actuator.z)
-        try:
-            if writes_arm or writes_actuator:
-                self.write(time, begun, writes_arm, writes_actuator)
-        finally:
-            done = self.clock() if self.clock else self.tick / self.rate
-            if is_arm and arm is not None:
-                arm.took_effect(done)
-            if is_actuator and actuator is not None:
-                actuator.took_effect(done)
+        if writes_arm or writes_actuator:
+            self.write(time, begun, writes_arm, writes_actuator)
+        done = self.clock() if self.clock else self.tick / self.rate
+        if is_arm and arm is not None:
+            arm.took_effect(done)
+        if is_actuator and actuator is not None:
+            actuator.took_effect(done)
         if writes_arm and arm is not None:
             arm.age.add(done - arm.stamp * NANOSECOND)
         if writes_actuator and actuator is not None:

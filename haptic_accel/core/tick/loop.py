@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 from haptic_accel.core.model import IDENTITY
 from haptic_accel.core.tick.control import HandleCompensation
 from haptic_accel.core.tick.coupling import ArmCoupling, CoupledForces
-from haptic_accel.core.tick.device_side import ACTUATOR, ARM, DeviceSide
+from haptic_accel.core.tick.device_side import ARM, DeviceSide
 from haptic_accel.core.tick.loss_concealment import LossConcealment
 from haptic_accel.core.tick.samples import ArmSample
 
@@ -40,7 +40,7 @@ LONGEST_BRIDGE: float = 0.02
 """Longest gap in the tool's samples that prediction fills, s. A longer prediction of texture is
 useless, and the arms disengage soon after."""
 
-MASTER, SLAVE = "master", "slave"
+ARMS = MASTER, SLAVE = "master", "slave"
 
 
 class CompensatedSample:
@@ -324,7 +324,8 @@ class HostLoop:
             self.forget()
         played: ArmSample | None = None
         if self.coupling:
-            played = self.coupling.begin(tick / self.rate, round(tick * 1e9 / self.rate))
+            stamp: int = math.floor(tick * 1e9 / self.rate + 0.5)
+            played = self.coupling.begin(tick / self.rate, stamp)
         for side in self.each:
             if side.sampling:
                 side.begin(tick)
@@ -344,7 +345,7 @@ class HostLoop:
                     if not (is_late or self.at_once):
                         side.apply(False)
                 except self.failures as error:
-                    self.fail(side, error)
+                    self.failed(ARMS[side.index], error)
         self.cause(played)
         for side in self.each:
             if side.sampling:
@@ -354,7 +355,7 @@ class HostLoop:
                     if not is_late:
                         side.watch()
                 except self.failures as error:
-                    self.fail(side, error)
+                    self.failed(ARMS[side.index], error)
 
     def read(self, side: DeviceSide) -> None:
         """Take a device's samples, and the forces from other processes."""
@@ -362,10 +363,6 @@ class HostLoop:
         self.samples.extend(side.samples)
         if side.receive:
             side.receive()
-
-    def fail(self, side: DeviceSide, error: Exception) -> None:
-        """Report a device's error, which affects its arm only."""
-        self.failed(next(arm for arm, each in self.sides.items() if each is side), error)
 
     def cause(self, played: ArmSample | None) -> None:
         """Pass the samples to coupling and compensation, and the forces to the devices."""
@@ -380,19 +377,18 @@ class HostLoop:
             for sample in side.samples:
                 self.pass_on(coupling, sample, now)
             side.samples.clear()
-        engagement = coupling.engagement
-        if engagement.due(now):
+        if coupling.is_due(now):
             if self.decide:
                 self.decide(now)
-            else:
-                self.look(now)
+            elif coupling.poll(now, 1).release:
+                release(self.sides, now)
         coupling.couple()
         for index in range(coupling.passed, len(coupling.forces)):
             forces: CoupledForces = coupling.forces[index]
             if forces.on_master:
-                self.command(self.master, ARM, forces.m_stamp, forces.m_x, forces.m_y, forces.m_z)
+                self.command(self.master, True, forces.m_stamp, forces.m_x, forces.m_y, forces.m_z)
             if forces.on_slave:
-                self.command(self.slave, ARM, forces.s_stamp, forces.s_x, forces.s_y, forces.s_z)
+                self.command(self.slave, True, forces.s_stamp, forces.s_x, forces.s_y, forces.s_z)
         if compensation is None:
             return
         compensation.put_count_force(coupling.count_x, coupling.count_y, coupling.count_z)
@@ -402,7 +398,7 @@ class HostLoop:
         compensation.compute(now * 1e9)
         for index in range(before, len(compensation.results)):
             result: CompensatedSample = compensation.results[index]
-            self.command(self.master, ACTUATOR, result.stamp, result.f_x, result.f_y, result.f_z)
+            self.command(self.master, False, result.stamp, result.f_x, result.f_y, result.f_z)
 
     def pass_on(self, coupling: ArmCoupling, sample: ArmSample, now: float) -> None:
         """Pass a sample of an arm to coupling and compensation."""
@@ -440,19 +436,24 @@ class HostLoop:
             self.compensation.put_tool(tool.stamp, tool.a_x, tool.a_y, tool.a_z)
 
     def command(
-        self, side: DeviceSide | None, kind: str, stamp: int, x: float, y: float, z: float
+        self, side: DeviceSide | None, is_arm: bool, stamp: int, x: float, y: float, z: float
     ) -> None:
-        """Pass a force to its device."""
-        if side is not None and side.sampling:
-            try:
-                side.command(kind, stamp, x, y, z)
-            except self.failures as error:  # the device accepts forces in advance
-                self.fail(side, error)
+        """Pass a force to its device, which may take it in advance and fail."""
+        if side is None or not side.sampling:
+            return
+        if side.is_ahead:
+            self.command_ahead(side, is_arm, stamp, x, y, z)
+        else:
+            side.take(is_arm, stamp, x, y, z)
 
-    def look(self, now: float) -> None:
-        """Engage or release the arms, as all subscribers exist."""
-        if self.coupling and self.coupling.poll(now, 1).release:
-            release(self.sides, now)
+    def command_ahead(
+        self, side: DeviceSide, is_arm: bool, stamp: int, x: float, y: float, z: float
+    ) -> None:
+        """Give a force to a device that takes it in advance."""
+        try:
+            side.take(is_arm, stamp, x, y, z)
+        except self.failures as error:
+            self.failed(ARMS[side.index], error)
 
 
 def release(sides: Mapping[str, DeviceSide], now: float) -> None:
