@@ -60,6 +60,12 @@ class Rig:
         arm = self.motion
         return (arm.contact_x, arm.contact_y, arm.contact_z) if arm.feel() else None
 
+    @property
+    def flat(self) -> SimulatedArm | None:
+        """Motion that the loop may call directly; None for a kind with its own reads or writes."""
+        kind = type(self)
+        return self.motion if (kind.read, kind.write) == (Rig.read, Rig.write) else None
+
     def read(self, time: float) -> Sample:
         """Simulate until a time, s, and return the sample then."""
         self.motion.measure(time)

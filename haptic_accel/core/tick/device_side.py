@@ -347,7 +347,7 @@ class DeviceSide:
         """Restart with a device that has just been opened."""
         self.device, self.sampling = device, True
         # A simulated device is called without tuples.
-        self.motion = vars(device).get("motion") if hasattr(device, "__dict__") else None
+        self.motion = getattr(device, "flat", None)
         self.waiting.clear()
         before, self.work = self.work, ArmWork()
         self.work.unknown = before.unknown
