@@ -62,9 +62,9 @@ class Rig:
 
     @property
     def flat(self) -> SimulatedArm | None:
-        """Motion that the loop may call directly; None for a kind with its own reads or writes."""
-        kind = type(self)
-        return self.motion if (kind.read, kind.write) == (Rig.read, Rig.write) else None
+        """Motion that the loop may call directly; None for a rig with its own reads or writes."""
+        ways = [getattr(way, "__func__", None) for way in (self.read, self.write)]
+        return self.motion if ways == [Rig.read, Rig.write] else None
 
     def read(self, time: float) -> Sample:
         """Simulate until a time, s, and return the sample then."""
