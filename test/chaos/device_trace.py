@@ -24,6 +24,7 @@ from pathlib import Path
 from chaos.traced_node import ACTUATOR, ARM, OPENED, RECORD, TICK
 from haptic_accel.core.actuator import safety
 from haptic_accel.core.actuator.parameters import ActuatorParameters
+from haptic_accel.core.tick.limits import FORCE_ROUNDING
 
 PEAKS = {ARM: safety.ARM_PEAK_FORCE, ACTUATOR: ActuatorParameters.peak_force}
 TIMEOUTS = {ARM: safety.ARM_TIMEOUT, ACTUATOR: safety.ACTUATOR_TIMEOUT}
@@ -88,7 +89,7 @@ class DeviceTrace:
                 self._take(kind, moment, math.hypot(*force))
 
     def _take(self, kind: int, moment: float, force: float) -> None:
-        assert force <= PEAKS[kind] * (1 + safety.ROUNDING), (self._path.name, kind, force)
+        assert force <= PEAKS[kind] * (1 + FORCE_ROUNDING), (self._path.name, kind, force)
         held = self.held[kind]
         held.force, held.since, held.given = force, self._now, moment
         if force:

@@ -282,7 +282,8 @@ def test_a_page_shows_why_a_bring_up_failed(at_page: Callable[..., Any]) -> None
     assert command.lines.count(reason) == 1
 
 
-@pytest.mark.live  # beside other tests the card loses blocks, and is refused
+@pytest.mark.slow  # an emulated card loses blocks here, and is then refused
+@pytest.mark.live
 def test_a_coil_on_a_sound_card_is_made_safe(tmp_path: Path) -> None:
     given = {"/**": {"latency": 5}, "/**/master_device": {"audio": {"device": NAME}}}
     content = {node: {"ros__parameters": values} for node, values in given.items()}
