@@ -41,6 +41,7 @@ Python's where the processor can do so."""
 DIRECTIVES = {
     "language_level": 3,
     "annotation_typing": False,
+    "auto_pickle": False,  # a copy of objects that share arrays would crash
     "infer_types": True,
     "boundscheck": False,
     "wraparound": True,
