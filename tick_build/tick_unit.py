@@ -71,7 +71,7 @@ PLAIN_NODES = (
     *(ast.Lambda, ast.GeneratorExp, ast.FunctionDef, ast.Yield, ast.YieldFrom, ast.Try),
     *(ast.Import, ast.ImportFrom),
 )
-"""What is left to Python: a function with one of these in it, as a set-up function that imports
+"""Nodes left to Python: a function with one of these in it, as a set-up function that imports
 numpy, has no types."""
 
 

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What runs in every sample, to be imported from here."""
+"""Names of all that runs in every sample, to be imported from here."""
 
 from haptic_accel.core.tick._unit import COMPILED, TICK
 from haptic_accel.core.tick.control import *

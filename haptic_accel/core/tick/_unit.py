@@ -49,4 +49,4 @@ def _chosen() -> str:
 
 
 TICK = _chosen()
-"""What runs in every sample: `COMPILED` or `PLAIN`."""
+"""Form of the sections that run: `COMPILED` or `PLAIN`."""

@@ -393,8 +393,8 @@ class DeviceSide:
                 sample.v_x, sample.v_y, sample.v_z = reading[1]
                 sample.a_x, sample.a_y, sample.a_z = reading[2]
                 sample.orientation = reading[3]
-            if self.wants_contact:
-                sample.contact = self.device.contact_force
+            # None otherwise: the object had another sample before.
+            sample.contact = self.device.contact_force if self.wants_contact else None
             self.newest, self.is_measured = sample, True
             if self.servo and self.servo.set_point:
                 self.hold(tick, sample)

@@ -257,10 +257,8 @@ class HostLoop:
         Forces on arms caused by these samples.
     compensated : list of CompensatedSample
         Actuator forces caused by these samples.
-    muted : set of str
-        Topics of signals that are not passed on, as they have other publishers too.
     contested : int
-        Number of samples that were not passed on.
+        Number of samples that were not passed on, as their signals have other publishers too.
     """
 
     def __init__(

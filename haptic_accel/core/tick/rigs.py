@@ -50,14 +50,12 @@ NEVER: float = -1.0
 
 
 class Reading:
-    """Sample of an arm: position, m, velocity, m/s, acceleration, m/s^2, and orientation."""
+    """Sample of an arm that does not turn: position, m, velocity, m/s, acceleration, m/s^2."""
 
     def __init__(self) -> None:
         self.x = self.y = self.z = 0.0
         self.v_x = self.v_y = self.v_z = 0.0
         self.a_x = self.a_y = self.a_z = 0.0
-        self.q_x = self.q_y = self.q_z = 0.0
-        self.q_w = 1.0
 
 
 class TimedForce:

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What supervision and learning see of a sample."""
+"""Trace of samples for supervision and learning."""
 
 from __future__ import annotations
 
