@@ -73,7 +73,7 @@ class Signal:
     refused : int
         Number of messages whose stamp or vector cannot be used.
     refusal : str
-        Why the newest message was refused; empty if it was not.
+        Why the newest message was refused; empty if it was not, or long ago.
     """
 
     def __init__(self, node: Any, subscription: Any, rate: float) -> None:
@@ -84,7 +84,7 @@ class Signal:
         self._has_orientation = self._type is PoseStamped
         self._vector, self._seen = ZERO, -math.inf
         self._sequence = SequenceCheck(rate)
-        self.refused, self.refusal = 0, ""
+        self.refused, self.refusal, self._refused_at = 0, "", 0.0
         self.orientation = Orientation()
 
     @property
@@ -99,21 +99,29 @@ class Signal:
         """
         taken = list(self._waiting())
         if self._publisher.sole([facts["publication_sequence_number"] for _, facts in taken]):
-            for data, _ in taken:
-                self._put(data)
+            for data, facts in taken:
+                self._put(data, facts["received_timestamp"])
         else:
             deque(self._waiting(), maxlen=0)  # dropped, as they may have another publisher
             self._seen = -math.inf
-        return self._vector if time.monotonic() - self._seen <= timeout else None
+        now = time.monotonic()
+        if now - self._refused_at > timeout:
+            self.refusal = ""
+        return self._vector if now - self._seen <= timeout else None
 
     def _waiting(self) -> Iterator[tuple[bytes, dict[str, int]]]:
         """Yield received messages with their facts."""
         while taken := self._take(self._type, True):
             yield taken
 
-    def _put(self, data: bytes) -> None:
-        """Store a vector; refuse one that is malformed, not finite, or not of now."""
-        now, steady = time.time_ns(), time.monotonic_ns()
+    def _put(self, data: bytes, received: int) -> None:
+        """Store a vector; refuse one that is malformed, not finite, or late when received, ns.
+
+        A message may wait here for its reader, which is no fault of its sender.
+        """
+        now = time.time_ns()
+        waited = max(0, now - received) if received else 0  # unknown to some middleware
+        now, steady = now - waited, time.monotonic_ns() - waited
         try:
             stamp, vector = unpack_stamped_vector(data)
             if not math.isfinite(sum(vector)):
@@ -124,6 +132,7 @@ class Signal:
                 self.orientation.put(unpack_orientation(data))
         except ValueError as error:
             self.refused, self.refusal = self.refused + 1, str(error)
+            self._refused_at = steady / NANOSECONDS
         else:
             self._vector, self.refusal = vector, ""
             self._seen = (steady - max(0, now - stamp)) / NANOSECONDS

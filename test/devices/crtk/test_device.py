@@ -106,12 +106,14 @@ def test_an_arm_is_read_and_pushed_left_without_force_and_missed(
 
 @pytest.fixture
 def pose(observer: Observer) -> Iterator[dict[str, float]]:
-    """Publish a pose 200 times a second: its position, m, and stamp, s, or its lag behind now."""
+    """Publish a pose 200 times a second: its position, m, stamp, s, or lag behind now; or none."""
     sent, ended = dict[str, float](), threading.Event()
     publisher = observer.node.create_publisher(PoseStamped, f"{NAMESPACE}/measured_cp", 10)
 
     def publish() -> None:
         while not ended.wait(0.005):
+            if "silent" in sent:
+                continue
             message = PoseStamped()
             now = time.time_ns() - round(sent.get("lag", 0.0) * 1e9)
             stamp = round(sent.get("stamp", 0.0) * 1e9) or now
@@ -144,6 +146,18 @@ def test_a_pose_of_another_time_or_of_no_place_is_no_sample(pose: dict[str, floa
         wait_until(lambda said=reason: said in arm.problem, reason)
         assert arm.counters()["poses refused"] > refused
         pose.clear()
+    arm.close()
+
+
+def test_a_pose_that_waited_for_its_reader_is_not_refused(pose: dict[str, float]) -> None:
+    arm = built(start_timeout=60.0, timeout=10.0)
+    arm.open()
+    refused = arm.counters()["poses refused"]
+    time.sleep(0.1)
+    pose["silent"] = 1.0
+    time.sleep(0.2)  # longer than the stamp of a pose may differ from its reception
+    assert arm.read(0.0) is not None
+    assert (arm.counters()["poses refused"], arm.problem) == (refused, "")
     arm.close()
 
 
