@@ -13,11 +13,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Metrics of bags as data frames, for tables, files and pages."""
+"""Metrics of bags as data frames, for tables, files and pages.
+
+Their CSV is for spreadsheets, which take a cell that begins with one of `STARTS` as a formula that
+may run programs or send data; names in protocols and bags come from others. Such a text gets an
+apostrophe before it, and so does one that begins with an apostrophe, so that taking one off gives
+the text back. Numbers are as they are. A line within a text ends with a line feed alone. After
+OWASP, "CSV injection".
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +33,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from pandas.api.types import is_numeric_dtype
 
 from haptic_accel.analysis.loading import Analysis, analyse
 from haptic_accel.analysis.metrics import METRICS, MILLI, VECTOR_METRICS, AnalysedTrial, Shift
@@ -32,6 +41,50 @@ from haptic_accel.analysis.segments import Segment, read_segment
 from haptic_accel.analysis.traces import named_components
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
 from haptic_accel.core.evaluation.statistics import Interval, mean_interval
+
+STARTS = (
+    *("=", "+", "-", "@", "\t", "\n", "'"),
+    *("\N{FULLWIDTH EQUALS SIGN}", "\N{FULLWIDTH PLUS SIGN}"),
+    *("\N{FULLWIDTH HYPHEN-MINUS}", "\N{FULLWIDTH COMMERCIAL AT}"),
+)
+"""First characters of texts that get an apostrophe."""
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.ASCII | re.IGNORECASE)
+
+
+def inert(value: Any) -> Any:
+    """Return a cell that no spreadsheet takes for a formula.
+
+    Examples
+    --------
+    >>> inert("=1+1"), inert("-1.5"), inert(-1.5), inert("wood")
+    ("'=1+1", '-1.5', -1.5, 'wood')
+    """
+    if not isinstance(value, str):
+        return value
+    text = re.sub("\r\n?", "\n", value)  # a carriage return alone would not be quoted
+    return f"'{text}" if text.startswith(STARTS) and not _NUMBER.fullmatch(text) else text
+
+
+def csv_text(frame: pd.DataFrame, separator: str = ",", unknown: str = "") -> str:
+    """Return a table as CSV; a named index is a column.
+
+    Parameters
+    ----------
+    frame : DataFrame
+    separator, unknown : str
+        Text between two cells, and in place of an unknown value.
+    """
+    whole = frame.reset_index() if frame.index.name is not None else frame
+    cells = whole.rename(columns=inert)
+    for name in cells.columns:
+        if not is_numeric_dtype(cells[name]):
+            cells[name] = cells[name].map(inert)
+    text = cells.to_csv(
+        sep=separator, index=False, float_format="%.9g", lineterminator="\n", na_rep=unknown
+    )
+    return str(text)
+
 
 AVERAGE = "average"
 """The paper's average over its surfaces, used as a surface of its table."""

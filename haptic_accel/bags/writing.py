@@ -13,7 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Writer of bags on a separate thread, so that nothing waits for the disk."""
+"""Writer of bags on a separate thread, so that nothing waits for the disk, and its session.
+
+A session starts, pauses, splits and stops the recording, with one bag after another.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -29,8 +34,10 @@ from rosbags.interfaces import Connection, Qos
 
 from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.files import BagFiles
+from haptic_accel.bags.folder import free_name
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core.cdr import STAMP_BYTES, unpack_stamps
+from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import missing_samples
 
 FLUSH_PERIOD = 0.5
@@ -237,3 +244,126 @@ class BagWriter:
         self._count_missing()
         for stamps in self._stamps.values():
             stamps.clear()
+
+
+RECORDING, PAUSED, STOPPED = "recording", "paused", "stopped"
+
+Connect = Callable[[BagWriter], MessageWriter]
+
+Answer = tuple[bool, str]
+"""Success of a request, and a message line."""
+
+
+class RecordingSession:
+    """Recording session; not thread-safe.
+
+    Parameters
+    ----------
+    bag : str
+        Folder to create; empty for a name from date and time. If it exists, ``-2``, ``-3`` and so
+        on is added.
+    capacity : int
+        Maximum number of messages in the queue.
+    options : RecordingOptions
+    facts : mapping
+        Custom data of each bag, text by name.
+
+    Attributes
+    ----------
+    writer : BagWriter
+        Writer of the present or last bag.
+    failures : list of str
+        One line for each bag whose recording failed.
+
+    Raises
+    ------
+    ParameterError
+        The folder cannot be created.
+    """
+
+    def __init__(
+        self, bag: str, capacity: int, options: RecordingOptions, facts: Mapping[str, str]
+    ) -> None:
+        self._bag = bag
+        self._options = options
+        self._write = partial(BagWriter, capacity=capacity, facts=facts)
+        self._connects: dict[str, Connect] = {}
+        self._puts: dict[str, MessageWriter] = {}
+        self._stopped = False
+        self.failures: list[str] = []
+        self.writer = self._open(options)
+
+    def connect(
+        self, topic: str, kind: str, offered: Sequence[Qos], *, sampled: bool = False
+    ) -> MessageWriter:
+        """Add a topic to this bag and all later ones; see `BagWriter.connect`.
+
+        Raises
+        ------
+        UndefinedTypeError
+            The type has no definition.
+        """
+
+        def connect(writer: BagWriter) -> MessageWriter:
+            return writer.connect(topic, kind, offered, sampled=sampled)
+
+        puts = self._puts
+        puts[topic] = connect(self.writer)
+        self._connects[topic] = connect
+        return lambda message, received=None: puts[topic](message, received)
+
+    @property
+    def state(self) -> str:
+        """`RECORDING`, `PAUSED` or `STOPPED`."""
+        if self._stopped:
+            return STOPPED
+        return PAUSED if self.writer.paused else RECORDING
+
+    @property
+    def path(self) -> Path:
+        """Folder of the present or last bag."""
+        return self.writer.files.path
+
+    def start(self) -> Answer:
+        """Continue after a pause, or start another bag after a stop."""
+        if self.state == RECORDING:
+            return False, f"{self.path}: is being recorded already"
+        if self.state == PAUSED:
+            self.writer.resume()
+            return True, f"{self.path}: recording goes on"
+        try:
+            self.writer = self._open(replace(self._options, start_paused=False))
+        except ParameterError as error:
+            return False, str(error)
+        for topic, connect in self._connects.items():
+            self._puts[topic] = connect(self.writer)
+        self._stopped = False
+        return True, f"{self.path}: recording"
+
+    def pause(self) -> Answer:
+        """Skip messages until the next start."""
+        if self.state != RECORDING:
+            return False, f"{self.path}: is {self.state} already"
+        self.writer.pause()
+        return True, f"{self.path}: paused"
+
+    def split(self) -> Answer:
+        """Continue in another file of the bag."""
+        if self.state == STOPPED:
+            return False, f"{self.path}: is {self.state}: nothing to split"
+        self.writer.split()
+        return True, f"{self.path}: another file follows {self.writer.files.file_names[-1]}"
+
+    def stop(self) -> Answer:
+        """Finish the bag."""
+        if self.state == STOPPED:
+            return False, f"{self.path}: is {self.state} already"
+        self._stopped = True
+        summary = self.writer.close()
+        if self.writer.files.failure:
+            self.failures.append(summary)
+        return not self.writer.files.failure, summary
+
+    def _open(self, options: RecordingOptions) -> BagWriter:
+        path = Path(self._bag or f"bags/{datetime.now():%Y-%m-%d_%H-%M-%S}")
+        return self._write(free_name(path), options=options)

@@ -47,10 +47,9 @@ from haptic_accel.core.surfaces.taps import Mode, TapModel
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
 from haptic_accel.core.warning import warn_once
 from haptic_accel.materials import mesh_baking
-from haptic_accel.materials.array_files import read_array, read_arrays
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.moving import moving_scene
-from haptic_accel.materials.texture_files import read_npz, read_texture
+from haptic_accel.materials.texture_files import read_array, read_arrays, read_npz, read_texture
 
 MISSING_LIBRARY = "meshes need trimesh: pip install 'haptic_accel[mesh]'"
 

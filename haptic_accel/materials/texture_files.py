@@ -13,23 +13,142 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Texture model files: YAML for people, NPZ for programs, with the same names and units."""
+"""Texture model files: YAML for people, NPZ for programs, with the same names and units.
+
+The reader of NumPy array files checks the stated sizes before it reads the data.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import io
+import math
+import struct
+import warnings
+import zipfile
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 import yaml
 
-from haptic_accel.core.bounded_files import located
+from haptic_accel.core.bounded_files import located, read_bytes
 from haptic_accel.core.document import Document, load_yaml, read_yaml_document
-from haptic_accel.core.parameters import shown
+from haptic_accel.core.parameters import one_line, shown
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
-from haptic_accel.materials.array_files import read_arrays
+
+LARGEST_FILE = 1 << 26
+"""Maximum size of a file, and of the contents of all its arrays, bytes."""
+
+MOST_NUMBERS = 4_000_000
+"""Maximum number of values in an array: three axes of acceleration at 10 kHz for two minutes."""
+
+MOST_MEMBERS = 64
+"""Maximum number of arrays in a file."""
+
+LONGEST_DIRECTORY = 1 << 16
+"""Maximum size of the table of contents, bytes: a thousand per array."""
+
+LONGEST_HEADER = 10_000
+"""Maximum size of an array's header, bytes; equal to the limit of NumPy's readers."""
+
+KINDS = "biufUS"
+"""Permitted kinds of values: numbers and text. Objects could execute code."""
+
+_END = struct.Struct("<4s4H2LH")  # end record of a ZIP file without comment
+_FIRST = LONGEST_HEADER + 12  # maximum size of a header and its prefix
+
+Array = npt.NDArray[np.generic]
+T = TypeVar("T")
+
+
+def read_array(path: Path) -> Array:
+    """Return the array of an NPY file.
+
+    Raises
+    ------
+    OSError
+        As for `core.bounded_files.opened`.
+    ValueError
+        The file is no NPY file, or is too large.
+    """
+    return _read(path, lambda content: _array(io.BytesIO(content), LARGEST_FILE))
+
+
+def read_arrays(path: Path) -> dict[str, Array]:
+    """Return the arrays of an NPZ file by name.
+
+    Raises
+    ------
+    OSError
+        As for `core.bounded_files.opened`.
+    ValueError
+        The file is no NPZ file, or has too many or too large arrays.
+    """
+    return _read(path, _arrays)
+
+
+def _read(path: Path, read: Callable[[bytes], T]) -> T:
+    content = read_bytes(path, LARGEST_FILE)
+    try:
+        return read(content)
+    except Exception as error:  # the readers of NumPy and `zipfile` raise a dozen kinds
+        raise ValueError(one_line(error)) from None
+
+
+def _arrays(content: bytes) -> dict[str, Array]:
+    mark, *_, directory, _, comment = _END.unpack(content[-_END.size :])
+    if mark != b"PK\5\6" or comment or content[-_END.size - 20 :].startswith(b"PK\6\7"):
+        # With a comment, or the format for more than 4 GB, the size could be stated elsewhere.
+        raise ValueError("it must end as a ZIP file without a comment")
+    if directory > LONGEST_DIRECTORY:
+        raise ValueError(f"its table of contents has more than {LONGEST_DIRECTORY} bytes")
+    found: dict[str, Array] = {}
+    left = LARGEST_FILE
+    with zipfile.ZipFile(io.BytesIO(content)) as file:
+        members = file.infolist()
+        if len(members) > MOST_MEMBERS:
+            raise ValueError(f"{len(members)} arrays; at most {MOST_MEMBERS} are allowed")
+        for member in members:
+            if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                raise ValueError("its compression method is not supported")
+            with file.open(member) as stream:
+                array = _array(stream, left)
+            left -= array.nbytes
+            found[member.filename.removesuffix(".npy")] = array
+    return found
+
+
+def _array(stream: IO[bytes], most_bytes: int) -> Array:
+    """Return an array of a limited number of bytes."""
+    start = stream.read(_FIRST)
+    header = io.BytesIO(start)
+    version = np.lib.format.read_magic(header)
+    if version not in ((1, 0), (2, 0)):
+        raise ValueError(f"format version {version} is not supported")
+    read = getattr(np.lib.format, f"read_array_header_{version[0]}_0")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # from Python 2, or for unusual text in the header
+        shape, is_fortran, kind = read(header, max_header_size=LONGEST_HEADER)
+    if kind.kind not in KINDS or kind.subdtype:
+        raise ValueError(f"values of type {str(kind)[:40]} are not supported")
+    count = math.prod(shape)
+    if not (min(shape, default=0) >= 0 and count <= MOST_NUMBERS):
+        raise ValueError(f"it has {shape} values; at most {MOST_NUMBERS} are allowed")
+    size = count * kind.itemsize
+    if size > most_bytes:
+        raise ValueError(
+            f"its values have {size} bytes or more; at most {LARGEST_FILE} are allowed"
+        )
+    data = bytearray(start[header.tell() :])
+    if len(data) < size:
+        data += stream.read(size - len(data))
+    if len(data) != size or stream.read(1):  # also checks the checksum
+        raise ValueError("its data are truncated, or longer than its header states")
+    return np.frombuffer(data, kind, count).reshape(shape, order="F" if is_fortran else "C")
+
 
 UNITS = {
     **{"rate": "Hz", "speeds": "m/s", "forces": "N", "deviation": "m/s^2"},

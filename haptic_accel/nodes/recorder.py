@@ -28,8 +28,7 @@ from std_srvs.srv import Trigger
 
 from haptic_accel.bags.definitions import UndefinedTypeError
 from haptic_accel.bags.facts import PARAMETERS, custom_data, read_description
-from haptic_accel.bags.session import Answer, RecordingSession
-from haptic_accel.bags.writing import MessageWriter
+from haptic_accel.bags.writing import Answer, MessageWriter, RecordingSession
 from haptic_accel.core.bundles import InOrder
 from haptic_accel.core.cdr import STAMP_BYTES, unpack_stamped_vector, unpack_state, unpack_text
 from haptic_accel.core.process import RECORDED, tell_supervisor

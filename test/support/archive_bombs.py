@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from haptic_accel.materials.array_files import LARGEST_FILE
+from haptic_accel.materials.texture_files import LARGEST_FILE
 
 
 def header(shape: Any, kind: str = "<f8", **others: Any) -> bytes:

@@ -17,15 +17,134 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from datetime import datetime
+from typing import Any
 
+from haptic_accel.analysis.experiment import LOST_SHARE
+from haptic_accel.bags.delivery import AGE_OF
+from haptic_accel.core import signal_checks as checks
+from haptic_accel.core.process import FULL_SCALE, UNUSABLE
+from haptic_accel.core.signal_checks import Check
+from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import DeviceError
-from haptic_accel.kits.bringup.bench import STEPS, Bench, BringUpArguments, BringUpError, Person
+from haptic_accel.kits.bringup.bench import (
+    ARMS_ALONE,
+    MASTER,
+    STEPS,
+    Bench,
+    BringUpArguments,
+    BringUpError,
+    Person,
+)
 from haptic_accel.kits.bringup.boards import calibrate_boards, connect
-from haptic_accel.kits.bringup.compensation import identify, prove
 from haptic_accel.kits.bringup.handle_safety import make_safe
-from haptic_accel.setup.rig_file import note_step, noted_steps, teleoperation_words
+from haptic_accel.setup.rig_file import (
+    note_step,
+    noted_steps,
+    teleoperation_words,
+    update_parameter_file,
+)
+
+TRIAL = 10
+"""Duration of a trial with a controller, s, as the paper's."""
+
+TIMED = "master_device", "slave_device", "coupler", "compensator"
+"""Nodes that share the latency of the graph."""
+
+MOST_LATENCY = 4
+"""Largest latency that the proof sets, samples. Each adds to the least possible error (`bound`);
+beyond, the machine is not fit for the rate."""
+
+MOST_LATE = 100.0 * LOST_SHARE
+"""Share of late forces above which a graph needs more time, %, as an experiment warns."""
+
+
+def identify(bench: Bench) -> None:
+    """Identify the handle; scale the force of a sound card by its mass."""
+    if bench.device_name(MASTER) in ARMS_ALONE:
+        return
+    if scale := _identified(bench).get(FULL_SCALE):
+        mass = bench.number("type the mass of all that moves with the handle, without m_a, kg")
+        full_scale = {"audio": {"full_scale": float(f"{scale['value'] * mass:.4g}")}}
+        update_parameter_file(bench.path, {"master_device": full_scale})
+        bench.person.tell("force scale found: repeat the identification with forces in N")
+        _identified(bench)
+    bench.notes.append("the model is in this file")
+
+
+def _identified(bench: Bench) -> Mapping[str, Mapping[str, Any]]:
+    """Identify the handle; return the events."""
+    bench.goes_on("hold the handle as in use, without moving it, then press Enter")
+    words = ["params_file:=" + str(bench.path), "--update", str(bench.path)]
+    while True:
+        out = bench.report_folder("identify")
+        ran = bench.command("identify", *words, "--out", str(out))
+        if ran.status == 0:
+            bench.keep(out)
+            return ran.events
+        reason = ran.events.get(UNUSABLE, {}).get("reason", ran.last)
+        if not bench.goes_on(f"{reason}; press Enter to try again", skip="stop"):
+            raise BringUpError(reason)
+
+
+def prove(bench: Bench) -> None:
+    """Compare the errors without and with compensation on a surface."""
+    if not {bench.device_name(side) for side in ARMS}.isdisjoint(ARMS_ALONE):
+        bench.settle(lambda: [Check(True, "no accelerometer on both arms: not compared")])
+        return
+    bench.goes_on(
+        f"take the handle, and stroke the surface once the arms engage, {TRIAL} s without"
+        f" and {TRIAL} s with compensation; press Enter to begin"
+    )
+    bench.settle(lambda: _compared(bench))
+
+
+def _compared(bench: Bench) -> list[Check]:
+    """Run the graph without compensation and with `adaptive`, and compare the errors."""
+    out = bench.report_folder("prove")
+    results = out.with_suffix(".json")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    ran = bench.command(
+        *("experiment", "--controllers", "none,adaptive"),
+        *(f"params_file:={bench.path}", "surface:=plywood", f"duration:={TRIAL}"),
+        *("--out", str(out), "--json", str(results)),
+    )
+    if ran.status:
+        return [Check(False, ran.last, "haptic-accel doctor checks the machine")]
+    bench.keep(out)
+    conditions = json.loads(results.read_text(encoding="utf-8"))["conditions"]
+    none, adaptive = sorted(conditions, key=lambda each: each["controller"], reverse=True)
+    without, error = none["nrmse_percent"], adaptive["nrmse_percent"]
+    if without is None or error is None:
+        advice = "press the tool on the surface, and stroke along it during both trials"
+        return [Check(False, "the tool touched nothing", advice)]
+    least = adaptive["limited_bound_percent"]
+    late = max(_late_percent(each) for each in conditions)
+    if late > MOST_LATE:
+        told = f"{late:.1f} % of the actuator forces took effect late"
+        in_time = Check(False, told, _more_time(bench))
+    else:
+        in_time = Check(True, "forces in time")
+    return [in_time, checks.proof_check(without, error, least or 0.0)]
+
+
+def _late_percent(condition: Mapping[str, Any]) -> float:
+    """Return the share of a condition's actuator forces that took effect late, %."""
+    counts = condition["missed_deadlines"].get(AGE_OF, {"due": 0, "missed": 0})
+    late: float = counts["missed"] / max(1, counts["due"])
+    return 100.0 * late
+
+
+def _more_time(bench: Bench) -> str:
+    """Give the forces a sample more time, as far as that is useful; return what was done."""
+    latency = bench.parameters(MASTER)[0].latency + 1
+    if latency > MOST_LATENCY:
+        return "close other programs, and run haptic-accel doctor"
+    update_parameter_file(bench.path, {node: {"latency": latency} for node in TIMED})
+    return f"forces have {latency} samples of time from now on; measure again"
+
 
 _FUNCTIONS: dict[str, Callable[[Bench], None]] = {
     "connect": connect,

@@ -40,9 +40,14 @@ from haptic_accel.core.axes import NAMES, VIBRATION, Axes
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.export import frames
 from haptic_accel.kits.export.frames import FrameRate, Frames, SingleArray
-from haptic_accel.kits.export.images import CameraFrames, camera_frames
+from haptic_accel.kits.export.images import (
+    CameraFrames,
+    Statistics,
+    camera_frames,
+    combined,
+    statistics,
+)
 from haptic_accel.kits.export.signals import UNITS_OF_STATE, Writer, descriptions, write_json
-from haptic_accel.kits.export.statistics import Statistics, combined, statistics
 from haptic_accel.kits.export.tables import write_parquet
 
 VERSION = "v3.0"

@@ -45,8 +45,7 @@ from haptic_accel.core.tick import (
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import Device, DeviceError
 from haptic_accel.graph.stop_signal import PendingStop, own_domain
-from haptic_accel.kits.lerobot.exchange import FELT, LATE, TICKS, WRITTEN, Ring
-from haptic_accel.kits.lerobot.fast_path import RUNNING
+from haptic_accel.kits.lerobot.fast_path import FELT, LATE, RUNNING, TICKS, WRITTEN, Ring
 from haptic_accel.nodes.priority import ask_for_realtime, scheduling_class, sharpen_timers
 from haptic_accel.nodes.timing import CATCH_UP, ArrivalKeeper, RateKeeper, wake_time
 from haptic_accel.setup.arguments import GraphArguments, parse_arguments

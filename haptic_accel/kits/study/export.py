@@ -32,7 +32,7 @@ from typing import Any, TypeAlias
 import pandas as pd
 
 import haptic_accel
-from haptic_accel.analysis.csv_tables import csv_text
+from haptic_accel.analysis.frames import csv_text
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.protocol import Protocol
 from haptic_accel.kits.study.tables import Tables, tables, titled

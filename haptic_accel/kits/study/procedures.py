@@ -18,12 +18,15 @@
 Levitt, "Transformed up-down methods in psychoacoustics", JASA 49(2B), 467-477, 1971;
 Kaernbach, "Simple adaptive testing with the weighted up-down method", Perception & Psychophysics
 49(3), 227-229, 1991; Watson, "QUEST+: A general multidimensional Bayesian adaptive psychometric
-method", Journal of Vision 17(3):10, 2017.
+method", Journal of Vision 17(3):10, 2017. Orders of the trials: Williams, "Experimental designs
+balanced for the estimation of residual effects of treatments", Australian Journal of Scientific
+Research A 2(2), 149-168, 1949.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -32,9 +35,83 @@ from scipy.special import entr
 
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.kits.study.orders import ordered
-from haptic_accel.kits.study.protocol import Condition, Levels, Pair, Procedure, Protocol
+from haptic_accel.kits.study.protocol import Condition, Levels, Pair, Procedure, Protocol, Value
 from haptic_accel.kits.study.tasks import TASKS, Item, distance
+
+Slots: TypeAlias = list[tuple[int, int]]
+"""Trials in their order: the place of the item in the protocol, and the number of the block."""
+
+
+def williams(count: int) -> list[list[int]]:
+    """Return a Williams square: each number is followed by each other one equally often.
+
+    Parameters
+    ----------
+    count : int
+        Number of conditions.
+
+    Returns
+    -------
+    list of list of int
+        Rows, one for a participant: `count` of them, twice as many for an odd number.
+
+    Examples
+    --------
+    >>> williams(4)
+    [[0, 3, 1, 2], [1, 0, 2, 3], [2, 1, 3, 0], [3, 2, 0, 1]]
+    """
+    first = [(index + 1) // 2 * (-1) ** index % count for index in range(count)]
+    rows = [[(number + row) % count for number in first] for row in range(count)]
+    mirrored = count % 2 and count > 1
+    return rows + [row[::-1] for row in rows] if mirrored else rows
+
+
+def rows(protocol: Protocol) -> int:
+    """Return the number of orders over which participants are balanced."""
+    if protocol.procedure.kind != "constant":
+        return 1
+    return len(williams(len(_groups(protocol))))
+
+
+def ordered(protocol: Protocol, row: int, generator: np.random.Generator) -> Slots:
+    """Return the order of all main trials of a constant procedure.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    row : int
+        Row of the Williams square, of conditions or of blocks.
+    generator : numpy.random.Generator
+        Random numbers of the participant.
+    """
+    groups, repeats = _groups(protocol), protocol.procedure.repeats
+    square = williams(len(groups))
+    if protocol.order.kind == "williams":
+        turns = [square[(row + turn) % len(square)] for turn in range(repeats)]
+        return [(index, block) for block, turn in enumerate(turns) for index in turn]
+    return [
+        (int(index), block)
+        for block, group in enumerate(square[row % len(square)])
+        for index in generator.permutation(np.repeat(groups[group], repeats))
+    ]
+
+
+def _groups(protocol: Protocol) -> list[list[int]]:
+    """Return the indices of the items in groups, which a Williams square puts in order."""
+    groups: dict[Value, list[int]] = {}
+    for index, item in enumerate(TASKS[protocol.task].items(protocol)):
+        condition = item.comparison if isinstance(item, Pair) else item
+        key = _KEYS[protocol.order.kind](protocol, condition, index)
+        groups.setdefault(key, []).append(index)
+    return list(groups.values())
+
+
+_KEYS: Mapping[str, Callable[[Protocol, Condition, int], Value]] = {
+    "random": lambda protocol, condition, index: 0,
+    "blocked": lambda protocol, condition, index: condition[protocol.order.block_by],
+    "williams": lambda protocol, condition, index: index,
+}
+"""Common property of the members of a group: nothing, a value, or their place."""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from typing import Any
 import pandas as pd
 
 from haptic_accel.analysis import plots
-from haptic_accel.analysis.csv_tables import csv_text
+from haptic_accel.analysis.frames import csv_text
 from haptic_accel.analysis.identification_result import pictures
 from haptic_accel.analysis.provenance import provenance
 from haptic_accel.core.decimals import defined

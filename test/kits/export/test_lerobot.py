@@ -25,14 +25,30 @@ import numpy as np
 import pandas as pd
 import pytest
 from exported import START, Recorded, vectors, write_bag
+from hypothesis import given
+from hypothesis import strategies as st
 from pyarrow import parquet
 
 from bag_maker import CHANGED, Message, change_bytes, write_messages
 from haptic_accel import __version__
 from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.core.axes import ACTUATOR_AXES
+from haptic_accel.kits.export.images import combined, statistics
 from reading import with_types
 from verbs import refusal, status_of
+
+EXACT = ("min", "max", "mean", "std", "count")
+
+
+@given(st.lists(st.integers(1, 9), min_size=1, max_size=5), st.integers(0, 99))
+def test_those_of_all_episodes_are_those_of_all_frames(lengths: list[int], seed: int) -> None:
+    random = np.random.default_rng(seed)
+    episodes = [random.normal(size=(length, 4, 2)) for length in lengths]
+    found = combined([{"feature": statistics(each)} for each in episodes])["feature"]
+    expected = statistics(np.concatenate(episodes))
+    for name in EXACT:
+        assert found[name] == pytest.approx(expected[name])
+    assert found["q50"].shape == (4, 2)
 
 
 @pytest.fixture(scope="module")

@@ -32,7 +32,7 @@ from hypothesis import strategies as st
 from kits.study.studies import TEXT, write_study
 
 from fuzzing import fuzz_few
-from haptic_accel.analysis.csv_tables import csv_text
+from haptic_accel.analysis.frames import csv_text
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.folder import JOURNAL, PARTICIPANTS, PROTOCOL, Study
 from haptic_accel.kits.study.log import LOG

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from itertools import islice
 from pathlib import Path
@@ -28,7 +29,7 @@ from kits.study.protocol_maker import make_levels, make_protocol
 from kits.study.study_runs import always_right, asking, record, run
 
 from haptic_accel.kits.study.folder import templates
-from haptic_accel.kits.study.plan import Plan, describe, expected_trials
+from haptic_accel.kits.study.plan import ANSWERING, CHANGING, Plan, describe, expected_trials
 from haptic_accel.kits.study.protocol import Bounds, Extras, Order, Procedure, Protocol
 from haptic_accel.kits.study.reading import read_protocol
 from haptic_accel.kits.study.simulation import SimulatedParticipant
@@ -166,13 +167,14 @@ def test_a_staircase_ends_though_nothing_is_delivered() -> None:
     assert len(list(run(Plan(protocol, 1, 0), lambda trial: None))) == 10
 
 
-def test_breaks_come_after_a_number_of_trials_but_not_at_the_end() -> None:
-    protocol = make_protocol(
-        procedure=Procedure(repeats=12), extras=Extras(practice=2, break_every=4)
-    )
-    plan = Plan(protocol, 1, 0)
+@pytest.mark.parametrize(("every", "expected"), [(4, [5, 9]), (0, [])])
+def test_breaks_come_after_a_number_of_trials_but_not_at_the_end(
+    every: int, expected: list[int]
+) -> None:
+    extras = Extras(practice=2, break_every=every)
+    plan = Plan(make_protocol(procedure=Procedure(repeats=12), extras=extras), 1, 0)
     breaks = [each.trial.number for each in run(plan, always_right) if plan.break_due]
-    assert breaks == [5, 9]
+    assert breaks == expected
 
 
 def test_no_break_comes_before_a_repetition() -> None:
@@ -189,10 +191,14 @@ def test_a_record_of_another_trial_is_refused() -> None:
         plan.record(records[1])
 
 
-def test_each_order_of_stimuli_is_equally_frequent() -> None:
+def test_each_order_of_stimuli_is_equally_frequent_and_another_for_each_seed() -> None:
     protocol = make_protocol("odd_one_out", procedure=Procedure(repeats=12), extras=NOTHING_ELSE)
-    trials = [each.trial for each in run(Plan(protocol, 1, 0), always_right)]
-    assert Counter(Counter(each.stimuli for each in trials).values()) == {2: 6}
+    stimuli, others = (
+        [each.trial.stimuli for each in run(Plan(protocol, seed, 0), always_right)]
+        for seed in (1, 2)
+    )
+    assert Counter(Counter(stimuli).values()) == {2: 6}
+    assert stimuli != others
 
 
 @pytest.mark.parametrize(
@@ -220,5 +226,7 @@ def test_a_study_is_described_by_trials_duration_and_conditions() -> None:
     found = read_protocol(templates()["gain_jnd"])
     lines = describe(found)
     assert lines[0] == f"{found.title} (version {found.digest[:12]})"
-    assert lines[2].startswith("at most 124 trials, about ")
+    seconds = 2 * found.timing.seconds + found.timing.gap + ANSWERING + 2 * CHANGING
+    minutes = math.ceil(124 * seconds / 60)
+    assert lines[2].startswith(f"at most 124 trials, about {minutes} min without breaks")
     assert "gain=1 against gain=2" in lines

@@ -18,11 +18,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from kits.study.study_sessions import (
     ADAPTIVE,
     MASS,
@@ -33,13 +36,178 @@ from kits.study.study_sessions import (
     session,
     single,
 )
+from scipy import stats
 
 from haptic_accel.kits.study.folder import templates
-from haptic_accel.kits.study.planned_tests import counted, planned_tests, values
+from haptic_accel.kits.study.planned_tests import (
+    counted,
+    mean_test,
+    planned_tests,
+    standardised,
+    values,
+)
 from haptic_accel.kits.study.protocol import PlannedTest, Protocol, Rules
+from haptic_accel.kits.study.psychophysics.detection import d_prime
 from haptic_accel.kits.study.reading import read_protocol
 from haptic_accel.kits.study.simulation import simulate_study
 from haptic_accel.kits.study.trials import CATCH, PlannedTrial, SessionRecord
+
+# Student 1908: hours of sleep gained by ten patients from two drugs (R's data set "sleep").
+SLEEP = np.subtract(
+    [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0],
+    [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4],
+).tolist()
+
+# Darwin's maize, Fisher, "The Design of Experiments", 1935, chapter III: differences in height of
+# 15 pairs, eighths of an inch. 863 of the 2^15 flips of signs have a sum of at least 314.
+MAIZE = [49, -67, 8, 16, 6, 23, 28, 41, 14, 29, 56, 24, 75, 60, -48]
+
+
+def test_students_sleep() -> None:
+    found = mean_test(SLEEP)
+    assert found.n == 10
+    assert found.mean.value == pytest.approx(-1.58)
+    assert (found.mean.low, found.mean.high) == pytest.approx((-2.4598858, -0.7001142))
+    assert (found.t, found.p_t) == pytest.approx((-4.062128, 0.00283289), rel=1e-5)
+    assert found.p == found.p_t
+    assert found.significant
+
+
+def test_sides_of_students_sleep() -> None:
+    less, greater = mean_test(SLEEP, 0.0, "less"), mean_test(SLEEP, 0.0, "greater")
+    assert less.p_t == pytest.approx(0.001416445, rel=1e-4)
+    assert greater.p_t == pytest.approx(1 - less.p_t)
+    assert not greater.significant
+
+
+def test_equivalence_of_students_sleep() -> None:
+    # As two t-tests against a shifted mean, in scipy.
+    found = mean_test(SLEEP, 0.0, "equivalent", margin=2.5)
+    expected = [
+        stats.ttest_1samp(SLEEP, -2.5, alternative="greater").pvalue,
+        stats.ttest_1samp(SLEEP, 2.5, alternative="less").pvalue,
+    ]
+    assert found.p_t == pytest.approx(max(expected))
+    assert found.significant
+    # The interval of 90 % lies within the margin exactly if equivalence is shown.
+    assert -2.5 < found.mean.low < found.mean.high < 2.5
+    assert found.mean.low == pytest.approx(-1.58 - 1.833113 * 1.229995 / math.sqrt(10), rel=1e-5)
+    assert not mean_test(SLEEP, 0.0, "equivalent", margin=2.2).significant
+
+
+def test_fishers_flipped_signs() -> None:
+    assert mean_test(MAIZE, 0.0, "greater").p_signs == pytest.approx(863 / 2**15)
+    assert mean_test(MAIZE).p_signs == pytest.approx(1726 / 2**15)
+
+
+def test_signed_ranks_are_those_of_scipy() -> None:
+    found = mean_test(MAIZE, 1.5, "greater")
+    expected = stats.wilcoxon(np.array(MAIZE) - 1.5, alternative="greater").pvalue
+    assert found.p_ranks == pytest.approx(expected)
+
+
+def test_effect_size_of_students_sleep() -> None:
+    found = mean_test(SLEEP).effect
+    # d_z = t / sqrt(n) = 1.2846; Hedges' exact correction for 9 degrees of freedom is 0.9139.
+    correction = math.gamma(4.5) / math.gamma(4) / math.sqrt(4.5)
+    assert correction == pytest.approx(0.9139, abs=1e-4)
+    assert found.value == pytest.approx(-1.2846 * correction, abs=1e-4)
+    shift = np.array([found.low, found.high]) * math.sqrt(10)
+    assert stats.nct.cdf(-4.062128, 9, shift) == pytest.approx([0.975, 0.025], abs=1e-3)
+
+
+def test_few_participants_have_no_probability() -> None:
+    for few in ([], [0.6], [0.6, 0.7]):
+        found = mean_test(few, 0.5)
+        assert math.isnan(found.p)
+        assert not found.significant
+
+
+def test_participants_without_a_value_are_left_out() -> None:
+    found = mean_test([1.0, math.nan, 1.5, math.inf, 1.25])
+    assert found.n == 3
+    assert found.mean.value == pytest.approx((1.0 + 1.5 + 1.25) / 3)
+
+
+def test_equal_participants_have_no_interval_but_flipped_signs() -> None:
+    found = mean_test([1.0] * 6, 0.5, "greater")
+    assert math.isnan(found.mean.low)
+    assert math.isnan(found.effect.value)
+    assert found.p == found.p_signs == pytest.approx(1 / 64)
+
+
+def test_wrong_arguments_are_refused() -> None:
+    with pytest.raises(ValueError, match="margin = 0: must be positive"):
+        mean_test([1.0, 2.0, 3.0], 0.0, "equivalent")
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=12))
+def test_any_values_give_ordered_intervals(values: list[float]) -> None:
+    found = mean_test(values)
+    assert 0 <= found.p <= 1
+    for each in (found.mean, found.effect):
+        assert math.isnan(each.low) or each.low <= each.value <= each.high
+
+
+def rejections(studies: int, draw: Callable[[int], list[float]], **how: Any) -> float:
+    return float(np.mean([mean_test(draw(seed), **how).significant for seed in range(studies)]))
+
+
+def guesses(seed: int, participants: int = 10, trials: int = 40) -> list[float]:
+    """Return proportions correct of participants who guess between two answers."""
+    rng = np.random.default_rng([seed, 1])
+    return (rng.binomial(trials, 0.5, participants) / trials).tolist()
+
+
+@pytest.mark.slow
+def test_guessing_is_significant_as_often_as_alpha() -> None:
+    # Of 1000 studies: 0.05 with a standard error of 0.007.
+    assert rejections(1000, guesses, against=0.5) == pytest.approx(0.05, abs=0.021)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", ["odd_one_out", "abx"])
+def test_d_prime_of_guessing_is_significant_as_often_as_alpha(task: str) -> None:
+    chance = 1 / 3 if task == "odd_one_out" else 1 / 2
+    known = [d_prime(task, correct, 30).value for correct in range(31)]
+
+    def draw(seed: int) -> list[float]:
+        return [known[k] for k in np.random.default_rng([seed, 2]).binomial(30, chance, 10)]
+
+    assert rejections(1000, draw, alternative="greater") <= 0.071
+
+
+@pytest.mark.slow
+def test_power_is_that_of_the_noncentral_t() -> None:
+    def draw(seed: int) -> list[float]:
+        return np.random.default_rng([seed, 3]).normal(0.9, 1.0, 12).tolist()
+
+    critical = stats.t.ppf(0.975, 11)
+    expected = stats.nct.sf(critical, 11, 0.9 * math.sqrt(12))
+    assert rejections(1000, draw) == pytest.approx(expected, abs=0.04)
+
+
+@pytest.mark.slow
+def test_a_difference_as_large_as_the_margin_is_seldom_equivalent() -> None:
+    def draw(seed: int) -> list[float]:
+        return np.random.default_rng([seed, 4]).normal(0.5, 0.3, 12).tolist()
+
+    assert rejections(1000, draw, alternative="equivalent", margin=0.5) == pytest.approx(
+        0.05, abs=0.021
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", [0.0, 0.8, 2.0])
+def test_effect_sizes_are_unbiased_and_covered(effect: float) -> None:
+    found = [
+        standardised(np.random.default_rng([seed, 5]).normal(effect, 1.0, 10).tolist())
+        for seed in range(1000)
+    ]
+    assert np.mean([each.value for each in found]) == pytest.approx(effect, abs=0.07)
+    held = np.mean([each.low <= effect <= each.high for each in found])
+    assert held == pytest.approx(0.95, abs=0.021)
 
 
 def unruled(task: str, **changes: object) -> Protocol:
