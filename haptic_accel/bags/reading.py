@@ -34,17 +34,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from haptic_accel.bags import file_order
 from haptic_accel.bags.definitions import types_store
 from haptic_accel.bags.expanding import ZSTD, Allowance, decompressed_file, decompressed_message
 from haptic_accel.bags.facts import PARAMETERS, facts_of, read_description
-from haptic_accel.bags.file_order import (
-    FILE_BITS,
-    FileContent,
-    Recording,
-    contradictions,
-    marks_of,
-    recordings,
-)
 from haptic_accel.bags.folder import (
     COMPRESSED,
     MCAP,
@@ -57,6 +50,7 @@ from haptic_accel.bags.folder import (
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, MOST_PROBLEMS, Block, McapFile
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
 from haptic_accel.bags.timeline import Arrivals, Timeline, timeline
+from haptic_accel.core import topics
 from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
 from haptic_accel.core.cdr import unpack_stamped_vectors
 from haptic_accel.core.model import FloatArray
@@ -69,16 +63,6 @@ from haptic_accel.core.sampling import (
     grid_indices,
     on_grid,
 )
-from haptic_accel.core.topics import (
-    ACTUATOR_FORCE,
-    CONTACT_FORCE,
-    DESCRIPTION,
-    DESIRED_ACCELERATION,
-    DIAGNOSTICS,
-    SIGNALS,
-    ArmTopics,
-    reporter,
-)
 from haptic_accel.core.warning import warn_once
 
 MOST_MESSAGES = 500_000
@@ -86,7 +70,7 @@ MOST_MESSAGES = 500_000
 
 _EVENTS = "parameter_events"
 _EVENTS_TYPE = "rcl_interfaces/msg/ParameterEvent"
-_SIGNALS = {topic.name: topic for topic in (*SIGNALS, CONTACT_FORCE)}
+_SIGNALS = {topic.name: topic for topic in (*topics.SIGNALS, topics.CONTACT_FORCE)}
 _REPORTS = "diagnostics"
 _APPLIED = ("master_device", "compensator", "identifier")  # nodes that know the actuator's latency
 
@@ -243,7 +227,7 @@ class Bag:
                 return Axes.parsed(stated)
         acted = [
             self.signals[topic.name].values
-            for topic in (DESIRED_ACCELERATION, ACTUATOR_FORCE)
+            for topic in (topics.DESIRED_ACCELERATION, topics.ACTUATOR_FORCE)
             if topic.name in self.signals
         ]
         names = tuple(
@@ -253,7 +237,7 @@ class Bag:
         )
         return Axes(names) if names else ACTUATOR_AXES
 
-    def coupled(self, arm: ArmTopics) -> list[tuple[int, int]]:
+    def coupled(self, arm: topics.ArmTopics) -> list[tuple[int, int]]:
         """Return start and end of each period in which an arm was coupled, ns.
 
         Empty without forces of the arm's motors; see `core.sampling.coupled_stretches`.
@@ -302,9 +286,11 @@ def read_bags(path: Path | str, vectors: Collection[str] | None = None) -> list[
     if len(failures) == len(sources) and not any(file.messages for file in files):
         raise ParameterError(f"{path}: must be a bag: {failures[0]}")
     is_whole = len(problems) == before and not failures
-    problems += contradictions(metadata, files) if is_whole else failures
+    problems += file_order.contradictions(metadata, files) if is_whole else failures
     listed = [file.name for file in metadata.files]
-    return [collected.arranged(each) for each in recordings(files, listed, metadata.custom)]
+    return [
+        collected.arranged(each) for each in file_order.recordings(files, listed, metadata.custom)
+    ]
 
 
 def read_parts(path: Path, most: int = MOST_MESSAGES) -> Iterator[Bag]:
@@ -336,10 +322,10 @@ def read_parts(path: Path, most: int = MOST_MESSAGES) -> Iterator[Bag]:
         for block in _blocks(source, whole.problems, custom):
             part.add(block)
             if part.file.messages >= most:
-                yield part.arranged(*recordings([part.file], (), custom))
+                yield part.arranged(*file_order.recordings([part.file], (), custom))
                 namespace = part.namespace
                 part = _Collected(whole, None, namespace)
-        yield part.arranged(*recordings([part.file], (), custom))
+        yield part.arranged(*file_order.recordings([part.file], (), custom))
         namespace = part.namespace
 
 
@@ -547,7 +533,7 @@ class _Collected:
     ) -> None:
         self._bag = bag
         self._vectors = vectors
-        self.file = FileContent("")
+        self.file = file_order.FileContent("")
         self.namespace = namespace
         self._before = 0  # offset of the file's beginning
         # Stamps, offsets, marks, times and values of each topic, as bytes, which grow in place;
@@ -560,11 +546,11 @@ class _Collected:
         self._described: list[tuple[str, int, dict[str, Any]]] = []
         self._files, self._is_alone = 0, True
 
-    def begin(self, name: str, *, is_alone: bool) -> FileContent:
+    def begin(self, name: str, *, is_alone: bool) -> file_order.FileContent:
         """Return a file's content, to which the next blocks are added."""
-        self._before = self._files << FILE_BITS
+        self._before = self._files << file_order.FILE_BITS
         self._files += 1
-        self.file = FileContent(name)
+        self.file = file_order.FileContent(name)
         self._is_alone = is_alone
         return self.file
 
@@ -575,14 +561,16 @@ class _Collected:
         namespace, name = _split(topic)
         if topic.endswith(f"/{_EVENTS}") and block.type == _EVENTS_TYPE:
             self._add_changes(block)
-        elif topic.endswith(f"/{DESCRIPTION.name}") and block.type == DESCRIPTION.type:
+        elif (
+            topic.endswith(f"/{topics.DESCRIPTION.name}") and block.type == topics.DESCRIPTION.type
+        ):
             self._add_descriptions(block)
-        elif topic.endswith(f"/{_REPORTS}") and block.type == DIAGNOSTICS.type:
+        elif topic.endswith(f"/{_REPORTS}") and block.type == topics.DIAGNOSTICS.type:
             self._add_diagnostics(block)
         elif name and self._is_ours(namespace):
             self._add_signal(name, block)
 
-    def arranged(self, used: Recording) -> Bag:
+    def arranged(self, used: file_order.Recording) -> Bag:
         """Return the collected messages of a recording, in order of time."""
         counts = sum((file.counts for file in used.files), Counter[str]())
         names = [file.name for file in used.files]
@@ -614,7 +602,7 @@ class _Collected:
         bag.changes.extend(news(self._in_time(self._changes, used, found)))
         return bag
 
-    def _stated_facts(self, used: Recording) -> dict[str, Any]:
+    def _stated_facts(self, used: file_order.Recording) -> dict[str, Any]:
         """Return the graph's metadata as its nodes first described or declared them."""
         nodes: dict[str, dict[str, Any]] = {}
         for said in self._of_graph(self._stated, used)[0]:
@@ -625,7 +613,7 @@ class _Collected:
         return facts
 
     def _of_graph(
-        self, items: Sequence[tuple[str, int, _Kind]], used: Recording
+        self, items: Sequence[tuple[str, int, _Kind]], used: file_order.Recording
     ) -> tuple[list[_Kind], IntArray]:
         """Return the graph's items of the used files in order of arrival, and their offsets."""
         ours = [rest for below, *rest in items if self.namespace in (None, below)]
@@ -635,7 +623,7 @@ class _Collected:
         return [ours[index][1] for index in order.tolist()], offsets[order]
 
     def _in_time(
-        self, items: Sequence[tuple[str, int, _Item]], used: Recording, found: Timeline
+        self, items: Sequence[tuple[str, int, _Item]], used: file_order.Recording, found: Timeline
     ) -> list[_Item]:
         """Return the graph's reports or changes in order of time, each once."""
         ours, offsets = self._of_graph(items, used)
@@ -664,7 +652,7 @@ class _Collected:
         if not formed.any():
             return
         columns = self._columns.setdefault(name, tuple(bytearray() for _ in range(5)))
-        offsets, marks = self._before + block.offsets[formed], marks_of(values)
+        offsets, marks = self._before + block.offsets[formed], file_order.marks_of(values)
         columns[0].extend(stamps.tobytes())
         columns[1].extend(offsets.tobytes())
         columns[2].extend(marks.tobytes())
@@ -681,7 +669,7 @@ class _Collected:
         for received, offset, message in self._decoded(block):
             for status in message.status:
                 values = {pair.key: pair.value for pair in status.values}
-                namespace, node = reporter(status.name)
+                namespace, node = topics.reporter(status.name)
                 said = Diagnosis(received, node, status.message, values)
                 self._diagnostics.append((below or namespace, offset, said))
 
@@ -699,7 +687,7 @@ class _Collected:
 
     def _add_descriptions(self, block: Block) -> None:
         """Add the nodes' descriptions of themselves."""
-        namespace = block.topic.removesuffix(f"/{DESCRIPTION.name}")
+        namespace = block.topic.removesuffix(f"/{topics.DESCRIPTION.name}")
         for received, offset, message in self._decoded(block):
             try:
                 facts = read_description(message.data)

@@ -25,16 +25,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from haptic_accel.bags import folder
 from haptic_accel.bags.chunked_writer import ChunkedWriter
-from haptic_accel.bags.folder import (
-    MCAP,
-    METADATA,
-    MUST_BE,
-    free_name,
-    is_being_written,
-    listed_name,
-    storage_files,
-)
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, McapFile
 from haptic_accel.bags.metadata import Metadata, MetadataError, TopicEntry, read_metadata
 from haptic_accel.core.parameters import ParameterError
@@ -122,18 +114,19 @@ def repair(path: Path) -> Repair:
     """
     if not os.path.isdir(path):
         raise ParameterError(f"{path}: must be the folder of a bag")
-    files = storage_files(path)
+    files = folder.storage_files(path)
     if not files:
-        raise ParameterError(f"{path}: {MUST_BE}")
-    if others := [file.name for file in files if file.suffix != MCAP]:
+        raise ParameterError(f"{path}: {folder.MUST_BE}")
+    if others := [file.name for file in files if file.suffix != folder.MCAP]:
         raise ParameterError(f"{path}: must be a bag of .mcap files to repair, has {others[0]}")
-    if writing := [file.name for file in files if is_being_written(file)]:
+    if writing := [file.name for file in files if folder.is_being_written(file)]:
         raise ParameterError(
             f"{path}: {writing[0]} is still being written: stop the recording before the repair"
         )
-    if odd := [file.name for file in files if listed_name(file.name) != file.name]:
+    if odd := [file.name for file in files if folder.listed_name(file.name) != file.name]:
         raise ParameterError(
-            f"{path}: {odd[0]}: must have a name in UTF-8, which {METADATA} can list: rename it"
+            f"{path}: {odd[0]}: must have a name in UTF-8, which {folder.METADATA} can list:"
+            " rename it"
         )
     done = Repair(path)
     try:
@@ -141,7 +134,7 @@ def repair(path: Path) -> Repair:
     except MetadataError:
         before = None
     custom = before.custom if before else _custom_data(files)
-    (path / f"{METADATA}.tmp").unlink(missing_ok=True)
+    (path / f"{folder.METADATA}.tmp").unlink(missing_ok=True)
     found = [_repaired(file, dict(custom), done) for file in files]
     whole = [metadata for metadata in found if metadata]
     now = replace(
@@ -153,10 +146,10 @@ def repair(path: Path) -> Repair:
     done.messages = now.messages
     done.duration = now.seconds
     if whole and not (before and _counts(before) == _counts(now)):
-        if (path / METADATA).exists():
-            _set_aside(path / METADATA)
+        if (path / folder.METADATA).exists():
+            _set_aside(path / folder.METADATA)
         now.write(path)
-        done.repairs.append(f"{METADATA}: rewritten")
+        done.repairs.append(f"{folder.METADATA}: rewritten")
     return done
 
 
@@ -238,4 +231,4 @@ def _custom_data(files: Sequence[Path]) -> dict[str, str]:
 
 def _set_aside(path: Path) -> None:
     """Rename a file that is replaced."""
-    path.rename(free_name(path.with_name(path.name + DAMAGED)))
+    path.rename(folder.free_name(path.with_name(path.name + DAMAGED)))

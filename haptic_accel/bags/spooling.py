@@ -28,6 +28,7 @@ from haptic_accel.bags.facts import PARAMETERS
 from haptic_accel.bags.mcap import DAMAGE_ERRORS
 from haptic_accel.bags.metadata import MetadataError, read_metadata
 from haptic_accel.bags.reading import MOST_MESSAGES, Bag, Signal, news, read_bags, read_parts
+from haptic_accel.bags.timeline import MOST_DRIFT, grid_steps
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, IntArray, sampling_rate
 
@@ -141,39 +142,25 @@ def _in_order(parts: Iterator[Bag]) -> Iterator[Bag]:
     """Yield parts as long as they are undamaged, of one recording and on one clock."""
     first = next(parts)
     stated = {name: first.facts.get(name) for name in ("arguments", PARAMETERS)}
-    clock: _Clock | None = None
+    name, period, drift, last = "", 0.0, 0.0, np.array([], np.int64)
     for part in chain([first], parts):
         if part.problems or any(part.facts.get(n, v) != v for n, v in stated.items() if v):
             raise _DisorderError
-        clock = clock or _clock(part)
-        if clock:
-            clock.add(part)
+        if not period:
+            name, period = _grid(part)
+        if name in part.signals:
+            stamps: IntArray = np.append(last, part.signals[name].stamps)
+            steps, whole = grid_steps(stamps, period)
+            drifts = np.append(drift, drift + np.cumsum(steps - whole))
+            if np.abs(drifts).max() > MOST_DRIFT:
+                raise _DisorderError
+            drift, last = float(drifts[-1]), stamps[-1:]
         yield part
 
 
-class _Clock:
-    """Check that a signal's clock has the rate of its samples, as `bags.timeline` does."""
-
-    def __init__(self, name: str, rate: float) -> None:
-        self._name, self._period = name, NANOSECONDS / rate
-        self._drift, self._last = 0.0, np.array([], np.int64)
-
-    def add(self, part: Bag) -> None:
-        """Take a part into account."""
-        if self._name not in part.signals:
-            return
-        stamps: IntArray = np.append(self._last, part.signals[self._name].stamps)
-        steps = np.diff(stamps) / self._period
-        beside = steps - np.maximum(1.0, np.rint(steps))
-        drift = np.append(self._drift, self._drift + np.cumsum(beside))
-        if np.abs(drift).max() > 0.5:
-            raise _DisorderError
-        self._drift, self._last = float(drift[-1]), stamps[-1:]
-
-
-def _clock(part: Bag) -> _Clock | None:
-    """Return the clock of a part's longest signal; None without a sampling grid."""
+def _grid(part: Bag) -> tuple[str, float]:
+    """Return a part's longest signal and its sampling period, ns; 0 without a sampling grid."""
     name = max(part.signals, key=lambda each: len(part.signals[each].stamps), default="")
     with suppress(ParameterError, KeyError):
-        return _Clock(name, sampling_rate(part.signals[name].stamps, part.stated_rate))
-    return None
+        return name, NANOSECONDS / sampling_rate(part.signals[name].stamps, part.stated_rate)
+    return "", 0.0

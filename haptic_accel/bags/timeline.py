@@ -28,6 +28,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, BoolArray, IntArray, sampling_rate
 
@@ -53,6 +54,9 @@ CLEAN = 0.1
 
 CLEAN_SHARE = 0.99
 """Minimum share of clean steps for which samples are counted instead of timed."""
+
+MOST_DRIFT = 0.5
+"""Maximum distance of a clock from the number of its samples, in periods."""
 
 _RELEASED = round(RELEASED * NANOSECONDS)
 
@@ -327,6 +331,12 @@ def _once(given: Arrivals, stamps: IntArray) -> tuple[BoolArray, int, int]:
     return sure, int(is_copy.sum()), int((~sure & ~is_copy).sum())
 
 
+def grid_steps(stamps: IntArray, period: float) -> tuple[FloatArray, FloatArray]:
+    """Return the steps between stamps in periods, as they are and as whole numbers from 1."""
+    steps = np.diff(stamps) / period
+    return steps, np.maximum(1.0, np.rint(steps))
+
+
 def _steadied(found: Timeline, rate: float | None) -> None:
     """Count samples instead of timing them, if the clock was slewed."""
     stamps = max(found.stamps.values(), key=len)
@@ -334,8 +344,7 @@ def _steadied(found: Timeline, rate: float | None) -> None:
         period = NANOSECONDS / sampling_rate(stamps, rate)
     except ParameterError:  # no grid, as the analysis says
         return
-    steps = np.diff(stamps) / period
-    whole = np.maximum(1.0, np.rint(steps))
+    steps, whole = grid_steps(stamps, period)
     is_clean = np.abs(steps - whole) <= CLEAN
     counted = np.concatenate([[0.0], np.cumsum(whole)])
     if np.mean(is_clean) < CLEAN_SHARE:
@@ -343,7 +352,7 @@ def _steadied(found: Timeline, rate: float | None) -> None:
     # A sender that ends sends zero at once, beside the grid: that is no drift.
     end = np.flatnonzero(is_clean)[-1] + 2
     drift = ((stamps - stamps[0]) / period - counted)[:end]
-    if np.abs(drift).max() <= 0.5:
+    if np.abs(drift).max() <= MOST_DRIFT:
         return
     steady = stamps[0] + np.round(counted * period).astype(np.int64)
     found._counted = stamps, steady

@@ -36,19 +36,7 @@ from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes, read_mounting,
 from haptic_accel.core.model import ZERO, FloatArray, Vector
 from haptic_accel.core.orientation import is_turned, to_base
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.devices.audio import (
-    FIRST_BLOCK,
-    JACK,
-    READINGS,
-    AudioParameters,
-    InputParameters,
-    SoundCard,
-    end_stream,
-    read_channels,
-    refusals,
-    sound_library,
-    started_stream,
-)
+from haptic_accel.devices import audio
 from haptic_accel.devices.interface import (
     LATER,
     Device,
@@ -154,7 +142,7 @@ class CardClock:
             self._errors.clear()
             return
         self._errors.append(error)
-        if len(self._errors) < READINGS or count == self._index:
+        if len(self._errors) < audio.READINGS or count == self._index:
             return
         error = min(self._errors)
         self._errors.clear()
@@ -200,13 +188,15 @@ class DuplexCard:
         self.name, self.rate, self.index = found["name"], rate, index
         self.inputs, self.outputs = found["max_input_channels"], found["max_output_channels"]
         host = library.query_hostapis(found["hostapi"])["name"]
-        if host == JACK:
+        if host == audio.JACK:
             self.inputs = min(self.inputs, JACK_CHANNELS)
             self.outputs = min(self.outputs, JACK_CHANNELS)
-        least = JACK_CHANNELS if host == JACK else 1
+        least = JACK_CHANNELS if host == audio.JACK else 1
         if self.outputs < least:
             raise ValueError(f"{self.name} has {self.outputs} outputs, must have at least {least}")
-        self.stream = started_stream(library, index, (self.inputs, self.outputs), block, rate)
+        self.stream = audio.started_stream(
+            library, index, (self.inputs, self.outputs), block, rate
+        )
         self.clock = CardClock(rate)
         self.received = self.overruns = self.users = 0
         self.is_played = False
@@ -225,7 +215,7 @@ class DuplexCard:
         DeviceError
             The card has given nothing for `LOST`, or for `FIRST_BLOCK` since its start.
         """
-        with refusals(self._library, f"sound card {self.name}"):
+        with audio.refusals(self._library, f"sound card {self.name}"):
             count = self.stream.read_available
             if count:
                 data, lost = self.stream.read(count)
@@ -238,7 +228,7 @@ class DuplexCard:
         if math.isnan(self._newest):
             self._newest = now  # the start
         silent = now - self._newest
-        if silent > (LOST if self.received else FIRST_BLOCK):
+        if silent > (LOST if self.received else audio.FIRST_BLOCK):
             raise DeviceError(
                 f"sound card {self.name}: nothing for {1e3 * silent:.0f} ms; is it unplugged?"
             )
@@ -275,7 +265,7 @@ class DuplexCard:
 
     def close(self) -> None:
         """Stop, silent."""
-        end_stream(self._library, self.stream)
+        audio.end_stream(self._library, self.stream)
 
 
 _CARDS: dict[int, DuplexCard] = {}
@@ -290,7 +280,7 @@ def _acquired(library: Any, name: str, block: int, rate: float) -> DuplexCard:
     DeviceError
         There is no such card, it has no inputs and outputs, or it cannot be opened.
     """
-    with refusals(library, f"audio.device = {name!r}"):
+    with audio.refusals(library, f"audio.device = {name!r}"):
         found = library.query_devices(name or None, "input")
         card = _CARDS.get(found["index"])
         if card is None:
@@ -307,7 +297,7 @@ def _release(card: DuplexCard) -> None:
         card.close()
 
 
-class BenchOutput(SoundCard):
+class BenchOutput(audio.SoundCard):
     """Outputs of a card whose inputs have the handle's accelerometer.
 
     Parameters
@@ -321,7 +311,11 @@ class BenchOutput(SoundCard):
     is_exact = True
 
     def __init__(
-        self, parameters: AudioParameters, period: float, coils: int, sensor: CardAccelerometer
+        self,
+        parameters: audio.AudioParameters,
+        period: float,
+        coils: int,
+        sensor: CardAccelerometer,
     ) -> None:
         super().__init__(parameters, period, coils)
         self._sensor = sensor
@@ -380,7 +374,7 @@ class BenchOutput(SoundCard):
         given = np.repeat(noise[:, np.newaxis], len(self._own), axis=1)
         most = round(LONGEST_TRIP * self.rate)
         begin, end = self._written, math.inf
-        latest = self._duplex.received + len(noise) + most + FIRST_BLOCK * self.rate
+        latest = self._duplex.received + len(noise) + most + audio.FIRST_BLOCK * self.rate
         while self._duplex.received < end:
             if self._duplex.received > latest:
                 raise DeviceError(f"sound card {self.name}: plays nothing of what it is given")
@@ -447,17 +441,17 @@ class CardAccelerometer(Device):
         Returns the time by the clock of the ticks, s.
     """
 
-    Parameters = InputParameters
+    Parameters = audio.InputParameters
 
     def __init__(
         self,
-        parameters: InputParameters,
+        parameters: audio.InputParameters,
         rate: float,
         device: Device,
         to_base_axes: bool,
         clock: Callable[[], float] = clocks.monotonic,
     ) -> None:
-        channels = read_channels("audio.inputs", parameters.inputs)
+        channels = audio.read_channels("audio.inputs", parameters.inputs)
         if len(channels) not in (1, len(ALL_AXES.names)):
             raise ParameterError(
                 f"audio.inputs = {parameters.inputs!r}: must be one channel, or three for x, y, z"
@@ -502,9 +496,9 @@ class CardAccelerometer(Device):
 
         self._sosfilt = sosfilt
         p = self._parameters
-        name = p.card_name if isinstance(p, AudioParameters) else p.device
-        rate = p.assumed.rate if isinstance(p, AudioParameters) else 0.0
-        self.card = card = _acquired(sound_library(), name, p.block, rate)
+        name = p.card_name if isinstance(p, audio.AudioParameters) else p.device
+        rate = p.assumed.rate if isinstance(p, audio.AudioParameters) else 0.0
+        self.card = card = _acquired(audio.sound_library(), name, p.block, rate)
         if max(self._channels) >= card.inputs:
             raise ParameterError(
                 f"audio.inputs = {p.inputs!r}: must be at most {card.inputs}, as the sound card"

@@ -30,19 +30,12 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 import bag_maker
 from haptic_accel.bags.reading import Change, read_bag
+from haptic_accel.core import topics
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.topics import (
-    DIAGNOSTICS,
-    MASTER_POSITION,
-    SIGNALS,
-    TOOL_ACCELERATION,
-    VECTORS,
-    Topic,
-)
 
 
 def vector(
-    topic: Topic, stamp: int, received: int, number: float = 0.0, graph: str = ""
+    topic: topics.Topic, stamp: int, received: int, number: float = 0.0, graph: str = ""
 ) -> bag_maker.Message:
     """Make a message of one of a graph's topics."""
     data = bag_maker.vector_bytes(topic.type, stamp, topic.frame, (0.0, 0.0, number))
@@ -61,7 +54,7 @@ FORMATS = [
 
 samples = st.lists(
     st.tuples(
-        st.sampled_from(SIGNALS),
+        st.sampled_from(topics.SIGNALS),
         st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9),
         st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3),
     ),
@@ -104,7 +97,7 @@ def test_what_was_written_is_read(
         recorded = read_bag(path)
     assert recorded.problems == []
     assert sum(recorded.counts.values()) == len(rows)
-    for topic in SIGNALS:
+    for topic in topics.SIGNALS:
         of_topic = [(n, at, v) for n, (t, at, _, v) in enumerate(rows) if t is topic]
         assert (topic.name in recorded.signals) == bool(of_topic)
         if of_topic:
@@ -115,10 +108,13 @@ def test_what_was_written_is_read(
 
 
 def test_of_topics_that_are_not_asked_for_only_the_stamps_are_kept(tmp_path: Path) -> None:
-    rows = [vector(topic, 5, 10**18, 3.0) for topic in (TOOL_ACCELERATION, MASTER_POSITION)]
+    rows = [
+        vector(topic, 5, 10**18, 3.0)
+        for topic in (topics.TOOL_ACCELERATION, topics.MASTER_POSITION)
+    ]
     bag_maker.write_messages(tmp_path / "bag", rows)
-    found = read_bag(tmp_path / "bag", [TOOL_ACCELERATION.name]).signals
-    tool, position = found[TOOL_ACCELERATION.name], found[MASTER_POSITION.name]
+    found = read_bag(tmp_path / "bag", [topics.TOOL_ACCELERATION.name]).signals
+    tool, position = found[topics.TOOL_ACCELERATION.name], found[topics.MASTER_POSITION.name]
     assert (tool.stamps.tolist(), tool.values.tolist()) == ([5], [[0.0, 0.0, 3.0]])
     assert (position.stamps.tolist(), position.values.shape) == ([5], (0, 3))
 
@@ -128,7 +124,7 @@ def long_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a bag of 9000 numbered samples: several chunks of a mebibyte or less."""
     path = tmp_path_factory.mktemp("bags") / "long"
     return bag_maker.write_messages(
-        path, (vector(TOOL_ACCELERATION, n, n, n) for n in range(9000))
+        path, (vector(topics.TOOL_ACCELERATION, n, n, n) for n in range(9000))
     )
 
 
@@ -147,7 +143,7 @@ def test_a_file_cut_off_anywhere_is_read_up_to_there(long_bag: Path, share: floa
             return
     assert recorded.problems
     if recorded.signals:
-        found = recorded.signals[TOOL_ACCELERATION.name].stamps
+        found = recorded.signals[topics.TOOL_ACCELERATION.name].stamps
         assert np.array_equal(found, np.arange(len(found)))
     # A message takes less than 200 bytes; what is behind the messages, index and all, some more.
     size = len(cut_content)
@@ -160,7 +156,7 @@ def test_without_metadata_the_messages_are_read_all_the_same(
     (tmp_path / "long.mcap").write_bytes((long_bag / "long.mcap").read_bytes())
     recorded = read_bag(tmp_path)
     assert recorded.problems == ["metadata.yaml is missing: its files are read without it"]
-    assert len(recorded.signals[TOOL_ACCELERATION.name].stamps) == 9000
+    assert len(recorded.signals[topics.TOOL_ACCELERATION.name].stamps) == 9000
 
 
 def reported(
@@ -168,7 +164,7 @@ def reported(
 ) -> bag_maker.Message:
     """Make diagnostics with the status of a node."""
     data = bag_maker.diagnostics_bytes(received, name, message, {"ticks": "3"})
-    return bag_maker.Message(topic, DIAGNOSTICS.type, received, data)
+    return bag_maker.Message(topic, topics.DIAGNOSTICS.type, received, data)
 
 
 def changed(received: int, node: str, controller: str) -> bag_maker.Message:
@@ -211,7 +207,7 @@ def test_of_two_graphs_in_a_bag_one_speaks(tmp_path: Path, topic: str, name: str
         tmp_path / "bag",
         [
             reported(1, name, "ours", topic),
-            vector(TOOL_ACCELERATION, 1, 2, graph="/left"),
+            vector(topics.TOOL_ACCELERATION, 1, 2, graph="/left"),
             reported(3, "right/coupler: coupling", "theirs"),
             changed(4, "/right/compensator", "none"),
             changed(5, "/left/compensator", "inverse"),
@@ -223,14 +219,14 @@ def test_of_two_graphs_in_a_bag_one_speaks(tmp_path: Path, topic: str, name: str
 
 
 def test_another_graph_and_another_type_are_named_and_left_out(tmp_path: Path) -> None:
-    topic = TOOL_ACCELERATION.name
-    other = next(kind for kind in VECTORS if kind.endswith("WrenchStamped"))
+    topic = topics.TOOL_ACCELERATION.name
+    other = next(kind for kind in topics.VECTORS if kind.endswith("WrenchStamped"))
     bag_maker.write_messages(
         tmp_path / "bag",
         [
-            vector(TOOL_ACCELERATION, 1, 1, graph="/left"),
-            vector(TOOL_ACCELERATION, 2, 2, graph="/right"),
-            vector(replace(MASTER_POSITION, type=other), 3, 3, graph="/left"),
+            vector(topics.TOOL_ACCELERATION, 1, 1, graph="/left"),
+            vector(topics.TOOL_ACCELERATION, 2, 2, graph="/right"),
+            vector(replace(topics.MASTER_POSITION, type=other), 3, 3, graph="/left"),
         ],
     )
     recorded = read_bag(tmp_path / "bag")
@@ -242,7 +238,7 @@ def test_another_graph_and_another_type_are_named_and_left_out(tmp_path: Path) -
 
 
 def test_a_malformed_message_is_named_and_the_others_are_read(tmp_path: Path) -> None:
-    topic = SIGNALS[0]
+    topic = topics.SIGNALS[0]
     rows = [vector(topic, n, n, n) for n in range(4)]
     rows[2] = rows[2]._replace(data=rows[2].data[:9])
     recorded = read_bag(bag_maker.write_messages(tmp_path / "bag", rows))
@@ -266,7 +262,7 @@ def test_what_is_no_bag_is_refused_in_one_line(tmp_path: Path, content: bytes | 
 def test_a_pipe_in_place_of_a_compressed_file_is_missing_and_others_are_read(
     tmp_path: Path,
 ) -> None:
-    row = vector(TOOL_ACCELERATION, 1, 1)
+    row = vector(topics.TOOL_ACCELERATION, 1, 1)
     bag_maker.write_messages(tmp_path / "bag", [row], compression=CompressionMode.FILE)
     (file,) = (tmp_path / "bag").glob("*.zstd")
     file.rename(file.with_name("other.mcap.zstd"))

@@ -116,8 +116,7 @@ def test_wrong_inputs_are_refused(given: dict[str, Any], refused: str) -> None:
 
 def sensor_on(card: PortAudio, patched: pytest.MonkeyPatch, kind: type = InputParameters) -> Any:
     """Return the accelerometer of a handle on a card."""
-    for module in ("audio", "sound_bench"):
-        patched.setattr(f"haptic_accel.devices.{module}.sound_library", lambda: card)
+    patched.setattr("haptic_accel.devices.audio.sound_library", lambda: card)
     arm = sound_bench.NoArm(NoParameters(), 1e3, 0)
     return sound_bench.CardAccelerometer(kind(scales="100"), 1000.0, arm, to_base_axes=False)
 
@@ -156,7 +155,7 @@ def test_a_sample_that_cannot_be_spoils_no_later_one(
 def test_a_card_that_cannot_be_a_bench_is_refused_in_one_line(
     card: PortAudio, refused: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("haptic_accel.devices.sound_bench.FIRST_BLOCK", 0.3)
+    monkeypatch.setattr("haptic_accel.devices.audio.FIRST_BLOCK", 0.3)
     sensor = sensor_on(card, monkeypatch, AudioParameters)
     output = partial(sound_bench.BenchOutput, sensor=sensor)
     device = AudioActuator(AudioParameters(channels="2"), 1e3, sensor, 9, card=output)

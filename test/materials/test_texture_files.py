@@ -29,15 +29,8 @@ from archive_bombs import BOMBS, header
 from fuzzing import measured
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
+from haptic_accel.materials import texture_files
 from haptic_accel.materials.scenes import Sampling, read_heights, read_taps
-from haptic_accel.materials.texture_files import (
-    MOST_MEMBERS,
-    MOST_NUMBERS,
-    read_array,
-    read_arrays,
-    read_texture,
-    write_texture,
-)
 
 ARRAYS: dict[str, Any] = {
     "whole": np.arange(6, dtype=np.int16).reshape(2, 3),
@@ -53,19 +46,19 @@ ARRAYS: dict[str, Any] = {
 @pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
 def test_arrays_are_read_as_they_were(tmp_path: Path, save: Callable[..., None]) -> None:
     save(tmp_path / "a.npz", **ARRAYS)
-    found = read_arrays(tmp_path / "a.npz")
+    found = texture_files.read_arrays(tmp_path / "a.npz")
     assert list(found) == list(ARRAYS)
     for name, values in ARRAYS.items():
         np.testing.assert_array_equal(found[name], values)
         assert found[name].dtype == np.asarray(values).dtype
         np.save(tmp_path / "a.npy", values)
-        np.testing.assert_array_equal(read_array(tmp_path / "a.npy"), values)
+        np.testing.assert_array_equal(texture_files.read_array(tmp_path / "a.npy"), values)
 
 
 @pytest.mark.parametrize("kind", BOMBS)
 def test_a_file_that_expands_or_is_none_is_refused_in_one_line(tmp_path: Path, kind: str) -> None:
     path = BOMBS[kind](tmp_path / "a.npz")
-    for read in (read_texture, read_taps):
+    for read in (texture_files.read_texture, read_taps):
         with measured(megabytes=300), pytest.raises(ParameterError, match="a.npz: ") as refused:
             read(path)
         assert str(refused.value).isprintable()
@@ -81,11 +74,11 @@ def test_a_table_of_a_size_that_no_file_has_is_refused(tmp_path: Path) -> None:
         pytest.raises(ParameterError, match="at most 67108864 are allowed"),
     ):
         read_heights(path, Sampling())
-    for shape in ((30_000, 30_000), (MOST_NUMBERS + 1,)):
+    for shape in ((30_000, 30_000), (texture_files.MOST_NUMBERS + 1,)):
         path.write_bytes(header(shape) + bytes(1000))
         with measured(megabytes=300), pytest.raises(ParameterError, match="4000000 are allowed"):
             read_heights(path, Sampling())
-    assert MOST_MEMBERS == 64
+    assert texture_files.MOST_MEMBERS == 64
 
 
 ABOUT = Provenance("two strokes", "CC0-1.0", "somebody", "±5 g by gravity")
@@ -116,8 +109,8 @@ def test_a_file_holds_the_whole_model(
 ) -> None:
     written = model(**changed)
     file = tmp_path / f"oak.{form}"
-    write_texture(file, written)
-    found = read_texture(file)
+    texture_files.write_texture(file, written)
+    found = texture_files.read_texture(file)
     assert (found.name, found.rate, found.provenance) == ("oak: new", 1000.0, ABOUT)
     assert found.coulomb_friction == written.coulomb_friction
     for name in ("speeds", "forces", "lsf", "deviation", "ma_lsf", "gain"):
@@ -125,7 +118,7 @@ def test_a_file_holds_the_whole_model(
 
 
 def test_the_file_states_units_and_licence(tmp_path: Path) -> None:
-    write_texture(tmp_path / "oak.yaml", model())
+    texture_files.write_texture(tmp_path / "oak.yaml", model())
     content = yaml.safe_load((tmp_path / "oak.yaml").read_text())
     assert content["units"]["speeds"] == "m/s"
     assert content["provenance"]["licence"] == "CC0-1.0"
@@ -150,7 +143,7 @@ def test_a_wrong_file_is_refused_with_file_name_and_range(
     tmp_path: Path, name: str, value: object, says: str
 ) -> None:
     file = tmp_path / "oak.yaml"
-    write_texture(file, model())
+    texture_files.write_texture(file, model())
     content = yaml.safe_load(file.read_text())
     if value is None:
         del content[name]
@@ -158,7 +151,7 @@ def test_a_wrong_file_is_refused_with_file_name_and_range(
         content[name] = value
     file.write_text(yaml.safe_dump(content))
     with pytest.raises(ParameterError, match=rf"oak\.yaml:\d+: .*{says}") as refused:
-        read_texture(file)
+        texture_files.read_texture(file)
     assert "\n" not in str(refused.value)
 
 
@@ -168,4 +161,4 @@ def test_what_is_no_model_is_refused(tmp_path: Path, form: str, content: bytes) 
     file = tmp_path / f"oak.{form}"
     file.write_bytes(content)
     with pytest.raises(ParameterError, match=rf"oak\.{form}:"):
-        read_texture(file)
+        texture_files.read_texture(file)

@@ -21,19 +21,15 @@ from scipy import signal
 
 from haptic_accel.core.handle.matrix_plant import MatrixPlant
 from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.identification import sweep
 from haptic_accel.core.identification.fit import Friction, Point
 from haptic_accel.core.identification.motion import simulated
-from haptic_accel.core.identification.sweep import (
-    IdentificationTrial,
-    SweepParameters,
-    orthogonal_excitation,
-)
 from haptic_accel.core.model import FloatArray, HandleParameters, MountParameters
 
 RATE = 1000.0
 RANGE = 49.0
 BANDWIDTH = 500.0
-SWEEP = SweepParameters(start_frequency=8.0, end_frequency=450.0, duration=1.0)
+SWEEP = sweep.SweepParameters(start_frequency=8.0, end_frequency=450.0, duration=1.0)
 NOISE = 0.07
 STEP = 2 * RANGE / 2.0**16
 
@@ -75,17 +71,17 @@ def moved(handle: MatrixPlant, force: FloatArray, friction: float = 0.0) -> Floa
     return np.asarray(np.sum(caused, axis=1).T)
 
 
-def recorded(clean: FloatArray, force: FloatArray, seed: int = 0) -> IdentificationTrial:
+def recorded(clean: FloatArray, force: FloatArray, seed: int = 0) -> sweep.IdentificationTrial:
     """Return a trial with sensor noise, offset and a converter of 16 bit."""
     noise = np.random.default_rng(seed).normal(0.0, NOISE, clean.shape)
     measured = np.round((clean + noise + (0.0, 0.1, 0.3)) / STEP) * STEP
-    return IdentificationTrial(RATE, force, measured, {})
+    return sweep.IdentificationTrial(RATE, force, measured, {})
 
 
 def trials(
     handle: MatrixPlant, count: int = 2, seed: int = 0, friction: float = 0.0
-) -> list[IdentificationTrial]:
+) -> list[sweep.IdentificationTrial]:
     """Return recorded trials of a handle."""
-    force = orthogonal_excitation(SWEEP, RATE)
+    force = sweep.orthogonal_excitation(SWEEP, RATE)
     clean = moved(handle, force, friction)
     return [recorded(clean, force, 1000 * seed + trial) for trial in range(count)]

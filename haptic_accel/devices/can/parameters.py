@@ -23,7 +23,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
 from haptic_accel.devices.can.protocol import ERRORS
 from haptic_accel.devices.connection import AUTO, MANUAL
 
@@ -80,16 +80,11 @@ class LinkParameters(Checked):
     )
 
 
-def node_parameter(node: int) -> Any:
-    """Declare the node id of a joint's axis."""
-    return parameter(node, "node id of the joint's axis (ODrive: 0 to 63)", low=0, high=63)
-
-
 @dataclass(frozen=True)
 class JointParameters(Checked):
     """Transmission from a motor to its joint."""
 
-    node_id: int = node_parameter(0)
+    node_id: int = parameter(0, "node id of the joint's axis (ODrive: 0 to 63)", low=0, high=63)
     gear_ratio: float = parameter(
         1.0, "turns of the motor per turn of the joint", low=0.01, high=1e4
     )
@@ -139,21 +134,14 @@ class JointParameters(Checked):
 class SecondJointParameters(JointParameters):
     """Transmission of the second joint."""
 
-    node_id: int = node_parameter(1)
+    node_id: int = like(JointParameters, "node_id", 1)
 
 
 @dataclass(frozen=True)
 class ThirdJointParameters(JointParameters):
     """Transmission of the third joint."""
 
-    node_id: int = node_parameter(2)
-
-
-def context_parameter(context: str) -> Any:
-    """Declare the section of python-can's configuration file."""
-    return parameter(
-        context, "section of python-can's configuration that takes precedence over [default]"
-    )
+    node_id: int = like(JointParameters, "node_id", 2)
 
 
 @dataclass(frozen=True)
@@ -181,7 +169,9 @@ class CanParameters(Checked):
     options: str = parameter(
         "", 'further settings of the CAN interface, as JSON: {"sleep_after_open": 0}'
     )
-    context: str = context_parameter("default")
+    context: str = parameter(
+        "default", "section of python-can's configuration that takes precedence over [default]"
+    )
     firmware: str = parameter(
         "0.6", "firmware of the ODrives, for the names of their errors", choices=tuple(ERRORS)
     )
@@ -277,11 +267,11 @@ class CanParameters(Checked):
 class CanMasterParameters(CanParameters):
     """Parameters of the master's arm."""
 
-    context: str = context_parameter("master")
+    context: str = like(CanParameters, "context", "master")
 
 
 @dataclass(frozen=True)
 class CanSlaveParameters(CanParameters):
     """Parameters of the slave's arm."""
 
-    context: str = context_parameter("slave")
+    context: str = like(CanParameters, "context", "slave")

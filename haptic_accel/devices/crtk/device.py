@@ -20,11 +20,11 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from time import monotonic, sleep
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.operating_state import ENABLE, ENABLED
-from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
 from haptic_accel.core.warning import warn_once
 from haptic_accel.devices.interface import Device, DeviceError, Sample
 
@@ -38,15 +38,11 @@ POLL_PERIOD = 2e-3
 _NAMES = re.compile(r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 
 
-def _namespace(default: str) -> Any:
-    return parameter(default, "full namespace of the arm's topics")
-
-
 @dataclass(frozen=True)
 class CrtkParameters(Checked):
     """Names of the arm's topics, and their time-outs."""
 
-    namespace: str = _namespace("/arm")
+    namespace: str = parameter("/arm", "full namespace of the arm's topics")
     force: str = parameter(
         "servo_cf",
         "topic of the arm's force below its namespace; body/servo_cf for a dVRK, which is told to"
@@ -85,14 +81,14 @@ class CrtkParameters(Checked):
 class CrtkMasterParameters(CrtkParameters):
     """Parameters of the master's arm."""
 
-    namespace: str = _namespace("/MTMR")
+    namespace: str = like(CrtkParameters, "namespace", "/MTMR")
 
 
 @dataclass(frozen=True)
 class CrtkSlaveParameters(CrtkParameters):
     """Parameters of the slave's arm."""
 
-    namespace: str = _namespace("/PSM1")
+    namespace: str = like(CrtkParameters, "namespace", "/PSM1")
 
 
 class CrtkArm(Device):

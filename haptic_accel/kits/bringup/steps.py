@@ -40,12 +40,7 @@ from haptic_accel.kits.bringup.bench import (
 )
 from haptic_accel.kits.bringup.boards import calibrate_boards, connect
 from haptic_accel.kits.bringup.handle_safety import make_safe
-from haptic_accel.setup.rig_file import (
-    note_step,
-    noted_steps,
-    teleoperation_words,
-    update_parameter_file,
-)
+from haptic_accel.setup import rig_file
 
 TRIAL = 10
 """Duration of a trial with a controller, s, as the paper's."""
@@ -68,7 +63,7 @@ def identify(bench: Bench) -> None:
     if scale := _identified(bench).get(FULL_SCALE):
         mass = bench.number("type the mass of all that moves with the handle, without m_a, kg")
         full_scale = {"audio": {"full_scale": float(f"{scale['value'] * mass:.4g}")}}
-        update_parameter_file(bench.path, {"master_device": full_scale})
+        rig_file.update_parameter_file(bench.path, {"master_device": full_scale})
         bench.person.tell("force scale found: repeat the identification with forces in N")
         _identified(bench)
     bench.notes.append("the model is in this file")
@@ -142,7 +137,7 @@ def _more_time(bench: Bench) -> str:
     latency = bench.parameters(MASTER)[0].latency + 1
     if latency > MOST_LATENCY:
         return "close other programs, and run haptic-accel doctor"
-    update_parameter_file(bench.path, {node: {"latency": latency} for node in TIMED})
+    rig_file.update_parameter_file(bench.path, {node: {"latency": latency} for node in TIMED})
     return f"forces have {latency} samples of time from now on; measure again"
 
 
@@ -171,7 +166,7 @@ class BringUp:
 
     def __init__(self, arguments: BringUpArguments, person: Person) -> None:
         self._bench = Bench(arguments, person)
-        noted = noted_steps(self._bench.path)
+        noted = rig_file.noted_steps(self._bench.path)
         self._done = dict[str, str]()
         for step in STEPS:
             if step not in noted or step == arguments.redo:
@@ -201,5 +196,5 @@ class BringUp:
                 raise BringUpError(str(error)) from None
             bench.person.show(None)
             text = "; ".join(bench.notes) or "nothing to do"
-            note_step(bench.path, step, f"{datetime.now():%Y-%m-%d %H:%M}: {text}")
-        return teleoperation_words("", bench.path, "controller:=adaptive")
+            rig_file.note_step(bench.path, step, f"{datetime.now():%Y-%m-%d %H:%M}: {text}")
+        return rig_file.teleoperation_words("", bench.path, "controller:=adaptive")

@@ -40,14 +40,7 @@ from haptic_accel.core.sampling import HIGHEST_RATE, LOWEST_RATE
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel, from_polynomial, levinson
 from haptic_accel.core.warning import warn_once
 from haptic_accel.kits.textures.building import FRAME, LARGEST_ORDER, RENDER_RATE
-from haptic_accel.materials.columns import (
-    ACCELERATION,
-    MOST_CHANNELS,
-    Wording,
-    factor_of,
-    is_time,
-    rate_of_times,
-)
+from haptic_accel.materials import columns
 from haptic_accel.materials.csv_files import LARGEST_VALUE
 from haptic_accel.materials.recordings import UNCALIBRATED, check_rate, read_samples
 from haptic_accel.materials.texture_files import read_npz
@@ -244,7 +237,7 @@ FLOOR = 1e-6
 NPZ_ARRAYS = ("data", "sample_rate", "channel_names")
 """Arrays of an NPZ file that are read."""
 
-WORDING = Wording("rate", "")
+WORDING = columns.Wording("rate", "")
 """Name of the rate in messages; the column has a fixed name."""
 
 MOST_COEFFICIENTS = 1000
@@ -319,15 +312,17 @@ def _from_npz(path: Path, rate: float, calibration: float | None) -> TextureMode
     others = [index for index, name in enumerate(names) if index not in own]
     for index in others:
         location, where = f"{path}: channel", "sample {}".format
-        rate_of_times(location, names[index], data[index], where, own_rate, "sample_rate")
-    left = [names[index] for index in others if not is_time(names[index], data[index])]
+        columns.rate_of_times(location, names[index], data[index], where, own_rate, "sample_rate")
+    left = [names[index] for index in others if not columns.is_time(names[index], data[index])]
     own = own or _only_channel(path, left, names)
-    stated = [names[index] for index in own if ACCELERATION.parsed(names[index])[1]]
+    stated = [names[index] for index in own if columns.ACCELERATION.parsed(names[index])[1]]
     if stated and calibration is not None:
         raise ParameterError(
             f"calibration = {calibration:g}: {path} has units, {shown(stated[0])}: leave it out"
         )
-    factors = np.array([factor_of(str(path), names[index], ACCELERATION) for index in own])
+    factors = np.array(
+        [columns.factor_of(str(path), names[index], columns.ACCELERATION) for index in own]
+    )
     signals = (calibration or 1.0) * factors[:, np.newaxis] * data[own]
     if not (own and np.all(np.abs(signals) <= LARGEST_VALUE)):
         raise ParameterError(
@@ -351,9 +346,10 @@ def _only_channel(path: Path, left: list[str], names: list[str]) -> list[int]:
 def _channels(path: Path, file: Document) -> tuple[FloatArray, list[str]]:
     """Return the signals in an NPZ file, a row each, and their names."""
     signals, titles = file.at("data"), np.atleast_1d(file.at("channel_names").value)
-    if titles.size > MOST_CHANNELS:
+    if titles.size > columns.MOST_CHANNELS:
         raise ParameterError(
-            f"{path}: channel_names: {titles.size} channels: must be at most {MOST_CHANNELS}"
+            f"{path}: channel_names: {titles.size} channels: must be at most"
+            f" {columns.MOST_CHANNELS}"
         )
     data, names = np.atleast_2d(signals.array()), [str(name) for name in titles.tolist()]
     if data.shape[1] == len(names) != data.shape[0]:

@@ -222,6 +222,12 @@ def test_missing_frames_are_counted(sequences: Sequence[int], lost: int) -> None
     assert decoder.received == len(sequences)
 
 
+def test_damage_is_counted_and_nothing_between_delimiters_is_none() -> None:
+    decoder = Decoder()
+    decoder.feed(DELIMITER * 3 + b"noise" + DELIMITER)
+    assert decoder.damaged == 1
+
+
 def test_another_sender_may_begin_anywhere() -> None:
     decoder = Decoder()
     decoder.feed(encode(Frame(VERSION, FrameType.IDENTIFY, 10, 0, b""))[:-3])

@@ -38,25 +38,16 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import DeviceError
 from haptic_accel.graph.stop_signal import PendingStop
 from haptic_accel.kits.lerobot import fast_path
-from haptic_accel.kits.lerobot.fast_path import (
-    LATE,
-    LONGEST,
-    LOST,
-    SLOTS,
-    TICKS,
-    Ring,
-    memory_file,
-)
 from haptic_accel.nodes.timing import RateKeeper
 from running import wait_until
 from sound_cards import NAME, received, sound_card
 
 
-def rings() -> tuple[Ring, Ring]:
+def rings() -> tuple[fast_path.Ring, fast_path.Ring]:
     """Return the same samples twice, as the writer and a reader have them."""
-    descriptor = memory_file()
+    descriptor = fast_path.memory_file()
     try:
-        return Ring(descriptor), Ring(descriptor)
+        return fast_path.Ring(descriptor), fast_path.Ring(descriptor)
     finally:
         os.close(descriptor)
 
@@ -67,7 +58,7 @@ def sample(tick: int) -> Vector:
 
 
 @settings(max_examples=20)
-@given(st.integers(0, 3 * SLOTS), st.integers(1, LONGEST))
+@given(st.integers(0, 3 * fast_path.SLOTS), st.integers(1, fast_path.LONGEST))
 def test_another_user_reads_the_newest_samples_in_their_order(count: int, size: int) -> None:
     writer, reader = rings()
     for tick in range(count):
@@ -81,18 +72,18 @@ def test_another_user_reads_the_newest_samples_in_their_order(count: int, size: 
     np.testing.assert_array_equal(found[1], [sample(tick) for tick in range(count - size, count)])
 
 
-@pytest.mark.parametrize("gap", [1, 5, 2 * SLOTS])
+@pytest.mark.parametrize("gap", [1, 5, 2 * fast_path.SLOTS])
 def test_ticks_without_a_sample_hold_the_one_before_and_are_counted(gap: int) -> None:
     ring, _ = rings()
     for tick in (10, 11, 12 + gap):
         ring.put(tick, sample(tick))
-    found = ring.newest(min(gap, LONGEST - 1) + 1)
+    found = ring.newest(min(gap, fast_path.LONGEST - 1) + 1)
     assert found is not None
     tick, samples = found
     assert tick == 12 + gap
     assert set(samples[:-1, 0]) == {11.0}
     assert samples[-1, 0] == tick
-    assert ring.counts[LOST] == min(gap, SLOTS)
+    assert ring.counts[fast_path.LOST] == min(gap, fast_path.SLOTS)
 
 
 pytestmark = pytest.mark.quiet
@@ -161,7 +152,7 @@ def test_a_process_that_holds_pythons_lock_does_not_delay_the_fast_path(start: S
         """Return the fast path's newest tick, and its number of ticks in time."""
         newest = path.ring.newest(1)
         assert newest
-        return newest[0], int(path.ring.counts[TICKS] - path.ring.counts[LATE])
+        return newest[0], int(path.ring.counts[fast_path.TICKS] - path.ring.counts[fast_path.LATE])
 
     thread = threading.Thread(target=tick)
     begin, before = served()
@@ -270,12 +261,12 @@ def test_the_coil_moves_while_it_is_asked_for_and_no_stop_is_pending(
     asked = iter([False, True, stopped, stopped])
 
     def play() -> None:
-        ticks, asks = int(path.ring.counts[TICKS]), next(asked)
+        ticks, asks = int(path.ring.counts[fast_path.TICKS]), next(asked)
 
         def is_over() -> bool:
             if asks:
                 path.feel()
-            return bool(path.ring.counts[TICKS] > ticks + 1.5 * RATE)
+            return bool(path.ring.counts[fast_path.TICKS] > ticks + 1.5 * RATE)
 
         wait_until(is_over, "strokes")
 

@@ -36,14 +36,7 @@ from fuzzing import fuzz_few, measured
 from haptic_accel.core.model import GRAVITY, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.surfaces.texture import Texture, TextureModel, is_ordered, to_polynomial
-from haptic_accel.kits.textures.foreign import (
-    DULLEST,
-    REFERENCE,
-    SHARPEST,
-    import_texture,
-    read_hatt,
-    read_pattern,
-)
+from haptic_accel.kits.textures import foreign
 
 PATTERN_RATE = 2000.0
 
@@ -90,17 +83,17 @@ def test_an_ahap_has_its_events_and_curves(tmp_path: Path) -> None:
         curve("HapticSharpnessControl", (0.4, 0.0), (1.0, 0.0), (1.01, 0.5)),
         {"Event": {"Time": 0.0, "EventType": "AudioCustom"}},
     ]
-    wave = read_pattern(
+    wave = foreign.read_pattern(
         pattern_file(tmp_path / "a.ahap", {"Version": 1.0, "Pattern": pattern}), PATTERN_RATE
     )
     assert len(wave) == 1.5 * PATTERN_RATE
     assert 0.4 < np.abs(part(wave, 0.0, 0.02)).max() < 0.8
     assert not part(wave, 0.1, 0.5).any()
-    middle = (DULLEST + SHARPEST) / 2
+    middle = (foreign.DULLEST + foreign.SHARPEST) / 2
     assert amplitude(part(wave, 0.5, 1.0)) == pytest.approx(0.6, rel=0.01)
     assert frequency(part(wave, 0.5, 1.0)) == pytest.approx(middle, abs=1.0)
     assert amplitude(part(wave, 1.05, 1.5)) == pytest.approx(0.3, rel=0.01)
-    assert frequency(part(wave, 1.05, 1.5)) == pytest.approx(SHARPEST, abs=1.0)
+    assert frequency(part(wave, 1.05, 1.5)) == pytest.approx(foreign.SHARPEST, abs=1.0)
 
 
 def haptic(amplitudes: list[Any], frequencies: list[Any]) -> Any:
@@ -116,9 +109,9 @@ def test_a_haptic_file_has_its_envelopes_and_emphasis(tmp_path: Path) -> None:
         {"time": 1.0, "amplitude": 0.0},
     ]
     content = haptic(amplitudes, [{"time": 0.0, "frequency": 1.0}])
-    wave = read_pattern(pattern_file(tmp_path / "a.haptic", content), PATTERN_RATE)
+    wave = foreign.read_pattern(pattern_file(tmp_path / "a.haptic", content), PATTERN_RATE)
     assert amplitude(part(wave, 0.0, 0.5)) == pytest.approx(0.4, rel=0.01)
-    assert frequency(part(wave, 0.0, 0.5)) == pytest.approx(SHARPEST, abs=1.0)
+    assert frequency(part(wave, 0.0, 0.5)) == pytest.approx(foreign.SHARPEST, abs=1.0)
     assert np.abs(part(wave, 0.51, 0.53)).max() > 0.4
     assert not part(wave, 0.55, 1.0).any()
 
@@ -145,11 +138,11 @@ def test_a_wrong_pattern_is_refused_in_one_line(tmp_path: Path, content: Any, wo
     path = tmp_path / "wrong.ahap"
     path.write_bytes(content) if isinstance(content, bytes) else pattern_file(path, content)
     with pytest.raises(ParameterError, match=rf"^{path}: .*{words}") as raised:
-        read_pattern(path, PATTERN_RATE)
+        foreign.read_pattern(path, PATTERN_RATE)
     assert str(raised.value).isprintable()
 
 
-SPEED, FORCE = (float(value) for value in REFERENCE)
+SPEED, FORCE = (float(value) for value in foreign.REFERENCE)
 BAND = np.linspace(40.0, 450.0, 200)
 
 # Resonances at 120 and 300 Hz of a filter at 1 kHz.
@@ -187,18 +180,18 @@ def write_filter(path: Path, **changed: Any) -> Path:
 
 
 def test_a_filter_is_taken_exactly(tmp_path: Path) -> None:
-    model = import_texture(write_filter(tmp_path / "f.json"))
+    model = foreign.import_texture(write_filter(tmp_path / "f.json"))
     assert (model.name, model.rate) == ("oak", 1000.0)
     assert model.provenance.source == "f.json"
     assert distance(model, theory()) < 0.01
-    louder = import_texture(tmp_path / "f.json", calibration=3.0)
+    louder = foreign.import_texture(tmp_path / "f.json", calibration=3.0)
     assert distance(louder, theory(3.0)) < 0.01
     assert louder.provenance.calibration == "3 m/s^2 at 1"
 
 
 def test_a_filter_with_zeros_is_followed(tmp_path: Path) -> None:
     b = np.poly([0.8 * np.exp(1j), 0.8 * np.exp(-1j), 1.2]).real
-    model = import_texture(write_filter(tmp_path / "f.json", b=b.tolist()))
+    model = foreign.import_texture(write_filter(tmp_path / "f.json", b=b.tolist()))
     _, response = signal.freqz(b, A, BAND, fs=1000.0)
     assert distance(model, np.abs(response) ** 2 * 2 / 1000.0) < 0.3
 
@@ -208,7 +201,7 @@ def test_a_csv_file_has_its_spectrum_in_metres(tmp_path: Path, rate: float) -> N
     path = tmp_path / "drag.csv"
     rows = "\n".join(f"{value:.6g}" for value in noise(rate))
     path.write_text(f"acceleration\n{rows}\n")
-    model = import_texture(path, rate=rate)
+    model = foreign.import_texture(path, rate=rate)
     assert model.rate == 1000.0
     assert distance(model, theory()) < 1.0
 
@@ -218,14 +211,14 @@ def test_a_wav_file_is_calibrated(tmp_path: Path) -> None:
     path = tmp_path / "drag.wav"
     wavfile.write(path, 8000, np.int16(wave / np.abs(wave).max() * 30000))
     with pytest.raises(ParameterError, match=rf"^{path}: calibration = nothing: .*m/s\^2"):
-        import_texture(path)
+        foreign.import_texture(path)
     full_scale = np.abs(wave).max() * 32768 / 30000
-    assert distance(import_texture(path, calibration=float(full_scale)), theory()) < 1.0
+    assert distance(foreign.import_texture(path, calibration=float(full_scale)), theory()) < 1.0
     wavfile.write(path, 8000, wave.astype(np.float32) / np.abs(wave).max())
     with pytest.raises(ParameterError, match="calibration = nothing"):
-        import_texture(path)
+        foreign.import_texture(path)
     peak = float(np.abs(wave).max())
-    assert distance(import_texture(path, calibration=peak), theory()) < 1.0
+    assert distance(foreign.import_texture(path, calibration=peak), theory()) < 1.0
 
 
 def three_axes(path: Path, names: list[str], **others: Any) -> Path:
@@ -237,26 +230,26 @@ def three_axes(path: Path, names: list[str], **others: Any) -> Path:
 
 def test_units_of_the_channels_of_an_npz_file_are_converted(tmp_path: Path) -> None:
     path = three_axes(tmp_path / "drag.npz", ["acc_x [g]", "acc_y [g]", "t"])
-    assert distance(import_texture(path), theory(9.80665)) < 1.0
+    assert distance(foreign.import_texture(path), theory(9.80665)) < 1.0
     with pytest.raises(ParameterError, match=r"^calibration = 2: .*has units, acc_x \[g\]"):
-        import_texture(path, calibration=2.0)
+        foreign.import_texture(path, calibration=2.0)
     three_axes(path, ["acc_x [V]", "acc_y", "t"])
     with pytest.raises(ParameterError, match=r"column acc_x \[V\] is in V: must be in"):
-        import_texture(path)
+        foreign.import_texture(path)
 
 
 def test_times_of_an_npz_file_must_agree_with_its_rate(tmp_path: Path) -> None:
     path = three_axes(tmp_path / "drag.npz", ["acc_x", "acc_y", "t"], sample_rate=4000)
     match = "channel t says 2000 Hz, sample_rate = 4000: must agree"
     with pytest.raises(ParameterError, match=match):
-        import_texture(path)
+        foreign.import_texture(path)
 
 
 def test_other_arrays_of_an_npz_file_are_told(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = three_axes(tmp_path / "drag.npz", ["acc_x", "acc_y", "t"], units="g", gain=3.0)
-    import_texture(path)
+    foreign.import_texture(path)
     assert caplog.messages == [f"{path}: units, gain: not read"]
 
 
@@ -268,9 +261,9 @@ def test_a_rate_that_contradicts_that_of_a_file_is_refused(tmp_path: Path) -> No
     for path, rate in ((npz, 2000), (tmp_path / "drag.wav", 2000), (xml, 1000), (json_file, 1000)):
         calibration = 5.0 if path.suffix == ".wav" else None
         with pytest.raises(ParameterError, match=f"rate = 500: must be 0 or {rate} Hz as {path}"):
-            import_texture(path, 500.0, calibration)
+            foreign.import_texture(path, 500.0, calibration)
     with pytest.raises(ParameterError, match="has no sampling rate: leave it out"):
-        import_texture(tmp_path / "buzz.ahap", 500.0, 5.0)
+        foreign.import_texture(tmp_path / "buzz.ahap", 500.0, 5.0)
 
 
 def test_only_one_channel_of_an_npz_file_is_acceleration_without_its_name(
@@ -278,9 +271,9 @@ def test_only_one_channel_of_an_npz_file_is_acceleration_without_its_name(
 ) -> None:
     path = three_axes(tmp_path / "drag.npz", ["speed", "load", "t"])
     with pytest.raises(ParameterError, match="channel_names speed, load: must be one channel"):
-        import_texture(path)
+        foreign.import_texture(path)
     np.savez(path, data=noise(2000.0), sample_rate=2000, channel_names=["x"])
-    assert distance(import_texture(path), theory()) < 1.0
+    assert distance(foreign.import_texture(path), theory()) < 1.0
     assert caplog.messages == [f"{path}: channel x: taken as the acceleration"]
 
 
@@ -291,8 +284,8 @@ def test_a_pattern_becomes_a_texture_of_its_frequency_and_strength(tmp_path: Pat
     path = tmp_path / "buzz.ahap"
     path.write_text(json.dumps({"Pattern": pattern}))
     with pytest.raises(ParameterError, match="calibration = nothing"):
-        import_texture(path)
-    model = import_texture(path, calibration=4.0)
+        foreign.import_texture(path)
+    model = foreign.import_texture(path, calibration=4.0)
     frequency = np.linspace(1.0, 499.0, 5000)
     density = model.spectrum(SPEED, FORCE, frequency)
     assert frequency[np.argmax(density)] == pytest.approx(300.0, abs=2.0)
@@ -301,7 +294,7 @@ def test_a_pattern_becomes_a_texture_of_its_frequency_and_strength(tmp_path: Pat
 
 
 def test_the_texture_grows_with_speed_and_force_to_its_own_strength(tmp_path: Path) -> None:
-    model = import_texture(write_filter(tmp_path / "f.json"))
+    model = foreign.import_texture(write_filter(tmp_path / "f.json"))
     levels = {
         (speed, force): float(np.sqrt(np.mean(model.spectrum(speed, force, BAND))))
         for speed in (0.0, 0.5 * SPEED, SPEED, 3 * SPEED)
@@ -359,7 +352,7 @@ def test_a_wrong_file_is_refused(tmp_path: Path, name: str, content: Any, words:
     elif content is not None:
         np.savez(path, **content)
     with pytest.raises(ParameterError, match=rf"^{path}: .*{words}"):
-        import_texture(path, calibration=5.0 if name == "none.ahap" else None)
+        foreign.import_texture(path, calibration=5.0 if name == "none.ahap" else None)
 
 
 def test_a_wrong_calibration_is_refused(tmp_path: Path) -> None:
@@ -368,7 +361,7 @@ def test_a_wrong_calibration_is_refused(tmp_path: Path) -> None:
         ("a.wav", 0.0, "above 0"),
     ):
         with pytest.raises(ParameterError, match=rf"^calibration = {value:g}.*{words}"):
-            import_texture(tmp_path / name, calibration=value)
+            foreign.import_texture(tmp_path / name, calibration=value)
 
 
 SHAPES = {
@@ -385,7 +378,7 @@ def written(path: Path, text: str) -> Path:
 
 
 def test_a_file_is_read_in_si_units(tmp_path: Path) -> None:
-    model = read_hatt(written(tmp_path / "slate.xml", hatt_file((14, 12), 25)))
+    model = foreign.read_hatt(written(tmp_path / "slate.xml", hatt_file((14, 12), 25)))
     assert (model.name, model.rate, model.coulomb_friction) == ("Slate", 1000.0, 0.25)
     assert (model.lsf.shape, model.ma_lsf.shape) == ((25, 14), (25, 12))
     assert (model.speeds.max(), model.forces.max()) == (0.3, 4.0)
@@ -396,7 +389,7 @@ def test_a_file_is_read_in_si_units(tmp_path: Path) -> None:
 
 def test_a_file_without_moving_average_is_autoregressive(tmp_path: Path) -> None:
     text = hatt_file((20, 0), 40, 10000.0).replace("<numMACoeff>0</numMACoeff>", "")
-    model = read_hatt(written(tmp_path / "slate.xml", text))
+    model = foreign.read_hatt(written(tmp_path / "slate.xml", text))
     assert (model.rate, model.ma_lsf.shape) == (10000.0, (40, 0))
     assert model.gain.tolist() == [1.0] * 40
 
@@ -421,7 +414,7 @@ def test_a_wrong_file_is_refused_by_name(
 ) -> None:
     path = written(tmp_path / "slate.xml", hatt_file().replace(found, given))
     with pytest.raises(ParameterError, match=message) as refused:
-        read_hatt(path)
+        foreign.read_hatt(path)
     assert str(refused.value).startswith(f"{path}: ")
     assert "\n" not in str(refused.value)
 
@@ -429,7 +422,7 @@ def test_a_wrong_file_is_refused_by_name(
 def test_nodes_of_different_orders_are_refused(tmp_path: Path) -> None:
     text = hatt_file().replace('<ARlsf type="array">', "<ARlsf><value>0.001</value>", 1)
     with pytest.raises(ParameterError, match="ARlsf: 14 to 15 values: must be one order"):
-        read_hatt(written(tmp_path / "slate.xml", text))
+        foreign.read_hatt(written(tmp_path / "slate.xml", text))
 
 
 def are_stable(polynomials: np.ndarray) -> bool:
@@ -449,7 +442,7 @@ def test_a_texture_is_stable_at_every_point_and_along_every_path(
     shape: str, count: int, tmp_path: Path
 ) -> None:
     orders, nodes, rate = SHAPES[shape]
-    model = read_hatt(written(tmp_path / "slate.xml", hatt_file(orders, nodes, rate)))
+    model = foreign.read_hatt(written(tmp_path / "slate.xml", hatt_file(orders, nodes, rate)))
     random = np.random.default_rng(1)
     places = model.locate(random.uniform(0, 0.4, count), random.uniform(0, 6, count))
     assert places.weights.min() >= 0
@@ -479,7 +472,7 @@ def test_a_pattern_of_many_events_is_refused(tmp_path: Path) -> None:
         pattern = [{"Event": {**event, "EventDuration": seconds}}] * count
         path.write_text(json.dumps({"Pattern": pattern}))
         with measured(), pytest.raises(ParameterError, match=says):
-            import_texture(path, calibration=1.0)
+            foreign.import_texture(path, calibration=1.0)
 
 
 RATE = 500.0
@@ -495,7 +488,7 @@ def texture() -> TextureModel:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "a.csv"
         np.savetxt(path, SIGNAL, header="acceleration", comments="")
-        return import_texture(path, RATE)
+        return foreign.import_texture(path, RATE)
 
 
 @fuzz_few
@@ -516,7 +509,7 @@ def test_an_npz_file_is_read_alike_in_any_form(
     path = tmp_path / "a.npz"
     data = rows.T if turned else rows
     write(path, data=data, sample_rate=RATE, channel_names=[*others, name])
-    found = import_texture(path)
+    found = foreign.import_texture(path)
     rounding = 1e-9 if kind is np.float64 else 1e-4
     assert found.deviation == pytest.approx(texture().deviation, rel=rounding)
     assert found.lsf == pytest.approx(texture().lsf, rel=rounding)
