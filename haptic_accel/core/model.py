@@ -185,11 +185,7 @@ class AccelerometerParameters(Checked):
         500.0, "corner of the accelerometer's first-order low-pass (paper)", "Hz", 1.0, 100e3
     )
     noise_density: float = parameter(
-        250e-6 * GRAVITY,
-        "noise density of the accelerometer (ADXL320 data sheet: 250 ug/sqrt(Hz))",
-        "m/s^2/sqrt(Hz)",
-        0,
-        1.0,
+        250e-6 * GRAVITY, "noise density (ADXL320: 250 ug/sqrt(Hz))", "m/s^2/sqrt(Hz)", 0, 1.0
     )
     bits: int = parameter(
         16, "resolution of the accelerometer's converter over its range", "bit", 4, 32
@@ -268,10 +264,7 @@ class ModeParameters(Checked):
     frequency: float = parameter(0.0, "resonance of a second mode; 0 for none", "Hz", 0, 2000.0)
     damping: float = parameter(0.2, "damping ratio of the second mode", low=0.01, high=2.0)
     share: float = parameter(
-        1.0,
-        "fraction of the measured acceleration that passes through the second mode",
-        low=0.0,
-        high=1.0,
+        1.0, "fraction of the acceleration that passes the second mode", low=0.0, high=1.0
     )
     on_mount: bool = parameter(
         True,
@@ -284,10 +277,7 @@ class GripParameters(Checked):
     """Variation between users, posture of the hand, and gravity."""
 
     variation: float = parameter(
-        0.0,
-        "standard deviation of the logarithm of the grip's m_h, k_u and b_u from seed to seed",
-        low=0,
-        high=1.0,
+        0.0, "standard deviation of ln m_h, k_u and b_u from seed to seed", low=0, high=1.0
     )
     posture: str = parameter(
         "average", "posture of the hand; average: Table I of the paper", choices=tuple(POSTURES)

@@ -89,16 +89,10 @@ class GripRange(Checked):
         0.3, "relative deviation of the handle's mass m_h, either way (assumed)", low=0, high=0.9
     )
     stiffness: float = parameter(
-        2.0,
-        "factor by which the grip's stiffness k_u may be larger or smaller (assumed)",
-        low=1,
-        high=10,
+        2.0, "factor by which the grip's k_u may be larger or smaller (assumed)", low=1, high=10
     )
     damping: float = parameter(
-        2.0,
-        "factor by which the grip's damping b_u may be larger or smaller (assumed)",
-        low=1,
-        high=10,
+        2.0, "factor by which the grip's b_u may be larger or smaller (assumed)", low=1, high=10
     )
 
     def grips(self, handle: HandleParameters) -> tuple[HandleParameters, ...]:

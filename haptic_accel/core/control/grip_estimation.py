@@ -96,12 +96,7 @@ class AdaptationParameters(Checked):
     """Parameters of the grip estimator."""
 
     memory: float = parameter(
-        0.4,
-        "time constant of the estimate's exponential forgetting, counted while the"
-        " handle is excited",
-        "s",
-        0.05,
-        100.0,
+        0.4, "time constant of the forgetting, while the handle is excited", "s", 0.05, 100.0
     )
 
 

@@ -63,11 +63,7 @@ class EngagementParameters(Checked):
         0.0, "time from engaging to the end of the graph; 0 for no end", "s", 0.0, 1e6
     )
     listeners: int = parameter(
-        1,
-        "number of subscribers to each arm's force required for engagement: its device, a"
-        " recorder",
-        low=0,
-        high=100,
+        1, "subscribers to each arm's force needed to engage (device, recorder)", low=0, high=100
     )
     compensated: bool = parameter(False, "wait for the compensator's first force before engaging")
     recovery: str = parameter(

@@ -110,11 +110,7 @@ class PassiveParameters(Checked):
         50.0,
     )
     energy: float = parameter(
-        2e-3,
-        "energy in each half's tank at the start: the maximum net energy that it gives to its arm",
-        "J",
-        1e-6,
-        1.0,
+        2e-3, "energy of each half at the start: the most that it gives its arm", "J", 1e-6, 1.0
     )
     scale: float = like(CouplingParameters, "scale")
     max_force: float = like(CouplingParameters, "max_force")

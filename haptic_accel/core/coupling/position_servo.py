@@ -28,19 +28,11 @@ class PositionServoParameters(Checked):
     """Gains of an arm's position control; the safety layer limits its force."""
 
     stiffness: float = parameter(
-        250.0,
-        "stiffness towards a commanded position; default as for the coupling",
-        "N/m",
-        0,
-        5000.0,
+        250.0, "stiffness towards a commanded position: that of the coupling", "N/m", 0, 5000.0
     )
+    # The simulated slave has 60 g, and 3 N s/m in its joints.
     damping: float = parameter(
-        4.0,
-        "damping while a position is commanded; the simulated slave (60 g, 3 N s/m in the joints)"
-        " then has 0.9 of critical damping",
-        "N s/m",
-        0,
-        50.0,
+        4.0, "damping of commanded positions (0.9 of critical in simulation)", "N s/m", 0, 50.0
     )
 
 

@@ -111,20 +111,12 @@ class Plant(Checked):
     handle: HandleParameters = field(default_factory=HandleParameters)
     mount: MountParameters = field(default_factory=MountParameters)
     delay: float = parameter(
-        0.0,
-        "delay from command to force in addition to the hold: converter, amplifier, transport",
-        "s",
-        0.0,
-        0.02,
+        0.0, "delay from command to force beside the hold: converter, transport", "s", 0.0, 0.02
     )
     bandwidth: float = like(AccelerometerParameters, "bandwidth")
     friction: float = parameter(0.0, "dry friction of the actuator's bearing", "N", 0.0, 1.0)
     coupling: float = parameter(
-        250.0,
-        "stiffness of the coupling to the slave, added to that of the grip (paper)",
-        "N/m",
-        0.0,
-        1e5,
+        250.0, "stiffness of the coupling to the slave, beside the grip's (paper)", "N/m", 0.0, 1e5
     )
     model: str = parameter(
         "",

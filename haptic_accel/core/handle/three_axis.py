@@ -61,21 +61,13 @@ def _offset(distance: float, coil: str, along: str) -> Any:
 class BodyParameters(Checked):
     """Rigid handle: inertia, the grip's width, and the accelerometer on it."""
 
+    # A rod of 0.1 m has 0.029 m.
     gyration_radius: float = parameter(
-        0.030,
-        "radius of gyration of handle and hand about each axis (assumed: a rod of 0.1 m has"
-        " 0.029 m)",
-        "m",
-        1e-3,
-        1.0,
+        0.030, "radius of gyration of handle and hand (assumed: a rod of 0.1 m)", "m", 1e-3, 1.0
     )
+    # A stylus between thumb and two fingers.
     grip_width: float = parameter(
-        0.040,
-        "distance of the fingers on the handle, which makes the grip stiff against rotation"
-        " (assumed: a stylus between thumb and two fingers)",
-        "m",
-        0.0,
-        0.2,
+        0.040, "distance of the fingers, which resists rotation (assumed: a stylus)", "m", 0.0, 0.2
     )
     sensor_x: float = _sensor(0.006)
     sensor_y: float = _sensor(-0.004)

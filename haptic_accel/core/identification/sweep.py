@@ -80,10 +80,7 @@ class SweepParameters(Checked):
         1.68, "amplitude of the sweep's force at its end (paper)", "N", 0, 100.0, above=True
     )
     repeats: int = parameter(
-        3,
-        "number of sweeps in a trial; the first is not evaluated (value of the paper)",
-        low=3,
-        high=100,
+        3, "number of sweeps in a trial; the first is not evaluated (paper)", low=3, high=100
     )
 
     def __post_init__(self) -> None:

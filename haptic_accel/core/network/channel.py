@@ -37,11 +37,7 @@ class ChannelParameters(Checked):
 
     delay: float = parameter(0.0, "mean one-way delay", "s", 0, 10.0)
     jitter: float = parameter(
-        0.0,
-        "maximum deviation of a packet's delay from the mean (uniform distribution)",
-        "s",
-        0,
-        10.0,
+        0.0, "maximum deviation of a packet's delay from the mean (uniform)", "s", 0, 10.0
     )
     loss: float = parameter(0.0, "fraction of packets that are lost", low=0, high=1.0)
     duplication: float = parameter(

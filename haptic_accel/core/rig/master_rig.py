@@ -60,17 +60,10 @@ class DriveParameters(Checked):
         10.0, "damping of the travel stops (assumed)", "N s/m", 0, 20.0
     )
     delay: float = parameter(
-        0.0,
-        "delay from command to force in addition to the hold: converter, amplifier, computation",
-        "s",
-        0,
-        0.02,
+        0.0, "delay from command to force beside the hold: converter, amplifier", "s", 0, 0.02
     )
     force_scale: float = parameter(
-        1.0,
-        "ratio of force to commanded force; negative if the coil's wires are swapped",
-        low=-2.0,
-        high=2.0,
+        1.0, "force over commanded force; negative if the wires are swapped", low=-2.0, high=2.0
     )
     coulomb_friction: float = parameter(0.0, "dry friction of the actuator's bearing", "N", 0, 1.0)
     slip_velocity: float = parameter(
@@ -86,13 +79,9 @@ class ExplorationParameters(Checked):
     approach_time: float = parameter(
         0.6, "time of the hand's approach to the surface, and of its lift", "s", 0.1, 10.0
     )
+    # Through the coupling's 250 N/m and the grip's 1500 N/m in series.
     press_depth: float = parameter(
-        0.0047,
-        "depth of the hand's set-point below the surface: about 1 N through the coupling's"
-        " 250 N/m and the grip's 1500 N/m in series",
-        "m",
-        0.0,
-        0.1,
+        0.0047, "depth of the hand's set-point below the surface: about 1 N", "m", 0.0, 0.1
     )
     stroke_speed: float = parameter(0.1, "speed of a stroke along the surface", "m/s", 0, 1.0)
     stroke_length: float = parameter(0.08, "length of a stroke along the surface", "m", 0.001, 1.0)

@@ -54,11 +54,7 @@ class ToolParameters(Checked):
     """Tip of the slave arm."""
 
     mass: float = parameter(
-        0.060,
-        "apparent mass of arm and tool: 45 g of a Phantom Omni (its data sheet) and 15 g of tool",
-        "kg",
-        0.001,
-        10.0,
+        0.060, "mass of arm and tool: 45 g of a Phantom Omni and 15 g of tool", "kg", 0.001, 10.0
     )
     viscous_friction: float = parameter(
         3.0, "damping of the arm's joints at the tip (assumed)", "N s/m", 0, 50.0
@@ -89,22 +85,14 @@ class SurfaceParameters(Checked):
         3e6, "contact force divided by penetration^1.5 (Hertz)", "N/m^1.5", 1e3, 1e8
     )
     contact_damping: float = parameter(
-        1.5,
-        "factor of the penetration velocity in the contact force (Hunt and Crossley 1975)",
-        "s/m",
-        0.0,
-        1e3,
+        1.5, "factor of penetration velocity in the force (Hunt and Crossley 1975)", "s/m", 0, 1e3
     )
     friction: float = parameter(
         0.3, "coefficient of sliding friction on the surface", low=0.0, high=2.0
     )
     roughness: float = parameter(0.0, "RMS height of the irregular texture", "m", 0.0, 1e-3)
     shortest_wavelength: float = parameter(
-        0.4e-3,
-        "shortest wavelength of the irregular texture; the tip's radius filters shorter ones",
-        "m",
-        0.3e-3,
-        0.1,
+        0.4e-3, "shortest wavelength of the irregular texture (tip's filter)", "m", 0.3e-3, 0.1
     )
     longest_wavelength: float = parameter(
         4e-3, "longest wavelength of the irregular texture", "m", 0.3e-3, 0.1
