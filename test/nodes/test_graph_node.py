@@ -309,66 +309,53 @@ class Listener:
         rclpy.shutdown()
 
 
-def test_samples_of_two_publishers_are_not_taken(
-    observer: Observer, capfd: pytest.CaptureFixture[str]
-) -> None:
-    listener = Listener(capfd)
-    try:
-        wait_until(listener.takes, "samples of one publisher")
-        node = rclpy.create_node("slave_device", context=observer.context)
-        topic = SLAVE_POSITION
-        publisher = node.create_publisher(message_type(topic), topic.name, quality(topic))
-        wait_until(lambda: publisher.get_subscription_count() == 1, "the rival's subscriber")
-        wait_until(lambda: listener.refuses(1), "samples are refused")
-        send = publisher.handle.publish_raw
-        for _ in range(100):
-            send(StampedVector(topic).pack(time.time_ns(), (9.0, 0.0, 0.0)))
-            assert not listener.takes()
-        refused = (
-            "slave/measured_cp: no sample taken while it is sent by /slave_device (2 publishers)"
-        )
-        wait_until(lambda: listener.said(refused) or listener.takes(), "a line")
-        wait_until(lambda: listener.refuses(100), "all are refused")
-        node.destroy_node()
-        wait_until(listener.takes, "samples of one publisher again")
-        again = "slave/measured_cp: taken again: it has one sender"
-        wait_until(lambda: listener.takes() and listener.said(refused, again), "another line")
-    finally:
-        listener.close()
+@pytest.fixture
+def listener(observer: Observer, capfd: pytest.CaptureFixture[str]) -> Iterator[Listener]:
+    made = Listener(capfd)
+    yield made
+    made.close()
 
 
-def test_no_false_of_two_publishers_is_believed(
-    observer: Observer, capfd: pytest.CaptureFixture[str]
-) -> None:
-    listener = Listener(capfd)
-    try:
-        inbox = listener.node.inbox(COUPLER_STOPPED)
-        first, second = (listener.sender.publisher(COUPLER_STOPPED) for _ in range(2))
+def test_samples_of_two_publishers_are_not_taken(listener: Listener, observer: Observer) -> None:
+    wait_until(listener.takes, "samples of one publisher")
+    node = rclpy.create_node("slave_device", context=observer.context)
+    topic = SLAVE_POSITION
+    publisher = node.create_publisher(message_type(topic), topic.name, quality(topic))
+    wait_until(lambda: publisher.get_subscription_count() == 1, "the rival's subscriber")
+    wait_until(lambda: listener.refuses(1), "samples are refused")
+    send = publisher.handle.publish_raw
+    for _ in range(100):
+        send(StampedVector(topic).pack(time.time_ns(), (9.0, 0.0, 0.0)))
+        assert not listener.takes()
+    refused = "slave/measured_cp: no sample taken while it is sent by /slave_device (2 publishers)"
+    wait_until(lambda: listener.said(refused) or listener.takes(), "a line")
+    wait_until(lambda: listener.refuses(100), "all are refused")
+    node.destroy_node()
+    wait_until(listener.takes, "samples of one publisher again")
+    again = "slave/measured_cp: taken again: it has one sender"
+    wait_until(lambda: listener.takes() and listener.said(refused, again), "another line")
 
-        def heard(expected: list[bool], *words: bool) -> bool:
-            for word in words:
-                first.publish(Bool(data=word))
-            return listener.node.states(inbox)[-len(expected) :] == expected
 
-        wait_until(lambda: inbox.senders == 2, "both publishers")
-        wait_until(lambda: heard([True], False, True, False), "true alone")
-        listener.sender.destroy_publisher(second)
-        wait_until(lambda: heard([True, False], True, False), "false of the one that is left")
-    finally:
-        listener.close()
+def test_no_false_of_two_publishers_is_believed(listener: Listener) -> None:
+    inbox = listener.node.inbox(COUPLER_STOPPED)
+    first, second = (listener.sender.publisher(COUPLER_STOPPED) for _ in range(2))
+
+    def heard(expected: list[bool], *words: bool) -> bool:
+        for word in words:
+            first.publish(Bool(data=word))
+        return listener.node.states(inbox)[-len(expected) :] == expected
+
+    wait_until(lambda: inbox.senders == 2, "both publishers")
+    wait_until(lambda: heard([True], False, True, False), "true alone")
+    listener.sender.destroy_publisher(second)
+    wait_until(lambda: heard([True, False], True, False), "false of the one that is left")
 
 
-def test_no_timer_waits_for_a_clock_that_was_set_back(
-    observer: Observer, capfd: pytest.CaptureFixture[str]
-) -> None:
-    listener = Listener(capfd)
-    try:
-        listener.node.create_timer(1.0, lambda: None)
-        timers = list(listener.node.timers)
-        assert len(timers) > 1
-        assert {timer.clock.clock_type for timer in timers} == {ClockType.STEADY_TIME}
-    finally:
-        listener.close()
+def test_no_timer_waits_for_a_clock_that_was_set_back(listener: Listener) -> None:
+    listener.node.create_timer(1.0, lambda: None)
+    timers = list(listener.node.timers)
+    assert len(timers) > 1
+    assert {timer.clock.clock_type for timer in timers} == {ClockType.STEADY_TIME}
 
 
 def test_messages_that_are_malformed_are_refused_and_counted_and_the_graph_goes_on(

@@ -74,39 +74,39 @@ def test_forces_of_a_process_that_stood_still_are_late_though_none_comes_after_i
     assert forces.late_time == pytest.approx(0.1)
 
 
-def test_ticks_lie_on_whole_multiples_of_the_period(clock: FakeClock, keeper: RateKeeper) -> None:
-    for index in range(18, 30):
-        clock.now = index * PERIOD + 80_000
-        assert [keeper.time(tick) for tick in due(keeper)] == [index * PERIOD]
-        assert keeper.next == pytest.approx((index + 1) * 1e-3)
-    assert (keeper.ticks, keeper.late, keeper.missed) == (12, 0, 0)
+SERVED = round(CATCH_UP * 1000)
+"""Most grid points of a stall that are served."""
 
 
-def test_a_grid_point_is_due_once_and_not_before_its_time(
-    clock: FakeClock, keeper: RateKeeper
+@pytest.mark.parametrize(
+    ("lead", "frame", "moments", "late", "missed"),
+    [
+        (0.0, 1, {index + 0.08: [index] for index in range(18, 30)}, 0, 0),
+        (0.0, 1, {17.999: [], 18.0: [18], 18.001: []}, 0, 0),  # once, and not before its time
+        (50e-6, 1, {17.96: [18]}, 0, 0),  # early by the time to wake
+        (0.0, 1, {18.6: [18], 19.05: [19]}, 1, 0),  # a late one shifts no other
+        (0.0, 1, {217.0: [*range(218 - SERVED, 218)]}, SERVED - 1, 200 - SERVED),
+        (0.0, 4, {17.0: [], 20.001: [20], 26.001: [24], 36.0: [28, 32, 36]}, 12, 0),
+        (0.0, 4, {240.0: [*range(244 - SERVED, 241, 4)]}, SERVED - 4, 224 - SERVED),
+    ],
+)
+def test_grid_points_are_due_once_in_their_order(
+    clock: FakeClock,
+    lead: float,
+    frame: int,
+    moments: dict[float, list[int]],
+    late: int,
+    missed: int,
 ) -> None:
-    clock.now = 18 * PERIOD - 1
-    assert keeper.due() is None
-    clock.now = 18 * PERIOD
-    assert due(keeper) == [18]
-    assert keeper.due() is None
-
-
-def test_a_tick_may_begin_early_by_the_time_to_wake(clock: FakeClock) -> None:
-    keeper = RateKeeper(1000, clock, lead=50e-6)
-    clock.now = 18 * PERIOD - 40_000
-    assert due(keeper) == [18]
-    assert keeper.next == pytest.approx(18.95e-3)
-
-
-def test_a_tick_later_than_half_a_period_is_late_and_shifts_no_other(
-    clock: FakeClock, keeper: RateKeeper
-) -> None:
-    clock.now = 18 * PERIOD + 600_000
-    assert due(keeper) == [18]
-    clock.now = 19 * PERIOD + 50_000
-    assert due(keeper) == [19]
-    assert (keeper.ticks, keeper.late, keeper.missed) == (2, 1, 0)
+    keeper = RateKeeper(1000, clock, lead=lead, frame=frame)
+    for moment, served in moments.items():
+        clock.now = round(moment * PERIOD)
+        assert due(keeper) == served
+        if served:
+            assert keeper.time(served[-1]) == served[-1] * PERIOD
+            assert keeper.next == pytest.approx((served[-1] + frame) * 1e-3 - lead)
+    ticks = frame * sum(map(len, moments.values()))
+    assert (keeper.ticks, keeper.late, keeper.missed) == (ticks, late, missed)
 
 
 def test_grid_points_of_a_stall_are_served_afterwards_each_in_its_turn(
@@ -122,13 +122,6 @@ def test_grid_points_of_a_stall_are_served_afterwards_each_in_its_turn(
         assert keeper.pop_longest_gap(each) == 0.0
 
 
-def test_a_longer_stall_leaves_out_the_oldest(clock: FakeClock, keeper: RateKeeper) -> None:
-    clock.now = 217 * PERIOD
-    served = round(CATCH_UP * 1000)
-    assert due(keeper) == list(range(218 - served, 218))
-    assert keeper.missed == 200 - served
-
-
 def test_a_process_that_stays_behind_leaves_out_what_waits(
     clock: FakeClock, keeper: RateKeeper
 ) -> None:
@@ -141,27 +134,6 @@ def test_a_process_that_stays_behind_leaves_out_what_waits(
     assert lateness.max() < 1e3 * BEHIND * 0.1 + 1
     assert keeper.missed == served[-1] - served[0] - len(served) + 1
     assert keeper.missed == pytest.approx(100, abs=30)
-
-
-def test_a_frame_is_served_at_its_last_grid_point(clock: FakeClock) -> None:
-    keeper = RateKeeper(1000, clock, frame=4)
-    assert (keeper.due(), keeper.next) == (None, 0.020)
-    clock.now = 20 * PERIOD + 1
-    assert due(keeper) == [20]
-    clock.now = 24 * PERIOD + 2 * PERIOD + 1  # half a frame and more
-    assert due(keeper) == [24]
-    assert (keeper.ticks, keeper.late, keeper.missed) == (8, 4, 0)
-    clock.now = 36 * PERIOD
-    assert due(keeper) == [28, 32, 36]
-
-
-def test_a_long_stall_leaves_out_whole_frames(clock: FakeClock) -> None:
-    keeper = RateKeeper(1000, clock, frame=4)
-    clock.now = 240 * PERIOD
-    served = due(keeper)
-    assert served == list(range(served[0], 241, 4))
-    assert len(served) == round(CATCH_UP * 1000 / 4)
-    assert keeper.missed == served[0] - 20
 
 
 @given(rate=st.floats(50, 20e3), delays=st.lists(st.floats(0, 3), min_size=2, max_size=200))

@@ -270,18 +270,13 @@ def test_two_halves_that_meet_first_keep_what_they_were_granted() -> None:
 anything = st.tuples(*[st.floats()] * 3)
 
 
-@given(anything, anything, anything, anything, st.floats(), st.none() | st.floats())
+@given(anything, st.tuples(*[anything] * 3), st.floats(), st.none() | st.floats())
 def test_whatever_comes_in_the_force_is_finite_and_limited(
-    position: Vector,
-    velocity: Vector,
-    set_point: Vector,
-    set_point_velocity: Vector,
-    age: float,
-    work: float | None,
+    position: Vector, others: tuple[Vector, Vector, Vector], age: float, work: float | None
 ) -> None:
     half = engaged(POOR, latency=1)
     for at in (ZERO, position, ZERO):
-        force = half.force(at, velocity, set_point, set_point_velocity, age, work)
+        force = half.force(at, *others, age, work)
         assert math.hypot(*force) <= 3.3 * (1 + 1e-12)
         assert math.isfinite(half.energy)
 

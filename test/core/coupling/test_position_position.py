@@ -32,6 +32,8 @@ from haptic_accel.core.tick import PositionPositionCoupling
 
 positions = st.tuples(*[st.floats(-0.5, 0.5)] * 3)
 velocities = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
+Motion = tuple[Vector, Vector, Vector, Vector]
+motions = st.tuples(positions, positions, velocities, velocities)  # of master and slave
 unlimited = 100.0  # N, far above what these positions give with soft springs
 gains = st.floats(0.0, 50.0)
 
@@ -109,18 +111,10 @@ def test_each_arm_has_its_own_stiffness(
     assert on_slave == pytest.approx(tuple(k_sl * ahead), abs=1e-9)
 
 
-@given(positions, positions, velocities, velocities, gains, gains)
-def test_equal_gains_act_and_react(
-    master: Vector,
-    slave: Vector,
-    master_velocity: Vector,
-    slave_velocity: Vector,
-    stiffness: float,
-    damping: float,
-) -> None:
+@given(motions, gains, gains)
+def test_equal_gains_act_and_react(motion: Motion, stiffness: float, damping: float) -> None:
     coupling = coupled(k_m=stiffness, k_sl=stiffness, damping=damping, max_force=unlimited)
-    arguments = master, slave, master_velocity, slave_velocity
-    on_master, on_slave = coupling.forces(*arguments)
+    on_master, on_slave = coupling.forces(*motion)
     if within_limit(on_master, on_slave):
         assert on_master == pytest.approx(tuple(-f for f in on_slave), abs=1e-9)
 
@@ -155,24 +149,11 @@ def test_each_arm_is_driven_by_the_error_in_its_own_measure(
             assert on_slave[axis] == pytest.approx(force, abs=1e-9)
 
 
-@given(
-    positions,
-    positions,
-    velocities,
-    velocities,
-    st.floats(0.2, 5.0),
-    st.floats(1.0, 20.0),
-    st.floats(1.0, 20.0),
-)
+@given(motions, st.floats(0.2, 5.0), st.floats(1.0, 20.0), st.floats(1.0, 20.0))
 def test_the_spring_neither_makes_nor_loses_scaled_power(
-    master: Vector,
-    slave: Vector,
-    master_velocity: Vector,
-    slave_velocity: Vector,
-    scale: float,
-    k_m: float,
-    k_sl: float,
+    motion: Motion, scale: float, k_m: float, k_sl: float
 ) -> None:
+    master, slave, master_velocity, slave_velocity = motion
     # Motion is scaled by `scale` and force, from slave to master, by k_m / (k_sl scale), so
     # that power is scaled by their quotient. Counted so, what the arms get is what the spring
     # E = k_m d^2 / 2 between them gives off. Scale 1 with equal stiffness is energy itself.
@@ -225,12 +206,11 @@ def test_the_limit_is_that_of_a_phantom_omni_by_default() -> None:
 anything = st.tuples(*[st.floats()] * 3)
 
 
-@given(anything, anything, anything, anything, st.floats(0.0, 10.0))
+@given(st.tuples(*[anything] * 4), st.floats(0.0, 10.0))
 def test_whatever_comes_in_the_forces_are_finite_and_limited(
-    master: Vector, slave: Vector, master_velocity: Vector, slave_velocity: Vector, damping: float
+    motion: Motion, damping: float
 ) -> None:
-    coupling = coupled(damping=damping)
-    for force in coupling.forces(master, slave, master_velocity, slave_velocity):
+    for force in coupled(damping=damping).forces(*motion):
         assert math.hypot(*force) <= 3.3 * (1 + 1e-12)
 
 
@@ -262,16 +242,12 @@ def ahead(position: Vector, velocity: Vector, time: float) -> Vector:
     return x, y, z
 
 
-@given(gain_sets, gain_sets, positions, velocities, velocities, fades)
+@given(st.tuples(gain_sets, gain_sets), motions, fades)
 def test_forces_change_by_what_motion_and_the_fade_demand(
-    old: CouplingParameters,
-    new: CouplingParameters,
-    master: Vector,
-    master_velocity: Vector,
-    slave_velocity: Vector,
-    samples: int,
+    sets: tuple[CouplingParameters, CouplingParameters], motion: Motion, samples: int
 ) -> None:
-    period = 0.001
+    (old, new), period = sets, 0.001
+    master, _, master_velocity, slave_velocity = motion
     coupling = PositionPositionCoupling(old)
     coupling.engage(ZERO, ZERO)
     forces = [coupling.forces(master, ZERO, master_velocity, slave_velocity)]

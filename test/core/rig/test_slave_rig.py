@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -81,25 +82,21 @@ def test_in_the_air_the_arm_s_force_accelerates_the_tool(ideal_slave: SlaveRigPa
     assert rig.measure().acceleration[ACTUATOR_AXIS] == pytest.approx(0.0, abs=1e-7)
 
 
-def test_joints_slow_the_tool_as_they_should(ideal_slave: SlaveRigParameters) -> None:
-    # Dry friction small: v = v0 exp(-b t / m).
-    tool = ToolParameters(coulomb_friction=0.0, viscous_friction=3.0, height=0.05)
-    rig = SlaveRig(replace(ideal_slave, tool=tool), RATE)
-    rig.disturb(0.2, 0.1)
-    run(rig, 0, 21)
-    expected = math.exp(-3.0 * 0.020 / 0.060)
-    assert rig.measure().velocity == pytest.approx((0.2 * expected, 0.0, 0.1 * expected), rel=1e-4)
-
-
-def test_dry_friction_is_a_constant_force_against_the_motion(
-    ideal_slave: SlaveRigParameters,
+@pytest.mark.parametrize(
+    ("dry", "viscous", "samples", "left"),
+    [
+        (0.0, 3.0, 20, math.exp(-3.0 * 0.020 / 0.060)),  # v = v0 exp(-b t / m)
+        (0.1, 0.0, 100, 1 - 0.1 / 0.060 * 0.1 / 0.5),  # a constant force against the motion
+    ],
+)
+def test_joints_slow_the_tool_as_they_should(
+    ideal_slave: SlaveRigParameters, dry: float, viscous: float, samples: int, left: float
 ) -> None:
-    tool = ToolParameters(coulomb_friction=0.1, viscous_friction=0.0, height=0.05)
+    tool = ToolParameters(coulomb_friction=dry, viscous_friction=viscous, height=0.05)
     rig = SlaveRig(replace(ideal_slave, tool=tool), RATE)
-    rig.disturb(0.5, 0.0)
-    run(rig, 0, 101)
-    # 0.1 N on 0.06 kg for 0.1 s
-    assert rig.measure().velocity[0] == pytest.approx(0.5 - 0.1 / 0.060 * 0.1, rel=1e-3)
+    rig.disturb(0.4, 0.3)  # 0.5 m/s
+    run(rig, 0, samples + 1)
+    assert rig.measure().velocity == pytest.approx((0.4 * left, 0.0, 0.3 * left), rel=1e-3)
 
 
 def test_the_arm_s_motors_have_their_limit_and_ignore_nan(ideal_slave: SlaveRigParameters) -> None:
@@ -261,17 +258,22 @@ def test_a_rougher_surface_accelerates_the_tool_more() -> None:
     assert rms[0] < rms[1] < rms[2]
 
 
+def measured(rig: SlaveRig, ticks: Iterable[int], rate: float = RATE) -> list[float]:
+    """Return the acceleration along the actuator at ticks."""
+    found = []
+    for index in ticks:
+        rig.advance(index / rate)
+        found.append(rig.measure().acceleration[ACTUATOR_AXIS])
+    return found
+
+
 def test_the_seed_decides_about_texture_and_noise() -> None:
     parameters = SlaveRigParameters(ToolParameters(height=0.0), surface=ROUGH)
 
     def motion(seed: int) -> list[float]:
         rig = SlaveRig(parameters, RATE, seed)
         rig.apply_arm_force((1.0, 0.0, -1.0))
-        samples = []
-        for index in range(100):
-            rig.advance(index * PERIOD)
-            samples.append(rig.measure().acceleration[ACTUATOR_AXIS])
-        return samples
+        return measured(rig, range(100))
 
     assert motion(1) == motion(1)
     assert motion(1) != motion(2)
@@ -288,29 +290,18 @@ def test_a_recording_is_played_over_and_over_from_the_first_force(
     rate: float, offset: float
 ) -> None:
     rig = SlaveRig(SlaveRigParameters(), rate, recording=TURN)
-    silent = []
-    for index in range(4):
-        rig.advance(index / rate)
-        silent.append(rig.measure().acceleration[ACTUATOR_AXIS])
-    assert silent == [0.0] * 4
+    assert measured(rig, range(4), rate) == [0.0] * 4
     # The force comes between two samples, when the coupling has answered.
     rig.advance((3 + offset) / rate)
     rig.apply_arm_force((0.0, 0.0, 0.0))
-    played = []
-    for index in range(4, 4 + 1002):
-        rig.advance(index / rate)
-        played.append(rig.measure().acceleration[ACTUATOR_AXIS])
+    played = measured(rig, range(4, 4 + 1002), rate)
     assert played == [1.0 + index % 5 for index in range(1002)]
 
 
 def test_a_recording_leaves_out_what_was_missed() -> None:
     rig = SlaveRig(SlaveRigParameters(), RATE, recording=TURN)
     rig.apply_arm_force((0.0, 0.0, 0.0))
-    played = []
-    for index in (1, 2, 5, 6, 11):
-        rig.advance(index * PERIOD)
-        played.append(rig.measure().acceleration[ACTUATOR_AXIS])
-    assert played == [1.0, 2.0, 5.0, 1.0, 1.0]
+    assert measured(rig, (1, 2, 5, 6, 11)) == [1.0, 2.0, 5.0, 1.0, 1.0]
 
 
 def test_a_recording_does_not_touch_the_mechanics() -> None:

@@ -82,31 +82,24 @@ def alternating(force: float, count: int) -> list[float]:
     requested=forces,
     repeats=st.integers(1, 5),
     handle=handle_accelerations,
-    peak=st.one_of(st.just(0.0), st.floats(1e-3, 100.0)),
-    continuous=st.one_of(st.just(0.0), st.floats(0.0, 100.0)),
-    thermal_time=st.floats(0.01, 20.0),
-    travel=st.floats(1e-6, 0.1),
+    actuator=st.builds(
+        ActuatorParameters,
+        peak_force=st.one_of(st.just(0.0), st.floats(1e-3, 100.0)),
+        continuous_force=st.one_of(st.just(0.0), st.floats(0.0, 100.0)),
+        thermal_time=st.floats(0.01, 20.0),
+        travel=st.floats(1e-6, 0.1),
+    ),
     rate=st.floats(31.0, 20e3),
 )
 def test_no_command_overheats_the_coil_or_exceeds_its_peak(
-    requested: list[float],
-    repeats: int,
-    handle: float,
-    peak: float,
-    continuous: float,
-    thermal_time: float,
-    travel: float,
-    rate: float,
+    requested: list[float], repeats: int, handle: float, actuator: ActuatorParameters, rate: float
 ) -> None:
-    actuator = ActuatorParameters(
-        travel=travel, peak_force=peak, continuous_force=continuous, thermal_time=thermal_time
-    )
     coil = ActuatorGuard(actuator, rate)
-    bearable = min(peak, continuous) ** 2
-    heat, weight = 0.0, -math.expm1(-1 / (rate * thermal_time))
+    bearable = min(actuator.peak_force, actuator.continuous_force) ** 2
+    heat, weight = 0.0, -math.expm1(-1 / (rate * actuator.thermal_time))
     for force in requested * repeats:
         applied = limited(coil, force, handle)
-        assert abs(applied) <= peak
+        assert abs(applied) <= actuator.peak_force
         heat += weight * (applied**2 - heat)
         assert heat <= bearable * (1 + 1e-9)
     assert coil.heat_share() == pytest.approx(heat / bearable if bearable else 0.0)

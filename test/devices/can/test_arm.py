@@ -156,15 +156,16 @@ def test_an_axis_that_does_not_obey_is_named(error: int, fault: str) -> None:
     assert tries == (1 if error else 3), "an error that stays is not cleared over and over"
 
 
-def test_a_watchdog_that_expires_while_an_axis_is_armed_is_cleared() -> None:
+@pytest.mark.parametrize("error", [0, protocol.WATCHDOG_TIMER_EXPIRED["0.6"]])
+def test_an_axis_that_does_not_hear_or_whose_watchdog_expires_is_told_again(error: int) -> None:
     bench = Bench()
     bench.go_on(0.01)
     bench.obedient = False
     bench.arm.arm(bench.now)
-    bench.errors[1] = protocol.WATCHDOG_TIMER_EXPIRED["0.6"]
-    bench.go_on(0.01)
+    bench.errors[1] = error
+    bench.go_on(0.1)
     bench.obedient = True
-    bench.go_on(0.3)
+    bench.go_on(0.4)
     assert bench.arm.state is State.ARMED
     assert bench.arm.counters()["disarmed"] == 0
 
@@ -331,21 +332,16 @@ def test_torques_come_back_when_asked_or_when_what_was_lost_is_back(what: str, r
     assert bench.arm.torques == (0.0, 0.0, 0.0), "until the next force"
 
 
-def test_what_was_disarmed_on_request_stays_so() -> None:
+@pytest.mark.parametrize("error", [0, DRV_FAULT])
+def test_what_was_disarmed_on_request_or_has_an_error_besides_stays_so(error: int) -> None:
     bench = Bench(rearm="auto").armed()
     bench.arm.lose()
-    bench.arm.disarm()
+    bench.errors[1] = error
+    if not error:
+        bench.arm.disarm()
     bench.go_on(0.5)
     assert bench.arm.state is State.DISARMED
     assert bench.released()
-
-
-def test_an_error_besides_is_not_cleared_by_itself() -> None:
-    bench = Bench(rearm="auto").armed()
-    bench.arm.lose()
-    bench.errors[1] = DRV_FAULT
-    bench.go_on(0.5)
-    assert bench.arm.state is State.DISARMED
 
 
 def test_an_axis_that_should_be_idle_is_told_so_until_it_is() -> None:
@@ -505,15 +501,4 @@ def test_two_drives_with_one_node_id_are_refused_and_named(
 def test_a_motor_that_was_turned_while_it_was_silent_is_no_jump() -> None:
     bench = Bench().armed()
     bench.arm.receive(protocol.Estimates(0, 3.0, 0.0).frame(), bench.now + 0.1)
-    assert bench.arm.state is State.ARMED
-
-
-def test_an_axis_that_did_not_hear_is_told_again() -> None:
-    bench = Bench()
-    bench.obedient = False
-    bench.go_on(0.01)
-    bench.arm.arm(bench.now)
-    bench.go_on(0.1)
-    bench.obedient = True
-    bench.go_on(0.4)
     assert bench.arm.state is State.ARMED
