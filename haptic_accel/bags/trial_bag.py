@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from haptic_accel.bags.definitions import connection
-from haptic_accel.bags.facts import PARAMETERS, facts_of
+from haptic_accel.bags.facts import PARAMETERS, description, facts_of
 from haptic_accel.bags.files import BagFiles
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.core import topics
@@ -46,9 +46,7 @@ def trial_vectors(trial: Trial) -> dict[Topic, FloatArray]:
     found = dict(trial.arms)
     for topic, name in zip(topics.ANALYSED, _FIELDS, strict=True):
         found[topic.name] = np.zeros((len(trial.time), 3))
-        found[topic.name][:, trial.axes.indices] = getattr(trial, name).reshape(
-            len(trial.time), -1
-        )
+        found[topic.name][:, trial.axes.indices] = np.c_[getattr(trial, name)]
     return {topic: found[topic.name] for topic in _TOPICS if topic.name in found}
 
 
@@ -75,12 +73,14 @@ def write_trial(path: Path, trial: Trial, facts: Mapping[str, str], start: int) 
         described = connection(1, f"/{topics.DESCRIPTION.name}", topics.DESCRIPTION.type, [])
         files.add(described)
         files.write(described, start, pack_text(json.dumps({PARAMETERS: {}} | stated)))
+        if trial.failed is not None:
+            changed = description("compensator", {"controller": "none"})
+            files.write(described, start + round(trial.failed * NANOSECONDS), pack_text(changed))
     added = []
     for number, (topic, vectors) in enumerate(trial_vectors(trial).items(), start=2):
         found = connection(number, f"/{topic.name}", topic.type, [])
         files.add(found)
-        rows = [(x, y, z) for x, y, z in vectors.tolist()]
-        added.append((found, StampedVector(topic), rows))
+        added.append((found, StampedVector(topic), vectors.tolist()))
     for index in range(len(trial.time)):
         stamp = start + round(index * NANOSECONDS / trial.rate)
         for found, message, rows in added:

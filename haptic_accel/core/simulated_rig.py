@@ -17,7 +17,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -122,6 +122,7 @@ def build_parts(
     controllers: Mapping[str, Checked],
     rate: float,
     latency: int,
+    clock: Callable[[], float] = float,
 ) -> tuple[dict[str, tick.DeviceSide], tick.CompensationPart]:
     """Return both arms' sides, which allow forces, and the compensation.
 
@@ -138,6 +139,8 @@ def build_parts(
         Samples per second.
     latency : int
         Delay from sample to force, in samples.
+    clock : callable, optional
+        As for `Compensation`.
 
     Raises
     ------
@@ -151,7 +154,7 @@ def build_parts(
         ),
         tick.SLAVE: rig_side(devices[tick.SLAVE], on_slave, rate, latency, (tick.ARM,)),
     }
-    built = Compensation(compensation, rate, controllers, latency=latency)
+    built = Compensation(compensation, rate, controllers, latency=latency, clock=clock)
     return sides, tick.CompensationPart(built, rate, latency)
 
 

@@ -47,6 +47,7 @@ from haptic_accel.core.surfaces.virtual_rig import VirtualRig
 from haptic_accel.core.tick import MASTER, CompensationPart, HostLoop
 from haptic_accel.core.track import ReplayRig, Track
 from haptic_accel.core.two_hosts import TwoHosts
+from haptic_accel.core.warning import warn_once
 
 GripChange = tuple[float, model.HandleParameters | model.MountParameters]
 """Time of a change of the handle, s, and its new parameters with the grip, or the new mount."""
@@ -121,6 +122,8 @@ class Trial:
         compensator without network.
     axes : Axes
         Axes of the accelerations and the force.
+    failed : float or None
+        Time at which `none` took over from a controller that had failed, s.
     """
 
     surface: str
@@ -138,6 +141,7 @@ class Trial:
     arms: dict[str, model.FloatArray] = field(default_factory=dict)
     crossing: Crossing | None = None
     axes: Axes = ACTUATOR_AXES
+    failed: float | None = None
 
     @property
     def actual_acceleration(self) -> model.FloatArray:
@@ -337,7 +341,16 @@ def run_trial(
         by_topic,
         crossing,
         axes,
+        _failed(part.slow.failure, warnings, duration),
     )
+
+
+def _failed(reason: str, warnings: Sequence[Warned], duration: float) -> float | None:
+    """Tell the reason for which `none` took over; return the time, s, or None if there is none."""
+    if not reason:
+        return None
+    warn_once(reason)
+    return next((time for time, told in warnings if reason in told), duration)
 
 
 def _crossed(

@@ -23,12 +23,14 @@ from typing import Any
 
 # Loaded before other nodes see this node, because designing a filter needs it.
 import scipy.signal  # noqa: F401
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from haptic_accel.core import topics
 from haptic_accel.core.cdr import unpack_orientation
 from haptic_accel.core.control.compensation import PLANT, Compensation
 from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel.core.control.fallback import NONE
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.orientation import Orientation
 from haptic_accel.core.parameters import ParameterError
@@ -67,7 +69,7 @@ class Compensator(GraphNode):
         p = self.parameters
         # All at once: designing a controller must not delay a force.
         self._compensation = Compensation(
-            p, p.rate, self.options, tuple(CONTROLLERS), latency=p.latency
+            p, p.rate, self.options, tuple(CONTROLLERS), latency=p.latency, clock=time.monotonic
         )
         if doubt := self.options[PLANT].doubt:
             self.get_logger().warning(f"plant: {doubt}; then run identify again")
@@ -83,6 +85,7 @@ class Compensator(GraphNode):
         self._poses = self.inbox(topics.MASTER_POSITION, depth=1) if turns else None
         self._orientation = Orientation()
         self._stops = self.inbox(topics.MASTER_STOPPED)
+        self._failure = ""
         self._compensation.mute(True)  # until the device is known to apply forces
         self._arrivals = ArrivalKeeper(p.rate)
         self.create_service(Trigger, "~/reset", self._reset)
@@ -117,9 +120,14 @@ class Compensator(GraphNode):
                 self.part.orientation = self._orientation.newest
 
     def follow_stop(self) -> None:
-        """Compute no force while the device refuses it."""
+        """Compute no force while the device refuses it; tell once that `none` took over."""
         for stopped in self.states(self._stops):
             self._compensation.mute(stopped)
+        if (failure := self._compensation.failure) != self._failure:
+            self._failure = failure
+            if failure:
+                self.get_logger().error(failure)
+                self.set_parameters([Parameter("controller", value=NONE)])
 
     def close(self) -> None:
         """Leave the actuator without force."""

@@ -119,7 +119,8 @@ class PacedRig:
         devices = {MASTER: self._master, SLAVE: self._slave}
         for device in devices.values():
             device.open()
-        sides, part = build_parts(rig, devices, around, self._controllers, self._rate, latency)
+        own = around, self._controllers
+        sides, part = build_parts(rig, devices, *own, self._rate, latency, time.monotonic)
         sides[SLAVE].wants_contact = True
         self._loop, self._compensation = build_loop(rig, sides, part), part.slow
         self.windows.show_axes(self._master.axes)
@@ -283,6 +284,8 @@ class PacedRig:
         if now < self._reported + REPORT_PERIOD:
             return
         self._reported = now
+        if (name := self._compensation.controller) != self._values["compensator"]["controller"]:
+            self._set_controller(name)  # it has failed
         engaged = self._loop.coupling is not None and self._loop.coupling.engagement.engaged
         coupler = {"engaged": str(bool(engaged)).lower()}
         warning, values = self._compensation.diagnostics()

@@ -32,6 +32,7 @@ from typing import Any
 import pytest
 from matplotlib import pyplot
 
+from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.process import module_command
 from haptic_accel.core.topics import ASKED, HAND_SET_POINT, JOINT_STATES, TOPICS
 from haptic_accel.setup.node_parameters import NODES, node_schema
@@ -143,12 +144,25 @@ def test_every_page_is_in_the_index() -> None:
     assert {page.name for page in DOCS} - {"README.md"} <= listed
 
 
+FAILING = """
+
+class FailingController(HalfController):
+    left = 1000
+
+    def force(self, *accelerations: float) -> float:
+        self.left -= 1
+        return super().force(*accelerations) / min(1, max(0, self.left))
+"""
+FAILED = "controller failing: raised ZeroDivisionError: float division by zero; none took over"
+
+
 @pytest.fixture(scope="module")
 def recipes(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Make the packages that CONTRIBUTING.md shows, in an empty folder; return Python's path."""
     text = (SOURCE / "CONTRIBUTING.md").read_text()
     half, arm, verb = PYTHON.findall(text)
     control, device, kit = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    half, control = half + FAILING, f'{control}failing = "lab_control.half:FailingController"'
     kit = device.partition("[project.entry")[0].replace("lab_arm", "lab_kit") + kit
     weighing = "import click\n\n@click.command()\ndef weigh():\n    click.echo('0.064 kg')\n"
     made = tmp_path_factory.mktemp("made")
@@ -180,11 +194,18 @@ def run_with(recipes: str, *words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+def took_over(bag: Path) -> object:
+    """Return the last controller of a bag."""
+    return [each.value for each in read_bag(bag).changes if each.parameter == "controller"][-1]
+
+
 def test_the_controller_that_contributing_shows_runs(recipes: str, here: Path) -> None:
     (here / "twice.yaml").write_text("compensator: {ros__parameters: {half.mass: 0.128}}")
-    words = "duration:=1", "surface:=text", "params_file:=twice.yaml", "--out", "trials"
-    done = run_with(recipes, "experiment", "--lockstep", "--controllers", "constant,half", *words)
-    assert (done.returncode, done.stderr) == (0, "")
+    words = "duration:=2", "surface:=text", "params_file:=twice.yaml", "--out", "trials"
+    chosen = "constant,half,failing"
+    done = run_with(recipes, "experiment", "--lockstep", "--controllers", chosen, *words)
+    assert (done.returncode, done.stderr) == (0, f"{FAILED}\n")
+    assert took_over(here / "trials/bags/text_failing") == "none"
     errors = dict(re.findall(r"text / (\w+) / seed 0: (.*) %", done.stdout))
     assert errors["half"] == errors["constant"]  # with twice its mass
 
@@ -204,12 +225,16 @@ def test_the_verb_that_contributing_shows_runs(recipes: str) -> None:
 
 @pytest.mark.live
 def test_a_graph_runs_with_the_controller_and_the_driver_of_packages(
-    recipes: str, haptic_accel: Callable[..., Command], monkeypatch: pytest.MonkeyPatch
+    recipes: str, haptic_accel: Callable[..., Command], monkeypatch: pytest.MonkeyPatch, here: Path
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", recipes)
-    graph = haptic_accel("teleop", "master:=lab_arm", "controller:=half", "record:=false")
+    graph = haptic_accel(
+        "teleop", "master:=lab_arm", "controller:=failing", f"bag:={here / 'bag'}"
+    )
     graph.wait_for("engaged")
+    graph.wait_for(FAILED)
     assert graph.end(signal.SIGINT) == 0, graph.text
+    assert took_over(here / "bag") == "none"
 
 
 def test_the_notebook_of_the_tutorial_runs() -> None:

@@ -24,6 +24,7 @@ from contextlib import suppress
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.controllers import CONTROLLERS, OWN_CONTROLLERS, Loop, granted_delay
+from haptic_accel.core.control.controllers.foreign import ForeignController
 from haptic_accel.core.control.controllers.interface import Controller
 from haptic_accel.core.control.fallback import Fallback
 from haptic_accel.core.control.filters import MOTION_SHARE, cancelling_sections, high_pass
@@ -109,6 +110,8 @@ class Channel(CoilChannel):
     fallback : Fallback
     supervisor : ResponseSupervisor
         Comparison of the handle with its plant.
+    failure : str
+        Reason for which `none` has to take over; empty if there is none.
     """
 
     def __init__(
@@ -141,6 +144,7 @@ class Channel(CoilChannel):
         self.resting = -math.expm1(-1.0 / (RESTING * rate))
         self.listening, self.fading = round(LISTENING * rate), max(1, round(FADING * rate))
         self._waiting: Stage | None = None
+        self.failure = ""
         self.supervisor = self.fallback.supervisor
         self.fallback.start(*self._judged)
 
@@ -199,10 +203,11 @@ class Channel(CoilChannel):
         """Execute a part of the slow computations; return the number of samples to the next."""
         fallback = self.fallback
         judged = fallback.update()
-        left = fallback.due - self.trace.count
+        left, self.failure = fallback.due - self.trace.count, ""
         for stage in filter(None, (self.active, self.follower)):
             controller = self._controllers[stage.name]
             left = min(left, controller.adapt() or 1)
+            self.failure = self.failure or controller.failure
             if judged:
                 controller.judged(fallback.supervisor.fitting, fallback.fraction)
         return 1 if self.follower else left
@@ -258,6 +263,8 @@ class Channel(CoilChannel):
                 corner = MOTION_SHARE * loop.high_pass_frequency
                 sections = cancelling_sections(loop.plant.handle, corner, loop.rate)
                 cancelling = SampleFilter(sections)
+            if name not in OWN_CONTROLLERS:
+                controller = ForeignController(name, controller, loop)
             self._controllers[name] = controller
             self._stages[name] = Stage(name, controller, SampleFilter(self._sections), cancelling)
 

@@ -18,7 +18,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -30,6 +30,7 @@ from haptic_accel.core.control.channel import LARGEST_GAIN, Channel
 from haptic_accel.core.control.controllers import CONTROLLERS, CONTROLLERS_GROUP, Loop
 from haptic_accel.core.control.controllers import PLANT as PLANT
 from haptic_accel.core.control.decoupling import full_decoupling, static_decoupling
+from haptic_accel.core.control.fallback import NONE
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, check_corner, high_pass
 from haptic_accel.core.control.reduction_switch import ReductionSwitch
 from haptic_accel.core.handle.matrix_plant import MatrixPlant, read_matrix_plant
@@ -66,11 +67,7 @@ class CompensationParameters(Checked):
         group=CONTROLLERS_GROUP,
     )
     high_pass_frequency: float = parameter(
-        HIGH_PASS_FREQUENCY,
-        "corner of the 4th-order Butterworth high-pass (paper)",
-        "Hz",
-        0.1,
-        1000.0,
+        HIGH_PASS_FREQUENCY, "corner of the Butterworth high-pass, order 4 (paper)", "Hz", 0.1, 1e3
     )
     handle_range: float = parameter(
         5 * GRAVITY,
@@ -167,6 +164,9 @@ class Compensation(HandleCompensation):
         Delay from sample to force, in samples.
     plant : MatrixPlant, optional
         Identified handle with three axes, in place of the one that the parameters name.
+    clock : callable, optional
+        Steady time, s, by which a controller of another package may be too slow. By default it
+        stands, as in lockstep.
 
     Attributes
     ----------
@@ -176,6 +176,9 @@ class Compensation(HandleCompensation):
         Controllers of the coils, one for each axis.
     due : int
         Count of samples, see `Trace`, from which `adapt` has something to do.
+    failure : str
+        Reason for which `none` took over from the controller that was selected last; empty if
+        there is none.
 
     Raises
     ------
@@ -193,6 +196,7 @@ class Compensation(HandleCompensation):
         *,
         latency: int = LATENCY,
         plant: MatrixPlant | None = None,
+        clock: Callable[[], float] = float,
     ) -> None:
         known = dict(options or {})
         corner = parameters.high_pass_frequency
@@ -219,7 +223,7 @@ class Compensation(HandleCompensation):
         self.channels = [
             Channel(
                 parameters.controller,
-                Loop(rate, corner, each.coupled().delayed(latency), actuator.travel),
+                Loop(rate, corner, each.coupled().delayed(latency), actuator.travel, clock),
                 known,
                 prepared,
                 parameters.gain,
@@ -229,6 +233,7 @@ class Compensation(HandleCompensation):
             for each, trace in zip(plants, traces, strict=True)
         ]
         coils = [channel.supervisor for channel in self.channels]
+        self.failure = ""
         self.alignment = None if single else Alignment(rate, coils)
         self.switch = ReductionSwitch(parameters.reduction, rate, self._unreduced)
         # Below the range, not at it.
@@ -252,6 +257,8 @@ class Compensation(HandleCompensation):
         """
         for channel in self.channels:
             channel.select(name)
+        if name != NONE:
+            self.failure = ""
 
     def select_reduction(self, name: str) -> None:
         """Change to another reduction, or to all axes, without a jump; see `ReductionSwitch`."""
@@ -295,6 +302,10 @@ class Compensation(HandleCompensation):
         if self.first.trace.count < self.due or self.first.asleep:
             return
         left = [channel.adapt() for channel in self.channels]  # all at the same time
+        failures = [channel.failure for channel in self.channels if channel.failure]
+        if failures and self.controller != NONE:
+            self.select(NONE)
+            self.failure = failures[0]
         if self.alignment:
             left.append(self.alignment.update())
         if self._is_alone != self.judged_alone:
@@ -352,7 +363,7 @@ class Compensation(HandleCompensation):
 
     def _common_warnings(self) -> list[str]:
         """Return warnings for all axes: noise of the accelerometer, and a reduced force."""
-        authority, found = self.authority, []
+        authority, found = self.authority, [self.failure]
         noise = authority.noise / math.sqrt(len(self.channels))
         if LOUD <= noise < math.inf:
             found.append(f"the handle's accelerometer has {noise:.2f} m/s^2 RMS of noise")

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -43,12 +44,15 @@ class Loop:
         Identified handle including the complete path from command to sample, with latency.
     travel : float
         Free travel of the actuator either way, m.
+    clock : callable
+        Steady time, s; in lockstep it stands, as a computation may take any time.
     """
 
     rate: float
     high_pass_frequency: float = HIGH_PASS_FREQUENCY
     plant: Plant = field(default_factory=Plant)
     travel: float = ActuatorParameters.travel
+    clock: Callable[[], float] = float
 
     @property
     def travel_limit(self) -> float:
@@ -88,6 +92,9 @@ class Controller(Force, ABC):
 
     needs_plant: ClassVar[bool] = True
     """True if the force depends on the loop's plant."""
+
+    failure: str = ""
+    """Reason for which `none` has to take over; empty if there is none."""
 
     @abstractmethod
     def __init__(self, parameters: Any, loop: Loop) -> None: ...

@@ -1,0 +1,134 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Controller of another package, which may fail or take too long."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from numbers import Real
+from typing import Any
+
+from haptic_accel.core.control.controllers.interface import Controller, Loop
+from haptic_accel.core.outside import OutsideError, guard
+
+FADING = 5e-3
+"""Time in which the last force of a controller that has failed fades out, s, as between two
+controllers."""
+
+SHARE = 0.5
+"""Largest share of a sample's time for a controller's own computations: at the highest rates that
+are held, all other parts of a tick take up to half."""
+
+WINDOW, WINDOWS, LOOK = 0.05, 5, 10
+"""Time over which the share is averaged, s, and how many such times in turn must exceed it: the
+machine, too, may stall, but not in each of them. Samples from one look at it to the next."""
+
+
+class ForeignController(Controller):
+    """Controller of another package; after a failure its last force fades out, until a reset.
+
+    It fails if it raises anything, returns no finite number, or is too slow by the loop's clock.
+
+    Parameters
+    ----------
+    name : str
+    controller : Controller
+    loop : Loop
+    """
+
+    def __init__(self, name: str, controller: Controller, loop: Loop) -> None:
+        self._name, self._controller = name, controller
+        self._clock, self._rate = loop.clock, loop.rate
+        self._fading = max(1, round(FADING * loop.rate))
+        self._begin()
+
+    def _begin(self) -> None:
+        self.failure = ""
+        self._last, self._left = 0.0, 0
+        self._samples, self._spent, self._exceeded = 0, 0.0, 0
+
+    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
+        """Return the controller's force, or what is left of it after a failure."""
+        self._samples += 1
+        call = self._controller.force
+        given = self._call(call, desired_acceleration, measured_acceleration)
+        if isinstance(given, Real) and math.isfinite(given):
+            self._last, self._left = float(given), self._fading
+            return self._last
+        if not self.failure:
+            kind = given if isinstance(given, float) else type(given).__name__
+            self._fail(f"returned {kind}, which is no finite number")
+        self._left = max(0, self._left - 1)
+        return self._last * self._left / self._fading
+
+    def applied(self, actuator_force: float) -> None:
+        """Pass the force that is sent."""
+        self._call(self._controller.applied, actuator_force)
+
+    def reset(self) -> None:
+        """Return to the initial state; a failure is forgotten."""
+        self._begin()
+        self._call(self._controller.reset)
+
+    def adapt(self) -> int:
+        """Execute a part of the controller's slow computations, and judge its time."""
+        adapt = self._controller.adapt
+        left: int = self._call(lambda: min(adapt() or 1, LOOK)) or 1
+        period = 1.0 / self._rate
+        if max(self._samples * period, self._spent) >= WINDOW:
+            spent = self._spent / self._samples
+            self._samples, self._spent = 0, 0.0
+            self._exceeded = self._exceeded + 1 if spent > SHARE * period else 0
+            if self._exceeded == WINDOWS:
+                self._fail(f"took {1e6 * spent:.0f} us of the {1e6 * period:.0f} us of a sample")
+        return left
+
+    def judged(self, fitting: float, fraction: float) -> None:
+        """Pass a new result of the supervision."""
+        self._call(self._controller.judged, fitting, fraction)
+
+    def freeze(self, frozen: bool) -> None:
+        """Stop or resume adaptation."""
+        self._call(self._controller.freeze, frozen)
+
+    def diagnostics(self) -> dict[str, str]:
+        """Return the controller's values for diagnostics."""
+        own = self._controller
+        return (
+            self._call(lambda: {str(key): str(it) for key, it in own.diagnostics().items()}) or {}
+        )
+
+    @property
+    def warning(self) -> str:
+        """Description of a present fault; a failure is told by what replaces the controller."""
+        return self._call(lambda: str(self._controller.warning)) or ""
+
+    def _call(self, act: Callable[..., Any], *given: Any) -> Any:
+        """Call a part of the controller; return None once it has failed."""
+        if self.failure:
+            return None
+        started, result = self._clock(), None
+        try:
+            with guard():
+                result = act(*given)
+        except OutsideError as error:
+            self._fail(f"raised {error}")
+        self._spent += self._clock() - started
+        return result
+
+    def _fail(self, reason: str) -> None:
+        self.failure = f"controller {self._name}: {reason}; none took over"
