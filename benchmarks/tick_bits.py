@@ -121,7 +121,7 @@ def differing_sums(unit: ModuleType) -> list[int]:
     """Return the lengths of products, up to 5000, whose sum differs from plain Python's."""
     import numpy as np
 
-    from haptic_accel.core.tick import dot
+    from haptic_accel.core.tick.kernels import dot
 
     past = np.random.default_rng(1).normal(size=5010)
     taps = past[::-1].copy()

@@ -22,8 +22,6 @@ import os
 # Before numpy is loaded: threads of BLAS that spin for each other on a busy machine take ten times
 # as long as one thread alone.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# Tests judge by plain Python; an empty variable in the environment lets them run compiled.
-os.environ.setdefault("HAPTIC_ACCEL_PLAIN", "1")
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -33,6 +31,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from haptic_accel.core.process import module_command
+from haptic_accel.core.tick import COMPILED, TICK
 from running import Command, MachineStoodStillError, StallWatch
 from sharing import own_domain
 from terminals import Terminal
@@ -42,6 +41,13 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
     from observing import Observer
+
+if TICK != COMPILED:
+    # Commands of tests do not tell about an extension that is of another version, either.
+    os.environ["HAPTIC_ACCEL_PLAIN"] = "1"
+
+SAFETY = ("core/tick", "core/actuator", "core/coupling")
+"""Folders of tests of what keeps forces within limits."""
 
 # The machine's speed is not what a property is about, and the same tree gives the same result.
 settings.register_profile("project", deadline=None, derandomize=True)
@@ -87,6 +93,8 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark what has a ROS domain of its own as live; leave out what is slow unless asked for."""
     for item in items:
+        if item.path.parent.relative_to(Path(__file__).parent).as_posix() in SAFETY:
+            item.add_marker("safety")
         if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(SLOW_TIME))
         if "domain" in getattr(item, "fixturenames", ()) and not item.get_closest_marker("quiet"):

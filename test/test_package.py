@@ -164,6 +164,7 @@ def test_pages_are_installed_beside_the_code(installation: Installation, folder:
     expected = contents(SOURCE / "haptic_accel" / folder)
     assert expected
     assert contents(installation.code / folder) == expected
+    assert (installation.code / "py.typed").is_file(), "type checkers of others see the types"
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -190,13 +191,12 @@ def test_installed_command_runs(installation: Installation, words: list[str]) ->
     )
 
 
-def test_command_is_on_the_path_of_a_sourced_workspace(installation: Installation) -> None:
+def test_this_command_alone_is_on_the_path_of_a_sourced_workspace(
+    installation: Installation,
+) -> None:
     found = installation.run("sh", "-c", "command -v haptic-accel").strip()
     assert found == str(installation.share / "bin" / "haptic-accel")
     assert "Usage: haptic-accel" in installation.run("haptic-accel", "--help")
-
-
-def test_no_other_command_comes_to_the_path(installation: Installation) -> None:
     assert [path.name for path in (installation.share / "bin").iterdir()] == ["haptic-accel"]
 
 
@@ -205,6 +205,7 @@ def test_manifest_tells_colcon_and_the_build_farm_what_it_is(manifest: Package) 
     assert manifest.package_format == 3
     assert manifest.licenses == ["Apache-2.0"]
     assert manifest.get_build_type() == "ament_python"
+    assert [author.name for author in manifest.authors] == ["haptic_accel maintainers"]
 
 
 def test_versions_agree(installation: Installation, manifest: Package) -> None:
@@ -269,14 +270,6 @@ def test_manifest_names_the_packages_that_launch_files_start(manifest: Package) 
     found = {name for names in started for name in names if name}
     assert {"robot_state_publisher", "tf2_ros"} <= found
     assert found <= {each.name for each in manifest.exec_depends} | {"haptic_accel"}
-
-
-def test_manifest_names_its_authors(manifest: Package) -> None:
-    assert [author.name for author in manifest.authors] == ["haptic_accel maintainers"]
-
-
-def test_type_checkers_of_others_see_the_types(installation: Installation) -> None:
-    assert (installation.code / "py.typed").is_file()
 
 
 def test_every_import_is_a_dependency(manifest: Package) -> None:

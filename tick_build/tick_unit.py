@@ -26,6 +26,7 @@ import hashlib
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from shutil import copy2
 from typing import Any, ClassVar
 
 from setuptools import Distribution, Extension
@@ -385,7 +386,19 @@ class BuildUnit(build_ext):  # type: ignore[misc]
     """Directives of Cython that differ from `DIRECTIVES`."""
 
     def build_extension(self, ext: Any) -> None:
-        """Generate the C text of the unit, and compile it."""
+        """Generate the C text of the unit, and compile it, or take the one that is in the folder.
+
+        To compile takes most of a minute, and an installation in place builds for each set of
+        extras.
+        """
+        folder, made = Path(*PACKAGE.split(".")), Path(self.get_ext_fullpath(ext.name))
+        known = folder / made.name
+        parts = [*folder.glob("[a-z]*.py"), *Path(__file__).parent.glob("*.py")]
+        latest = max(each.stat().st_mtime for each in parts)
+        if ext.optional and known.exists() and known.stat().st_mtime > latest:
+            made.parent.mkdir(parents=True, exist_ok=True)
+            copy2(known, made)
+            return
         ext.sources = [str(c_text(Path(self.build_temp), self.directives))]
         super().build_extension(ext)
 

@@ -102,7 +102,7 @@ def latency_table(metrics: Row) -> ResultTable:
     return ResultTable(
         ("", *LABELS),
         cells,
-        title=f"{metrics['pairs']} x {metrics['rate_hz']:g} Hz, {metrics['seconds']:g} s each",
+        title=f"{metrics['pairs']} x {metrics['rate_hz']:g} Hz, {metrics['tick']}",
         note=f"forces in effect more than {IN_TIME:g} periods after their due time: {missed}\n"
         f"cores: {shares}\n"
         f"memory, MiB: {memory}\n"
@@ -115,8 +115,7 @@ def latency_table(metrics: Row) -> ResultTable:
 def _empty(metrics: Row) -> Row:
     """Return the empty loop's ticks like a graph's deadlines."""
     loop = metrics["empty_loop"]
-    longest = loop["lateness_us"]["max"]
-    counts = {"due": loop["of"], "missed": loop["missed"], "longest_us": longest}
+    counts = {**loop, "due": loop["of"], "longest_us": loop["lateness_us"]["max"]}
     return {"deadlines": {"empty loop": counts}}
 
 
@@ -137,6 +136,7 @@ def _latest(deadlines: Mapping[str, Row]) -> float:
 
 RATES = (
     Column("rate_hz", "rate", "Hz"),
+    Column("tick", "tick"),
     Column("age_p50_us", "age p50", "us", 0, lambda row: row["age_us"].get("p50")),
     Column("age_p99_us", "p99", "us", 0, lambda row: row["age_us"].get("p99")),
     Column("cpu_cores", "cores", "", 2, lambda row: row["cpu_cores"]["total"]),
@@ -147,7 +147,7 @@ RATES = (
         "", "samples lost", value=lambda row: sum((*row["lost"].values(), *row["missed"].values()))
     ),
 )
-"""Columns of the comparison of rates."""
+"""Columns of the comparison of rates, and of compiled and plain Python."""
 
 
 def rate_held(rows: Sequence[Row]) -> float | None:

@@ -46,6 +46,7 @@ from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import ENGAGED, INTERRUPTED, OVER
 from haptic_accel.core.tables import ResultTable, Row
+from haptic_accel.core.tick import PLAIN, TICK
 from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
 from haptic_accel.graph.ros_packages import check_ros
 from haptic_accel.graph.stop_signal import DOMAIN, own_domain
@@ -147,81 +148,77 @@ def latency(
 ) -> None:
     """Measure missed deadlines of the whole graph, and of an empty loop for comparison.
 
-    Runs the graph as users do and an empty loop on the same sampling grid, in turns. Prints missed
-    deadlines, ages of forces, losses, CPU and memory.
+    Runs the graph as users do, compiled and in plain Python, and an empty loop on the same
+    sampling grid, in turns. Prints missed deadlines, ages of forces, losses, CPU and memory.
     """
-    if rates:
-        metrics = _compared(words, rates, pairs, seconds)
-        if plot:
-            draw(metrics["rows"]).savefig(plot, dpi=120)
-        save(metrics, json_file)
-        if not metrics["rows"]:
-            raise StoppedError
-        return
-    span = seconds / ROUNDS
-    arguments = _arguments(words, rate, span)
-    _print_arrangement(arguments)
-    runs: list[Row] = []
-    with stop_on_signal() as stop:
-        for index in range(ROUNDS):
-            turn = f"round {index + 1} of {ROUNDS}"
-            click.echo(f"{turn}: measuring the graph, {pairs} x {rate:g} Hz, {span:g} s", err=True)
-            runs.append(measure(arguments, pairs, stop))
-            click.echo(f"{turn}: measuring the empty loop", err=True)
-            runs[-1]["empty_loop"] = _empty_loop(rate, span)
-    metrics = {
-        **{"rate_hz": rate, "seconds": seconds, "pairs": pairs, "composed": arguments.composed},
-        **merged(runs, fmean),
-    }
-    print_table(latency_table(metrics))
-    save(metrics, json_file)
-
-
-def _print_arrangement(arguments: GraphArguments) -> None:
-    processes = graph(arguments)
+    span = seconds if rates else seconds / ROUNDS
+    runs = [_arguments(words, each, span) for each in rates or [rate]]
     check_ros()
-    click.echo(arrangement(processes), err=True)
+    click.echo(arrangement(graph(runs[0])), err=True)
+    with stop_on_signal() as stop:
+        if rates:
+            metrics = _compared(runs, pairs, stop)
+            if plot:
+                draw(metrics["rows"]).savefig(plot, dpi=120)
+        else:
+            metrics = _in_turns(runs[0], pairs, stop)
+    save({"seconds": seconds, **metrics}, json_file)
+    if rates and not metrics["rows"]:
+        raise StoppedError
 
 
-def _empty_loop(rate: float, seconds: float) -> Row:
+def _in_turns(arguments: GraphArguments, pairs: int, stop: Callable[[], bool]) -> Row:
+    """Measure the graph compiled and in plain Python, and print the metrics."""
+    ticks = list(dict.fromkeys((TICK, PLAIN)))
+    rounds = [[_round(arguments, pairs, stop, tick) for tick in ticks] for _ in range(ROUNDS)]
+    first, *others = (
+        {"rate_hz": arguments.rate, "pairs": pairs, "tick": tick, **merged(each, fmean)}
+        for tick, each in zip(ticks, zip(*rounds, strict=True), strict=True)
+    )
+    print_table(latency_table(first))
+    print_table(ResultTable.of(RATES, [first, *others], left=2))
+    if not others:
+        print("no compiled tick: see haptic-accel doctor")
+    return {"composed": arguments.composed, **first, "plain": others[0] if others else None}
+
+
+def _round(arguments: GraphArguments, pairs: int, stop: Callable[[], bool], tick: str) -> Row:
+    """Measure the graph and then an empty loop."""
     # Imports ROS.
     from haptic_accel.nodes.empty_loop import empty_loop
 
+    rate, seconds = arguments.rate, arguments.duration
+    click.echo(f"graph at {rate:g} Hz for {seconds:g} s, {tick}; then the empty loop", err=True)
+    metrics = measure(arguments, pairs, stop, tick)
     try:
-        return empty_loop(rate, seconds)
+        return {**metrics, "empty_loop": empty_loop(rate, seconds)}
     except RuntimeError as error:
         raise StoppedError(str(error)) from None
 
 
-def _compared(words: Sequence[str], rates: Sequence[float], pairs: int, seconds: float) -> Row:
+def _compared(runs: Sequence[GraphArguments], pairs: int, stop: Callable[[], bool]) -> Row:
     """Measure the graph at several rates, and print the metrics."""
-    runs = {rate: _arguments(words, rate, seconds) for rate in rates}
-    _print_arrangement(runs[rates[0]])
     rows: list[Row] = []
     not_run: list[float] = []
-    with stop_on_signal() as stop:
-        for rate, arguments in runs.items():
-            click.echo(f"measuring the graph, {pairs} x {rate:g} Hz, {seconds:g} s", err=True)
-            try:
-                metrics = measure(arguments, pairs, stop)
-            except StoppedError as end:
-                if end.status == INTERRUPTED:
-                    raise
-                # A rate beyond the machine's limits is a result too; the next may be lower.
-                not_run.append(rate)
-                continue
-            metrics["empty_loop"] = _empty_loop(rate, seconds)
-            rows.append({"rate_hz": rate, "pairs": pairs, **metrics})
+    for arguments in runs:
+        try:
+            metrics = _round(arguments, pairs, stop, TICK)
+            rows.append({"rate_hz": arguments.rate, "pairs": pairs, "tick": TICK, **metrics})
+        except StoppedError as end:
+            if end.status == INTERRUPTED:
+                raise
+            # A rate beyond the machine's limits is a result too; the next may be lower.
+            not_run.append(arguments.rate)
     held = rate_held(rows)
     title = f"highest rate held: {f'{held:g} Hz' if held else 'none'}"
     print_table(ResultTable.of(RATES, rows, left=0, title=title))
     for rate in not_run:
         print(f"could not be run: {pairs} x {rate:g} Hz")
-    return {"seconds": seconds, "rate_held_hz": held, "rows": rows, "not_run": not_run}
+    return {"rate_held_hz": held, "rows": rows, "not_run": not_run}
 
 
-def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool]) -> Row:
-    """Run graphs as users run them and return their metrics over all pairs.
+def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool], tick: str) -> Row:
+    """Run graphs as users run them, or in plain Python; return their metrics over all pairs.
 
     Returns
     -------
@@ -238,7 +235,8 @@ def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool]) -> 
 
     def run_pair(pair: int) -> Row:
         bag = Path(folder) / f"pair_{pair}"
-        environment = {DOMAIN: str((first + pair) % (HIGHEST_FREE_DOMAIN + 1))}
+        domain = str((first + pair) % (HIGHEST_FREE_DOMAIN + 1))
+        environment = {DOMAIN: domain, "HAPTIC_ACCEL_PLAIN": "1" if tick == PLAIN else ""}
         supervisor = Supervisor(graph(replace(arguments, bag=str(bag))), environment=environment)
         supervisor.on_event = lambda _, event: usage.watch(supervisor, event)
         run_to_end(supervisor, stop)

@@ -25,8 +25,8 @@ from collections.abc import Callable
 from functools import cache
 
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.tick import DurationHistogram
 from haptic_accel.core.tick.device_side import FLOWING
+from haptic_accel.core.tick.histogram import DurationHistogram
 
 FORCES_TIME, RECEIVING_TIME = 60e-6, 50e-6
 """Time for each device of a process from the beginning of a tick until its forces are written, s,

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.model import Vector
-from haptic_accel.core.tick import LossConcealment
+from haptic_accel.core.tick.loss_concealment import LossConcealment
 
 WAITING, TRUE, REPAIRED, CONCEALED = KINDS = ("waiting", "true", "repaired", "concealed")
 

@@ -13,18 +13,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Names of all that runs in every sample, to be imported from here."""
+"""Names of what runs in every sample, to be imported from here."""
 
-from haptic_accel.core.tick._unit import COMPILED, TICK
+from haptic_accel.core.tick._unit import COMPILED, PLAIN, TICK
 from haptic_accel.core.tick.control import *
 from haptic_accel.core.tick.coupling import *
 from haptic_accel.core.tick.device_side import *
 from haptic_accel.core.tick.guard import *
-from haptic_accel.core.tick.histogram import *
-from haptic_accel.core.tick.kernels import *
 from haptic_accel.core.tick.limits import *
 from haptic_accel.core.tick.loop import *
-from haptic_accel.core.tick.loss_concealment import *
 from haptic_accel.core.tick.rigs import *
 from haptic_accel.core.tick.samples import *
 from haptic_accel.core.tick.watching import *

@@ -27,7 +27,9 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.random import bit_generator
 
+from haptic_accel.core.tick import COMPILED, TICK
 from tick_bits import UNIT, differing_sums, differing_trials, first_difference, loaded
 from tick_unit import built
 
@@ -35,6 +37,8 @@ from tick_unit import built
 @pytest.fixture(scope="module")
 def unit(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a unit that checks each index."""
+    if TICK == COMPILED:
+        pytest.skip("compares with plain Python: HAPTIC_ACCEL_PLAIN=1")
     if not (find_spec("Cython") and (shutil.which("cc") or "CC" in os.environ)):
         pytest.skip("needs Cython and a C compiler")
     return built(tmp_path_factory.mktemp("unit"), boundscheck=True)
@@ -58,9 +62,24 @@ def test_a_million_ticks_of_the_safety_layer_keep_limits_and_bits(unit: Path, ax
     assert first_difference(loaded(unit), 1_000_000, axes=axes) is None
 
 
-@pytest.mark.parametrize(("name", "told"), [("x.so", "x.so: "), ("x.py", "of another ver")])
-def test_a_unit_that_cannot_be_used_costs_one_line(tmp_path: Path, name: str, told: str) -> None:
-    (tmp_path / name).write_text("DIGEST = ''")
+OTHER = Path(bit_generator.__file__).read_bytes()
+"""Another extension of Python."""
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("x.py", b"DIGEST = ''", "it is of another version"),
+        ("x.so", OTHER, "PyInit__compiled"),
+        ("x.so", OTHER[:30_000], "x.so: the end of the file is missing"),
+        ("x.so", OTHER[:18] + b"\xf3\0" + OTHER[20:], "x.so: "),  # RISC-V
+        ("x.so", OTHER[:64] + os.urandom(len(OTHER)), "x.so: "),
+    ],
+)
+def test_a_unit_that_cannot_be_used_costs_one_line(
+    tmp_path: Path, name: str, content: bytes, told: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
     found = f"find(name, {str(tmp_path / name)!r}) if name == {UNIT!r} else None"
     code = (
         "import sys; from importlib.util import spec_from_file_location as find\n"
