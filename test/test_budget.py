@@ -40,7 +40,7 @@ BUDGETS = {
     "materials": 1_390,
     "kits/emulators": 1_160,
     "graph": 1_110,
-    "kits/export": 960,
+    "kits/export": 940,
     "kits/link": 830,
     "kits/textures": 1_040,
     "kits/bringup": 910,

@@ -196,7 +196,7 @@ def episodes(bag: Bag, held: Sequence[Any]) -> Iterator[tuple[int, int, Any]]:
             yield *pair, held[int(np.searchsorted(begins, pair[0], side="right")) - 1]
 
 
-def frames_of(bag: Bag, begin: int, end: int, rate: FrameRate, axes: Axes) -> Frames:
+def frames_of(bag: Bag, begin: int, end: int, rate: FrameRate) -> Frames:
     """Return the frames of a period, the first of them one frame after its start.
 
     Parameters
@@ -205,8 +205,6 @@ def frames_of(bag: Bag, begin: int, end: int, rate: FrameRate, axes: Axes) -> Fr
     begin, end : int
         Period, ns.
     rate : FrameRate
-    axes : Axes
-        Axes of the windows.
 
     Raises
     ------
@@ -222,9 +220,7 @@ def frames_of(bag: Bag, begin: int, end: int, rate: FrameRate, axes: Axes) -> Fr
         np.hstack([_latest(bag, each, times, rate.fps, notes) for each in part])
         for part in (STATE, ACTION)
     )
-    tool, handle = (
-        _windows(bag, each, begin, count, rate, axes, notes) for each in (TOOL, HANDLE)
-    )
+    tool, handle = (_windows(bag, each, begin, count, rate, notes) for each in (TOOL, HANDLE))
     stamps = finite(signal_of(bag, TOOL)).stamps
     valid = np.diff(np.searchsorted(stamps, [begin, *times])) > 0
     return Frames(times, state, action, tool, handle, valid, notes)
@@ -245,28 +241,18 @@ def _latest(
 
 
 def _windows(
-    bag: Bag,
-    exported: ExportedSignal,
-    begin: int,
-    count: int,
-    rate: FrameRate,
-    axes: Axes,
-    notes: list[str],
+    bag: Bag, exported: ExportedSignal, begin: int, count: int, rate: FrameRate, notes: list[str]
 ) -> SingleArray:
     """Return the windows of a signal, shape (n, samples, axes)."""
     start = begin - SETTLING * NANOSECONDS
     length = int((count / rate.fps + 2 * SETTLING) * rate.recorded) + 1
     inside = slice(round(SETTLING * rate.recorded), round((count / rate.fps + 1) * rate.recorded))
     first, size = round(SETTLING * rate.rate), count * rate.samples
-    windows = np.empty((count, rate.samples, len(axes.names)), np.float32)
-    for index, axis in enumerate(axes.names):
-        held, seen = signals.on_grid(bag, exported, axis, start, rate.recorded, length)
-        if not index:
-            lost = int((~seen[inside]).sum())
-            _note(bag, exported, lost, len(seen[inside]), "samples repeat the one before", notes)
-        whole = sampling.resampled(held, rate.recorded, rate.rate)[first : first + size]
-        windows[..., index] = whole.reshape(count, rate.samples)
-    return windows
+    held, seen = signals.on_grid(bag, exported, start, rate.recorded, length)
+    lost = int((~seen[inside]).sum())
+    _note(bag, exported, lost, len(seen[inside]), "samples repeat the one before", notes)
+    whole = sampling.resampled(held, rate.recorded, rate.rate)[first : first + size]
+    return whole.astype(np.float32).reshape(count, rate.samples, -1)
 
 
 def _note(

@@ -82,7 +82,7 @@ class Hdf5Writer(Writer):
     def _write_frames(self, file: Any, bag: Bag, periods: Sequence[Any], about: Any) -> None:
         """Write frames from the first engagement to the last one's end."""
         rates = FrameRate.of(self.fps, self.rate, recorded_rate(bag))
-        found = frames_of(bag, periods[0][0], periods[-1][1], rates, bag.axes)
+        found = frames_of(bag, periods[0][0], periods[-1][1], rates)
         self.notes.extend(f"{file.attrs['bag']}: {note}" for note in found.notes)
         file.attrs.update({"sim": about["simulated"]["slave"], "fps": self.fps})
         begins = [each["begin_ns"] for each in about["conditions"]]

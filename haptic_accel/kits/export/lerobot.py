@@ -135,7 +135,7 @@ class LeRobotWriter(Writer):
         about = descriptions(bag)
         self._about = {name: about[name] for name in ("exported_with", "published", "units")}
         for begin, end, condition in frames.episodes(bag, about.pop("conditions")):
-            found = frames.frames_of(bag, begin, end, rates, axes)
+            found = frames.frames_of(bag, begin, end, rates)
             if not len(found.times):
                 continue
             images = camera_frames(bag, self.cameras, found.times, self.fps)

@@ -31,7 +31,7 @@ from haptic_accel import __version__
 from haptic_accel.analysis.description import described, sections
 from haptic_accel.bags.reading import Bag, Signal
 from haptic_accel.core import topics
-from haptic_accel.core.axes import NAMES, Axes
+from haptic_accel.core.axes import NAMES
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, missing_samples, sampling_rate
@@ -168,11 +168,12 @@ def rate_of(bag: Bag, exported: ExportedSignal) -> float:
 
 
 def on_grid(
-    bag: Bag, exported: ExportedSignal, axis: str, start: int, rate: float, length: int
+    bag: Bag, exported: ExportedSignal, start: int, rate: float, length: int
 ) -> tuple[FloatArray, BoolArray]:
-    """Return a component on a grid, and a mask of samples; others repeat the one before.
+    """Return a signal on a grid, and a mask of samples; others repeat the one before.
 
-    A sample that `finite` leaves out counts as missing. Parameters as for `Signal.on_grid`.
+    The signal has the bag's axes, shape (length, axes). A sample that `finite` leaves out counts
+    as missing. Parameters as for `Signal.on_grid`.
 
     Raises
     ------
@@ -183,7 +184,8 @@ def on_grid(
     begin, end = np.searchsorted(signal.stamps, [start, start + int(length / rate * NANOSECONDS)])
     if begin == end:
         raise ParameterError(f"{bag.path}: {exported.name}: has no samples in the exported time")
-    return signal.on_grid(start, rate, length, Axes((axis,)))
+    values, seen = signal.on_grid(start, rate, length, bag.axes)
+    return values.reshape(length, -1), seen
 
 
 def finite(signal: Signal) -> Signal:

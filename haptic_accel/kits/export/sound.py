@@ -117,10 +117,10 @@ def _sound(bag: Bag) -> tuple[dict[str, FloatArray], dict[str, Any]]:
         raise ParameterError(f"{bag.path}: tool and handle have few of {length} samples: {CLOCKS}")
     channels, missing = {}, {}
     for part, exported in (("tool", signals.TOOL), ("handle", signals.HANDLE)):
-        for axis in bag.axes.names:
-            held, seen = signals.on_grid(bag, exported, axis, start, rate, length)
-            channels[f"{part}.{axis}"] = held
-            missing[part] = int((~seen).sum())
+        held, seen = signals.on_grid(bag, exported, start, rate, length)
+        missing[part] = int((~seen).sum())
+        for axis, component in zip(bag.axes.names, held.T, strict=True):
+            channels[f"{part}.{axis}"] = component
     peak = max(float(np.abs(each).max()) for each in channels.values())
     return channels, {
         "start_ns": start,

@@ -28,7 +28,6 @@ from hypothesis import strategies as st
 from fuzzing import measured
 from haptic_accel.bags.reading import Bag, Signal, read_bag
 from haptic_accel.core import topics
-from haptic_accel.core.axes import ACTUATOR_AXES
 from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
@@ -63,7 +62,7 @@ def bag(tool: FloatArray, *, slave_late: float = 0.0) -> Bag:
 
 def test_windows_one_after_the_other_are_the_signal_since_the_start() -> None:
     tone = np.sin(2 * np.pi * 100 * TIME)
-    found = frames_of(bag(tone), BEGIN, END, FrameRate.of(30, 0.0, RATE), ACTUATOR_AXES)
+    found = frames_of(bag(tone), BEGIN, END, FrameRate.of(30, 0.0, RATE))
     assert found.tool.shape == found.handle.shape == (60, 32, 1)
     at = 1.0 + np.arange(60 * 32) / 960  # from the start of the period
     assert found.tool.ravel() == pytest.approx(np.sin(2 * np.pi * 100 * at), abs=2e-4)
@@ -72,13 +71,13 @@ def test_windows_one_after_the_other_are_the_signal_since_the_start() -> None:
 
 def test_at_the_recorded_rate_samples_are_those_of_the_bag() -> None:
     noise = np.random.default_rng(1).normal(size=len(TIME))
-    found = frames_of(bag(noise), BEGIN, END, FrameRate.of(50, 0.0, RATE), ACTUATOR_AXES)
+    found = frames_of(bag(noise), BEGIN, END, FrameRate.of(50, 0.0, RATE))
     assert found.tool.shape == (100, 20, 1)
     assert np.array_equal(found.tool.ravel(), noise[1000:3000].astype(np.float32))
 
 
 def test_a_state_is_the_last_one_at_the_time_of_the_frame() -> None:
-    found = frames_of(bag(TIME), BEGIN, END, FrameRate.of(50, 0.0, RATE), ACTUATOR_AXES)
+    found = frames_of(bag(TIME), BEGIN, END, FrameRate.of(50, 0.0, RATE))
     expected = 1.0 + np.arange(1, 101) / 50
     assert found.state[:, 2] == pytest.approx(expected, abs=1e-6)
     assert found.action[:, 5] == pytest.approx(expected, abs=1e-6)
@@ -94,7 +93,7 @@ def test_missing_and_infinite_samples_repeat_the_one_before_and_are_counted() ->
     damaged.signals[topics.TOOL_ACCELERATION.name] = Signal(
         tool.stamps[kept], tool.received, tool.values[kept]
     )
-    found = frames_of(damaged, BEGIN, END, FrameRate.of(50, 0.0, RATE), ACTUATOR_AXES)
+    found = frames_of(damaged, BEGIN, END, FrameRate.of(50, 0.0, RATE))
     expected = tone[1000:3000].copy()
     expected[500] = tone[1499]
     expected[1000:1010] = tone[1999]
@@ -105,17 +104,13 @@ def test_missing_and_infinite_samples_repeat_the_one_before_and_are_counted() ->
 @pytest.mark.parametrize("late", [-100.0, 2.5, 86_400.0])
 def test_clocks_that_disagree_are_refused(late: float) -> None:
     with pytest.raises(ParameterError, match=r"^bag: (slave|tool)_.*(clocks|no samples)"):
-        frames_of(
-            bag(TIME, slave_late=late), BEGIN, END, FrameRate.of(30, 0.0, RATE), ACTUATOR_AXES
-        )
+        frames_of(bag(TIME, slave_late=late), BEGIN, END, FrameRate.of(30, 0.0, RATE))
 
 
 def test_years_without_samples_are_refused_before_they_take_memory(tmp_path: Path) -> None:
     years = 40 * 365 * 86_400
     with measured(), pytest.raises(ParameterError, match="clocks"):
-        frames_of(
-            bag(TIME), BEGIN, END + years * 10**9, FrameRate.of(30, 0.0, RATE), ACTUATOR_AXES
-        )
+        frames_of(bag(TIME), BEGIN, END + years * 10**9, FrameRate.of(30, 0.0, RATE))
     with measured(), pytest.raises(ParameterError, match="clocks"):
         write_wav(bag(TIME, slave_late=years), tmp_path)
 
@@ -156,7 +151,7 @@ def test_a_hand_cannot_tell_exported_windows_from_the_recording(
     write_bag(tmp_path / "bag", surface=surface)
     found = read_bag(tmp_path / "bag")
     ((begin, end),) = engagements(found)
-    frames = frames_of(found, begin, end, FrameRate.of(30, 0.0, RATE), found.axes)
+    frames = frames_of(found, begin, end, FrameRate.of(30, 0.0, RATE))
     for windows, topic in (
         (frames.tool, topics.TOOL_ACCELERATION),
         (frames.handle, topics.HANDLE_ACCELERATION),
