@@ -83,6 +83,15 @@ def test_it_has_a_torque_only_in_closed_loop_and_torque_control() -> None:
     assert one.torque == 0.0
 
 
+def test_an_axis_reports_at_its_rates_and_once_after_a_stall() -> None:
+    one = axis()
+    sent = [frame.command for step in range(1000) for frame in one.due(step * 1e-3)]
+    assert sent.count(protocol.Command.HEARTBEAT) == 10
+    assert sent.count(protocol.Command.ENCODER_ESTIMATES) == 100
+    assert len(one.due(60.0)) == 2
+    assert one.due(60.0 + 1e-6) == []
+
+
 def test_silence_makes_it_let_go_with_an_error() -> None:
     one = armed(watchdog=0.05)
     one.due(0.04)
