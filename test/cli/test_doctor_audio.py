@@ -19,7 +19,6 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -31,7 +30,7 @@ from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.devices.audio import JACK, ListedCard
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.setup import Setup
-from running import PATIENCE
+from running import PATIENCE, piped
 from sound_cards import QUAD, RATE, received_of_four, sound_card
 from verbs import status_of
 
@@ -45,14 +44,7 @@ def folder(tmp_path: Path) -> Iterator[Path]:
 
 
 def doctor(folder: Path, *words: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "haptic_accel.cli.main", "doctor", "audio", *words],
-        cwd=folder,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+    return piped(folder, "-m", "haptic_accel.cli.main", "doctor", "audio", *words)
 
 
 def ended(command: subprocess.Popen[str], answers: str = "") -> list[str]:

@@ -59,6 +59,18 @@ DOMAINS = range(1, 101)
 """ROS domains with ports below Linux' ephemeral ports."""
 
 
+def piped(folder: Path, *words: str) -> subprocess.Popen[str]:
+    """Start Python with words in a folder, with pipes for its input and for all that it says."""
+    return subprocess.Popen(
+        [sys.executable, *words],
+        cwd=folder,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
 class Command:
     """Running command with output that tests can wait for.
 

@@ -27,7 +27,7 @@ from pathlib import Path
 
 import pytest
 
-from running import processes_of, reserved_domain, wait_until
+from running import piped, processes_of, reserved_domain, wait_until
 
 HERE = Path(__file__).parent
 TESTS = HERE.parent
@@ -69,13 +69,7 @@ def test_a_machine_that_stands_still_is_noticed() -> None:
         "from running import StallWatch\n"
         "with StallWatch() as watch:\n  print(flush=True); input()\nprint(watch.longest)"
     )
-    with subprocess.Popen(
-        [sys.executable, "-c", script],
-        cwd=HERE,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as child:
+    with piped(HERE, "-c", script) as child:
         assert child.stdout
         child.stdout.readline()
         child.send_signal(signal.SIGSTOP)

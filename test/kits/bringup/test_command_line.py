@@ -42,7 +42,7 @@ from haptic_accel.devices.serial.protocol import FULL_SCALE
 from haptic_accel.kits.bringup.bench import STEPS
 from haptic_accel.setup.files import read_parameter_file
 from haptic_accel.setup.rig_file import note_step, noted_steps
-from running import Command
+from running import Command, piped
 from sound_cards import NAME, sound_card, sound_world
 from terminals import Terminal
 
@@ -89,14 +89,7 @@ class Hands:
 
 def bring_up(folder: Path, hands: Hands | CardHands, *words: str) -> tuple[int, list[str]]:
     lines = []
-    with subprocess.Popen(
-        [sys.executable, *WORDS, *words],
-        cwd=folder,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    ) as command:
+    with piped(folder, *WORDS, *words) as command:
         assert command.stdin
         assert command.stdout
         for line in command.stdout:

@@ -18,7 +18,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -37,7 +36,7 @@ from haptic_accel.devices.serial.protocol import FULL_SCALE, Identity
 from haptic_accel.kits.emulators.pseudo_terminal import run
 from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
 from haptic_accel.setup.files import read_parameter_file
-from running import PATIENCE
+from running import PATIENCE, piped
 
 WORDS = ("seconds:=0.2", "file:=found.yaml")
 
@@ -84,14 +83,7 @@ def board(tmp_path: Path) -> Iterator[Turned]:
 
 
 def calibrate(folder: Path, *words: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "haptic_accel.cli.main", "calibrate", *words],
-        cwd=folder,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+    return piped(folder, "-m", "haptic_accel.cli.main", "calibrate", *words)
 
 
 def answer(command: subprocess.Popen[str], position: str) -> None:

@@ -20,8 +20,6 @@ from __future__ import annotations
 import math
 import shlex
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -43,7 +41,7 @@ from haptic_accel.devices.serial.device import SerialMaster, SerialMasterParamet
 from haptic_accel.devices.serial.protocol import FULL_SCALE
 from haptic_accel.setup.files import read_parameter_file
 from observing import Observer
-from running import PATIENCE, Command
+from running import PATIENCE, Command, piped
 
 Start = Callable[..., Command]
 
@@ -116,21 +114,8 @@ def test_keys_turn_the_boards_over_for_a_calibration(
     boards = terminals(*emulate, f"rig:={rig}")
     boards.wait_for("keys: u, d")
     (tmp_path / "rig.yaml").write_text("/**: {ros__parameters: {rate: 1000.0}}\n")
-    words = [
-        "calibrate",
-        "port:=boards/master",
-        f"axis:={axis}",
-        "seconds:=0.2",
-        "--update",
-        "rig.yaml",
-    ]
-    with subprocess.Popen(
-        [sys.executable, "-m", "haptic_accel.cli.main", *words],
-        cwd=tmp_path,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as command:
+    words = f"calibrate port:=boards/master axis:={axis} seconds:=0.2 --update rig.yaml"
+    with piped(tmp_path, "-m", "haptic_accel.cli.main", *words.split()) as command:
         assert command.stdin
         assert command.stdout
         for place, key in enumerate(keys):
