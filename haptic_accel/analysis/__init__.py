@@ -26,7 +26,6 @@ Tables are pandas data frames. Notebooks, plotting libraries and statistics pack
 without conversion. pandas is packaged in Debian and known to rosdep as ``python3-pandas``.
 """
 
-from haptic_accel.analysis.comparison import compare
-from haptic_accel.analysis.frames import bands, groups, load, signals, spectra, trials
+from haptic_accel.analysis.frames import bands, compare, groups, load, signals, spectra, trials
 
 __all__ = ["bands", "compare", "groups", "load", "signals", "spectra", "trials"]

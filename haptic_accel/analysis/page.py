@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from haptic_accel.analysis import frames
-from haptic_accel.analysis.comparison import Comparison
+from haptic_accel.analysis.frames import Comparison
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import METRICS, MILLI, PERCENT, VECTOR_METRICS, AnalysedTrial
 from haptic_accel.analysis.plots import PATH, Portrait

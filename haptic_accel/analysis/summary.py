@@ -23,7 +23,7 @@ from collections.abc import Iterator, Sequence
 import pandas as pd
 
 from haptic_accel.analysis import frames
-from haptic_accel.analysis.comparison import Comparison
+from haptic_accel.analysis.frames import Comparison
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import (
     BEYOND_STOPS,

@@ -28,8 +28,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from haptic_accel.analysis import frames, plots
-from haptic_accel.analysis.comparison import Comparison
-from haptic_accel.analysis.frames import csv_text
+from haptic_accel.analysis.frames import Comparison, csv_text
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import actual_acceleration
 from haptic_accel.analysis.page import Setting, write_page

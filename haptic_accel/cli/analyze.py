@@ -96,7 +96,7 @@ def analyze(
     """
     bags = [bag for path in paths for bag in find_bags(path)]
     # Its libraries take a second to import, for which a path without bags need not wait.
-    from haptic_accel.analysis.comparison import RUNS, check_comparison, compared
+    from haptic_accel.analysis.frames import RUNS, check_comparison, compared
     from haptic_accel.analysis.loading import analyse
     from haptic_accel.analysis.metrics import Shift
     from haptic_accel.analysis.writing import as_json, write_analysis

@@ -29,9 +29,8 @@ import pytest
 
 from bag_maker import BagContent, of_trial, write_bag
 from haptic_accel.analysis import bands, compare, groups, load, signals, spectra, trials
-from haptic_accel.analysis.comparison import RUNS
 from haptic_accel.analysis.experiment import experiment_warnings
-from haptic_accel.analysis.frames import table_two
+from haptic_accel.analysis.frames import RUNS, table_two
 from haptic_accel.analysis.summary import summary
 from haptic_accel.analysis.writing import as_json, write_analysis
 from haptic_accel.core import topics

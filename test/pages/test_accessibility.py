@@ -28,7 +28,7 @@ import pytest
 
 from browsing import done, violations
 from haptic_accel.analysis import experiment, load
-from haptic_accel.analysis.comparison import compared
+from haptic_accel.analysis.frames import compared
 from haptic_accel.analysis.writing import write_analysis
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.paced_rig import PacedRig

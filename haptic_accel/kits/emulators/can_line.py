@@ -13,26 +13,37 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Emulated arms on a bus of python-can, or behind slcan adapters on pseudo-terminals."""
+"""Emulated arms on a bus of python-can, or behind slcan adapters on pseudo-terminals.
+
+An arm has ODrives, axes with the CANSimple protocol, and a simulated device. It has no bus and no
+clock: frames are passed to it with their times, s.
+"""
 
 from __future__ import annotations
 
+import math
 import random
+import re
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from haptic_accel.devices.can.bus import frame_of, message_of
-from haptic_accel.devices.can.protocol import HIGHEST_ID, Command, Frame
+import numpy as np
+
+from haptic_accel.core.model import FloatArray, vector
+from haptic_accel.devices.can import protocol
+from haptic_accel.devices.can.device import frame_of, message_of
+from haptic_accel.devices.can.kinematics import kinematics_of
+from haptic_accel.devices.can.parameters import STREAMED, CanParameters
+from haptic_accel.devices.can.protocol import HEARTBEAT_RATE, HIGHEST_ID, AxisState, Command, Frame
+from haptic_accel.devices.simulated import SimulatedDevice
 from haptic_accel.kits.emulators import faults as fault
-from haptic_accel.kits.emulators.can_arm import EmulatedArm
 from haptic_accel.kits.emulators.faults import Faults
 from haptic_accel.kits.emulators.pseudo_terminal import PseudoTerminal
 
 if TYPE_CHECKING:
     import can
-import re
 
 MUTED = {fault.HEARTBEAT: Command.HEARTBEAT, fault.ESTIMATES: Command.ENCODER_ESTIMATES}
 """Command that an axis does not send, by fault."""
@@ -275,3 +286,218 @@ class SlcanAdapter:
             accepted = OK if line[:1] in ACCEPTED else ERROR
             answers.append(ANSWERS.get(line[:1], accepted))
         return frames, b"".join(answers)
+
+
+HEARTBEAT_PERIOD = 1 / HEARTBEAT_RATE
+"""Period of the heartbeats, s."""
+
+ESTIMATE_NOISE = 1e-5
+"""Standard deviation of an estimate, turns (assumed: a tenth of a count of 8192)."""
+
+MOTOR_ERROR = {"0.5": 0x40, "0.6": 0x20}
+"""Injected error bit by firmware: MOTOR_FAILED, DRV_FAULT."""
+
+HAND_SPEED = 0.5
+"""Speed at which a hand puts an arm back that was let go, m/s: slow enough for every joint."""
+
+DAMPING = 1e-3
+"""Damping of the inverse of a Jacobian, m/rad: near a singularity the arm does not follow."""
+
+
+class EmulatedAxis:
+    """ODrive axis with the commands for an arm.
+
+    Parameters
+    ----------
+    node : int
+    estimates_period : float
+        Period of streamed estimates, s; 0 for none.
+    watchdog : float
+        Timeout of the watchdog, s; 0 for none, ODrive's default. May be changed.
+    firmware : str
+
+    Attributes
+    ----------
+    turns, speed : float
+        Position and speed of the motor, turns and turns per second.
+    mute : set of Command
+        Commands that the axis does not send.
+    """
+
+    def __init__(self, node: int, estimates_period: float, watchdog: float, firmware: str) -> None:
+        self.node = node
+        self.turns = self.speed = 0.0
+        self.mute: set[protocol.Command] = set()
+        self._error = 0
+        self._firmware = firmware
+        self._state = AxisState.IDLE
+        self._torque_mode = False
+        self._torque = 0.0
+        self.watchdog = watchdog
+        self._fed = -math.inf
+        self._periods = {self._heartbeat: HEARTBEAT_PERIOD, self._estimates: estimates_period}
+        self._next = dict.fromkeys(self._periods, -math.inf)
+
+    @property
+    def armed(self) -> bool:
+        """True while the axis is in closed loop."""
+        return self._state is AxisState.CLOSED_LOOP_CONTROL
+
+    @property
+    def torque(self) -> float:
+        """Torque of the motor, N m."""
+        return self._torque if self.armed and self._torque_mode else 0.0
+
+    def fail(self, error: int) -> None:
+        """Stop with an error."""
+        self._error |= error
+        self._state = AxisState.IDLE
+
+    def execute(self, order: protocol.Message, now: float) -> list[Frame]:
+        """Execute an order and return the answer to it."""
+        self._fed = now  # any command feeds it (can_simple.cpp, do_command)
+        match order:
+            case protocol.SetTorque():
+                self._torque = order.torque
+            case protocol.SetMode():
+                mode = protocol.TORQUE_CONTROL, protocol.PASS_THROUGH
+                self._torque_mode = (order.control, order.input) == mode
+            case protocol.SetState(state=AxisState.IDLE):
+                self._state = AxisState.IDLE
+            case protocol.SetState(state=AxisState.CLOSED_LOOP_CONTROL) if not self._error:
+                self._state = AxisState.CLOSED_LOOP_CONTROL
+            case protocol.ClearErrors():
+                self._error = 0
+            case protocol.EmergencyStop():
+                self.fail(protocol.ESTOP_REQUESTED[self._firmware])
+            case protocol.EstimatesRequest():
+                return self._unmuted([self._estimates()])
+        return []
+
+    def due(self, now: float) -> list[Frame]:
+        """Return the periodic frames due at a time."""
+        if self.watchdog and self.armed and now - self._fed > self.watchdog:
+            self.fail(protocol.WATCHDOG_TIMER_EXPIRED[self._firmware])
+        frames = []
+        for report, period in self._periods.items():
+            if period and now >= self._next[report]:
+                frames.append(report())
+                # Missed frames are not sent later.
+                due = self._next[report] + period
+                self._next[report] = due if due > now else now + period
+        return self._unmuted(frames)
+
+    def _heartbeat(self) -> Frame:
+        return protocol.Heartbeat(self.node, self._error, self._state).frame()
+
+    def _estimates(self) -> Frame:
+        return protocol.Estimates(self.node, self.turns, self.speed).frame()
+
+    def _unmuted(self, frames: Iterable[Frame]) -> list[Frame]:
+        return [frame for frame in frames if frame.command not in self.mute]
+
+
+class EmulatedArm:
+    """Axes that move the arm of a simulated device.
+
+    The origin of the device's arm is the middle of the emulated arm's workspace. Motion and force
+    of the tip are limited to the directions of the joints.
+
+    Parameters
+    ----------
+    parameters : CanParameters
+        Parameters of the driver.
+    device : SimulatedDevice
+    rate : float
+        Rate of streamed estimates, Hz.
+    watchdog : float
+        Timeout of the axes' watchdogs, s.
+    seed : int
+        Seed of the estimates' noise.
+
+    Attributes
+    ----------
+    axes : list of EmulatedAxis
+    """
+
+    def __init__(
+        self,
+        parameters: CanParameters,
+        device: SimulatedDevice,
+        *,
+        rate: float,
+        watchdog: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        self._firmware = parameters.firmware
+        self._joints = list(parameters.joints.values())
+        self._kinematics = kinematics_of(parameters)
+        self._home = self._kinematics.position(self._kinematics.home)
+        self._inverse = _damped_inverse(self._kinematics.jacobian(self._kinematics.home))
+        period = 1 / rate if parameters.estimates == STREAMED else 0.0
+        self.axes = [
+            EmulatedAxis(joint.node_id, period, watchdog, parameters.firmware)
+            for joint in self._joints
+        ]
+        self._random = random.Random(seed)
+        self._device = device
+        self._torques = [0.0] * len(self.axes)
+        self._tip = np.array(self._home, dtype=float)
+        self._moved = 0.0
+
+    @property
+    def driven(self) -> bool:
+        """True while a motor has a torque."""
+        return any(self._torques)
+
+    def fail(self) -> None:
+        """Stop the first axis with an error."""
+        self.axes[0].fail(MOTOR_ERROR[self._firmware])
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        """Process a frame and return the answers to it."""
+        order = protocol.parse_order(frame)
+        axis = next((axis for axis in self.axes if axis.node == frame.node), None)
+        return axis.execute(order, now) if order and axis else []
+
+    def due(self, now: float) -> list[Frame]:
+        """Move the arm until a time; return the frames that its axes send then."""
+        self._drive(now)
+        self._move(now)
+        return [frame for axis in self.axes for frame in axis.due(now)]
+
+    def _drive(self, now: float) -> None:
+        """Apply the motors' torques to the simulated arm whenever a torque changes."""
+        torques = [axis.torque for axis in self.axes]
+        if torques != self._torques:
+            self._torques = torques
+            pairs = zip(self._joints, torques, strict=True)
+            of_joints = [joint.joint_torque(torque) for joint, torque in pairs]
+            self._device.write(now, arm_force=vector(self._inverse.T @ of_joints))
+
+    def _move(self, now: float) -> None:
+        """Set the motors' position and speed from the simulated arm.
+
+        The simulated arm is put back at once; these motors are turned there.
+        """
+        sample = self._device.read(now)
+        velocity, passed = np.array(sample.velocity), now - self._moved
+        way = np.add(self._home, sample.position) - self._tip
+        possible = (np.linalg.norm(velocity) + HAND_SPEED) * passed
+        if np.linalg.norm(way) > possible > 0.0:
+            way *= possible / np.linalg.norm(way)
+            velocity = way / passed
+        self._tip, self._moved = self._tip + way, now
+        x, y, z = self._tip.tolist()
+        angles = self._kinematics.angles((x, y, z))
+        self._inverse = _damped_inverse(self._kinematics.jacobian(angles))
+        speeds = (self._inverse @ velocity).tolist()
+        for axis, joint, angle, speed in zip(self.axes, self._joints, angles, speeds, strict=True):
+            axis.turns = joint.turns(angle) + self._random.gauss(0.0, ESTIMATE_NOISE)
+            axis.speed = speed / joint.angle_per_turn
+
+
+def _damped_inverse(jacobian: FloatArray) -> FloatArray:
+    """Return the inverse by damped least squares, also near singularities (Wampler 1986)."""
+    square = jacobian @ jacobian.T + DAMPING**2 * np.eye(3)
+    return np.asarray(jacobian.T @ np.linalg.inv(square))

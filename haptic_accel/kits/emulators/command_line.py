@@ -41,15 +41,14 @@ from haptic_accel.core.parameters import Checked, from_flat, like, parameter
 from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.tick import PositionPositionCoupling
-from haptic_accel.devices.can.bus import bus_configuration, open_bus
+from haptic_accel.devices.can.device import bus_configuration, open_bus
 from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
 from haptic_accel.devices.connection import AUTO
 from haptic_accel.devices.serial.device import HIGHEST_RATE, MISSING_LIBRARY
 from haptic_accel.devices.simulated import SimulatedDevice, SimulatedMaster, SimulatedSlave
 from haptic_accel.graph.relaying import PRIORITY, RelayArguments, opened, serve
 from haptic_accel.graph.stop_signal import hurry
-from haptic_accel.kits.emulators.can_arm import EmulatedArm
-from haptic_accel.kits.emulators.can_line import BusPort, CanLine, SlcanPort
+from haptic_accel.kits.emulators.can_line import BusPort, CanLine, EmulatedArm, SlcanPort
 from haptic_accel.kits.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, UNPLUG, FaultKind, Faults
 from haptic_accel.kits.emulators.pseudo_terminal import run
 from haptic_accel.links.addresses import host_and_port, is_loopback

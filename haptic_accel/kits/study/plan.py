@@ -26,9 +26,8 @@ from collections import Counter
 import numpy as np
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.kits.study.procedures import Choice, easiest, family, method
+from haptic_accel.kits.study.procedures import TASKS, Choice, Item, easiest, family, method
 from haptic_accel.kits.study.protocol import Pair, Protocol
-from haptic_accel.kits.study.tasks import TASKS, Item
 from haptic_accel.kits.study.trials import CATCH, MAIN, PRACTICE, PlannedTrial, TrialRecord
 
 ANSWERING, CHANGING = 3.0, 1.0

@@ -35,13 +35,12 @@ from haptic_accel.core.evaluation import statistics
 from haptic_accel.core.evaluation.statistics import Alternative, Interval
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import schema
-from haptic_accel.kits.study.procedures import family
+from haptic_accel.kits.study.procedures import DIFFERENT, TASKS, Item, distance, family
 from haptic_accel.kits.study.protocol import Condition, Levels, PlannedTest, Protocol
 from haptic_accel.kits.study.psychophysics import detection
 from haptic_accel.kits.study.psychophysics.psychometric import Psychometric, fit_psychometric
 from haptic_accel.kits.study.reading import matching
 from haptic_accel.kits.study.tables import exclusions
-from haptic_accel.kits.study.tasks import DIFFERENT, TASKS, Item, distance
 from haptic_accel.kits.study.trials import SessionRecord, TrialRecord
 from haptic_accel.setup.arguments import GraphArguments
 

@@ -33,7 +33,7 @@ from typing import Any
 from haptic_accel.core.document import Document, read_yaml_document
 from haptic_accel.core.parameters import Checked, ParameterError, Specification, own_schema, schema
 from haptic_accel.kits.study.plan import Plan
-from haptic_accel.kits.study.procedures import rows
+from haptic_accel.kits.study.procedures import TASKS, rows, written
 from haptic_accel.kits.study.protocol import (
     Condition,
     Consent,
@@ -44,7 +44,6 @@ from haptic_accel.kits.study.protocol import (
     Protocol,
     Value,
 )
-from haptic_accel.kits.study.tasks import TASKS, written
 from haptic_accel.setup.arguments import ConditionArguments, DeviceArguments
 
 _PARTS: list[tuple[str, Any]] = [(each.name, each.default_factory) for each in fields(Protocol)]

@@ -32,11 +32,11 @@ from haptic_accel.core.evaluation.statistics import Interval, mean_interval
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.tables import DASH, ResultTable, Row
 from haptic_accel.kits.study import planned_tests
+from haptic_accel.kits.study.procedures import distance, labels
 from haptic_accel.kits.study.protocol import Condition, Levels, Protocol
 from haptic_accel.kits.study.psychophysics import choices
 from haptic_accel.kits.study.psychophysics.detection import CHANCE, exact_binomial
 from haptic_accel.kits.study.tables import COLUMNS, MEASURED, Tables
-from haptic_accel.kits.study.tasks import distance, labels
 
 PLANNED, EXPLORATORY, DELIVERED = "planned", "exploratory", "delivered"
 """Kinds of results."""

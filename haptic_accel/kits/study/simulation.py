@@ -32,9 +32,9 @@ from haptic_accel.core.model import FloatArray
 from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.log import SESSION, Entries
 from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.procedures import DIFFERENT, SAME, distance, labels, written
 from haptic_accel.kits.study.protocol import Condition, Protocol
 from haptic_accel.kits.study.session import Session
-from haptic_accel.kits.study.tasks import DIFFERENT, SAME, distance, labels, written
 from haptic_accel.kits.study.trials import (
     Answer,
     PlannedTrial,

@@ -18,8 +18,10 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
 from dataclasses import astuple
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -32,6 +34,7 @@ from haptic_accel.devices.can.protocol import (
     HIGHEST_NODE,
     LARGEST_TORQUE,
     AxisState,
+    BusLoad,
     ClearErrors,
     Command,
     EmergencyStop,
@@ -44,6 +47,7 @@ from haptic_accel.devices.can.protocol import (
     SetState,
     SetTorque,
     error_names,
+    frame_bits,
     parse_order,
     parse_report,
     state_name,
@@ -126,3 +130,37 @@ def test_errors_are_named(firmware: str) -> None:
 def test_every_error_and_state_has_a_name(error: int, firmware: str, state: int) -> None:
     assert bool(error_names(error, firmware)) == bool(error)
     assert state_name(state)
+
+
+@pytest.mark.parametrize(("data_bytes", "bits"), [(0, 55), (1, 65), (4, 95), (8, 135)])
+def test_worst_case_of_a_frame(data_bytes: int, bits: int) -> None:
+    # Davis, Burns, Bril and Lukkien 2007: 55 + 10 s bits for s bytes and 11-bit ids.
+    assert frame_bits(data_bytes) == bits
+
+
+@pytest.mark.parametrize("requested", [False, True])
+@pytest.mark.parametrize("joints", [1, 3, 6])
+def test_what_would_fit_just_fits(joints: int, requested: bool) -> None:
+    highest = BusLoad(joints, 5000.0, 1e6, requested).highest_rate
+    assert BusLoad(joints, highest * 0.999, 1e6, requested).fits
+    assert not BusLoad(joints, highest * 1.001, 1e6, requested).fits
+
+
+def test_what_does_not_fit_is_said() -> None:
+    assert str(BusLoad(6, 1000.0, 1e6)).endswith(": too much, up to 574 Hz would fit")
+
+
+DOCUMENT = Path(__file__).parents[3] / "docs" / "can_arms.md"
+
+
+def test_the_documented_table_is_what_is_computed() -> None:
+    text = DOCUMENT.read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d) joints?(.*?) \| (.*%.*) \| (\d+) Hz \|$", text, re.MULTILINE)
+    assert len(rows) == 6
+    for joints, how, shares, highest in rows:
+        requested = "requested" in how
+        for rate, shown in zip((250.0, 500.0, 1e3, 2e3), shares.split(" | "), strict=True):
+            load = BusLoad(int(joints), rate, 1e6, requested)
+            figure = f"{100 * load.share:.0f} %"
+            assert shown == (figure if load.fits else f"**{figure}**")
+        assert f"{BusLoad(int(joints), 1e3, 1e6, requested).highest_rate:.0f}" == highest

@@ -13,15 +13,34 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The adapter's end of slcan."""
+"""Emulated arms, and the adapter's end of slcan."""
 
 from __future__ import annotations
 
-from hypothesis import given
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from haptic_accel.core.coupling import position_position
+from haptic_accel.core.parameters import from_flat
+from haptic_accel.core.rig.master_rig import MasterRigParameters
+from haptic_accel.core.tick import PositionPositionCoupling
+from haptic_accel.devices import simulated
+from haptic_accel.devices.can import protocol
+from haptic_accel.devices.can.arm import DrivenArm, State
+from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.devices.can.protocol import Frame
-from haptic_accel.kits.emulators.can_line import SlcanAdapter, frame_line, parse_frame_line
+from haptic_accel.devices.interface import Device
+from haptic_accel.kits.emulators.can_line import (
+    EmulatedArm,
+    EmulatedAxis,
+    SlcanAdapter,
+    frame_line,
+    parse_frame_line,
+)
 
 ids = st.integers(0, 0x7FF)
 frames = st.builds(Frame, ids, st.binary(max_size=8), remote=st.just(False)) | st.builds(
@@ -74,3 +93,215 @@ def test_frames_pass_only_while_it_is_open() -> None:
 
 def test_it_says_who_it_is() -> None:
     assert SlcanAdapter().receive(b"V\rN\rF\r?\r")[1] == b"V1013\rNHAPT\rF00\r\a"
+
+
+RATE = 500.0
+PERIOD = 1 / RATE
+CLOSED = protocol.AxisState.CLOSED_LOOP_CONTROL
+
+
+def order(frame: protocol.Frame) -> protocol.Message:
+    found = protocol.parse_order(frame)
+    assert found is not None
+    return found
+
+
+def axis(watchdog: float = 0.0) -> EmulatedAxis:
+    return EmulatedAxis(1, 0.01, watchdog, "0.6")
+
+
+def armed(watchdog: float = 0.0) -> EmulatedAxis:
+    found = axis(watchdog)
+    for frame in (
+        protocol.SetMode(1).frame(),
+        protocol.SetState(1, CLOSED).frame(),
+        protocol.SetTorque(1, 0.5).frame(),
+    ):
+        found.execute(order(frame), 0.0)
+    return found
+
+
+def heartbeat(of: EmulatedAxis, now: float) -> protocol.Heartbeat:
+    beats = [
+        answer
+        for frame in of.due(now)
+        if isinstance(answer := protocol.parse_report(frame), protocol.Heartbeat)
+    ]
+    assert len(beats) == 1
+    return beats[0]
+
+
+def test_it_has_a_torque_only_in_closed_loop_and_torque_control() -> None:
+    one = axis()
+    one.execute(order(protocol.SetTorque(1, 0.5).frame()), 0.0)
+    assert one.torque == 0.0
+    one.execute(order(protocol.SetState(1, CLOSED).frame()), 0.0)
+    assert one.torque == 0.0
+    one.execute(order(protocol.SetMode(1).frame()), 0.0)
+    assert one.torque == 0.5
+    one.execute(order(protocol.SetState(1, protocol.AxisState.IDLE).frame()), 0.0)
+    assert one.torque == 0.0
+
+
+def test_an_axis_reports_at_its_rates_and_once_after_a_stall() -> None:
+    one = axis()
+    sent = [frame.command for step in range(1000) for frame in one.due(step * 1e-3)]
+    assert sent.count(protocol.Command.HEARTBEAT) == 10
+    assert sent.count(protocol.Command.ENCODER_ESTIMATES) == 100
+    assert len(one.due(60.0)) == 2
+    assert one.due(60.0 + 1e-6) == []
+
+
+def test_silence_makes_it_let_go_with_an_error() -> None:
+    one = armed(watchdog=0.05)
+    one.due(0.04)
+    assert one.torque == 0.5
+    one.execute(order(protocol.EstimatesRequest(1).frame()), 0.04)  # anything feeds it
+    one.due(0.08)
+    assert one.torque == 0.5
+    one.due(0.1)
+    assert one.torque == 0.0
+    beat = heartbeat(one, 0.5)
+    assert beat == protocol.Heartbeat(
+        1, protocol.WATCHDOG_TIMER_EXPIRED["0.6"], protocol.AxisState.IDLE
+    )
+
+
+def test_with_an_error_it_does_not_go_into_closed_loop_until_cleared() -> None:
+    one = armed()
+    one.execute(order(protocol.EmergencyStop(1).frame()), 0.0)
+    assert one.torque == 0.0
+    assert protocol.error_names(heartbeat(one, 0.0).error, "0.6") == "ESTOP_REQUESTED"
+    one.execute(order(protocol.SetState(1, CLOSED).frame()), 0.0)
+    assert not one.armed
+    one.execute(order(protocol.ClearErrors(1).frame()), 0.0)
+    one.execute(order(protocol.SetState(1, CLOSED).frame()), 0.0)
+    assert one.armed
+
+
+any_frames = st.builds(
+    protocol.Frame, st.integers(0, 0x7FF), st.binary(max_size=8), remote=st.booleans()
+)
+
+
+def new_slave() -> Device:
+    return simulated.SimulatedSlave(simulated.SimulatedSlaveParameters(), RATE, 0)
+
+
+def new_master() -> Device:
+    return simulated.SimulatedMaster(MasterRigParameters(), RATE, 0)
+
+
+@given(st.lists(any_frames, max_size=30))
+@settings(max_examples=25)
+def test_no_frame_is_too_strange_for_an_emulated_arm(noise: list[protocol.Frame]) -> None:
+    arm = EmulatedArm(CanParameters(), new_slave(), rate=RATE, watchdog=0.1)
+    for step, frame in enumerate(noise):
+        arm.receive(frame, step * PERIOD)
+        arm.due(step * PERIOD)
+
+
+class Rigged:
+    """The driver's arm and the emulated one, with nothing between."""
+
+    def __init__(self, new_device: Callable[[], Device], seed: int = 0, **values: object) -> None:
+        names = {name.replace("__", "."): value for name, value in values.items()}
+        parameters = from_flat(CanParameters, names)
+        self.now = 0.0
+        self.emulated = EmulatedArm(parameters, new_device(), rate=RATE, watchdog=0.05, seed=seed)
+        self.arm = DrivenArm(parameters, self._send)
+
+    def _send(self, frames: Sequence[protocol.Frame]) -> bool:
+        for frame in frames:
+            for answer in self.emulated.receive(frame, self.now):
+                self.arm.receive(answer, self.now)
+        return True
+
+    def step(self) -> None:
+        self.now += PERIOD
+        for frame in self.emulated.due(self.now):
+            self.arm.receive(frame, self.now)
+        self.arm.update(self.now)
+
+
+GEARED = {
+    "joint1__gear_ratio": 8.0,
+    "joint1__direction": -1,
+    "joint2__gear_ratio": 5.0,
+    "joint2__offset": 0.3,
+    "joint3__node_id": 17,
+    "joint3__direction": -1,
+}
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"kinematics": "arm", **GEARED},
+        {"kinematics": "arm", "links__elbow": "shoulder", "estimates": "requested"},
+        {"kinematics": "planar"},
+        {"kinematics": "stage", "stage__axis": "z"},
+    ],
+    ids=["arm", "requested", "planar", "stage"],
+)
+def test_coupled_arms_move_together(values: dict[str, object]) -> None:
+    """The whole experiment in lockstep: what the hand does at the master the slave's tip does."""
+    # Without noise nothing would move: the hand waits for a first force.
+    sides = [Rigged(new, seed, **values) for seed, new in enumerate((new_master, new_slave))]
+    for side in sides:
+        for _ in range(100):
+            side.step()
+        side.arm.arm(side.now)
+        for _ in range(100):
+            side.step()
+        assert side.arm.state is State.ARMED, side.arm.fault
+    coupling = PositionPositionCoupling(position_position.CouplingParameters())
+    tips: list[tuple[np.ndarray, np.ndarray]] = []
+    for _ in range(round(2.0 * RATE)):
+        master, slave = (side.arm.read(side.now).position for side in sides)
+        if not coupling.engaged:
+            coupling.engage(master, slave)
+        for side, force in zip(sides, coupling.forces(master, slave), strict=True):
+            side.arm.apply(force, side.now)
+            side.step()
+        tips.append((np.array(master), np.array(slave)))
+    moved = np.array(tips) - np.array(tips)[0]
+    master, slave = moved[:, 0], moved[:, 1]
+    along = [2] if values["kinematics"] == "stage" else [0, 2]
+    # 14.7 mm down, of which the surface allows 10; strokes of 80 mm.
+    assert master[:, 2].min() == pytest.approx(-0.0145, abs=1e-3)
+    assert slave[:, 2].min() == pytest.approx(-0.0105, abs=1e-3)
+    for place in along:
+        assert np.corrcoef(master[:, place], slave[:, place])[0, 1] > 0.97
+    if 0 in along:
+        assert np.ptp(slave[:, 0]) > 0.05
+    assert all(side.arm.counters()["disarmed"] == 0 for side in sides)
+
+
+def test_an_arm_that_is_left_alone_is_put_back() -> None:
+    side = Rigged(new_slave)
+    for _ in range(100):
+        side.step()
+    start = side.arm.read(side.now).position
+    side.arm.arm(side.now)
+    for _ in range(300):
+        side.arm.apply((0.5, 0.0, 0.0), side.now)
+        side.step()
+    assert side.emulated.driven
+    assert side.arm.read(side.now).position[0] > start[0] + 0.01
+    side.arm.disarm()
+    for _ in range(round(1.2 * RATE)):
+        side.step()
+    assert side.arm.read(side.now).position == pytest.approx(start, abs=1e-4)
+    assert not side.emulated.driven
+
+
+def test_no_push_takes_it_where_it_cannot_be_computed() -> None:
+    side = Rigged(new_slave)
+    for _ in range(100):
+        side.step()
+    side.arm.arm(side.now)
+    for _ in range(round(2 * RATE)):
+        side.arm.apply((3.0, 0.0, 3.0), side.now)
+        side.step()
+    assert all(map(np.isfinite, side.arm.read(side.now).velocity))

@@ -34,14 +34,12 @@ import pytest
 
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import from_flat
-from haptic_accel.devices.can.bus import bus_configuration, message_of, open_bus
-from haptic_accel.devices.can.device import CanSlave
+from haptic_accel.devices.can.device import CanSlave, bus_configuration, message_of, open_bus
 from haptic_accel.devices.can.parameters import CanParameters
 from haptic_accel.devices.can.protocol import AxisState, Estimates, Heartbeat
 from haptic_accel.devices.interface import DeviceError
 from haptic_accel.devices.simulated import SimulatedSlave, SimulatedSlaveParameters
-from haptic_accel.kits.emulators.can_arm import EmulatedArm
-from haptic_accel.kits.emulators.can_line import BusPort, CanLine, CanPort, SlcanPort
+from haptic_accel.kits.emulators.can_line import BusPort, CanLine, CanPort, EmulatedArm, SlcanPort
 from haptic_accel.kits.emulators.faults import CAN_FAULTS, Faults
 from haptic_accel.kits.emulators.pseudo_terminal import run
 from running import wait_until

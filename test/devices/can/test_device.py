@@ -27,7 +27,7 @@ from typing import Any
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.devices.can.bus import (
+from haptic_accel.devices.can.device import (
     DEFAULT_BITRATE,
     bitrate_of,
     bus_configuration,
