@@ -52,7 +52,7 @@ DIRECTIVES = {
 }
 """Directives of Cython: the types are in the declarations, and division is Python's."""
 
-LIBC = ("sqrt", "tanh", "exp", "expm1", "copysign", "fabs")
+LIBC = ("sqrt", "tanh", "exp", "expm1", "log", "copysign", "fabs")
 """Functions of `math` that are taken from C; rounding and tests of numbers are in `loops.py`."""
 
 OWN = ("floor", "isfinite", "isnan")
@@ -69,7 +69,7 @@ FAILING = {"double": " except? -1e300", "long": " except? -1", "bint": " except?
 """Results that may stand for an exception, by type; void is always asked."""
 
 PLAIN_NODES = (
-    *(ast.Lambda, ast.GeneratorExp, ast.FunctionDef, ast.Yield, ast.YieldFrom, ast.Try),
+    *(ast.Lambda, ast.GeneratorExp, ast.FunctionDef, ast.Yield, ast.YieldFrom),
     *(ast.Import, ast.ImportFrom),
 )
 """Nodes left to Python: a function with one of these in it, as a set-up function that imports

@@ -21,20 +21,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from haptic_accel.core import sampling
 from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.interface import Rig
-from haptic_accel.core.sampling import (
-    MOST_SAMPLES,
-    NANOSECONDS,
-    BoolArray,
-    Stamped,
-    crossfaded,
-    half_period,
-    on_grid,
-    resampled,
-)
 from haptic_accel.core.tick.rigs import ReplayArm
 
 SHORTEST = 0.2
@@ -69,7 +60,7 @@ class Track:
     acceleration: FloatArray
     position: FloatArray
     velocity: FloatArray
-    lost: BoolArray
+    lost: sampling.BoolArray
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -92,9 +83,9 @@ class Track:
 
 
 def gridded(
-    acceleration: Stamped,
-    position: Stamped | None,
-    velocity: Stamped | None,
+    acceleration: sampling.Stamped,
+    position: sampling.Stamped | None,
+    velocity: sampling.Stamped | None,
     rate: float,
     start: int | None = None,
 ) -> Track:
@@ -120,21 +111,20 @@ def gridded(
     ParameterError
         No sample remains, or the stamps are too far apart.
     """
-    period = NANOSECONDS / rate
+    period = sampling.NANOSECONDS / rate
     stamps = np.unique(_whole(acceleration)[0])
     if start is not None:
-        stamps = stamps[stamps >= start - half_period(rate)]
+        stamps = stamps[stamps >= start - sampling.half_period(rate)]
     if not len(stamps):
         raise ParameterError("no acceleration is left")
     steps = np.rint(np.diff(stamps) / period)
     positions = np.concatenate([[0], np.cumsum(steps)]).astype(np.int64)
     length = int(positions[-1]) + 1
-    if length > MOST_SAMPLES:
-        raise ParameterError(
-            f"its stamps span {length} samples at {rate:g} Hz, must be at most {MOST_SAMPLES}"
-        )
+    if length > sampling.MOST_SAMPLES:
+        most = f"must be at most {sampling.MOST_SAMPLES}"
+        raise ParameterError(f"its stamps span {length} samples at {rate:g} Hz, {most}")
 
-    def held(signal: Stamped | None) -> tuple[FloatArray, BoolArray]:
+    def held(signal: sampling.Stamped | None) -> tuple[FloatArray, sampling.BoolArray]:
         """Return a signal's value at each grid point, and a mask of repeated values."""
         if signal is not None:
             times, values = _whole(signal)
@@ -142,7 +132,7 @@ def gridded(
             steps = np.rint((times - stamps[near]) / period).astype(np.int64)
             where = positions[near] + steps
             if ((where >= 0) & (where < length)).any():
-                found, seen = on_grid(where, values, length)
+                found, seen = sampling.on_grid(where, values, length)
                 return found, ~seen
         return np.zeros((length, AXES)), np.ones(length, dtype=np.bool_)
 
@@ -198,7 +188,7 @@ def played_at(track: Track, rate: float, speed: float = 1.0) -> Track:
     source = track.rate * speed
 
     def changed(values: FloatArray) -> FloatArray:
-        return resampled(values, source, rate)
+        return sampling.resampled(values, source, rate)
 
     acceleration = changed(track.acceleration)
     nearest = np.rint(np.arange(len(acceleration)) * (source / rate)).astype(np.int64)
@@ -216,7 +206,7 @@ def looped(track: Track) -> Track:
     The acceleration's end is crossfaded into its start with constant power. The arm moves from its
     end to its start on a smooth path, with matching velocity.
     """
-    acceleration = crossfaded(track.acceleration, track.rate, FADE)
+    acceleration = sampling.crossfaded(track.acceleration, track.rate, FADE)
     fade = len(track) - len(acceleration)
     phase = np.arange(1, fade + 1)[:, None] / fade * np.pi
     begun = (1 - np.cos(phase)) / 2
@@ -279,7 +269,7 @@ class ReplayRig(Rig):
         }
 
 
-def _whole(signal: Stamped) -> Stamped:
+def _whole(signal: sampling.Stamped) -> sampling.Stamped:
     """Return the finite vectors in order of their stamps."""
     stamps, values = signal
     finite = np.isfinite(values).all(axis=1)

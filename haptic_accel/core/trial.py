@@ -18,9 +18,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -322,12 +321,12 @@ def run_trial(
         if channel is None
         else TwoHosts(rig.passive(law), channel, sides, part, seed, blackouts, tool_axes)
     )
-    samples = _samples(rigs, hosts, part, time.tolist(), deque(grips), warnings, crossings)
-    # Number by number, as an array takes three times longer to read nested tuples.
-    rows = np.fromiter(chain.from_iterable(samples), float).reshape(len(time), -1)
-    vectors = rows.reshape(len(time), -1, 3).swapaxes(0, 1)
-    tool, desired, handle, force = (along(axes, each) for each in vectors[:_SIGNALS])
-    by_topic = dict(zip(_arms(slave), vectors[_SIGNALS:], strict=True))
+    rows = np.zeros((len(time), _SIGNALS + isinstance(slave, VirtualRig), 3))
+    _run(rigs, hosts, part, time.tolist(), deque(grips), warnings, crossings, rows)
+    vectors = rows.swapaxes(0, 1)
+    handle, tool, desired, force = (along(axes, vectors[each]) for each in (0, 4, 8, 9))
+    moved = [*vectors[1:4], *vectors[5:8], *vectors[_SIGNALS:]]
+    by_topic = dict(zip(_MOVED, moved, strict=False))
     surface = scene.name if scene else rig.slave.surface.name
     corner = around.high_pass_frequency
     crossing = None
@@ -378,8 +377,8 @@ class PlayedSample(NamedTuple):
     energy: tuple[float, float]
 
 
-_SIGNALS = 4
-"""Number of vectors of tool, handle and actuator in a sample."""
+_SIGNALS = 10
+"""Number of vectors of `HostLoop.record`."""
 
 
 def along(axes: Axes, vectors: model.FloatArray) -> model.FloatArray:
@@ -388,19 +387,14 @@ def along(axes: Axes, vectors: model.FloatArray) -> model.FloatArray:
     return values[:, 0] if len(axes.names) == 1 else values
 
 
-_ARMS = [
+_MOVED = [
     topic.name
     for arm in (topics.MASTER, topics.SLAVE)
     for topic in (arm.position, arm.velocity, arm.arm_force)
-]
+] + [topics.CONTACT_FORCE.name]
 
 
-def _arms(slave: Rig) -> list[str]:
-    """Return the names of the vectors of both arms."""
-    return [*_ARMS, *([topics.CONTACT_FORCE.name] if isinstance(slave, VirtualRig) else [])]
-
-
-def _samples(
+def _run(
     rigs: tuple[MasterRig | ThreeAxisRig, Rig],
     hosts: HostLoop | TwoHosts,
     part: CompensationPart,
@@ -408,8 +402,9 @@ def _samples(
     grips: deque[GripChange],
     warnings: list[Warned],
     crossings: list[PlayedSample],
-) -> Iterator[tuple[float, ...]]:
-    """Yield the signals of each sample in the order of `Trial`, then the arms' vectors.
+    rows: model.FloatArray,
+) -> None:
+    """Write the signals of each sample in the order of `HostLoop.record`, then a contact's force.
 
     Appends to `warnings` when the compensator's warning changes, and to `crossings` for two hosts.
     """
@@ -417,6 +412,8 @@ def _samples(
     loops = [hosts] if isinstance(hosts, HostLoop) else list(hosts.loops.values())
     touching = slave if isinstance(slave, VirtualRig) else None
     looked, words = 0.0, ""
+    for loop in loops:
+        loop.record(rows)
     for tick, time in enumerate(times):
         if grips and grips[0][0] <= time:
             master.advance(time)
@@ -426,19 +423,8 @@ def _samples(
             else:
                 master.change_grip(changed)
         hosts.step(tick)
-        handle, tool = (sample for loop in loops for sample in loop.samples)
-        m_x = m_y = m_z = s_x = s_y = s_z = 0.0
-        for loop in loops:
-            if loop.commands:
-                forces = loop.commands[-1]
-                if forces.on_master:
-                    m_x, m_y, m_z = forces.m_x, forces.m_y, forces.m_z
-                if forces.on_slave:
-                    s_x, s_y, s_z = forces.s_x, forces.s_y, forces.s_z
-        desired = force = model.ZERO
-        if part.results:
-            felt = part.results[-1]
-            desired, force = felt.desired_acceleration, felt.actuator_force
+        if touching:
+            rows[tick, -1] = touching.contact_force or model.ZERO
         if isinstance(hosts, TwoHosts):
             played = hosts.halves[MASTER].played
             crossings.append(PlayedSample(played, hosts.position, hosts.energy))
@@ -447,9 +433,3 @@ def _samples(
             if now != words:
                 words = now
                 warnings.append((time, words))
-        yield (
-            *(tool.a_x, tool.a_y, tool.a_z, *desired, handle.a_x, handle.a_y, handle.a_z, *force),
-            *(handle.x, handle.y, handle.z, handle.v_x, handle.v_y, handle.v_z, m_x, m_y, m_z),
-            *(tool.x, tool.y, tool.z, tool.v_x, tool.v_y, tool.v_z, s_x, s_y, s_z),
-            *(touching.contact_force or () if touching else ()),
-        )

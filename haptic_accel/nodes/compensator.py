@@ -35,7 +35,7 @@ from haptic_accel.core.model import ZERO
 from haptic_accel.core.orientation import Orientation
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.reduction import NO_REDUCTION
-from haptic_accel.core.tick import CompensatedSample, CompensationPart
+from haptic_accel.core.tick import ArmSample, CompensatedSample, CompensationPart
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.priority import FELT_PRIORITY
 from haptic_accel.nodes.scheduling import run
@@ -95,10 +95,10 @@ class Compensator(GraphNode):
         came = False
         for stamp, acceleration in self._tools.drain():
             came = True
-            self.part.put_tool(stamp, *acceleration)
+            self.part.put_tool(ArmSample(stamp, acceleration=acceleration))
         if self.part.waiting:
             for stamp, acceleration in self._handles.drain():
-                self.part.put_handle(stamp, True, *acceleration)
+                self.part.put_handle(ArmSample(stamp, acceleration=acceleration))
             self.part.compute(float(time.time_ns()))
             self.publish(self.part.results, offset=0)
             self.part.results.clear()

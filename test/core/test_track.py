@@ -25,12 +25,12 @@ from hypothesis import strategies as st
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.model import ZERO
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.sampling import Stamped
 from haptic_accel.core.track import (
     FADE,
     QUIET,
     SHORTEST,
     ReplayRig,
-    Stamped,
     Track,
     at_rest,
     cut,

@@ -29,14 +29,7 @@ import numpy as np
 
 from haptic_accel.core.axes import NAMES
 from haptic_accel.core.identification import estimate
-from haptic_accel.core.identification.sweep import (
-    IdentificationTrial,
-    SweepParameters,
-    by_axis,
-    check_axes,
-    kept_periods,
-    repeat_samples,
-)
+from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.sampling import BoolArray
 
@@ -103,7 +96,7 @@ class MatrixResponse:
 
 
 def matrix_response(
-    trials: Sequence[IdentificationTrial], sweep: SweepParameters
+    trials: Sequence[sweeps.IdentificationTrial], sweep: sweeps.SweepParameters
 ) -> MatrixResponse:
     """Estimate the response by least squares at each line over all evaluated periods.
 
@@ -123,13 +116,13 @@ def matrix_response(
     """
     rate = trials[0].rate
     for trial in trials:
-        check_axes(trial.actuator_force, trial.handle_acceleration)
+        sweeps.check_axes(trial.actuator_force, trial.handle_acceleration)
         _check_alive(trial)
     forces, accelerations = (
-        np.concatenate([kept_periods(getattr(each, name), sweep, rate) for each in trials])
+        np.concatenate([sweeps.kept_periods(getattr(each, name), sweep, rate) for each in trials])
         for name in ("actuator_force", "handle_acceleration")
     )
-    frequency = np.fft.rfftfreq(repeat_samples(sweep, rate), 1.0 / rate)
+    frequency = np.fft.rfftfreq(sweeps.repeat_samples(sweep, rate), 1.0 / rate)
     used = (frequency >= sweep.start_frequency) & (frequency <= sweep.end_frequency)
     force, acceleration = (_spectra(each)[used] for each in (forces, accelerations))
     periods = force.shape[2]
@@ -163,15 +156,15 @@ def _spectra(periods: FloatArray) -> ComplexArray:
     return np.moveaxis(spectra.reshape(-1, *spectra.shape[2:]), 0, 2)
 
 
-def _check_alive(trial: IdentificationTrial) -> None:
+def _check_alive(trial: sweeps.IdentificationTrial) -> None:
     """Reject a force that excites nothing, and an acceleration that does not change."""
-    for axis, force in by_axis(trial.actuator_force):
+    for axis, force in sweeps.by_axis(trial.actuator_force):
         if (excited := float(np.std(force))) < estimate.SMALLEST_FORCE:
             raise estimate.RecordingError(
                 f"{axis}actuator_force: {excited:.3g} N root mean square excites nothing, must be"
                 f" at least {estimate.SMALLEST_FORCE:g} N"
             )
-    for axis, values in by_axis(trial.handle_acceleration):
+    for axis, values in sweeps.by_axis(trial.handle_acceleration):
         if np.ptp(values) == 0.0:
             raise estimate.RecordingError(
                 f"{axis}handle_acceleration: constant at {values[0]:.3g} m/s^2, must change; is"
@@ -180,7 +173,7 @@ def _check_alive(trial: IdentificationTrial) -> None:
 
 
 def check_matrix_response(
-    found: MatrixResponse, trials: Sequence[IdentificationTrial], acceleration_range: float
+    found: MatrixResponse, trials: Sequence[sweeps.IdentificationTrial], acceleration_range: float
 ) -> None:
     """Reject, by axis, what no plant can be fitted to.
 
@@ -199,7 +192,7 @@ def check_matrix_response(
         acts backwards, or is swapped with another. The message names the axis.
     """
     for trial in trials:
-        for axis, values in by_axis(trial.handle_acceleration):
+        for axis, values in sweeps.by_axis(trial.handle_acceleration):
             estimate.check_range(values, acceleration_range, axis)
     band = found.frequency[0], found.frequency[-1]
     _check_coherence(found, band)

@@ -69,16 +69,16 @@ class Rig:
     def read(self, time: float) -> Sample:
         """Simulate until a time, s, and return the sample then."""
         self.motion.measure(time)
-        return self._sample()
+        return self.motion.reading.sample
 
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
     ) -> None:
         """Change the forces, N, from a time on, s; later changes written before are discarded."""
         if arm_force is not None:
-            self.motion.drive_arm(time, *arm_force)
+            self.motion.drive_at(time, True, *arm_force)
         if actuator_force is not None:
-            self.motion.drive_actuator(time, *actuator_force)
+            self.motion.drive_at(time, False, *actuator_force)
 
     def advance(self, time: float) -> None:
         """Integrate the physics until a time since the start; a past time changes nothing."""
@@ -87,7 +87,7 @@ class Rig:
     def measure(self) -> Sample:
         """Return the present readings of encoders and accelerometer."""
         self.motion.observe()
-        return self._sample()
+        return self.motion.reading.sample
 
     def apply_arm_force(self, force: Vector) -> None:
         """Set the force of the arm's motors, N, each axis limited to their maximum."""
@@ -107,11 +107,6 @@ class Rig:
     def counters(self) -> dict[str, int]:
         """Return counts of out-of-range values by name."""
         return {}
-
-    def _sample(self) -> Sample:
-        at = self.motion.reading
-        position, velocity = (at.x, at.y, at.z), (at.v_x, at.v_y, at.v_z)
-        return Sample(position, velocity, (at.a_x, at.a_y, at.a_z))
 
 
 def accelerometers(

@@ -35,14 +35,7 @@ from haptic_accel.core.handle.three_axis import BodyParameters, CoilMounting, Se
 from haptic_accel.core.model import ZERO, AccelerometerParameters, ComplexArray, FloatArray, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.rig.interface import ArmParameters, Rig, accelerometers
-from haptic_accel.core.tick.rigs import (
-    HAND_STEP,
-    Hand,
-    HeldArm,
-    OneCoil,
-    ScriptedHand,
-    ThreeCoils,
-)
+from haptic_accel.core.tick import rigs as simulated
 
 NOISE_STREAM = 1
 """Random stream of the handle's accelerometer, independent of the slave's with the same seed."""
@@ -146,7 +139,7 @@ class HeldRig(Rig, ABC):
         Handle with this user's grip.
     """
 
-    ARM: ClassVar[Callable[..., HeldArm]]
+    ARM: ClassVar[Callable[..., simulated.HeldArm]]
     """Motion of the arm."""
     AXES: ClassVar[Axes]
     """Axes of coils and accelerometer."""
@@ -156,7 +149,11 @@ class HeldRig(Rig, ABC):
     _p: HeldRigParameters
 
     def __init__(
-        self, parameters: HeldRigParameters, rate: float, seed: int = 0, hand: Hand | None = None
+        self,
+        parameters: HeldRigParameters,
+        rate: float,
+        seed: int = 0,
+        hand: simulated.Hand | None = None,
     ) -> None:
         leading = hand or scripted_hand(parameters.exploration)
         sensors = accelerometers(parameters.accelerometer, self.AXES, seed, NOISE_STREAM)
@@ -226,7 +223,7 @@ class MasterRig(HeldRig):
     Parameters as for `HeldRig`.
     """
 
-    ARM = OneCoil
+    ARM = simulated.OneCoil
     AXES = ACTUATOR_AXES
     GRAVITY = one.G
 
@@ -295,7 +292,7 @@ class ThreeAxisRig(HeldRig):
         The handle is lighter than two coils.
     """
 
-    ARM = ThreeCoils
+    ARM = simulated.ThreeCoils
     AXES = ALL_AXES
     GRAVITY = three.FALL
 
@@ -424,7 +421,7 @@ def axes_of(parameters: MasterRigParameters) -> Axes:
 
 
 def simulated_master(
-    parameters: MasterRigParameters, rate: float, seed: int = 0, hand: Hand | None = None
+    parameters: MasterRigParameters, rate: float, seed: int = 0, hand: simulated.Hand | None = None
 ) -> MasterRig | ThreeAxisRig:
     """Return the simulated master with its number of coils; arguments as for `MasterRig`."""
     if isinstance(parameters, SimulatedMasterParameters) and axes_of(parameters) == ALL_AXES:
@@ -432,13 +429,13 @@ def simulated_master(
     return MasterRig(parameters, rate, seed, hand)
 
 
-def scripted_hand(parameters: ExplorationParameters) -> ScriptedHand:
+def scripted_hand(parameters: ExplorationParameters) -> simulated.ScriptedHand:
     """Return the hand that repeats the cycle of an exploration, at rest before 0."""
     velocity = _cycle(parameters)
-    increments = (velocity[:-1] + velocity[1:]) * (HAND_STEP / 2)
+    increments = (velocity[:-1] + velocity[1:]) * (simulated.HAND_STEP / 2)
     position = np.vstack([np.zeros(2), np.cumsum(increments, axis=0)])
     position[:, 1] += parameters.height
-    return ScriptedHand(np.hstack([position, velocity]).ravel().tolist())
+    return simulated.ScriptedHand(np.hstack([position, velocity]).ravel().tolist())
 
 
 def _cycle(parameters: ExplorationParameters) -> FloatArray:
@@ -457,7 +454,7 @@ def _minimum_jerk(duration: float, distance: float) -> FloatArray:
     points = _points(duration)
     s = np.arange(points) / points
     velocity = s**2 * (1 - s) ** 2
-    return np.asarray(distance * velocity / (velocity.sum() * HAND_STEP))
+    return np.asarray(distance * velocity / (velocity.sum() * simulated.HAND_STEP))
 
 
 def _strokes(parameters: ExplorationParameters) -> FloatArray:
@@ -483,4 +480,4 @@ def _strokes(parameters: ExplorationParameters) -> FloatArray:
 
 
 def _points(duration: float) -> int:
-    return round(duration / HAND_STEP)
+    return round(duration / simulated.HAND_STEP)

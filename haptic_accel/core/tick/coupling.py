@@ -381,8 +381,8 @@ class ArmCoupling:
     passes_tools : bool
         True if the compensation gets the samples of this host's tool at once.
     forces : list of CoupledForces
-        Forces that were computed since the list was cleared; the loop has passed on the first
-        `passed` to the devices.
+        Forces that were computed since the list was cleared, when their objects are used again;
+        the loop has passed on the first `passed` to the devices.
     """
 
     def __init__(self, engagement: Any) -> None:
@@ -448,6 +448,7 @@ class CouplingPart(ArmCoupling):
         watches = [engagement.watches[arm] for arm in engagement.arms]
         self._master_watch: ArmWatch = watches[0]
         self._slave_watch: ArmWatch = watches[1]
+        self._made: list[CoupledForces] = []
         self._engaging = False
         self._due: float = BEFORE_ALL
 
@@ -500,7 +501,8 @@ class CouplingPart(ArmCoupling):
         """Compute the forces of each tick with samples of both arms, while engaged."""
         pairing, coupling = self._pairing, self._coupling
         while pairing.advance():
-            master, slave = pairing.master, pairing.slave
+            master: ArmSample = pairing.master
+            slave: ArmSample = pairing.slave
             if self._engaging:
                 self._engaging = False
                 coupling.engage(master.position, slave.position)
@@ -511,7 +513,9 @@ class CouplingPart(ArmCoupling):
             if self._master_watch.interrupted or self._slave_watch.interrupted:
                 continue
             coupling.couple(master, slave)
-            forces = CoupledForces()
+            if len(self.forces) == len(self._made):
+                self._made.append(CoupledForces())
+            forces: CoupledForces = self._made[len(self.forces)]
             self.forces.append(forces)
             forces.m_x, forces.m_y, forces.m_z = coupling.m_x, coupling.m_y, coupling.m_z
             forces.s_x, forces.s_y, forces.s_z = coupling.s_x, coupling.s_y, coupling.s_z

@@ -30,8 +30,8 @@ from haptic_accel.core.actuator.safety import MAX_AGE
 from haptic_accel.core.model import LATER, ZERO
 from haptic_accel.core.tick.histogram import DurationHistogram
 from haptic_accel.core.tick.limits import ActuatorLimit, ArmLimit, SafetyLayer
-from haptic_accel.core.tick.rigs import Reading, SimulatedArm
-from haptic_accel.core.tick.samples import ArmSample, ArmWork
+from haptic_accel.core.tick.rigs import SimulatedArm
+from haptic_accel.core.tick.samples import ArmSample, ArmWork, TimedForce
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
@@ -41,6 +41,9 @@ ARM, ACTUATOR = "arm_force", "actuator_force"
 """Kinds of commands, named as in `Device.write`."""
 
 NANOSECOND: float = 1e-9
+
+OLDEST: float = MAX_AGE
+"""Age of a sample beyond which no force is put into the order of its ticks, s."""
 
 IN_TIME: float = 0.25
 """Maximum delay of a force beyond its due time that counts as in time, in periods.
@@ -95,12 +98,14 @@ class DueForces:
         Maximum delay of a force beyond its due time, s.
     late_time : float
         Total time for which missed forces were due but not yet in effect, s.
-    has_newest, newest : bool, int
-        Whether a force was received, and the number of the newest sample of one.
+    newest : int
+        Number of the newest sample that caused a force; `NO_TICK` if none was received.
     stamp, x, y, z : int, float
         Stamp of the sample that caused the force taken last, ns, and the force, N.
     age : DurationHistogram
         Time from the sample that caused a force until its application.
+    is_clocked : bool
+        True if a clock of the device applies the forces that it accepts before they are due.
     late_before : int
         Number of forces that the device had applied late before counting began.
 
@@ -120,16 +125,15 @@ class DueForces:
         self.latency: int = latency
         self.lag: int = 0 if self.ahead else latency
         self.period: float = period
-        # Stamp and force by the tick at which it is due.
-        self.waiting: dict[int, tuple[int, float, float, float]] = {}
-        self.first: int = NO_TICK  # no force waits for an earlier tick
+        self.waiting: list[TimedForce] = []  # in the order of the ticks at which they are due
+        self.spare: list[TimedForce] = []
         self.last: int = NO_TICK
         self.carried_out: int = NO_TICK
-        self.has_newest = False
+        self.newest: int = NO_TICK
         self.taken: list[int] = []
-        self.newest = self.due = self.missed = self.past_tick = 0
+        self.due = self.missed = self.past_tick = 0
         self.longest = self.late_time = self.late_until = 0.0
-        self.outdated: tuple[int, float, float, float] | None = None
+        self.is_outdated = self.is_clocked = False
         self.stamp = 0
         self.x = self.y = self.z = 0.0
         self.age: DurationHistogram = DurationHistogram()
@@ -137,27 +141,35 @@ class DueForces:
 
     def put(self, sample: int, stamp: int, x: float, y: float, z: float) -> None:
         """Store a force until due; discard a force older than the last applied force."""
-        due = sample + self.latency
+        due: int = sample + self.latency
         if self.latency:
             self.due += 1
             self.past_tick += due <= self.carried_out
-        if not self.has_newest or sample > self.newest:
-            self.has_newest, self.newest = True, sample
+        if sample > self.newest:
+            self.newest = sample
         # A much older force was not overtaken: the safety layer rejects and reports it.
-        behind = self.last - due
+        behind: int = self.last - due
         if 0 <= behind <= STRAGGLING:
             self.taken.append(due)
             return
-        if not self.waiting or due < self.first:
-            self.first = due
-        self.waiting[due] = (stamp, x, y, z)
+        force: TimedForce = self.spare.pop() if self.spare else TimedForce()
+        force.due, force.stamp, force.x, force.y, force.z = due, stamp, x, y, z
+        waiting = self.waiting
+        at: int = len(waiting)
+        while at > 0:
+            before: TimedForce = waiting[at - 1]
+            if before.due <= due:
+                break
+            at -= 1
+        waiting.insert(at, force)
 
     def pass_on(self, stamp: int, x: float, y: float, z: float) -> None:
         """Pass an outdated force to the next `pop`, so that the safety layer rejects it.
 
         A stored force from the future would be in time later.
         """
-        self.outdated = (stamp, x, y, z)
+        self.is_outdated = True
+        self.stamp, self.x, self.y, self.z = stamp, x, y, z
 
     def pop(self, tick: int, ahead: bool = False) -> bool:
         """Take the newest force that is due at a tick or earlier; return False if there is none.
@@ -167,26 +179,31 @@ class DueForces:
         """
         if not ahead:
             self.carried_out = tick
-        found, self.outdated = self.outdated, None
+        found: bool = self.is_outdated
+        self.is_outdated = False
         waiting = self.waiting
-        due: int = self.first
-        while waiting and due <= tick:
-            if due in waiting:
-                found = waiting.pop(due)
-                self.last = due
-                self.taken.append(due)
-            due += 1
-        self.first = due
-        if found is None:
-            return False
-        self.stamp, self.x, self.y, self.z = found
-        return True
+        while waiting:
+            force: TimedForce = waiting[0]
+            if force.due > tick:
+                break
+            del waiting[0]
+            self.spare.append(force)
+            # The last one of two for the same tick is taken.
+            if force.due != self.last:
+                self.last = force.due
+                self.taken.append(force.due)
+            self.stamp, self.x, self.y, self.z = force.stamp, force.x, force.y, force.z
+            found = True
+        return found
 
-    def took_effect(self, now: float) -> None:
+    def took_effect(self, now: float, is_written: bool = False) -> None:
         """Record the monotonic time in s at which the last forces took effect or were skipped.
 
-        Forces taken ahead count as in time if the device's clock applies them.
+        The age of one that was written to the device counts. Forces taken ahead count as in time
+        if the device's clock applies them.
         """
+        if is_written:
+            self.age.add(now - self.stamp * NANOSECOND)
         taken = self.taken
         if not taken:
             return
@@ -211,12 +228,12 @@ class DueForces:
     def is_missing(self, tick: int) -> bool:
         """Return whether commands arrive, but the command needed after a tick is missing."""
         needed = tick - self.lag
-        return self.has_newest and needed - FLOWING <= self.newest < needed
+        return needed - FLOWING <= self.newest < needed
 
     def clear(self) -> None:
         """Discard the waiting forces."""
         self.waiting.clear()
-        self.outdated = None
+        self.is_outdated = False
 
     def count_anew(self, late: int = 0) -> None:
         """Reset the counts to zero; the device has applied so many forces late until now."""
@@ -327,9 +344,8 @@ class DeviceSide:
         self.actuator: DueForces | None = self.forces.get(ACTUATOR)
         self.is_arm_at_tick: bool = self.arm is not None and not self.arm.ahead
         self.is_coil_at_tick: bool = self.actuator is not None and not self.actuator.ahead
-        self.is_ahead: bool = any(each.ahead for each in self.forces.values())
-        self.is_arm_clocked: bool = ARM in ahead
-        self.is_actuator_clocked: bool = ACTUATOR in ahead
+        for kind, each in self.forces.items():
+            each.is_clocked = kind in ahead
         self.counted: Collection[str] = kinds if counted is None else counted
         self.timeout: int = max(1, round(SAMPLE_TIMEOUT * rate))
         self.waiting: list[int] = []
@@ -384,7 +400,7 @@ class DeviceSide:
             sample.arm, sample.tick = self.index, tick
             sample.stamp = math.floor(tick * 1e9 / self.rate + 0.5)
             if motion is not None:
-                at: Reading = motion.reading
+                at: ArmSample = motion.reading
                 sample.x, sample.y, sample.z = at.x, at.y, at.z
                 sample.v_x, sample.v_y, sample.v_z = at.v_x, at.v_y, at.v_z
                 sample.a_x, sample.a_y, sample.a_z = at.a_x, at.a_y, at.a_z
@@ -396,7 +412,7 @@ class DeviceSide:
             # None otherwise: the object had another sample before.
             sample.contact = self.device.contact_force if self.wants_contact else None
             self.newest, self.is_measured = sample, True
-            if self.servo and self.servo.set_point:
+            if self.servo is not None and self.servo.set_point:
                 self.hold(tick, sample)
             work = self.work
             work.until(time, sample.x, sample.y, sample.z)
@@ -430,26 +446,26 @@ class DeviceSide:
         forces = self.arm if is_arm else self.actuator
         if forces is None:
             return
-        if is_arm and not forces.has_newest:
+        if is_arm and forces.newest == NO_TICK:
             # The arms engage: late forces during start-up are not counted.
             for each in self.forces.values():
                 each.count_anew(self.device.late)
         sample: int = math.floor(stamp * self.rate * NANOSECOND + 0.5)
-        now = self.clock() if self.clock else self.tick / self.rate
+        now: float = self.tick / self.rate if self.clock is None else self.clock()
         age = now - stamp * NANOSECOND
-        if age > MAX_AGE or age < -MAX_AGE:
+        if age > OLDEST or age < -OLDEST:
             sample = self.tick - self.latency
             forces.pass_on(stamp, x, y, z)
         else:
             forces.put(sample, stamp, x, y, z)
-            if is_arm and self.servo:
+            if is_arm and self.servo is not None:
                 self.servo.set_point = None
         if forces.ahead:
-            due = sample + self.latency
+            due: int = sample + self.latency
             # A force that is already late acts at once, and the device does not count it.
             forces.past_tick += due <= self.tick
             time = due / self.rate
-            if not (self.is_arm_clocked if is_arm else self.is_actuator_clocked):
+            if not forces.is_clocked:
                 now = self.clock() if self.clock else self.tick / self.rate
                 time = time if time > now else now
             self.write_due(time, due, is_arm, not is_arm)
@@ -468,7 +484,7 @@ class DeviceSide:
     def watch(self) -> None:
         """End forces without a new command for too long; call once per tick after `apply`."""
         time = self.tick / self.rate
-        begun = self.clock() if self.clock else time
+        begun: float = time if self.clock is None else self.clock()
         now = self.advanced(time, begun)
         if self.arm_limit.expires(now):
             self.write(time, begun, True, False)
@@ -498,7 +514,7 @@ class DeviceSide:
 
     def write_due(self, time: float, tick: int, is_arm: bool, is_actuator: bool) -> None:
         """Write the newest forces due at a tick, limited by the safety layer."""
-        begun = self.clock() if self.clock else self.tick / self.rate
+        begun: float = self.tick / self.rate if self.clock is None else self.clock()
         now = self.advanced(time, begun)
         arm, actuator, coils = self.arm, self.actuator, self.actuator_limit
         writes_arm = writes_actuator = False
@@ -510,15 +526,11 @@ class DeviceSide:
             writes_actuator = coils.command(now, age, actuator.x, actuator.y, actuator.z)
         if writes_arm or writes_actuator:
             self.write(time, begun, writes_arm, writes_actuator)
-        done = self.clock() if self.clock else self.tick / self.rate
+        done: float = begun if self.clock is None else self.clock()
         if is_arm and arm is not None:
-            arm.took_effect(done)
+            arm.took_effect(done, writes_arm)
         if is_actuator and actuator is not None:
-            actuator.took_effect(done)
-        if writes_arm and arm is not None:
-            arm.age.add(done - arm.stamp * NANOSECOND)
-        if writes_actuator and actuator is not None:
-            actuator.age.add(done - actuator.stamp * NANOSECOND)
+            actuator.took_effect(done, writes_actuator)
 
     def write(self, time: float, judged: float, writes_arm: bool, writes_actuator: bool) -> None:
         """Write the forces that the safety layer holds since a clock time, s.
@@ -530,13 +542,13 @@ class DeviceSide:
         f_x = f_y = f_z = 0.0
         if writes_actuator and coils is not None:
             f_x, f_y, f_z = coils.x, coils.y, coils.z
-        if self.clock and self.clock() - judged > SAMPLE_TIMEOUT:
+        if self.clock is not None and self.clock() - judged > SAMPLE_TIMEOUT:
             m_x = m_y = m_z = f_x = f_y = f_z = 0.0
         if motion is not None:
             if writes_arm:
-                motion.drive_arm(time, m_x, m_y, m_z)
+                motion.drive_at(time, True, m_x, m_y, m_z)
             if writes_actuator:
-                motion.drive_actuator(time, f_x, f_y, f_z)
+                motion.drive_at(time, False, f_x, f_y, f_z)
         elif not writes_arm:
             self.device.write(time, actuator_force=(f_x, f_y, f_z))
         elif not writes_actuator:

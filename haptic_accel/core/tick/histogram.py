@@ -21,22 +21,21 @@ import math
 from bisect import bisect_left
 from itertools import accumulate
 
-SHORTEST = 1.0e-6
+from haptic_accel.core.tick.kernels import UNKNOWN
+
+SHORTEST: float = 1.0e-6
 """Lower limit, s; shorter durations share a bin."""
 
-LONGEST_DURATION = 100.0
+LONGEST_DURATION: float = 100.0
 """Approximate upper limit, s; longer durations share a bin."""
 
 QUANTILES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "p99_9": 0.999}
 """Reported quantiles by label; the maximum is reported as ``max``."""
 
-_BINS_PER_NEPER = 1.0 / math.log(1.01)  # each bin is 1 % wider than the previous one
-_BINS = math.ceil(math.log(LONGEST_DURATION / SHORTEST) * _BINS_PER_NEPER)
-_OFFSET = 1.0 - math.log(SHORTEST) * _BINS_PER_NEPER  # bin 0: below the lower limit
-_HIGHEST_EDGE = SHORTEST * math.exp(_BINS / _BINS_PER_NEPER)
-
-# Imported by name, as each sample needs it.
-_log = math.log
+_BINS_PER_NEPER: float = 1.0 / math.log(1.01)  # each bin is 1 % wider than the previous one
+_BINS: int = math.ceil(math.log(LONGEST_DURATION / SHORTEST) * _BINS_PER_NEPER)
+_OFFSET: float = 1.0 - math.log(SHORTEST) * _BINS_PER_NEPER  # bin 0: below the lower limit
+_HIGHEST_EDGE: float = SHORTEST * math.exp(_BINS / _BINS_PER_NEPER)
 
 
 class DurationHistogram:
@@ -52,15 +51,15 @@ class DurationHistogram:
         The longest duration, s, exactly; NaN if there is none.
     """
 
-    __slots__ = ("_counts", "maximum")
-
     def __init__(self) -> None:
+        self.maximum: float = UNKNOWN
+        self._counts: list[int] = []
         self.reset()
 
     def reset(self) -> None:
         """Remove all durations."""
         self._counts = [0] * (_BINS + 2)
-        self.maximum = math.nan
+        self.maximum = UNKNOWN
 
     def add(self, seconds: float) -> None:
         """Add a duration.
@@ -77,7 +76,8 @@ class DurationHistogram:
             NaN.
         """
         if SHORTEST <= seconds < _HIGHEST_EDGE:
-            self._counts[int(_log(seconds) * _BINS_PER_NEPER + _OFFSET)] += 1
+            index: int = int(math.log(seconds) * _BINS_PER_NEPER + _OFFSET)
+            self._counts[index] += 1
         elif seconds < SHORTEST:
             self._counts[0] += 1
         elif seconds >= _HIGHEST_EDGE:

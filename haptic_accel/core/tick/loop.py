@@ -25,12 +25,13 @@ from haptic_accel.core.tick.control import HandleCompensation
 from haptic_accel.core.tick.coupling import ArmCoupling, CoupledForces
 from haptic_accel.core.tick.device_side import ARM, DeviceSide
 from haptic_accel.core.tick.loss_concealment import LossConcealment
+from haptic_accel.core.tick.rigs import scalars
 from haptic_accel.core.tick.samples import ArmSample
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from haptic_accel.core.model import Vector
+    from haptic_accel.core.model import FloatArray, Vector
 
 SENDING_TIME: float = 0.5
 """Time reserved for sending a force to its device before it is due, in periods. The handle's
@@ -54,11 +55,9 @@ class CompensatedSample:
         Desired acceleration and forces.
     """
 
-    def __init__(self, stamp: int, made: HandleCompensation) -> None:
-        self.stamp: int = stamp
+    def __init__(self) -> None:
+        self.stamp = 0
         self.d_x = self.d_y = self.d_z = self.f_x = self.f_y = self.f_z = 0.0
-        self.d_x, self.d_y, self.d_z = made.desired_x, made.desired_y, made.desired_z
-        self.f_x, self.f_y, self.f_z = made.force_x, made.force_y, made.force_z
 
     @property
     def desired_acceleration(self) -> Vector:
@@ -98,8 +97,10 @@ class CompensationPart:
     orientation : tuple of float
         Newest orientation of the handle in its base frame, from whose axes those of the tool's
         samples are turned into the handle's.
+    is_handle_muted : bool
+        True if the handle's samples count as lost, as their signal has other publishers too.
     results : list of CompensatedSample
-        Results that were computed since the list was cleared.
+        Results that were computed since the list was cleared; then their objects are used again.
     """
 
     def __init__(self, compensation: Any, rate: float, latency: int, longest: int = 2) -> None:
@@ -109,23 +110,22 @@ class CompensationPart:
         self.longest_wait: float = (max(1, latency) - SENDING_TIME) * self.period
         self.longest_bridge: float = LONGEST_BRIDGE * rate
         self.longest: int = longest
-        self.tools: list[tuple[int, float, float, float]] = []
-        self.handles: list[tuple[int, bool, float, float, float]] = []
-        self.has_last = self.measured_across = False
+        self.tools: list[ArmSample] = []
+        self.handles: list[ArmSample] = []
+        self.has_last = self.measured_across = self.is_handle_muted = False
         self.last = 0
         self.axes: Any = compensation.axes
         self.concealments: list[LossConcealment] = [LossConcealment() for _ in self.axes.names]
         self.samples = self.lost = self.bridged = self.without = 0
         self.orientation: Any = IDENTITY
         self.results: list[CompensatedSample] = []
+        self.made: list[CompensatedSample] = []
 
-    def put_tool(self, stamp: int, x: float, y: float, z: float) -> None:
-        """Add a sample of the tool, m/s^2, with its stamp in ns; stamps must increase."""
-        if (x or y) and not self.measured_across:
+    def put_tool(self, tool: ArmSample) -> None:
+        """Add the acceleration of a sample of the tool; stamps must increase."""
+        if not self.measured_across and (tool.a_x != 0.0 or tool.a_y != 0.0):
             self.measured_across = True
-        if self.orientation is not IDENTITY:
-            x, y, z = self.turned(x, y, z)
-        self.tools.append((stamp, x, y, z))
+        self.tools.append(tool)
 
     def put_count_force(self, x: float, y: float, z: float) -> None:
         """Set the arm's force due to rounding, N, in the base frame, due with the next forces."""
@@ -134,12 +134,12 @@ class CompensationPart:
             x, y, z = self.turned(x, y, z, True)
         each.count_x, each.count_y, each.count_z = x, y, z
 
-    def put_handle(self, stamp: int, is_known: bool, x: float, y: float, z: float) -> None:
-        """Add a sample of the handle, m/s^2; it is not known if it was lost."""
+    def put_handle(self, handle: ArmSample) -> None:
+        """Add the acceleration of a sample of the handle; stamps must increase."""
         handles = self.handles
         if len(handles) == self.longest:
             del handles[0]
-        handles.append((stamp, is_known, x, y, z))
+        handles.append(handle)
 
     def turned(self, x: float, y: float, z: float, is_vector: bool = False) -> Vector:
         """Return a tool's acceleration, or another vector of the base's axes, in the handle's."""
@@ -174,37 +174,51 @@ class CompensationPart:
         """
         tools, handles = self.tools, self.handles
         half = self.period / 2
-        compensation = self.compensation
+        made = self.compensation
         while tools:
-            stamp, t_x, t_y, t_z = tools[0]
+            tool: ArmSample = tools[0]
+            stamp: int = tool.stamp
             due = stamp - self.period
-            while handles and handles[0][0] < due - half:
+            handle: ArmSample | None = None
+            while handles:
+                handle = handles[0]
+                if handle.stamp >= due - half:
+                    break
+                handle = None
                 del handles[0]
-            known, h_x, h_y, h_z = False, 0.0, 0.0, 0.0
-            if handles:
-                received, known, h_x, h_y, h_z = handles[0]
-                known = known and received < due + half
+            h_x = h_y = h_z = 0.0
+            known: bool = False
+            if handle is not None:
+                h_x, h_y, h_z = handle.a_x, handle.a_y, handle.a_z
+                known = handle.stamp < due + half and not self.is_handle_muted
             elif now - stamp < self.longest_wait:
                 break
             del tools[0]
-            self.fill(stamp)
+            t_x, t_y, t_z = tool.a_x, tool.a_y, tool.a_z
+            if self.orientation is not IDENTITY:
+                t_x, t_y, t_z = self.turned(t_x, t_y, t_z)
+            if self.has_last and stamp - self.last >= 1.5 * self.period:
+                self.fill(stamp - self.last)
+            self.last, self.has_last = stamp, True
             # No sample precedes the first.
             if not known and self.samples > 0:
                 self.without += 1
             self.samples += 1
             self.store(t_x, t_y, t_z)
-            compensation.compute(t_x, t_y, t_z, known, h_x, h_y, h_z)
-            self.results.append(CompensatedSample(stamp, compensation))
-            if compensation.first.trace.count >= compensation.due:
+            made.compute(t_x, t_y, t_z, known, h_x, h_y, h_z)
+            if len(self.results) == len(self.made):
+                self.made.append(CompensatedSample())
+            result: CompensatedSample = self.made[len(self.results)]
+            self.results.append(result)
+            result.stamp = stamp
+            result.d_x, result.d_y, result.d_z = made.desired_x, made.desired_y, made.desired_z
+            result.f_x, result.f_y, result.f_z = made.force_x, made.force_y, made.force_z
+            if made.first.trace.count >= made.due:
                 self.slow.adapt()
 
-    def fill(self, stamp: int) -> None:
-        """Pass predictions of lost samples to the filters, which thus miss no sample."""
-        last, known = self.last, self.has_last
-        self.last, self.has_last = stamp, True
-        if not known or stamp - last < 1.5 * self.period:
-            return
-        lost = round((stamp - last) / self.period) - 1
+    def fill(self, gap: int) -> None:
+        """Pass predictions of samples lost in ns to the filters, which thus miss no sample."""
+        lost = round(gap / self.period) - 1
         self.lost += lost
         if 0 < lost <= self.longest_bridge:
             self.bridged += lost
@@ -261,6 +275,8 @@ class HostLoop:
         Number of samples that were not passed on, as their signals have other publishers too.
     """
 
+    signals: FloatArray
+
     def __init__(
         self,
         sides: Mapping[str, DeviceSide],
@@ -288,7 +304,7 @@ class HostLoop:
         self.tools: list[ArmSample] = []
         self.commands: list[CoupledForces] = coupling.forces if coupling else []
         self.compensated: list[CompensatedSample] = compensation.results if compensation else []
-        self.contested = 0
+        self.contested = self.width = 0
         self.mute(set())
 
     @property
@@ -308,6 +324,8 @@ class HostLoop:
         self.mutes_slave: bool = not names.isdisjoint(motions[1])
         self.mutes_handle: bool = topics.HANDLE_ACCELERATION.name in names
         self.mutes_tool: bool = topics.TOOL_ACCELERATION.name in names
+        if self.compensation:
+            self.compensation.is_handle_muted = self.mutes_handle
 
     def forget(self) -> None:
         """Forget the results of earlier steps, whose objects are used again."""
@@ -326,8 +344,38 @@ class HostLoop:
             played = self.coupling.begin(tick / self.rate, stamp)
         for side in self.each:
             if side.sampling:
-                side.begin(tick)
+                side.tick = tick
+                side.waiting.append(tick)
         self.serve(played, False)
+        if self.width:
+            self.note(tick * self.width)
+
+    def record(self, rows: Any) -> None:
+        """Write the signals of each tick from now on to its row of an array.
+
+        In their order: acceleration, position and velocity of the master, and force on it; the
+        same of the slave; desired acceleration; actuator's force.
+        """
+        self.signals, self.width = scalars(rows.reshape(-1)), rows[0].size
+
+    def note(self, at: int) -> None:
+        """Write the signals of a tick from an index on."""
+        row = self.signals
+        for sample in self.samples:
+            to: int = at + 12 * sample.arm
+            row[to], row[to + 1], row[to + 2] = sample.a_x, sample.a_y, sample.a_z
+            row[to + 3], row[to + 4], row[to + 5] = sample.x, sample.y, sample.z
+            row[to + 6], row[to + 7], row[to + 8] = sample.v_x, sample.v_y, sample.v_z
+        if self.commands:
+            caused: CoupledForces = self.commands[len(self.commands) - 1]
+            if caused.on_master:
+                row[at + 9], row[at + 10], row[at + 11] = caused.m_x, caused.m_y, caused.m_z
+            if caused.on_slave:
+                row[at + 21], row[at + 22], row[at + 23] = caused.s_x, caused.s_y, caused.s_z
+        if self.compensated:
+            felt: CompensatedSample = self.compensated[len(self.compensated) - 1]
+            row[at + 24], row[at + 25], row[at + 26] = felt.d_x, felt.d_y, felt.d_z
+            row[at + 27], row[at + 28], row[at + 29] = felt.f_x, felt.f_y, felt.f_z
 
     def go_on(self) -> None:
         """Process samples and forces that arrived after their tick."""
@@ -339,7 +387,10 @@ class HostLoop:
         for side in self.each:
             if side.sampling:
                 try:
-                    self.read(side)
+                    side.read()
+                    self.samples.extend(side.samples)
+                    if side.receive is not None:
+                        side.receive()
                     if not (is_late or self.at_once):
                         side.apply(False)
                 except self.failures as error:
@@ -355,28 +406,38 @@ class HostLoop:
                 except self.failures as error:
                     self.failed(ARMS[side.index], error)
 
-    def read(self, side: DeviceSide) -> None:
-        """Take a device's samples, and the forces from other processes."""
-        side.read()
-        self.samples.extend(side.samples)
-        if side.receive:
-            side.receive()
-
     def cause(self, played: ArmSample | None) -> None:
         """Pass the samples to coupling and compensation, and the forces to the devices."""
         coupling, compensation = self.coupling, self.compensation
         if coupling is None:
             return
-        one = self.each[0]
-        now: float = one.clock() if one.clock else one.tick / self.rate
+        one: DeviceSide = self.each[0]
+        now: float = one.tick / self.rate if one.clock is None else one.clock()
         coupling.passed = len(coupling.forces)
+        sample: ArmSample
         # The samples of this step, which are the last of the frame's.
         for side in self.each:
             for sample in side.samples:
-                self.pass_on(coupling, sample, now)
+                if self.mutes_slave if sample.arm else self.mutes_master:
+                    self.contested += 1
+                else:
+                    coupling.put(sample, now)
+                if not sample.arm:
+                    if compensation is not None:
+                        compensation.orientation = sample.orientation
+                        self.contested += self.mutes_handle
+                        compensation.put_handle(sample)
+                elif self.mutes_tool:
+                    self.contested += 1
+                elif not coupling.passes_tools:
+                    coupling.put_tool(sample)
+                else:
+                    self.tools.append(sample)
+                    if compensation is not None:
+                        compensation.put_tool(sample)
             side.samples.clear()
         if coupling.is_due(now):
-            if self.decide:
+            if self.decide is not None:
                 self.decide(now)
             elif coupling.poll(now, 1).release:
                 release(self.sides, now)
@@ -391,67 +452,26 @@ class HostLoop:
             return
         compensation.put_count_force(coupling.count_x, coupling.count_y, coupling.count_z)
         if played is not None:
-            self.pass_tool(played)
-        before = len(compensation.results)
+            self.tools.append(played)
+            if self.mutes_tool:
+                self.contested += 1
+            else:
+                compensation.put_tool(played)
+        before: int = len(compensation.results)
         compensation.compute(now * 1e9)
         for index in range(before, len(compensation.results)):
             result: CompensatedSample = compensation.results[index]
             self.command(self.master, False, result.stamp, result.f_x, result.f_y, result.f_z)
 
-    def pass_on(self, coupling: ArmCoupling, sample: ArmSample, now: float) -> None:
-        """Pass a sample of an arm to coupling and compensation."""
-        compensation = self.compensation
-        if sample.arm:
-            if self.mutes_slave:
-                self.contested += 1
-            else:
-                coupling.put(sample, now)
-            if self.mutes_tool:
-                self.contested += 1
-            elif not coupling.passes_tools:
-                coupling.put_tool(sample)
-            else:
-                self.tools.append(sample)
-                if compensation:
-                    compensation.put_tool(sample.stamp, sample.a_x, sample.a_y, sample.a_z)
-            return
-        if self.mutes_master:
-            self.contested += 1
-        else:
-            coupling.put(sample, now)
-        if compensation:
-            compensation.orientation = sample.orientation
-            self.contested += self.mutes_handle
-            known = not self.mutes_handle
-            compensation.put_handle(sample.stamp, known, sample.a_x, sample.a_y, sample.a_z)
-
-    def pass_tool(self, tool: ArmSample) -> None:
-        """Pass a played sample of the peer's tool to the compensation."""
-        self.tools.append(tool)
-        if self.mutes_tool:
-            self.contested += 1
-        elif self.compensation:
-            self.compensation.put_tool(tool.stamp, tool.a_x, tool.a_y, tool.a_z)
-
     def command(
         self, side: DeviceSide | None, is_arm: bool, stamp: int, x: float, y: float, z: float
     ) -> None:
         """Pass a force to its device, which may take it in advance and fail."""
-        if side is None or not side.sampling:
-            return
-        if side.is_ahead:
-            self.command_ahead(side, is_arm, stamp, x, y, z)
-        else:
-            side.take(is_arm, stamp, x, y, z)
-
-    def command_ahead(
-        self, side: DeviceSide, is_arm: bool, stamp: int, x: float, y: float, z: float
-    ) -> None:
-        """Give a force to a device that takes it in advance."""
-        try:
-            side.take(is_arm, stamp, x, y, z)
-        except self.failures as error:
-            self.failed(ARMS[side.index], error)
+        if side is not None and side.sampling:
+            try:
+                side.take(is_arm, stamp, x, y, z)
+            except self.failures as error:
+                self.failed(ARMS[side.index], error)
 
 
 def release(sides: Mapping[str, DeviceSide], now: float) -> None:

@@ -17,12 +17,12 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 
 import numpy as np
 
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.tick.kernels import INFINITE
 
 HISTORY = 64
 """Number of samples for the prediction; older samples show texture elsewhere."""
@@ -47,7 +47,7 @@ class LossConcealment:
 
     def put(self, sample: float) -> None:
         """Add a sample; infinity and NaN count as zero."""
-        self._samples.append(sample if abs(sample) < math.inf else 0.0)
+        self._samples.append(sample if -INFINITE < sample < INFINITE else 0.0)
 
     def predict(self, count: int) -> list[float]:
         """Predict, store and return the next samples; from few samples predict the mean.

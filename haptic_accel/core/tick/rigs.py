@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from haptic_accel.core.tick.guard import TO_WHOLE
 from haptic_accel.core.tick.kernels import add_scaled, product
+from haptic_accel.core.tick.samples import ArmSample, TimedForce
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -47,23 +48,6 @@ RESOLUTION: float = 10e-6
 
 NEVER: float = -1.0
 """Time since the last command of an arm that is not held."""
-
-
-class Reading:
-    """Sample of an arm that does not turn: position, m, velocity, m/s, acceleration, m/s^2."""
-
-    def __init__(self) -> None:
-        self.x = self.y = self.z = 0.0
-        self.v_x = self.v_y = self.v_z = 0.0
-        self.a_x = self.a_y = self.a_z = 0.0
-
-
-class TimedForce:
-    """Force, N, that takes effect at a time: of the arm's motors, or of the actuator's coils."""
-
-    def __init__(self, time: float, on_arm: bool, x: float, y: float, z: float) -> None:
-        self.time, self.on_arm = time, on_arm
-        self.x, self.y, self.z = x, y, z
 
 
 # Instruments
@@ -155,14 +139,14 @@ class SimulatedArm:
 
     Attributes
     ----------
-    reading : Reading
+    reading : ArmSample
         Newest sample.
     contact_x, contact_y, contact_z : float
         Force of a surface on the tool, N, as of the last `feel`.
     """
 
     def __init__(self) -> None:
-        self.reading: Reading = Reading()
+        self.reading: ArmSample = ArmSample()
         self.contact_x = self.contact_y = self.contact_z = 0.0
         self.started = False
         self.free = True
@@ -189,18 +173,13 @@ class SimulatedArm:
         self.reach(time)
         self.observe()
 
-    def drive_arm(self, time: float, x: float, y: float, z: float) -> None:
-        """Set the force of the arm's motors from a time on, N; discard later ones given before."""
+    def drive_at(self, time: float, on_arm: bool, x: float, y: float, z: float) -> None:
+        """Set the force of motors or coils from a time on, N; discard later ones given before."""
         # Most forces act at the time of the newest sample.
         if (self.waiting or time != self.last or not self.sampled) and self.waits(time):
-            self.waiting.append(TimedForce(time, True, x, y, z))
-        else:
+            self.waiting.append(TimedForce(time, on_arm, x, y, z))
+        elif on_arm:
             self.pull(x, y, z)
-
-    def drive_actuator(self, time: float, x: float, y: float, z: float) -> None:
-        """Set the forces of the coils from a time on, N; discard later ones given before."""
-        if (self.waiting or time != self.last or not self.sampled) and self.waits(time):
-            self.waiting.append(TimedForce(time, False, x, y, z))
         else:
             self.push(x, y, z)
 
@@ -714,7 +693,7 @@ class OneCoil(HeldArm):
 
     def observe(self) -> None:
         """Take the readings of encoders and accelerometer."""
-        reading: Reading = self.reading
+        reading: ArmSample = self.reading
         resolution = self.resolution
         reading.x = encoded(self.sensed[1], resolution)
         reading.z = encoded(self.ends[2], resolution)
@@ -794,7 +773,7 @@ class ThreeCoils(HeldArm):
 
     def observe(self) -> None:
         """Take the readings of encoders and accelerometers."""
-        reading: Reading = self.reading
+        reading: ArmSample = self.reading
         resolution = self.resolution
         place: FloatArray = self.place
         speed: FloatArray = self.speed
@@ -1075,7 +1054,7 @@ class Tip(SimulatedArm):
 
     def observe(self) -> None:
         """Take the readings of encoders and accelerometer."""
-        reading: Reading = self.reading
+        reading: ArmSample = self.reading
         reading.x = encoded(self.x, self.resolution)
         reading.z = encoded(self.z, self.resolution)
         reading.v_x, reading.v_z = self.v_x, self.v_z
@@ -1136,7 +1115,7 @@ class ReplayArm(SimulatedArm):
         self.now = self.since = 0.0
         self.playing, self.position = False, -1
         self.lost = self.skipped = self.arm_forces = self.actuator_forces = 0
-        at: Reading = self.reading
+        at: ArmSample = self.reading
         at.x, at.y, at.z, at.a_z = table[0, 0], table[0, 1], table[0, 2], rest
 
     def advance(self, time: float) -> None:
@@ -1159,7 +1138,7 @@ class ReplayArm(SimulatedArm):
             self.position = position
             if table[row, 7] != 0.0:
                 self.lost += 1
-        at: Reading = self.reading
+        at: ArmSample = self.reading
         at.x, at.y, at.z = table[row, 0], table[row, 1], table[row, 2]
         at.v_x, at.v_y, at.v_z, at.a_z = table[row, 3], table[row, 4], table[row, 5], table[row, 6]
 

@@ -105,6 +105,24 @@ class ArmSample:
         return Sample(self.position, self.velocity, self.acceleration, self.orientation)
 
 
+class TimedForce:
+    """Force, N, of an arm's motors or its actuator, from a time in s, or due at a tick.
+
+    The stamp is that of the sample that caused it, ns.
+    """
+
+    def __init__(
+        self,
+        time: float = 0.0,
+        on_arm: bool = False,
+        x: float = 0.0,
+        y: float = 0.0,
+        z: float = 0.0,
+    ) -> None:
+        self.time, self.on_arm, self.x, self.y, self.z = time, on_arm, x, y, z
+        self.stamp = self.due = 0
+
+
 class ArmWork:
     """Cumulative sum of applied force times displacement, per axis.
 
@@ -140,14 +158,21 @@ class ArmWork:
         self._time: float = BEFORE_ALL
         self._p_x = self._p_y = self._p_z = 0.0
         self._f_x = self._f_y = self._f_z = 0.0
-        self._changes: list[tuple[float, float, float, float]] = []  # since the last sample
+        # Those since the last sample come first, and then objects to use again.
+        self._changes: list[TimedForce] = []
+        self._count = 0
 
     def apply(self, time: float, x: float, y: float, z: float) -> None:
         """Record that a force, N, is held from a time on, s; times must increase."""
         changes = self._changes
-        if len(changes) >= KEPT:
-            del changes[0]
-        changes.append((time, x, y, z))
+        if self._count == KEPT:
+            changes.append(changes.pop(0))
+            self._count -= 1
+        elif self._count == len(changes):
+            changes.append(TimedForce())
+        change: TimedForce = changes[self._count]
+        change.time, change.x, change.y, change.z = time, x, y, z
+        self._count += 1
 
     def until(self, time: float, x: float, y: float, z: float) -> None:
         """Add the work up to a sample.
@@ -167,7 +192,9 @@ class ArmWork:
         held_x, held_y, held_z = f_x, f_y, f_z
         # Mean force between the two times, and none of the forces before the second.
         used: int = 0
-        for moment, n_x, n_y, n_z in changes:
+        while used < self._count:
+            change: TimedForce = changes[used]
+            moment, n_x, n_y, n_z = change.time, change.x, change.y, change.z
             if moment > time:
                 break
             used += 1
@@ -180,7 +207,9 @@ class ArmWork:
                 f_z += (n_z - held_z) * left
             held_x, held_y, held_z = n_x, n_y, n_z
         if used:
-            del changes[:used]
+            self._count -= used
+            if self._count:
+                changes[:] = changes[used:] + changes[:used]
             self._f_x, self._f_y, self._f_z = held_x, held_y, held_z
         self._time = time
         if since > BEFORE_ALL:

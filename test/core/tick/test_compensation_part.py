@@ -22,7 +22,7 @@ import pytest
 from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.model import Vector
-from haptic_accel.core.tick import CompensatedSample, CompensationPart
+from haptic_accel.core.tick import ArmSample, CompensatedSample, CompensationPart
 
 RATE = 1000.0
 PERIOD = 1_000_000
@@ -49,22 +49,21 @@ def stamps(part: CompensationPart, now: int) -> list[int]:
 
 
 def test_a_force_waits_for_the_handles_sample_of_the_tick_before(part: CompensationPart) -> None:
-    part.put_tool(5 * PERIOD, *along_actuator(1.0))
+    part.put_tool(ArmSample(5 * PERIOD, acceleration=along_actuator(1.0)))
     assert stamps(part, 5 * PERIOD + SOON) == []
-    part.put_handle(4 * PERIOD, True, *along_actuator(0.5))
+    part.put_handle(ArmSample(4 * PERIOD, acceleration=along_actuator(0.5)))
     assert stamps(part, 5 * PERIOD + SOON) == [5 * PERIOD]
     assert part.without == 0
 
 
 def test_a_handles_sample_that_is_lost_is_not_waited_for(part: CompensationPart) -> None:
     for tick in (5, 6):
-        part.put_tool(tick * PERIOD, *along_actuator(1.0))
+        part.put_tool(ArmSample(tick * PERIOD, acceleration=along_actuator(1.0)))
     assert stamps(part, 6 * PERIOD + LATE) == [5 * PERIOD, 6 * PERIOD]
     assert part.without == 1  # the first has none before it
-    part.put_tool(7 * PERIOD, *along_actuator(1.0))
-    part.put_handle(
-        8 * PERIOD, True, *along_actuator(0.5)
-    )  # that of tick 6 was lost: a later one is there
+    part.put_tool(ArmSample(7 * PERIOD, acceleration=along_actuator(1.0)))
+    # That of tick 6 was lost: a later one is there.
+    part.put_handle(ArmSample(8 * PERIOD, acceleration=along_actuator(0.5)))
     assert stamps(part, 7 * PERIOD + SOON) == [7 * PERIOD]
     assert part.without == 2
 
@@ -72,18 +71,17 @@ def test_a_handles_sample_that_is_lost_is_not_waited_for(part: CompensationPart)
 def test_lost_samples_of_the_tool_are_predicted_unless_they_are_many(
     part: CompensationPart,
 ) -> None:
-    part.put_tool(PERIOD, *along_actuator(1.0))
-    part.put_tool(5 * PERIOD, *along_actuator(1.0))
-    part.put_tool(105 * PERIOD, *along_actuator(1.0))
+    part.put_tool(ArmSample(PERIOD, acceleration=along_actuator(1.0)))
+    part.put_tool(ArmSample(5 * PERIOD, acceleration=along_actuator(1.0)))
+    part.put_tool(ArmSample(105 * PERIOD, acceleration=along_actuator(1.0)))
     assert len(stamps(part, 105 * PERIOD + LATE)) == 3
     assert (part.lost, part.bridged) == (102, 3)
 
 
 def test_of_the_samples_of_two_ticks_each_finds_its_own(part: CompensationPart) -> None:
     for tick in (4, 5):
-        part.put_handle(tick * PERIOD, True, *along_actuator(0.5))
-    part.put_tool(5 * PERIOD, *along_actuator(1.0))
-    part.put_tool(6 * PERIOD, *along_actuator(1.0))
+        part.put_handle(ArmSample(tick * PERIOD, acceleration=along_actuator(0.5)))
+        part.put_tool(ArmSample((tick + 1) * PERIOD, acceleration=along_actuator(1.0)))
     assert stamps(part, 6 * PERIOD) == [5 * PERIOD, 6 * PERIOD]
     assert part.without == 0
 
@@ -102,11 +100,14 @@ class Passing(Compensation):
 
 def test_a_turned_handle_gets_the_tools_vibration_in_its_own_axes() -> None:
     part = CompensationPart(Passing(), RATE, latency=1)
-    part.put_tool(PERIOD, *(1.0, 2.0, 3.0))
+    part.put_tool(ArmSample(PERIOD, acceleration=(1.0, 2.0, 3.0)))
+    found = [caused.desired_acceleration for caused in forces(part, PERIOD + LATE)]
     part.orientation = 0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)  # a quarter turn about z
-    part.put_tool(2 * PERIOD, *(1.0, 2.0, 3.0))
-    part.put_tool(3 * PERIOD, *along_actuator(3.0))  # of a sensor with one axis
-    found = [caused.desired_acceleration for caused in forces(part, 3 * PERIOD + LATE)]
+    part.put_tool(ArmSample(2 * PERIOD, acceleration=(1.0, 2.0, 3.0)))
+    part.put_tool(
+        ArmSample(3 * PERIOD, acceleration=along_actuator(3.0))
+    )  # of a sensor with one axis
+    found += [caused.desired_acceleration for caused in forces(part, 3 * PERIOD + LATE)]
     assert found[0] == (1.0, 2.0, 3.0)
     assert found[1] == pytest.approx((2.0, -1.0, 3.0))
     assert found[2] == along_actuator(3.0)
@@ -117,16 +118,16 @@ def test_nothing_is_predicted_from_a_sample_with_an_axis_that_is_no_number() -> 
     part = CompensationPart(passing, RATE, latency=1)
     for tick in range(30):
         tool = (math.nan, 1000.0, 1000.0) if tick % 3 else (1.0, 1.0, 1.0)
-        part.put_tool(tick * PERIOD, *tool)
+        part.put_tool(ArmSample(tick * PERIOD, acceleration=tool))
         forces(part, tick * PERIOD + LATE)
-    part.put_tool(40 * PERIOD, *(1.0, 1.0, 1.0))
+    part.put_tool(ArmSample(40 * PERIOD, acceleration=(1.0, 1.0, 1.0)))
     forces(part, 40 * PERIOD + LATE)
     assert part.bridged == 10
     assert all(max(map(abs, tool)) <= 1.0 for tool in passing.given[30:])
 
 
 def test_what_waits_can_be_forgotten(part: CompensationPart) -> None:
-    part.put_tool(PERIOD, *along_actuator(1.0))
+    part.put_tool(ArmSample(PERIOD, acceleration=along_actuator(1.0)))
     part.clear()
     assert not part.waiting
     assert stamps(part, PERIOD + LATE) == []

@@ -228,4 +228,4 @@ def test_without_the_handles_acceleration_forces_are_in_time_all_the_same() -> N
     rig.loop.mute({"master/handle/acceleration"})
     rig.steps(range(5, 20))
     assert [tick for tick, _ in rig.master.actuator] == list(range(1, 20))
-    assert rig.compensation.without == 14
+    assert rig.compensation.without == 15
