@@ -25,6 +25,7 @@ from haptic_accel.core.axes import NAMES
 from haptic_accel.core.control.response_estimation import latest
 from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.model import FloatArray
+from haptic_accel.core.tick import MEASURED
 
 BLOCK = 0.016
 """Time between updates, s: a period of 60 Hz."""
@@ -113,31 +114,26 @@ class Alignment:
         self._state = np.zeros((len(self._sections), 6, 2))
         self._powers = np.zeros((6, 6))
         self._squares = 0.0  # running sum of the blocks' squared shares in the power
-        self._held_until = 0  # count from which motion is judged
         self._over = self._under = 0.0
         self._angle = math.nan
         self.warning = ""
 
-    def hold(self) -> None:
-        """Judge no motion for a while, as a limit of the coils acts."""
-        self._held_until = self._trace.count + self._settling
-
     def update(self) -> int:
         """Judge the axes if enough samples are stored; return the number until they are."""
         trace = self._trace
-        length = min(trace.count - self._taken, len(trace.measured))
+        length = min(trace.count - self._taken, trace.stored)
         if length >= self._length:
             self._look(length)
         return self._taken + self._length - trace.count
 
     def _look(self, length: int) -> None:
         trace = self._trace
-        expected = [coil.expected(length, coil.trace.force) for coil in self._coils]
-        measured = [latest(coil.trace, coil.trace.measured, length) for coil in self._coils]
+        expected = [coil.expected(length) for coil in self._coils]
+        measured = [latest(coil.trace, MEASURED, length) for coil in self._coils]
         block = np.concatenate([expected, measured])
         # A sensor at its range holds as a limit does.
-        saturated = trace.saturated[-1] + self._settling if trace.saturated else 0
-        is_clean = max(self._held_until, saturated) <= self._taken
+        held = max([trace.limited, *trace.saturated[-1:]])
+        is_clean = held + self._settling <= self._taken
         self._taken = trace.count
         if self._rest is None:
             self._rest = block[:, :1]

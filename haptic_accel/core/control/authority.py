@@ -22,8 +22,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from haptic_accel.core.control.response_estimation import values
-from haptic_accel.core.tick import SampleFilter, Trace
+from haptic_accel.core.control.response_estimation import latest
+from haptic_accel.core.tick import DESIRED, MEASURED, ForceFraction, SampleFilter, Trace
 
 BLOCK = 0.016
 """Time between updates, s: a period of 60 Hz."""
@@ -174,7 +174,7 @@ class Listening:
             self._next = min(2.0 * self._next, HUSHED_RARELY) if is_minor else HUSHED_EVERY
 
 
-class Authority:
+class Authority(ForceFraction):
     """Scale a controller's force to the fraction with the least error.
 
     For the desired acceleration d and the handle's acceleration y, both through the same
@@ -219,7 +219,8 @@ class Authority:
         # Imported here, as scipy.signal is slow to import, and most nodes have no controller.
         from scipy import signal
 
-        self._rate, self.traces, self._axes = rate, traces, len(traces)
+        super().__init__()
+        self._rate, self.traces, self._axes = rate, [*traces], len(traces)
         self._length = max(1, round(BLOCK * rate))
         corner = min(CORNER, 0.4 * rate)
         sections = np.asarray(signal.butter(2, corner, "high", fs=rate, output="sos"))
@@ -240,7 +241,7 @@ class Authority:
     def reset(self) -> None:
         """Return to the full force."""
         self._start = self._taken = self.traces[0].count
-        self.fraction = self._caution = self._ceiling = self._left = 1.0
+        self.used = self.fraction = self._caution = self._ceiling = self.left_over = 1.0
         self._reduced_for = 0.0  # time for which the force is reduced notably, s
         self.reduced = self._rising = self._touched = False
         self._rests: list[float] | None = None
@@ -255,18 +256,9 @@ class Authority:
         self.noise = math.inf
 
     @property
-    def used(self) -> float:
-        """Factor of the force: the fraction, or less after silence."""
-        return self.fraction * self._caution
-
-    @property
     def left(self) -> int:
         """Number of samples until `update` has something to do; not positive if it is due."""
         return self._taken + self._length - self.traces[0].count
-
-    def limit(self, share: float) -> None:
-        """Take note that the limits of the actuator left only a share of a force."""
-        self._left = min(self._left, share)
 
     def update(self, described: bool) -> None:
         """Update the fraction if enough samples are stored.
@@ -278,7 +270,7 @@ class Authority:
             is then not caused by the force.
         """
         count = self.traces[0].count
-        length = min(count - self._taken, len(self.traces[0].measured))
+        length = min(count - self._taken, self.traces[0].stored)
         if length < self._length:
             return
         signals = zip(self._filters, self._signals(length), strict=True)
@@ -293,9 +285,9 @@ class Authority:
         self._desired_power += share * (desired_power - self._desired_power)
         self._level = max(self._level * math.exp(-time / LOUDEST), self._desired_power)
         self._ceiling = min(1.0, self._ceiling * math.exp(time / RELIEF))
-        if self._left < 1.0 and not described:
-            self._ceiling = min(self._ceiling, max(LEAST_LEFT, self._left) * self.fraction)
-        self._left = 1.0
+        if self.left_over < 1.0 and not described:
+            self._ceiling = min(self._ceiling, max(LEAST_LEFT, self.left_over) * self.fraction)
+        self.left_over = 1.0
         loud = desired_power >= max(SILENT**2, QUIET * self._level)
         self._touched |= loud
         if loud and self._is_hushed(moved, time):
@@ -328,8 +320,8 @@ class Authority:
         Until a first measurement the handle is taken to be at rest: gravity is no step.
         """
         delay, start = self._delay, self._start
-        desired = [values(each, each.desired, length, delay, start) for each in self.traces]
-        moved = [each.measured[-length:] for each in self.traces]
+        desired = [latest(each, DESIRED, length, delay, start).tolist() for each in self.traces]
+        moved = [latest(each, MEASURED, length).tolist() for each in self.traces]
         first = 0 if self._rests else self._first_known(length)
         if first == length:
             return [*desired, *[[0.0] * length for _ in moved]]
@@ -384,6 +376,8 @@ class Authority:
             self._listening.postpone()
         lowest = min(self._caution, HUSHED if self._listening.hushes else wariest)
         self._caution = min(max(lowest, self._caution * caution), 1.0)
+        # Less than the fraction after silence.
+        self.used = self.fraction * self._caution
         change = self.used / before
         self._common *= change
         self._moved += (change**2 - 1.0) * max(0.0, self._moved - self._noise)

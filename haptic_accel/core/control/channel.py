@@ -201,9 +201,9 @@ class Channel(CoilChannel):
 
     def adapt(self) -> int:
         """Execute a part of the slow computations; return the number of samples to the next."""
-        fallback = self.fallback
-        judged = fallback.update()
-        left, self.failure = fallback.due - self.trace.count, ""
+        fallback, count = self.fallback, self.trace.count
+        judged = count >= fallback.due and fallback.update(count)
+        left, self.failure = fallback.due - count, ""
         for stage in filter(None, (self.active, self.follower)):
             controller = self._controllers[stage.name]
             left = min(left, controller.adapt() or 1)

@@ -187,6 +187,9 @@ class Compensation(HandleCompensation):
         there are two axes, or the model has another number of axes.
     """
 
+    authority: Authority
+    switch: ReductionSwitch
+
     def __init__(
         self,
         parameters: CompensationParameters,

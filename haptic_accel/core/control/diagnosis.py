@@ -189,7 +189,8 @@ class Diagnosis:
         weights /= weights.sum()
         scatter = 1.0 / np.maximum(coherence, LEAST_COHERENCE) - 1.0
         independent = max(1.0, INDEPENDENCE * evaluations)
-        found = self._explanation(response, weights, float(scatter @ weights) / independent)
+        variance = float(scatter @ weights) / independent
+        found = self._explanation(response, weights, variance)
         if found.kind not in ("", MODE, POLARITY) and evaluations < FEWEST_EVALUATIONS:
             return
         self._since = self._since + interval if found.kind == self._kind else 0.0
@@ -208,30 +209,21 @@ class Diagnosis:
     ) -> Difference:
         """Return the simplest explanation of a response with a relative variance."""
         terms = self._terms * response
-        grip = terms[:3]
-        matrix = (grip.conj() * weights @ grip.T).real
-        targets = self._late - terms[3]
-        vectors = (grip.conj() * weights @ targets.T).real
-        powers = (np.abs(targets) ** 2) @ weights
-        # A texture without low frequencies does not show spring and damper: pull them to 1.
-        pull = PULL * np.trace(matrix)
-        factors = np.linalg.solve(matrix + pull * np.eye(3), vectors + pull)
-        explained = np.sum(factors * (2.0 * vectors - matrix @ factors), axis=0)
-        left = np.sqrt(np.maximum(0.0, powers - explained))
-        best = int(np.argmin(left))
-        now = self._undelayed
+        now = float(self._left(terms, weights, self._late[self._undelayed, np.newaxis])[0])
         scale, left_scaled = self._scaled(response, weights)
         limit = math.sqrt(UNEXPLAINED**2 + CAUTION * variance)
-        if left[now] < limit:
+        if now < limit:
             if scale < 0.0:
                 text = "the force acts in the opposite direction: swap the wires of the coil"
                 return Difference(POLARITY, scale, text)
-            alike = left_scaled < max(NEGLIGIBLE, SAME * left[now])
+            alike = left_scaled < max(NEGLIGIBLE, SAME * now)
             if alike and abs(scale - 1.0) > max(NOTICEABLE_SCALE, left_scaled):
                 share = f"{1.0 / scale:.2f} of what is described"
                 text = f"the force per mass is {share} (force constant, or mass)"
                 return Difference("scale", scale, text)
             return NOTHING
+        left = self._left(terms, weights, self._late)
+        best = int(np.argmin(left))
         late = float(DELAYS[best])
         if left[best] < limit and abs(late) > NOTICEABLE_DELAY:
             than = "later" if late > 0.0 else "earlier"
@@ -243,6 +235,18 @@ class Diagnosis:
             return NOTHING
         text = f"a mode near {frequency:.0f} Hz is not described"
         return Difference(MODE, frequency, text)
+
+    def _left(self, terms: ComplexArray, weights: FloatArray, delayed: ComplexArray) -> FloatArray:
+        """Return the relative deviation that the best grip leaves, for each delay."""
+        grip, targets = terms[:3], delayed - terms[3]
+        weighted = grip.conj() * weights
+        matrix, vectors = (weighted @ grip.T).real, (weighted @ targets.T).real
+        powers = (np.abs(targets) ** 2) @ weights
+        # A texture without low frequencies does not show spring and damper: pull them to 1.
+        pull = PULL * np.trace(matrix)
+        factors = np.linalg.solve(matrix + pull * np.eye(3), vectors + pull)
+        explained = np.sum(factors * (2.0 * vectors - matrix @ factors), axis=0)
+        return np.asarray(np.sqrt(np.maximum(0.0, powers - explained)))
 
     def _scaled(self, response: ComplexArray, weights: FloatArray) -> tuple[float, float]:
         """Return the factor that makes a response 1, and the relative deviation left."""

@@ -28,7 +28,7 @@ from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.response_estimation import ResponseEstimator, latest
 from haptic_accel.core.control.supervision import HIGHEST_SHARE, ResponseSupervisor
 from haptic_accel.core.model import ApproximateModel, ComplexArray, FloatArray
-from haptic_accel.core.tick import DYNAMIC, Substitution, Trace
+from haptic_accel.core.tick import DESIRED, DRIVE, DYNAMIC, MEASURED, Substitution, Trace
 
 NONE = "none"
 """Name of a substitute without force."""
@@ -128,7 +128,7 @@ class Fallback(Substitution):
         Name of the substitute; empty if there is none.
     """
 
-    supervisor: ResponseSupervisor
+    authority: Authority
 
     def __init__(
         self, loop: Loop, dynamic: ApproximateModel, authority: Authority, trace: Trace
@@ -196,11 +196,11 @@ class Fallback(Substitution):
         self._error = 0.0  # ratio to error without force
         self._tracking.reset()
 
-    def update(self) -> bool:
-        """Execute a part of slow computations; return True after a new result."""
-        count = self.trace.count
-        if count < self.due:
-            return False
+    def update(self, count: int) -> bool:
+        """Execute a part of slow computations; return True after a new result.
+
+        Call it at a count of the trace from `due` on.
+        """
         turn, parts = count % TURNS, self._parts
         done = turn < len(parts) and parts[turn].update()
         if done and turn:
@@ -225,14 +225,14 @@ class Fallback(Substitution):
         # `dynamic` lags by one sample, independent of the controller's granted delay.
         later = max(0, self._granted - 1) if self.substitute == DYNAMIC else 0
         desired = self._desired(length, self._delay - later)
-        return desired, latest(self.trace, self.trace.measured, length)
+        return desired, latest(self.trace, MEASURED, length)
 
     def _prospects(self, length: int) -> tuple[FloatArray, FloatArray]:
-        caused = self.supervisor.expected(length, self.trace.drive, self._replaced)
+        caused = self.supervisor.expected(length, DRIVE, self._replaced)
         return caused, self._desired(length, self._delay)
 
     def _desired(self, length: int, late: int) -> FloatArray:
-        return latest(self.trace, self.trace.desired, length, late, self._followed)
+        return latest(self.trace, DESIRED, length, late, self._followed)
 
     @property
     def _on_trial(self) -> bool:

@@ -25,11 +25,11 @@ from operator import sub, truediv
 
 import numpy as np
 
-from haptic_accel.core.control.response_estimation import Evaluation
+from haptic_accel.core.control.response_estimation import Evaluation, latest
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import Checked, parameter
-from haptic_accel.core.tick import Trace
+from haptic_accel.core.tick import FORCE, MEASURED, Trace
 
 GRIP = {"m_h": "kg", "b_u": "N s/m", "k_u": "N/m"}
 """Parameters of the grip and their units, in the order of all arrays."""
@@ -171,9 +171,11 @@ class GripEstimator(Evaluation):
 
     def _look(self, late: int) -> Iterator[bool | None]:
         # Newest first, as the filters.
-        newest = slice(None, -self._length - 1, -1)
-        driving = self._of_force @ np.array(self.trace.force[newest])
-        terms = (self._of_acceleration @ np.array(self.trace.measured[newest])).reshape(4, -1)
+        force, motion = (
+            latest(self.trace, each, self._length)[::-1].copy() for each in (FORCE, MEASURED)
+        )
+        driving = self._of_force @ force
+        terms = (self._of_acceleration @ motion).reshape(4, -1)
         yield None
         energy = float(driving.dot(driving))
         if energy > self._least_energy:

@@ -24,13 +24,13 @@ from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.control.channel import FADING, LISTENING, RESTING
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.reduction import NO_REDUCTION, live_reduction
-from haptic_accel.core.tick import LARGEST_ACCELERATION
+from haptic_accel.core.tick import LARGEST_ACCELERATION, InputReduction
 
 Shaping: TypeAlias = Callable[[Vector], Vector]
 """Function from the tool's acceleration to the input of each coil's compensation, m/s^2."""
 
 
-class ReductionSwitch:
+class ReductionSwitch(InputReduction):
     """Input of the coils' compensations: the tool's vibration in all axes, or reduced to one.
 
     A change is none of the controllers, but of their input. As the next controller does, the next
@@ -53,10 +53,6 @@ class ReductionSwitch:
         Name of the reduction in use, or of the last selected one.
     active : str
         Name of the reduction in use, also while another one is prepared.
-    alone : float
-        Share of the coil along z alone: 1 with a reduction, 0 without, between in a crossfade.
-    idle : bool
-        True while `process` returns the unreduced input.
 
     Examples
     --------
@@ -70,6 +66,7 @@ class ReductionSwitch:
     """
 
     def __init__(self, name: str, rate: float, unreduced: Shaping) -> None:
+        super().__init__()
         self._rate = rate
         self._shapings: dict[str, Shaping] = {NO_REDUCTION: unreduced}
         self._listening, self._fading = round(LISTENING * rate), max(1, round(FADING * rate))
@@ -80,14 +77,9 @@ class ReductionSwitch:
         self.name = name
         self.settle()
 
-    @property
-    def reduces(self) -> bool:
-        """True if a reduction is in use, or is prepared."""
-        return self.name != NO_REDUCTION or self.active != NO_REDUCTION
-
     def select(self, name: str) -> None:
         """Change to another reduction without a jump."""
-        self.name = name
+        self.name, self.reduces = name, {name, self.active} != {NO_REDUCTION}
         if self._following is None or self._listened <= self._listening:
             self._listen()
 
@@ -151,6 +143,7 @@ class ReductionSwitch:
             if name not in self._shapings:
                 self._shapings[name] = _along_z(name, self._rate)
         self._shaped = self._shapings[self.active]
+        self.reduces = {self.name, self.active} != {NO_REDUCTION}
         used = self.active, self._following
         self._unused = None if PRINCIPAL in used else self._shapings.get(PRINCIPAL)
         self.idle = used == (NO_REDUCTION, None) and not self._unused and self._offset is ZERO

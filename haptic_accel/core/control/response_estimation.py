@@ -24,7 +24,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from haptic_accel.core.model import ComplexArray, FloatArray
-from haptic_accel.core.tick import Trace
+from haptic_accel.core.tick import DESIRED, DRIVE, FORCE, MEASURED, Trace
 
 EVALUATION_WINDOW = 0.25
 """Signal length for one evaluation, s: lines 4 Hz apart. It is five times the decay time of handle
@@ -47,16 +47,14 @@ NEVER = 1 << 40
 """Number of samples until a computation that is not needed."""
 
 
-def values(
-    trace: Trace, signal: list[float], length: int, late: int = 0, start: int = 0
-) -> list[float]:
+def latest(trace: Trace, signal: int, length: int, late: int = 0, start: int = 0) -> FloatArray:
     """Return samples of a signal of a trace, oldest first; zero where there is none.
 
     Parameters
     ----------
     trace : Trace
-    signal : list of float
-        One of the trace.
+    signal : int
+        Row of the trace's signals.
     length : int
         Number of samples.
     late : int
@@ -64,18 +62,11 @@ def values(
     start : int
         Count of the trace before which the signal is taken as zero.
     """
-    end = len(signal) - late
-    known = max(0, min(trace.count - late - start, end))
-    if known >= length:
-        return signal[end - length : end]
-    return [0.0] * (length - known) + signal[end - known : end]
-
-
-def latest(
-    trace: Trace, signal: list[float], length: int, late: int = 0, start: int = 0
-) -> FloatArray:
-    """Return `values` as an array."""
-    return np.array(values(trace, signal, length, late, start))
+    end = trace.stored - late
+    known = min(max(0, min(trace.count - late - start, end)), length)
+    samples = np.zeros(length)
+    samples[length - known :] = trace.signals[signal][end - known : end]
+    return samples
 
 
 class Evaluation(ABC):
@@ -258,9 +249,7 @@ class ResponseEstimator(Evaluation):
         yield True
 
     def _force_and_motion(self, length: int) -> tuple[FloatArray, FloatArray]:
-        signals = self.trace.force, self.trace.measured
-        force, motion = (latest(self.trace, signal, length) for signal in signals)
-        return force, motion
+        return latest(self.trace, FORCE, length), latest(self.trace, MEASURED, length)
 
     def _surprise(self, cause: ComplexArray, effect: ComplexArray) -> float:
         """Return the unexplained power of a window relative to the predicted one."""
@@ -335,10 +324,10 @@ class AutocorrelationEstimator(Evaluation):
 
     def _look(self, late: int) -> Iterator[bool | None]:
         trace = self.trace
-        level = latest(trace, trace.desired, self._hop, late)
+        level = latest(trace, DESIRED, self._hop, late)
         if float(level.dot(level)) < self._least:
             return
-        samples = latest(trace, trace.drive, self._lags + self._hop, late, self._start)[::-1]
+        samples = latest(trace, DRIVE, self._lags + self._hop, late, self._start)[::-1]
         newest = np.fft.rfft(samples[: self._hop], len(samples))
         yield None
         spectrum = np.fft.rfft(samples)

@@ -28,7 +28,7 @@ from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 from haptic_accel.core.sampling import BoolArray
-from haptic_accel.core.tick import Trace
+from haptic_accel.core.tick import FORCE, MEASURED, Trace
 
 COMPARISON_MEMORY = 0.5
 """Time constant of the comparison, s: about eight independent windows, with a result within a
@@ -117,21 +117,15 @@ class ResponseSupervisor:
         self._tolerated = TOLERANCE + _ordinary_deviation(plant, lines, self._bands)
         self._friction = plant.friction
         self._diagnosis = Diagnosis(plant, rate, lines)
-        self._power: float
-        self._squares: float
+        self._power = self._squares = 0.0
         self._per_force = np.zeros(len(lines))
         counted = lines >= CONTINUOUS
         self._per_force[counted] = 1.0 / np.abs(plant.response(lines[counted], rate)) ** 2
         self.reset()
 
     @property
-    def frequency(self) -> FloatArray:
-        """Lines of `ratio`, Hz."""
-        return self._estimator.frequency
-
-    @property
     def ratio(self) -> ComplexArray:
-        """Measured / expected response at `frequency`; 1 if unknown."""
+        """Measured / expected response on the lines of the estimate; 1 if unknown."""
         known = self._estimator.coherence >= LEAST_COHERENCE
         return np.where(known, self._estimator.response, 1.0)
 
@@ -169,18 +163,18 @@ class ResponseSupervisor:
         """Number of samples until `update` has something to do."""
         return self._estimator.left
 
-    def expected(self, length: int, force: list[float], start: int = 0) -> FloatArray:
+    def expected(self, length: int, force: int = FORCE, start: int = 0) -> FloatArray:
         """Return the model's acceleration at the latest samples, m/s^2, oldest first.
 
-        It is that for a force of the trace, zero before a start, which acts from the next sample
-        on.
+        It is that for a signal of the trace as the force, zero before a start, which acts from the
+        next sample on.
         """
         past = response_estimation.latest(self.trace, force, length + len(self.taps) - 1, 1, start)
         return np.convolve(past, self.taps, "valid")
 
     def _pairs(self, length: int) -> tuple[FloatArray, FloatArray]:
-        measured = response_estimation.latest(self.trace, self.trace.measured, length)
-        return self.expected(length, self.trace.force), measured
+        measured = response_estimation.latest(self.trace, MEASURED, length)
+        return self.expected(length), measured
 
     def update(self) -> bool:
         """Execute a part of pending computations; return True after a new result."""
@@ -189,17 +183,11 @@ class ResponseSupervisor:
         if done:
             self._judge()
             evaluations = self._evaluations()
-            if self.trace.count >= self._held_until:
-                response, coherence = estimator.response, estimator.coherence
-                density = estimator.excitation
-                self._diagnosis.judge(
-                    response, coherence, density, estimator.interval, evaluations
-                )
+            # No difference is named as long as a window holds a sample in which a limit acts.
+            if self.trace.count >= self.trace.limited + self._holding:
+                found = estimator.response, estimator.coherence, estimator.excitation
+                self._diagnosis.judge(*found, estimator.interval, evaluations)
         return done
-
-    def hold(self) -> None:
-        """Name no difference as long as a window holds this sample, in which a limit acts."""
-        self._held_until = self.trace.count + self._holding
 
     def _evaluations(self) -> float:
         """Return the number of evaluations that share the expected power of the estimate."""
@@ -215,7 +203,6 @@ class ResponseSupervisor:
         self.trace.reset()
         self._estimator.reset()
         self._diagnosis.reset()
-        self._held_until = 0  # count from which differences are named
         # Power of all windows, and sum of the squared powers of each.
         self._power, self._squares = 0.0, 0.0
         bands = len(self._edges)

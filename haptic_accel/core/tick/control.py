@@ -40,7 +40,7 @@ from haptic_accel.core.tick.kernels import (
 from haptic_accel.core.tick.watching import Trace
 
 if TYPE_CHECKING:
-    from haptic_accel.core.model import FloatArray, Suspension
+    from haptic_accel.core.model import FloatArray, Suspension, Vector
 
 SLIP_VELOCITY: float = 3e-3
 """Slip velocity at which 0.76 of the friction is compensated, m/s: below it the predicted slip is
@@ -270,6 +270,7 @@ class TravelPredictor:
         estimator = TravelEstimator(suspension, 1.0 / step)
         pulse = [1.0] + [0.0] * (max(2, round(TRAVEL_SETTLING / step)) - 1)
         self.per_force = np.array([estimator.observe(each, 0.0) for each in pulse])
+        self.size, self.spectrum = 0, self.per_force
         later = np.arange(self.horizon) * (step / REVERSION)
         self.kept: FloatArray = np.asarray(1.0 / (1.0 + later))
         self.latest = [0.0] * max(1, round(PERSISTING / step))
@@ -292,7 +293,9 @@ class TravelPredictor:
         held = forces.reshape(count, -1, self.every).sum(axis=2)
         total = held.shape[1] + len(self.per_force) - 1
         size = 1 << total.bit_length()
-        spectrum = np.fft.rfft(held, size) * np.fft.rfft(self.per_force, size)
+        if size != self.size:
+            self.size, self.spectrum = size, np.fft.rfft(self.per_force, size)
+        spectrum = np.fft.rfft(held, size) * self.spectrum
         travels = np.ascontiguousarray(np.fft.irfft(spectrum, size)[:, :total].T)
         self.members: int = count
         self.caused: FloatMatrix = travels.reshape(1, -1)
@@ -535,14 +538,6 @@ class Force:
         """Return to the state for zero past input."""
 
 
-class NoForce(Force):
-    """Zero force."""
-
-    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
-        """Return zero."""
-        return 0.0
-
-
 class ConstantForce(Force):
     """Force in proportion to the desired acceleration.
 
@@ -613,6 +608,32 @@ class InverseForce(Force):
         force = self.excursion.process(extended)
         self.friction_force = self.friction.force(force, desired_acceleration)
         return force + self.friction_force
+
+
+class AdaptiveForce(InverseForce):
+    """Force of an inverse that learns.
+
+    Attributes
+    ----------
+    trace : Trace
+        Samples to learn from.
+    sent : float
+        Last force that drives the handle, N.
+    """
+
+    trace: Trace
+    sent: float
+
+    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
+        """Return the force for the desired acceleration."""
+        extended = self.extension.process(desired_acceleration)
+        # The force applied one sample ago, and the acceleration measured then.
+        self.trace.push(desired_acceleration, measured_acceleration, self.sent, extended)
+        return self.driven(extended, desired_acceleration)
+
+    def applied(self, actuator_force: float) -> None:
+        """Store the force that drives the handle: applied force minus friction compensation."""
+        self.sent = actuator_force - self.friction_force
 
 
 class FeedbackForce(Force):
@@ -715,6 +736,48 @@ class FeedbackForce(Force):
         self.begin()
 
 
+class ForceFraction:
+    """Fraction of the controllers' forces that is used.
+
+    Its subclass `Authority` decides on it.
+
+    Attributes
+    ----------
+    used : float
+        Factor of the forces.
+    left_over : float
+        Least share of a force that the actuator's limits left since the last decision.
+    """
+
+    traces: list[Trace]
+
+    def __init__(self) -> None:
+        self.used = self.left_over = 1.0
+
+
+class InputReduction:
+    """Reduction of the tool's three axes to one.
+
+    Its subclass `ReductionSwitch` decides on it.
+
+    Attributes
+    ----------
+    idle : bool
+        True while the axes remain as they are.
+    reduces : bool
+        True if a reduction is in use, or is prepared.
+    alone : float
+        Share of the coil along z alone: 1 with a reduction, 0 without, between in a crossfade.
+    """
+
+    def __init__(self) -> None:
+        self.idle, self.reduces, self.alone = True, False, 0.0
+
+    def process(self, tool: Vector) -> Vector:
+        """Return the input of the coils for a sample of the tool, m/s^2."""
+        return tool
+
+
 class Substitution:
     """Share of a controller's force that is used, and the force of `dynamic` beside it.
 
@@ -735,8 +798,7 @@ class Substitution:
         Force of the last sample that the controller asked for, N.
     """
 
-    authority: Any
-    supervisor: Any
+    authority: ForceFraction
 
     def __init__(self, dynamic: Force, step: float, settling: int) -> None:
         self.dynamic: Force = dynamic
@@ -1000,9 +1062,8 @@ class HandleCompensation:
         Count of samples, see `Trace`, from which `adapt` of the subclass has something to do.
     """
 
-    authority: Any
-    alignment: Any  # monitor of three axes, or None
-    switch: Any  # reduction of the tool's axes to one
+    authority: ForceFraction
+    switch: InputReduction
     tool_decoupling: VectorConvolution
     handle_decoupling: VectorConvolution
 
@@ -1179,16 +1240,12 @@ class HandleCompensation:
         channel: CoilChannel
         asked = allowed = 0.0
         for channel in self.coils:
-            # No difference of the handle is named meanwhile.
-            channel.substitution.supervisor.hold()
+            channel.trace.limited = channel.trace.count
             asked = max(asked, math.fabs(channel.guard.asked))
             allowed = max(allowed, math.fabs(channel.guard.allowed))
         if asked != 0.0:  # or a moving coil is braked
-            self.authority.limit(allowed / asked)
-        if self.single:
-            return
-        self.alignment.hold()
-        if not self.per_axis:
+            self.authority.left_over = min(self.authority.left_over, allowed / asked)
+        if not (self.single or self.per_axis):
             scale_within([each.guard for each in self.coils])
             for channel in self.coils:
                 # Limited again, for a coil that must be braked.
@@ -1196,7 +1253,9 @@ class HandleCompensation:
 
     def judge(self) -> None:
         """Pass the desired motion of the driven coils, and the measured one, to the authority."""
-        x, y, z = self.authority.traces
+        x: Trace = self.authority.traces[0]
+        y: Trace = self.authority.traces[1]
+        z: Trace = self.authority.traces[2]
         known: bool = math.isfinite(self.z.measured)
         moved: float = self.z.handle if known else UNKNOWN
         if self.judged_alone:

@@ -18,6 +18,16 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from haptic_accel.core.model import FloatArray
+
+DESIRED, MEASURED, FORCE, DRIVE = range(4)
+"""Rows of the signals of a trace."""
+
+NEVER_LIMITED: int = -1 << 40
+"""Count of samples while no limit has acted: long before the first."""
 
 
 class Trace:
@@ -29,36 +39,36 @@ class Trace:
     ----------
     count : int
         Number of samples since the start.
-    desired : list of float
-        Desired acceleration, m/s^2; newest last, as all signals.
-    measured : list of float
-        Acceleration of the handle, m/s^2; where it is unknown, that of the sample before.
-    force : list of float
-        Force that drives the handle, N.
+    stored : int
+        Number of samples in the signals.
+    signals : list of ndarray, shape (n,)
+        Signals by `DESIRED`, `MEASURED`, `FORCE` and `DRIVE`, oldest first: desired acceleration,
+        m/s^2; acceleration of the handle, m/s^2, where it is unknown, that of the sample before;
+        force that drives the handle, N; input of the controller's convolution, m/s^2, or force
+        that the controller asked for, N.
     kept : int
         Number of samples that remain at least; readers raise it.
-    drive : list of float
-        Input of the controller's convolution, m/s^2, or force that the controller asked for, N.
     missing, saturated : list of float
         Counts at the samples without a measurement, and at those beyond the sensor's range.
+    limited : int
+        Count at the last sample at which a limit of the actuator acted.
     """
 
     def __init__(self) -> None:
-        self.count: int = 0
-        self.kept: int = 1
-        self.full: int = 1
+        import numpy as np
+
+        self.count = self.stored = 0
+        self.kept = self.full = 1
+        self.limited: int = NEVER_LIMITED
         self.latest: float = 0.0
-        self.desired: list[float] = []
-        self.measured: list[float] = []
-        self.force: list[float] = []
-        self.drive: list[float] = []
         self.missing: list[float] = []
         self.saturated: list[float] = []
+        self.signals: Any = [np.zeros(1) for _ in range(4)]
+        self._trim(0)
 
     def reset(self) -> None:
         """Forget all samples."""
-        self.count = 0
-        self.latest = 0.0
+        self.count, self.limited, self.latest = 0, NEVER_LIMITED, 0.0
         self._trim(0)
 
     def push(self, desired: float, measured: float, force: float, drive: float) -> None:
@@ -69,18 +79,30 @@ class Trace:
             self.missing.append(self.count)
         else:
             self.saturated.append(self.count)
-        self.desired.append(desired)
-        self.measured.append(self.latest)
-        self.force.append(force)
-        self.drive.append(drive)
+        at: int = self.stored
+        self.desired[at] = desired
+        self.measured[at] = self.latest
+        self.force[at] = force
+        self.drive[at] = drive
+        self.stored = at + 1
         self.count += 1
         if self.count >= self.full:
             self._trim(self.kept)
 
     def _trim(self, kept: int) -> None:
-        """Drop all but the latest samples."""
+        """Drop all but the latest samples, and make room for as many as shall remain."""
+        import numpy as np
+
+        stored, before = min(self.stored, kept), self.signals
+        if len(before[DESIRED]) < stored + self.kept:
+            self.signals = [np.zeros(2 * self.kept) for _ in before]
+        for old, new in zip(before, self.signals, strict=True):
+            new[:stored] = old[self.stored - stored : self.stored]
+        self.desired: FloatArray = self.signals[DESIRED]
+        self.measured: FloatArray = self.signals[MEASURED]
+        self.force: FloatArray = self.signals[FORCE]
+        self.drive: FloatArray = self.signals[DRIVE]
         # As many gaps at most are within these samples.
-        signals = self.desired, self.measured, self.force, self.drive
-        for each in (*signals, self.missing, self.saturated):
+        for each in (self.missing, self.saturated):
             del each[: max(0, len(each) - kept)]
-        self.full = self.count + self.kept
+        self.stored, self.full = stored, self.count + self.kept

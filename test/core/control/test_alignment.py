@@ -47,7 +47,7 @@ class Coils:
         self._coils = [ResponseSupervisor(Plant(), RATE, Trace()) for _ in range(3)]
         for coil in self._coils:
             coil.taps = np.array([1.0])
-        self.alignment = Alignment(RATE, self._coils)
+        self.alignment, self.trace = Alignment(RATE, self._coils), self._coils[0].trace
 
     def run(self, expected: FloatArray, measured: FloatArray) -> Iterator[str]:
         """Yield the warning after each sample."""
@@ -142,6 +142,6 @@ def test_motion_while_a_limit_acts_is_not_judged() -> None:
     coils = Coils()
     for index, warning in enumerate(coils.run(expected, measured)):
         if (index + 1) % 50 == 0 and index < 1000:
-            coils.alignment.hold()
+            coils.trace.limited = index + 1
         assert not warning or index > 1100
     assert warning

@@ -258,10 +258,10 @@ def test_a_force_that_the_limits_cut_is_reduced_for_a_while_unless_the_handle_is
     authority = Authority(RATE, [Trace()])
     desired = texture(6.0)
     run(authority, desired[:1000], desired[:1000], described=described)
-    authority.limit(0.9)
+    authority.left_over = 0.9
     used, _ = run(authority, desired[1000:], desired[1000:], described=described)
     assert used[15] == pytest.approx(1.0 if described else 0.9, rel=0.02)
-    authority.limit(0.1)
+    authority.left_over = 0.1
     used, _ = run(authority, desired[1000:], desired[1000:], described=described)
     assert used.min() == pytest.approx(1.0 if described else LEAST_LEFT, rel=0.05)
     assert used[-1] == 1.0

@@ -31,7 +31,7 @@ from haptic_accel.core.control.response_estimation import (
     latest,
 )
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.tick import Trace
+from haptic_accel.core.tick import FORCE, MEASURED, Trace
 
 RATE = 1000.0
 
@@ -149,7 +149,7 @@ class Recorded(Evaluation):
         self.windows: dict[int, tuple[list[float], list[float]]] = {}
 
     def _look(self, late: int) -> Iterator[bool | None]:
-        signals = self.trace.force, self.trace.measured
+        signals = FORCE, MEASURED
         force, measured = (latest(self.trace, each, self._length).tolist() for each in signals)
         self.windows[self.trace.count] = force, measured
         yield True
@@ -172,7 +172,7 @@ def test_it_is_due_each_hop_once_it_is_full() -> None:
 def test_a_missing_sample_repeats_the_one_before(unknown: float) -> None:
     found = Recorded(2, 1)
     found.run([5.0, unknown])
-    assert latest(found.trace, found.trace.measured, 3).tolist() == [0.0, 5.0, 5.0]
+    assert latest(found.trace, MEASURED, 3).tolist() == [0.0, 5.0, 5.0]
 
 
 def test_windows_with_too_many_gaps_are_left_out() -> None:
@@ -187,7 +187,7 @@ def test_an_evaluation_that_restarts_forgets_all() -> None:
     found.run([1.0, math.nan])
     found.restart()
     assert found.run([1.0, 1.0]) == [4]
-    assert latest(found.trace, found.trace.measured, 3, start=3).tolist() == [0.0, 0.0, 1.0]
+    assert latest(found.trace, MEASURED, 3, start=3).tolist() == [0.0, 0.0, 1.0]
 
 
 def autocorrelation(signal: FloatArray, memory: float = 2.0) -> FloatArray:

@@ -34,7 +34,7 @@ from haptic_accel.core.control.inversion.toeplitz import improved
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 from haptic_accel.core.parameters import parameter
-from haptic_accel.core.tick import Trace
+from haptic_accel.core.tick import AdaptiveForce, Trace
 
 UNDESCRIBED = 0.2
 """Relative deviation of the response above which the grip estimate is frozen. A mode in the band,
@@ -53,42 +53,32 @@ class AdaptiveParameters(InverseParameters):
         return design_family(loop.plant, loop.rate, self.goal(loop))
 
 
-class AdaptiveController(InverseController):
+class AdaptiveController(AdaptiveForce, InverseController):
     """Inverse for the estimated grip, from a_hdes to f_a."""
 
     Parameters = AdaptiveParameters
 
     def __init__(self, parameters: AdaptiveParameters, loop: Loop) -> None:
         self._family = parameters.family(loop)
-        self._trace = trace = Trace()
-        self._estimator = GripEstimator(trace, loop.plant, loop.rate, parameters.adaptation)
+        self.trace, self.sent = Trace(), 0.0
+        trace, adaptation = self.trace, parameters.adaptation
+        self._estimator = GripEstimator(trace, loop.plant, loop.rate, adaptation)
         self._grip = self._estimator.grip
         self._invert_by(self._family.bank(self._grip), parameters, loop)
         self._learner = Learner(trace, self._family, loop.plant, loop.rate, parameters.goal(loop))
-        self._applied = 0.0
         self.frozen = parameters.frozen
-
-    def force(self, desired_acceleration: float, measured_acceleration: float) -> float:
-        """Return the force for the desired acceleration."""
-        extended = self.extension.process(desired_acceleration)
-        # The force applied one sample ago, and the acceleration measured then.
-        self._trace.push(desired_acceleration, measured_acceleration, self._applied, extended)
-        return self.driven(extended, desired_acceleration)
-
-    def applied(self, actuator_force: float) -> None:
-        """Store the force that drives the handle: applied force minus friction compensation."""
-        self._applied = actuator_force - self.friction_force
 
     def adapt(self) -> int:
         """Execute a part of the estimation; after its last part start to change the filter."""
         if self.frozen:
             return response_estimation.NEVER
-        estimated = self._estimator.update()
-        if estimated and self._learner.deviation < UNDESCRIBED:
-            self._grip = self._estimator.grip
-        if estimated or self._learner.update(self._grip):
-            self.excursion.replace(self._family.taps(self._grip) + self._learner.correction)
-        return min(self._estimator.left, self._learner.left)
+        estimator, learner = self._estimator, self._learner
+        estimated = estimator.update()
+        if estimated and learner.deviation < UNDESCRIBED:
+            self._grip = estimator.grip
+        if estimated or learner.update(self._grip):
+            self.excursion.replace(self._family.taps(self._grip) + learner.correction)
+        return min(estimator.left, learner.left)
 
     def judged(self, fitting: float, fraction: float) -> None:
         """Forget the handle's response faster while the force does harm: it has changed."""
@@ -100,12 +90,12 @@ class AdaptiveController(InverseController):
 
     def reset(self) -> None:
         """Clear the filters and the estimated grip."""
-        self._trace.reset()
+        self.trace.reset()
         self._estimator.reset()
         self._grip = self._estimator.grip
         self._learner.reset()
         super().reset()
-        self._applied = 0.0
+        self.sent = 0.0
 
     @property
     def warning(self) -> str:
@@ -247,15 +237,9 @@ class Learner:
         self._ratio = response_estimation.ResponseEstimator(
             trace, rate, FORGETTING_TIME, window, LEAST_FORCE
         )
+        interval, longest = self._ratio.interval, LAGS_PER_WINDOW * window
         self._tool = response_estimation.AutocorrelationEstimator(
-            *(
-                trace,
-                rate,
-                FORGETTING_TIME,
-                self._ratio.interval,
-                LAGS_PER_WINDOW * window,
-                LEAST_ACCELERATION,
-            )
+            trace, rate, FORGETTING_TIME, interval, longest, LEAST_ACCELERATION
         )
         lags = len(self._tool.sequence)
         lines: FloatArray = np.fft.rfftfreq(2 * lags, 1.0 / rate).astype(np.float64)

@@ -18,12 +18,14 @@
 from __future__ import annotations
 
 from haptic_accel.core.control.controllers.interface import Controller, Loop, NoParameters
-from haptic_accel.core.tick.control import NoForce
+from haptic_accel.core.tick import Force
 
 
-class NoController(NoForce, Controller):
+class NoController(Controller):
     """Zero force."""
 
     needs_plant = False
+
+    force = Force.force
 
     def __init__(self, parameters: NoParameters, loop: Loop) -> None: ...
