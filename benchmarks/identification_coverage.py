@@ -51,8 +51,8 @@ from haptic_accel.core.identification.sweep import (
 from haptic_accel.core.identification.three_axes import COMPARED, identify_three_axes
 from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.rig.master_rig import MasterRigParameters, SimulatedMasterParameters
-from haptic_accel.core.simulated_identification import master_response, run_identification
 from haptic_accel.core.tables import ResultTable
+from haptic_accel.core.trial import master_response, run_identification
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.setup.setup import Setup
 

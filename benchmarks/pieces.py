@@ -36,9 +36,8 @@ from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.coupling.position_position import CouplingParameters
-from haptic_accel.core.handle.matrix_plant import MatrixPlant
-from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.coupling.passive import CouplingParameters
+from haptic_accel.core.handle.plant import MatrixPlant, Plant
 from haptic_accel.core.model import Vector
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject

@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_accel.core.evaluation.discrimination import detection_threshold
+from haptic_accel.core.evaluation.metrics import detection_threshold
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import check_positive_rate
 

@@ -51,7 +51,7 @@ from haptic_accel.devices import MASTERS
 from haptic_accel.devices.simulated import SimulatedMaster
 from haptic_accel.graph.middleware import middleware_defaults
 from haptic_accel.nodes import master_device
-from haptic_accel.nodes.topic_node import message_type, offered_quality
+from haptic_accel.nodes.supervised_node import message_type, offered_quality
 
 DEVICE, SENDER = "device", "sender"
 """Roles of the benchmark's other processes."""

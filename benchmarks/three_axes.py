@@ -42,9 +42,12 @@ from haptic_accel.analysis.plots import BLACK, BLUE, VERMILION
 from haptic_accel.core.control.compensation import matrix_plant
 from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
-from haptic_accel.core.evaluation.delay import aligned
-from haptic_accel.core.evaluation.discrimination import indistinguishable
-from haptic_accel.core.evaluation.metrics import direction_error, evaluate
+from haptic_accel.core.evaluation.metrics import (
+    aligned,
+    direction_error,
+    evaluate,
+    indistinguishable,
+)
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import SURFACES, GraphArguments

@@ -29,8 +29,7 @@ import numpy as np
 from matplotlib import pyplot
 
 from haptic_accel import run_trial
-from haptic_accel.core.evaluation.discrimination import JUST_NOTICEABLE, indistinguishable
-from haptic_accel.core.evaluation.metrics import align, nrmse
+from haptic_accel.core.evaluation.metrics import JUST_NOTICEABLE, align, indistinguishable, nrmse
 
 trials = {
     name: run_trial(name, surface="text", duration=4.0, seed=1)

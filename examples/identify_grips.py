@@ -33,7 +33,7 @@ from haptic_accel.core.identification.fit import INTERVAL
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import GripParameters, held
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.simulated_identification import run_identification
+from haptic_accel.core.trial import run_identification
 
 sweep = SweepParameters()
 rigs = {name: MasterRigParameters(grip=GripParameters(posture=name)) for name in ("pinch", "hook")}

@@ -34,7 +34,7 @@ from matplotlib import pyplot
 
 from haptic_accel.analysis.experiment import RecordedCondition, run_lockstep
 from haptic_accel.bags.reading import read_bag
-from haptic_accel.core.evaluation.discrimination import indistinguishable
+from haptic_accel.core.evaluation.metrics import indistinguishable
 from haptic_accel.core.sampling import resampled
 from haptic_accel.kits.export.lerobot import LeRobotWriter
 from haptic_accel.setup.arguments import GraphArguments

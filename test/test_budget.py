@@ -27,16 +27,16 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
 
 BUDGETS = {
-    "core": 11_695,
+    "core": 11_610,
     "core/tick": 3_150,
     "analysis": 4_140,
-    "nodes": 4_060,
+    "nodes": 3_950,
     "kits/study": 3_920,
     "devices": 4_070,
-    "cli": 3_140,
+    "cli": 3_070,
     "bags": 2_760,
     "scope": 1_420,
-    "setup": 1_620,
+    "setup": 1_600,
     "materials": 1_390,
     "kits/emulators": 1_160,
     "graph": 1_110,

@@ -68,9 +68,8 @@ APART = {
 
 RIG = "haptic_accel.core.rig"
 RIG_USERS = {
-    *("haptic_accel.devices.simulated", "haptic_accel.core.trial"),
-    *("haptic_accel.core.simulated_rig", "haptic_accel.core.simulated_identification"),
-    "haptic_accel.core.track",
+    *("haptic_accel.devices.simulated", "haptic_accel.core.trial", "haptic_accel.core.track"),
+    "haptic_accel.core.simulated_rig",
     *("haptic_accel.core.surfaces.virtual_rig", "haptic_accel.core.surfaces.tool"),
     "haptic_accel.materials.moving",
 }

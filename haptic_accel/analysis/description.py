@@ -28,8 +28,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.compensation import PLANT, matrix_plant
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY
-from haptic_accel.core.handle.matrix_plant import MatrixPlant
-from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.plant import MatrixPlant, Plant
 from haptic_accel.core.model import ACTUATOR, POSTURES, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.simulated_rig import RigParameters

@@ -53,8 +53,8 @@ from haptic_accel.core.identification.three_axes import (
 from haptic_accel.core.model import ACTUATOR, FloatArray, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, same_rate
-from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.trial import run_identification
 from haptic_accel.materials.columns import ACCELERATION, FORCE, Column, Wording
 from haptic_accel.materials.recordings import read_columns
 from haptic_accel.setup.arguments import AVERAGE_GRIP, IdentifyArguments

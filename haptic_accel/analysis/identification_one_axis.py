@@ -40,8 +40,8 @@ from haptic_accel.core.identification.fit import HandleFit
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR, ComplexArray, FloatArray, Suspension, handle_model
 from haptic_accel.core.parameters import own_schema
-from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.trial import run_identification
 from haptic_accel.setup.files import EVERY_NODE
 
 LOWEST_COMPARED = 15.0

@@ -29,13 +29,13 @@ from matplotlib.figure import Figure
 from haptic_accel.analysis import identification_result, plots
 from haptic_accel.analysis.plots import Style, frequency_axis, rule
 from haptic_accel.core.axes import ALL_AXES, NAMES
-from haptic_accel.core.handle.matrix_plant import THREE_AXES
+from haptic_accel.core.handle.plant import THREE_AXES
 from haptic_accel.core.identification.fit import INTERVAL, HandleFit
 from haptic_accel.core.identification.sweep import OUTLIERS, SweepParameters
 from haptic_accel.core.identification.three_axes import COMPARED, WEAKEST, ThreeAxisIdentification
 from haptic_accel.core.model import ACTUATOR, ComplexArray, FloatArray
-from haptic_accel.core.simulated_identification import master_response
 from haptic_accel.core.simulated_rig import RigParameters
+from haptic_accel.core.trial import master_response
 from haptic_accel.setup.files import EVERY_NODE
 
 ANISOTROPY = "anisotropy (largest over smallest singular value of the response)"

@@ -37,20 +37,23 @@ from haptic_accel.core.control.inversion.bound import bounds
 from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
 from haptic_accel.core.control.supervision import supervise
 from haptic_accel.core.decimals import read_decimal
-from haptic_accel.core.evaluation.delay import Delay, aligned, estimate_delay
-from haptic_accel.core.evaluation.discrimination import indistinguishable
 from haptic_accel.core.evaluation.metrics import (
+    LIVE_PRINCIPAL,
+    Delay,
+    aligned,
     band_nrmse,
     bands,
     components,
     direction_error,
+    estimate_delay,
     evaluate,
     evaluate_axes,
+    indistinguishable,
     lengths,
+    reduction_table,
 )
-from haptic_accel.core.evaluation.reduction import LIVE_PRINCIPAL, reduction_table
 from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
-from haptic_accel.core.handle.matrix_plant import MatrixPlant
+from haptic_accel.core.handle.plant import MatrixPlant
 from haptic_accel.core.model import AccelerometerParameters, FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tables import Column

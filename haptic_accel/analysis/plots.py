@@ -37,8 +37,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from haptic_accel.analysis.traces import EXCERPT, excerpt_of, sampled
-from haptic_accel.core.evaluation.delay import ALIKE
-from haptic_accel.core.evaluation.metrics import Evaluation, Spectra, components, lengths, spectra
+from haptic_accel.core.evaluation.metrics import (
+    ALIKE,
+    Evaluation,
+    Spectra,
+    components,
+    lengths,
+    spectra,
+)
 from haptic_accel.core.evaluation.statistics import Interval
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.tables import DASH, number

@@ -36,8 +36,7 @@ from haptic_accel.core.control.channel import FADING, LISTENING
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.evaluation.metrics import by_component
-from haptic_accel.core.handle.matrix_plant import MatrixPlant
-from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.plant import MatrixPlant, Plant
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import IMPLAUSIBLE, NANOSECONDS, RELEASED, grid_indices

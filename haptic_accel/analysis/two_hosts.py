@@ -36,8 +36,7 @@ from haptic_accel.bags.reading import Bag, Signal, read_bag
 from haptic_accel.core import topics
 from haptic_accel.core.axes import Axes
 from haptic_accel.core.control.filters import comparable, high_passed
-from haptic_accel.core.evaluation.delay import estimate_delay, shift_back
-from haptic_accel.core.evaluation.metrics import by_component
+from haptic_accel.core.evaluation.metrics import by_component, estimate_delay, shift_back
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, grid_indices, sampling_rate

@@ -54,7 +54,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
 from haptic_accel.core.cdr import unpack_stamped_vectors
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, one_line
+from haptic_accel.core.parameters import ParameterError, one_line, warn_once
 from haptic_accel.core.sampling import (
     HIGHEST_LATENCY,
     BoolArray,
@@ -63,7 +63,6 @@ from haptic_accel.core.sampling import (
     grid_indices,
     on_grid,
 )
-from haptic_accel.core.warning import warn_once
 
 MOST_MESSAGES = 500_000
 """Number of messages of a part of a bag: 30 MB, and three times as much while it is sorted."""

@@ -26,9 +26,8 @@ from typing import TYPE_CHECKING
 import click
 
 from haptic_accel.bags.folder import find_bags
-from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, json_option, out_option, verb, workers_options
-from haptic_accel.cli.output import results_folder, save
+from haptic_accel.cli.output import StoppedError, results_folder, save
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import INTERRUPTED
 

@@ -33,9 +33,8 @@ from haptic_accel.bags.metadata import FileEntry, Metadata, MetadataError, read_
 from haptic_accel.bags.reading import read_bags
 from haptic_accel.bags.repair import DamagedError, Repair, inspect, repair
 from haptic_accel.bags.timeline import continuous
-from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, json_option, verb
-from haptic_accel.cli.output import next_command, save
+from haptic_accel.cli.output import StoppedError, next_command, save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS

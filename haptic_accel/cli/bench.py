@@ -38,9 +38,8 @@ from haptic_accel.analysis.latency import (
     rate_held,
 )
 from haptic_accel.bags.delivery import read_delivery
-from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, json_option, listed_numbers, verb, words
-from haptic_accel.cli.output import save
+from haptic_accel.cli.output import StoppedError, save
 from haptic_accel.cli.running import run_to_end, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError
@@ -48,7 +47,7 @@ from haptic_accel.core.process import ENGAGED, INTERRUPTED, OVER
 from haptic_accel.core.tables import ResultTable, Row
 from haptic_accel.core.tick import PLAIN, TICK
 from haptic_accel.graph.locks import HIGHEST_FREE_DOMAIN
-from haptic_accel.graph.ros_packages import check_ros
+from haptic_accel.graph.middleware import check_ros
 from haptic_accel.graph.stop_signal import DOMAIN, own_domain
 from haptic_accel.graph.supervisor import Supervisor
 from haptic_accel.setup.arguments import GraphArguments, check_both_arms, parse_arguments

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``haptic-accel calibrate``: gain, offset and mounting of an accelerometer."""
+"""``haptic-accel calibrate``: gain, offset and mounting of an accelerometer; a card's input."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from haptic_accel.cli.calibrate_audio import AudioInputArguments, calibrate_input
-from haptic_accel.cli.ending import StoppedError
+import numpy as np
+
 from haptic_accel.cli.options import update_option, verb, words
-from haptic_accel.cli.output import next_command
+from haptic_accel.cli.output import StoppedError, check_writable, next_command
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import NAMES
 from haptic_accel.core.bounded_files import located
-from haptic_accel.core.model import ACTUATOR
-from haptic_accel.core.parameters import ParameterError, parameter
-from haptic_accel.devices import DeviceError
-from haptic_accel.devices.audio import AUDIO
+from haptic_accel.core.model import ACTUATOR, FloatArray
+from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
+from haptic_accel.devices import DeviceError, sound_calibration
+from haptic_accel.devices.audio import AUDIO, AudioParameters, recorded
 from haptic_accel.devices.serial.calibration import (
     POSES,
     AxesCalibration,
@@ -45,8 +45,9 @@ from haptic_accel.devices.serial.calibration import (
     rest,
 )
 from haptic_accel.devices.serial.device import HIGHEST_RATE, PortParameters
+from haptic_accel.devices.sound_bench import NO_ARM
 from haptic_accel.setup.files import EVERY_NODE, parameter_text
-from haptic_accel.setup.rig_file import teleoperation_words, update_parameter_file
+from haptic_accel.setup.rig_file import check_updatable, teleoperation_words, update_parameter_file
 from haptic_accel.setup.words import described, parse_words
 
 if TYPE_CHECKING:
@@ -56,6 +57,188 @@ if TYPE_CHECKING:
 MASTER, SLAVE = "master", "slave"
 
 HELD = {MASTER: "handle", SLAVE: "tool"}
+"""Part that carries the sensor of each side."""
+
+GRAVITY, REFERENCE, FORCE, NAME, RELATIVE = "gravity", "reference", "force", "name", "relative"
+
+AMPLITUDE = 0.5
+"""Strongest force, relative to full scale; the second half of the noise has a quarter of it."""
+
+WEAK = 0.25
+"""Strength of the second half of the noise, relative to the first."""
+
+
+@dataclass(frozen=True)
+class AudioInputArguments(Checked):
+    """Input of a sound card to calibrate: ``calibrate audio`` only."""
+
+    device: str = parameter(
+        "", "name of the sound card, or a part of it, as `haptic-accel doctor audio` lists it"
+    )
+    side: str = parameter(MASTER, "side of the sensor", choices=(MASTER, SLAVE))
+    input: int = parameter(1, "input channel of the sensor, from 1", low=1, high=999)
+    by: str = parameter(
+        GRAVITY,
+        "known acceleration: gravity, for inputs that pass constant voltages; a calibrated sensor"
+        " (reference) on the same mass; the coil's force on a known mass; the scale that a USB"
+        " sensor states in its name; relative for a contact microphone, without a unit",
+        choices=(GRAVITY, REFERENCE, FORCE, NAME, RELATIVE),
+    )
+    seconds: float = parameter(4.0, "time to measure in each position", "s", 1.0, 60.0)
+    reference: int = parameter(2, "input channel of the calibrated sensor", low=1, high=999)
+    reference_scale: float = parameter(
+        0.0, "acceleration of the calibrated sensor at full scale", "m/s^2", -1e6, 1e6
+    )
+    mass: float = parameter(
+        0.0,
+        "handle with all that is fixed to it, without a hand and the coil's moving part",
+        "kg",
+        0.0,
+        100.0,
+    )
+    full_scale: float = like(AudioParameters, "full_scale")
+    output: int = parameter(1, "output channel of the coil, from 1", low=1, high=999)
+    file: str = parameter("audio.yaml", "parameter file to write, new or existing")
+
+
+def calibrate_input(arguments: AudioInputArguments) -> None:
+    """Measure, print, and write the scale of an input into a parameter file.
+
+    Raises
+    ------
+    ParameterError
+        An argument does not go with the others.
+    StoppedError
+        The card cannot be used, the measurement gives no scale, or the input ended.
+    """
+    _check(arguments)
+    path = Path(arguments.file)
+    check_writable(path, "file")
+    check_updatable(path)
+    try:
+        found = _MEASURED[arguments.by](arguments)
+    except (DeviceError, CalibrationError) as error:
+        raise StoppedError(str(error)) from None
+    except EOFError:
+        raise StoppedError("the input ended before all was measured: nothing written") from None
+    part = HELD[arguments.side]
+    print(f"{part}, input {arguments.input}: {found.text}")
+    own: dict[str, Any] = {"inputs": f"{arguments.input}", "scales": f"{found.scale:.6g}"}
+    if arguments.device:
+        own["device"] = arguments.device
+    node = f"{arguments.side}_device"
+    update_parameter_file(path, {node: {"accelerometer_device": AUDIO, AUDIO: own}})
+    print(f"parameters: {path}, for params_file:={path}")
+    if arguments.side == MASTER:
+        words = ["calibrate", AUDIO, f"device:={arguments.device}", f"side:={SLAVE}"]
+        print(next_command(*words, f"input:={arguments.input + 1}", f"file:={path}"))
+    else:
+        words = ["identify", f"params_file:={path}", "--update", str(path), "actuator:=audio"]
+        print(next_command(*words, f"master:={NO_ARM}"))
+
+
+def _check(arguments: AudioInputArguments) -> None:
+    a = arguments
+    needed = {
+        REFERENCE: {"reference_scale": a.reference_scale},
+        FORCE: {"mass": a.mass, "full_scale": a.full_scale},
+    }
+    for name, value in needed.get(a.by, {}).items():
+        if not value:
+            raise ParameterError(f"{name} = 0: must be given with by:={a.by}")
+    if a.by == REFERENCE and a.reference == a.input:
+        raise ParameterError(f"reference = {a.reference}: must be another channel than input")
+
+
+def _still(arguments: AudioInputArguments, request: str) -> FloatArray:
+    """Return all inputs while a person does something, shape (n, channels)."""
+    input(f"{request}, then press Enter\n")
+    return _now(arguments)[0]
+
+
+def _now(
+    arguments: AudioInputArguments, played: FloatArray | None = None
+) -> tuple[FloatArray, float]:
+    """Return the inputs from now on, and their rate; a coil may play meanwhile."""
+    a = arguments
+    last = max(a.input, a.reference if a.by == REFERENCE else 1)
+    if played is not None:
+        played = np.pad(played[:, np.newaxis], ((0, 0), (a.output - 1, 0))).astype(np.float32)
+    return recorded(a.device, a.seconds, last, played)
+
+
+def _gravity(arguments: AudioInputArguments) -> sound_calibration.InputCalibration:
+    held = f"hold the {HELD[arguments.side]} still, with the sensor's axis"
+    up, down = (_still(arguments, f"{held} {way}") for way in ("up", "down"))
+    channel = arguments.input - 1
+    return sound_calibration.by_gravity(up[:, channel], down[:, channel], _name(arguments))
+
+
+def _reference(arguments: AudioInputArguments) -> sound_calibration.InputCalibration:
+    a = arguments
+    quiet = _still(a, "let both sensors rest")
+    input("shake both sensors together along their axis, fast, and press Enter meanwhile\n")
+    shaken, rate = _now(a)
+    known = shaken[:, a.reference - 1] * a.reference_scale
+    return sound_calibration.by_reference(
+        shaken[:, a.input - 1], quiet[:, a.input - 1], known, rate, _name(a)
+    )
+
+
+def _force(arguments: AudioInputArguments) -> sound_calibration.InputCalibration:
+    a = arguments
+    quiet = _still(a, "lay the handle on soft foam, and take your hands off")
+    rate = len(quiet) / a.seconds
+    noise = shaking(round(a.seconds * rate), rate)
+    shaken, _ = _now(a, noise)
+    return sound_calibration.by_force(
+        noise * a.full_scale, shaken[:, a.input - 1], quiet[:, a.input - 1], rate, a.mass, _name(a)
+    )
+
+
+def shaking(count: int, rate: float) -> FloatArray:
+    """Return noise between 20 and 500 Hz for a coil, full scale 1; its second half is weaker."""
+    from scipy import signal
+
+    sections = signal.butter(2, (20.0, 500.0), "bandpass", fs=rate, output="sos")
+    noise = signal.sosfilt(sections, np.random.default_rng(0).normal(size=count))
+    noise *= AMPLITUDE / np.abs(noise).max()
+    noise[count // 2 :] *= WEAK
+    return np.asarray(noise)
+
+
+def _stated(arguments: AudioInputArguments) -> sound_calibration.InputCalibration:
+    """Return the scale that a sensor states, with the noise that it has at rest."""
+    scales = sound_calibration.digital_scales(arguments.device)
+    if scales is None:
+        raise ParameterError(
+            f"device = {arguments.device!r}: states no scale; give the whole name of a 333D sensor"
+            " as `haptic-accel doctor audio` lists it, or use its sheet with by:=reference"
+        )
+    scale = scales[min(arguments.input, 2) - 1]
+    quiet = _still(arguments, "let the sensor rest")[:, arguments.input - 1]
+    return sound_calibration.InputCalibration(scale, 0.0, float(scale * quiet.std()))
+
+
+def _relative(arguments: AudioInputArguments) -> sound_calibration.InputCalibration:
+    quiet = _still(arguments, "let the gripper rest")[:, arguments.input - 1]
+    input("stroke a surface as in use, and press Enter meanwhile\n")
+    stroked = _now(arguments)[0][:, arguments.input - 1]
+    return sound_calibration.relative(stroked, quiet, _name(arguments))
+
+
+_MEASURED = {
+    GRAVITY: _gravity,
+    REFERENCE: _reference,
+    FORCE: _force,
+    NAME: _stated,
+    RELATIVE: _relative,
+}
+
+
+def _name(arguments: AudioInputArguments) -> str:
+    return f"input {arguments.input}"
+
 
 ALL = "".join(NAMES)
 """All axes of an accelerometer, which are calibrated with its mounting."""

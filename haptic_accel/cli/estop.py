@@ -24,10 +24,10 @@ from typing import Any
 
 import click
 
-from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
+from haptic_accel.cli.output import StoppedError
 from haptic_accel.core.parameters import one_line, parameter
-from haptic_accel.graph.ros_packages import NEEDS_ROS, has_ros
+from haptic_accel.graph.middleware import NEEDS_ROS, has_ros
 from haptic_accel.graph.stop_signal import PendingStop, Signalled, age, own_domain, stop_graphs
 from haptic_accel.setup.words import NamespaceArguments
 

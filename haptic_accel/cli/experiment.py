@@ -44,8 +44,7 @@ from haptic_accel.analysis.experiment import (
 from haptic_accel.analysis.loading import analyse
 from haptic_accel.analysis.metrics import MILLI
 from haptic_accel.cli import options
-from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.output import next_command, results_folder, save
+from haptic_accel.cli.output import StoppedError, next_command, results_folder, save
 from haptic_accel.cli.report import print_analysis
 from haptic_accel.cli.running import run_to_end, stop_on_signal
 from haptic_accel.cli.studies import Journal, Show, run_side_by_side, run_study

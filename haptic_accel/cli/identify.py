@@ -41,12 +41,11 @@ from haptic_accel.analysis.identification import (
     run_lockstep,
 )
 from haptic_accel.analysis.identification_result import PARAMETER_FILE, Result, parameter_table
-from haptic_accel.cli import options
-from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.output import next_command, removed_if_empty, results_folder, save
+from haptic_accel.cli import options, output
 from haptic_accel.cli.running import run_to_end, shown_stages, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
+from haptic_accel.core import process
 from haptic_accel.core.axes import ALL_AXES, Axes
 from haptic_accel.core.identification.estimate import SMALLER, RecordingError
 from haptic_accel.core.identification.evaluation import DEFAULT_FREE
@@ -58,14 +57,6 @@ from haptic_accel.core.identification.sweep import (
 )
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, schema
-from haptic_accel.core.process import (
-    FULL_SCALE,
-    INTERRUPTED,
-    REPEAT,
-    TOO_STRONG,
-    UNUSABLE,
-    tell_supervisor,
-)
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import Supervisor
@@ -178,8 +169,8 @@ def identify(
             return first, recorded, evaluate(recorded.trials, first, free, tell)
 
     with nullcontext() if lockstep or sources else sole_graph(arguments.namespace):
-        folder = results_folder(out, "identify_")
-        with removed_if_empty(folder):
+        folder = output.results_folder(out, "identify_")
+        with output.removed_if_empty(folder):
             setup, recorded, result = _weak_enough(by_grip, measure, kept, fixed=bool(sources))
     arguments = replace(arguments, **_amplitudes(setup.arguments))
     if arguments.master == SIMULATED and not sources and len(by_grip) == 1:
@@ -192,17 +183,17 @@ def identify(
     settings = {name: str(value) for name, value in described.items() if value != ""}
     parameters, model = folder / PARAMETER_FILE, Path(result.model_file)
     if result.model_file:
-        save(result.metrics(), folder / model)
+        output.save(result.metrics(), folder / model)
     nodes = result.parameters(recorded.age, model)
     parameters.write_text(result.heading + parameter_text(nodes), encoding="utf-8")
     page = result.write_report(folder, arguments.sweep, {"run": run, **settings})
-    save(result.metrics(), json_file)
+    output.save(result.metrics(), json_file)
     print_table(parameter_table(result.fits, result.truth))
     print(*result.sentences(), sep="\n")
     if arguments.actuator == AUDIO and result.moving_mass:
         _, devices = setup.node("master_device")
         scale = devices[AUDIO].largest_force / result.moving_mass
-        tell_supervisor(FULL_SCALE, value=scale)
+        process.tell_supervisor(process.FULL_SCALE, value=scale)
         print(f"audio.full_scale: {scale:.4g} N per kg of the handle's mass without m_a")
     print(*result.notes, result.explained, sep="\n")
     print(f"parameters: {update or parameters}", f"report: {page}", sep="\n")
@@ -215,7 +206,7 @@ def identify(
             accelerometer_device=arguments.accelerometers,
         )
         update_parameter_file(update, nodes)
-    print(next_command(*_next(arguments, update, parameters)))
+    print(output.next_command(*_next(arguments, update, parameters)))
 
 
 def _weak_enough(
@@ -258,8 +249,8 @@ def _weak_enough(
         except RecordingError as error:
             run, share = run + 1, LESS * share
             if fixed or error.factors != SMALLER or share < SMALLEST_SHARE:
-                tell_supervisor(UNUSABLE, reason=str(error))
-                raise StoppedError(advise(error)) from None
+                process.tell_supervisor(process.UNUSABLE, reason=str(error))
+                raise output.StoppedError(advise(error)) from None
             print(f"{error}; repeated with {100 * share:.0f} % of the amplitudes")
         less = {name: share * value for name, value in first.items()}
         by_grip = {grip: replace(each, **less) for grip, each in by_grip.items()}
@@ -280,7 +271,7 @@ def _advised(arguments: IdentifyArguments, kept: Sequence[str], error: Recording
         return str(error)
     if not changes or changed.end_frequency >= changed.rate / 2:
         return str(error)
-    return f"{error}; {next_command('identify', *stated_words(changed), *kept)}"
+    return f"{error}; {output.next_command('identify', *stated_words(changed), *kept)}"
 
 
 def _shown(recordings: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Path]]:
@@ -324,7 +315,7 @@ def _run_lockstep(
         runs = workers.map(run_lockstep, list(setups.values()), stop)
         trials = dict(zip(setups, runs, strict=False))
     if len(trials) < len(setups):
-        raise StoppedError("interrupted", INTERRUPTED)
+        raise output.StoppedError("interrupted", process.INTERRUPTED)
     return trials
 
 
@@ -355,15 +346,15 @@ def _run_graph(arguments: IdentifyArguments, axes: Axes) -> None:
     with stop_on_signal() as stop, shown_stages(progress) as begin:
 
         def follow(_: str, event: Mapping[str, Any]) -> None:
-            if event["event"] == REPEAT and event["done"] < len(progress):
+            if event["event"] == process.REPEAT and event["done"] < len(progress):
                 begin(progress[event["done"]])
-            elif event["event"] == TOO_STRONG:
+            elif event["event"] == process.TOO_STRONG:
                 too_strong.append(event["reason"])
 
         supervisor = Supervisor(identification_graph(arguments), on_event=follow)
         try:
             run_to_end(supervisor, stop, f"interrupted; recorded so far: {arguments.bag}")
-        except StoppedError:
+        except output.StoppedError:
             if too_strong:
                 raise RecordingError(too_strong[0], SMALLER) from None
             raise

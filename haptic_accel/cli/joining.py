@@ -27,7 +27,7 @@ from contextlib import contextmanager
 
 import rclpy
 
-from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.output import StoppedError
 from haptic_accel.graph.middleware import check_middleware, middleware_defaults
 from haptic_accel.nodes.service_client import RequestError, ServiceClient
 

@@ -27,11 +27,10 @@ from typing import Any
 
 import click
 
-from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.output import StoppedError
 from haptic_accel.core.outside import OutsideError, declared, guard, load
-from haptic_accel.core.parameters import suggestion
+from haptic_accel.core.parameters import suggestion, warn_once
 from haptic_accel.core.process import WRONG_ARGUMENTS
-from haptic_accel.core.warning import warn_once
 
 COMMANDS_GROUP = "haptic_accel.commands"
 """Group of entry points: verbs of kits, of this package and of others."""

@@ -24,15 +24,7 @@ import errno
 import os
 import sys
 
-from haptic_accel.core.process import (
-    BLAS_THREADS,
-    DONE,
-    FAILED,
-    INTERRUPTED,
-    WRONG_ARGUMENTS,
-    report_unraisable,
-    shortage,
-)
+from haptic_accel.core import process
 
 TYPE_CHECKING = False  # typing is not needed to stop
 if TYPE_CHECKING:
@@ -53,7 +45,7 @@ def main(words: Sequence[str] | None = None) -> None:
         Verb and its words; default: of this process.
     """
     given = sys.argv[1:] if words is None else list(words)
-    sys.unraisablehook = report_unraisable
+    sys.unraisablehook = process.report_unraisable
 
     def act() -> int | None:
         signalled: Signalled | None = None
@@ -65,7 +57,7 @@ def main(words: Sequence[str] | None = None) -> None:
             signalled = stop_at_once(given[1:])
         # Parallel runs take a core each. With little memory, BLAS would wait for ever for threads
         # that it cannot start.
-        for variable in BLAS_THREADS:
+        for variable in process.BLAS_THREADS:
             os.environ.setdefault(variable, "1")
         from haptic_accel.cli.commands import command_line
 
@@ -109,11 +101,11 @@ def _exit(act: Callable[[], int | None], name: str) -> NoReturn:
     raised.
     """
     try:
-        status = act() or DONE
+        status = act() or process.DONE
         if sys.stdout:
             sys.stdout.flush()
     except KeyboardInterrupt:
-        status = INTERRUPTED
+        status = process.INTERRUPTED
     except Exception as error:
         answer = _answer(error)
         if not answer:
@@ -129,26 +121,26 @@ def _exit(act: Callable[[], int | None], name: str) -> NoReturn:
 
 def _answer(error: Exception) -> tuple[str, int] | None:
     """Return the line and the exit status for an error; None if it is a fault of this program."""
-    if short := shortage(error):
-        return short, FAILED
+    if short := process.shortage(error):
+        return short, process.FAILED
     if isinstance(error, OSError):
-        return _of_system(error), FAILED
+        return _of_system(error), process.FAILED
     import click
 
     from haptic_accel.bags import NO_ROSBAGS, OF_ROSBAGS
-    from haptic_accel.cli.ending import StoppedError
+    from haptic_accel.cli.output import StoppedError
     from haptic_accel.core.parameters import ParameterError
 
     if isinstance(error, click.Abort):
-        return "", INTERRUPTED
+        return "", process.INTERRUPTED
     if isinstance(error, click.ClickException):
-        return error.format_message(), WRONG_ARGUMENTS
+        return error.format_message(), process.WRONG_ARGUMENTS
     if isinstance(error, ParameterError):
-        return str(error), WRONG_ARGUMENTS
+        return str(error), process.WRONG_ARGUMENTS
     if isinstance(error, StoppedError):
         return str(error), error.status
     if isinstance(error, ModuleNotFoundError) and f"{error.name}".partition(".")[0] in OF_ROSBAGS:
-        return NO_ROSBAGS, FAILED
+        return NO_ROSBAGS, process.FAILED
     return None
 
 

@@ -27,12 +27,11 @@ from typing import Any, TypeAlias, TypeVar, cast
 import click
 from click.shell_completion import CompletionItem
 
-from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.lazy import write_examples
-from haptic_accel.cli.output import check_writable
+from haptic_accel.cli.output import StoppedError, check_writable
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.parameters import Checked, schema, suggestion
-from haptic_accel.graph.ros_packages import NEEDS_ROS, ROS_PACKAGES
+from haptic_accel.graph.middleware import NEEDS_ROS, ROS_PACKAGES
 from haptic_accel.setup.words import described, group, parse_words
 
 F = TypeVar("F", bound=Callable[..., Any])

@@ -32,6 +32,24 @@ from typing import Any
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.decimals import defined
 from haptic_accel.core.parameters import ParameterError, printable
+from haptic_accel.core.process import FAILED
+
+
+class StoppedError(Exception):
+    """Error that ends a verb early.
+
+    Parameters
+    ----------
+    line : str
+        Reason for the terminal; empty if it has been shown.
+    status : int
+        Exit status.
+    """
+
+    def __init__(self, line: str = "", status: int = FAILED) -> None:
+        super().__init__(line)
+        self.status = status
+
 
 LINE_ENDS = "\n\t"
 """Controls that lines for a terminal have."""

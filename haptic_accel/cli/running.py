@@ -32,8 +32,7 @@ from typing import Any, TextIO
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from haptic_accel.cli.ending import StoppedError
-from haptic_accel.cli.output import GONE, next_command
+from haptic_accel.cli.output import GONE, StoppedError, next_command
 from haptic_accel.core.parameters import printable
 from haptic_accel.core.process import (
     ENDING,

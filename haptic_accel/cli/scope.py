@@ -19,8 +19,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
+from haptic_accel.cli.output import StoppedError
 from haptic_accel.cli.running import print_line, stop_on_signal
 from haptic_accel.core.parameters import schema
 from haptic_accel.core.process import FAILED

@@ -33,7 +33,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.output import StoppedError
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import ENDING, report_unraisable

@@ -27,8 +27,14 @@ from importlib import import_module
 from importlib.metadata import Distribution, EntryPoint, distributions
 from typing import Any, TypeVar
 
-from haptic_accel.core.parameters import Checked, ParameterError, one_line, printable, schema
-from haptic_accel.core.warning import warn_once
+from haptic_accel.core.parameters import (
+    Checked,
+    ParameterError,
+    one_line,
+    printable,
+    schema,
+    warn_once,
+)
 
 OWN = "haptic_accel"
 """Name of this package, whose own names no other package can take."""

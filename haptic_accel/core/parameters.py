@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import logging
 import math
 from collections.abc import Iterable, Mapping
 from functools import cache
@@ -320,3 +321,9 @@ def _nested(field: dataclasses.Field[Any]) -> type:
     if not isinstance(field.default_factory, type):
         raise TypeError(f"{field.name}: neither a parameter nor a dataclass of parameters")
     return field.default_factory
+
+
+@cache
+def warn_once(line: str) -> None:
+    """Log a warning once, however often its cause is read."""
+    logging.getLogger(__name__).warning("%s", line)

@@ -28,8 +28,7 @@ from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyPara
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
-from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
-from haptic_accel.core.coupling.position_position import CouplingParameters
+from haptic_accel.core.coupling.passive import CouplingParameters, PassivePair, PassiveParameters
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.model import ComplexArray, HandleParameters, ModeParameters

@@ -91,6 +91,11 @@ JOINT_STATE_RATE = 50.0
 """Rate of joint states for displays, Hz: more than a screen shows."""
 
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "", "", reliable=True)
+PARAMETER_EVENTS = Topic(
+    "/parameter_events", "rcl_interfaces/msg/ParameterEvent", "", "", reliable=True
+)
+"""Changes of parameters of all nodes: controller, surface or grip set in a running graph."""
+
 DESCRIPTION = Topic("description", "std_msgs/msg/String", "", "", reliable=True, latched=True)
 """Parameters of each node of the graph as JSON, for recorders; see `bags.facts`. All nodes publish
 to it, again after a change."""

@@ -23,30 +23,33 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from haptic_accel.core import model, topics
+from haptic_accel.core.actuator.safety import MasterSafetyParameters
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.control import filters
 from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
 from haptic_accel.core.evaluation import metrics
-from haptic_accel.core.evaluation.delay import aligned
-from haptic_accel.core.evaluation.discrimination import indistinguishable
+from haptic_accel.core.evaluation.metrics import aligned, indistinguishable
+from haptic_accel.core.identification import sweep
+from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
+from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.network.playout import Played
-from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate
+from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate, warn_once
+from haptic_accel.core.rig import master_rig
 from haptic_accel.core.rig.interface import Rig
-from haptic_accel.core.rig.master_rig import MasterRig, ThreeAxisRig, axes_of, simulated_master
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig, Vibrating
-from haptic_accel.core.sampling import DEFAULT_RATE, LATENCY, check_latency
-from haptic_accel.core.simulated_rig import RigParameters, build_loop, build_parts
+from haptic_accel.core.sampling import DEFAULT_RATE, LATENCY, NANOSECONDS, check_latency
+from haptic_accel.core.simulated_rig import RigParameters, build_loop, build_parts, rig_side
 from haptic_accel.core.surfaces.scene import Scene
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig
-from haptic_accel.core.tick import MASTER, CompensationPart, HostLoop
+from haptic_accel.core.tick import ACTUATOR, MASTER, CompensationPart, HostLoop
 from haptic_accel.core.track import ReplayRig, Track
 from haptic_accel.core.two_hosts import TwoHosts
-from haptic_accel.core.warning import warn_once
 
 GripChange = tuple[float, model.HandleParameters | model.MountParameters]
 """Time of a change of the handle, s, and its new parameters with the grip, or the new mount."""
@@ -300,7 +303,7 @@ def run_trial(
     if not (np.isfinite(duration) and duration * rate >= 1):
         raise ParameterError(f"duration = {duration}: must hold at least one sample")
     rig = rig or RigParameters()
-    axes = axes_of(rig.master)
+    axes = master_rig.axes_of(rig.master)
     around = replace(compensation or CompensationParameters(), controller=controller)
     tool_axes = Axes.parsed((rig.virtual if scene else rig.slave).tool.axes)
     slave: Rig
@@ -313,7 +316,7 @@ def run_trial(
     time = np.arange(round(duration * rate)) / rate
     warnings: list[Warned] = []
     crossings: list[PlayedSample] = []
-    rigs = simulated_master(rig.master, rate, seed), slave
+    rigs = master_rig.simulated_master(rig.master, rate, seed), slave
     devices = dict(zip(topics.ARMS, rigs, strict=True))
     sides, part = build_parts(rig, devices, around, controllers or {}, rate, latency)
     hosts = (
@@ -395,7 +398,7 @@ _MOVED = [
 
 
 def _run(
-    rigs: tuple[MasterRig | ThreeAxisRig, Rig],
+    rigs: tuple[master_rig.MasterRig | master_rig.ThreeAxisRig, Rig],
     hosts: HostLoop | TwoHosts,
     part: CompensationPart,
     times: Sequence[float],
@@ -433,3 +436,103 @@ def _run(
             if now != words:
                 words = now
                 warnings.append((time, words))
+
+
+def run_identification(
+    rig: master_rig.MasterRigParameters | None = None,
+    parameters: SweepParameters | None = None,
+    rate: float = DEFAULT_RATE,
+    seed: int = 0,
+    trials: int = 1,
+    latency: int = LATENCY,
+) -> list[IdentificationTrial]:
+    """Excite the simulated handle in lockstep, without clock, with reproducible results.
+
+    In each sample the rig is read, and the force from `latency` samples before is applied, limited
+    by the device's safety layer. It acts until the next sample, so that the acceleration shows it
+    at the earliest one sample later. Arm and hand do not move.
+
+    Parameters
+    ----------
+    rig : MasterRigParameters, optional
+        Parameters of the simulated master; default: Table I.
+    parameters : SweepParameters, optional
+        Parameters of the sweep; default: those of the paper.
+    rate : float
+        Samples per second.
+    seed : int
+        Seed of the noise; each trial derives its own.
+    trials : int
+        Number of trials, each from rest.
+    latency : int
+        Delay from sample to force, in samples.
+
+    Returns
+    -------
+    list of IdentificationTrial
+
+    Raises
+    ------
+    ParameterError
+        The number of trials is below 1, the latency is invalid, or the end frequency is not below
+        half the rate.
+    """
+    if trials < 1:
+        raise ParameterError(f"trials = {trials}: must be at least 1")
+    check_latency(latency)
+    rig = rig or master_rig.MasterRigParameters()
+    axes = master_rig.axes_of(rig)
+    exciting = sweep.trial_forces(axes, parameters or SweepParameters(), rate)
+    force = np.squeeze(np.concatenate([exciting, np.zeros((latency, len(axes.names)))]))
+    return [
+        _excite(rig, _trial_seed(seed, index), force, rate, latency) for index in range(trials)
+    ]
+
+
+def master_response(
+    rig: master_rig.MasterRigParameters,
+    frequency: npt.ArrayLike,
+    rate: float,
+    delay: float | None = None,
+) -> ComplexArray:
+    """Return the true response of a simulated master with three coils, m/s^2 per N, (f, 3, 3).
+
+    Parameters
+    ----------
+    rig : MasterRigParameters
+    frequency : array_like, shape (f,)
+        Hz.
+    rate : float
+        Samples per second.
+    delay : float, optional
+        Delay of the drive in place of the rig's own, s.
+    """
+    if delay is not None:
+        rig = replace(rig, drive=replace(rig.drive, delay=delay))
+    master = master_rig.simulated_master(rig, rate)
+    assert isinstance(master, master_rig.ThreeAxisRig)
+    return master.response(frequency, rate)
+
+
+def _trial_seed(seed: int, trial: int) -> int:
+    """Return a seed for a trial, so that trials of adjacent seeds have different noise."""
+    return int(np.random.SeedSequence((seed, trial)).generate_state(1)[0])
+
+
+def _excite(
+    rig: master_rig.MasterRigParameters, seed: int, force: FloatArray, rate: float, latency: int
+) -> IdentificationTrial:
+    master, axes = master_rig.simulated_master(rig, rate, seed), master_rig.axes_of(rig)
+    limits = MasterSafetyParameters(hardware=rig.actuator)
+    side = rig_side(master, limits, rate, latency, (ACTUATOR,), axes)
+    acceleration = np.zeros((len(force), 3))
+    for tick, exciting in enumerate(force.reshape(len(force), -1).tolist()):
+        side.begin(tick)
+        side.read()
+        acceleration[tick] = side.samples[0].acceleration
+        side.command(ACTUATOR, tick * NANOSECONDS / rate, *axes.vector(exciting))
+        side.apply()
+        side.watch()
+    values: dict[str, str | int] = {**master.counters(), **side.safety.diagnostics()}
+    counts = {key: int(values[key]) for key in (*master.counters(), *sweep.LIMITED)}
+    return IdentificationTrial(rate, force, along(axes, acceleration), counts, latency)

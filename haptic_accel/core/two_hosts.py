@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Coupling of two hosts: an arm's half, its place in the loop, and both hosts in lockstep.
+"""Coupling of two hosts: an arm's engagement, half and place in the loop; both in lockstep.
 
 The caller of a half exchanges datagrams with the peer's half. The order in a tick is: `receive`,
 `begin`, `put` for each sample, `poll` if the engagement is due, `packet`.
@@ -24,20 +24,15 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from haptic_accel.core import tick
+from haptic_accel.core.actuator.safety import MANUAL
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
+from haptic_accel.core.coupling import engagement, passive
 from haptic_accel.core.coupling.engagement import Decision, EngagementParameters
-from haptic_accel.core.coupling.half_engagement import HalfEngagement
-from haptic_accel.core.coupling.passive import (
-    NONSENSE,
-    PassiveHalf,
-    PassiveParameters,
-    of_slave,
-    scaled,
-)
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network import endpoint
 from haptic_accel.core.network.channel import Channel, ChannelParameters
@@ -46,6 +41,153 @@ from haptic_accel.core.network.packet import Packet
 from haptic_accel.core.network.playout import WAITING, Played
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ARMS
+
+STOPPED_THERE = f"{engagement.STOPPED} at the peer"
+"""Reason for a free arm while the peer is stopped and this host is not."""
+
+SILENT = "waiting for the peer's packets"
+"""Reason for a free arm while no packets arrive."""
+
+RESTARTED = "the peer has restarted"
+"""Reason for a release after the peer has restarted."""
+
+LEFT = "the peer disengaged"
+"""Reason for a release after the peer has disengaged."""
+
+DIFFERENT = "the peer engaged at other reference positions"
+"""Reason for a release after one host resumed the engagement and the other did not."""
+
+RESUME_TIME = 2.0
+"""Time after a loss of packets in which an engagement may be resumed, s. It includes `FREE_TIME`;
+nobody expects an arm to return after a longer pause."""
+
+LOST = "the peer was lost: engage again by coupler/engage"
+"""Reason for a free arm that engages again only on request after the loss of the peer."""
+
+
+class HalfEngagement(engagement.Engagement):
+    """State machine of one arm that is coupled to a peer's arm: free or engaged.
+
+    An arm is ready when its own conditions hold. It engages when the peer is ready or engaged. It
+    is released when the peer sends no packets, restarts, or has another session or engagement. It
+    engages again only after the peer has released its arm too, so that both start from the same
+    state. After a short loss of packets both resume the engagement: they keep their reference
+    positions, if both can. A stop that begins at the peer also stops this host, until released
+    here. While the peer is stopped, the arm stays free.
+
+    Parameters
+    ----------
+    parameters : EngagementParameters
+    now : float
+        Start time, s.
+    arm : str
+        Arm of this host.
+
+    Attributes
+    ----------
+    count : int
+        Number of engagements of the arm.
+    resumes : bool
+        The arm keeps its reference position: in this engagement, or if free, in the next one.
+    unusable : str
+        Reason why received packets are unusable; empty if none are received. Set by the caller.
+    """
+
+    def __init__(self, parameters: engagement.EngagementParameters, now: float, arm: str) -> None:
+        super().__init__(parameters, now, (arm,))
+        self.count = 0
+        self.resumes = False
+        self.unusable = ""
+        self._peer: Packet | None = None
+        self._heard = -math.inf
+        self._session = 0
+        self._partner: tuple[int, int] | None = None  # session and engagement of the peer
+        self._former: tuple[int, int] | None = None
+        self._resume_until = -math.inf
+
+    def peer_heard(self, packet: Packet, now: float) -> None:
+        """Handle the state in the peer's newest packet, which answers this host's session."""
+        before, self._peer, self._heard = self._peer, packet, now
+        known = before is not None and before.session == packet.session
+        # A decreasing number is an error: an unnecessary stop is better than a missed one.
+        if packet.stops != before.stops if before and known else packet.stopped:
+            self.stop.follow()
+        if self.engaged and self._partner is None and packet.engaged:
+            self._partner = packet.session, packet.engagement
+
+    def ready(self, now: float, listeners: int) -> bool:
+        """Return whether this host, which receives the peer's packets, is ready to engage.
+
+        Arguments as for `missing`.
+        """
+        return not (super().missing(now, listeners) or self._lost(now))
+
+    def missing(self, now: float, listeners: int) -> str:
+        """Return the reason that prevents engagement, or ends it; empty if there is none."""
+        return super().missing(now, listeners) or self._missing_there(now)
+
+    def decide(self, now: float, listeners: int) -> engagement.Decision:
+        """Return the actions that are due; arguments as for `missing`."""
+        lost = self._lost(now)
+        by_network = not super().missing(now, listeners) and self._resumable_after(now)
+        decision = super().decide(now, listeners)
+        if not self.engaged or decision.engage:
+            known = self._peer is not None and self._peer.session == self._session
+            self.resumes = known and now <= self._resume_until
+        if decision.engage and self._peer:
+            self.resumes = self.resumes and self._peer.resumes
+            decision = replace(decision, resume=self.resumes)
+            self.count += 1
+            self._session = self._peer.session
+            engaged = self._peer.engaged
+            self._partner = (self._peer.session, self._peer.engagement) if engaged else None
+        if decision.release:
+            self._former = self._partner
+            self.resumes = by_network and not self.stop.stopped
+            self._resume_until = now + RESUME_TIME if self.resumes else -math.inf
+            if lost and self._parameters.recovery == MANUAL:
+                self._freed = LOST
+        return decision
+
+    def due(self, now: float) -> bool:
+        """Return whether `decide` is due; at once after the loss of the peer."""
+        if super().due(now):
+            return True
+        return self.engaged and (self.stop.stopped or bool(self._missing_there(now)))
+
+    def _lost(self, now: float) -> str:
+        """Return the reason for the loss of the peer; empty if not lost."""
+        if self._peer is None or now - self._heard > self._parameters.timeout:
+            return self.unusable or SILENT
+        return RESTARTED if self.engaged and self._peer.session != self._session else ""
+
+    def _resumable_after(self, now: float) -> bool:
+        """Return whether the reason at the peer is a loss of packets after both were engaged."""
+        missing = self._missing_there(now)
+        return (
+            self._parameters.recovery != MANUAL
+            and (self._partner is not None or self.resumes)
+            and bool(missing)
+            and missing not in (RESTARTED, STOPPED_THERE, DIFFERENT)
+        )
+
+    def _missing_there(self, now: float) -> str:
+        """Return the reason why the peer is not ready."""
+        lost, peer = self._lost(now), self._peer
+        if lost or peer is None:
+            return lost
+        if peer.stopped:
+            return STOPPED_THERE
+        partner = (peer.session, peer.engagement)
+        if self.engaged:
+            there = peer.engaged and self._partner == partner
+            if there and peer.resumes != self.resumes:
+                return DIFFERENT
+            return "" if there or (self._partner is None and peer.ready) else LEFT
+        if peer.engaged and partner == self._former:
+            return "waiting for the peer to disengage"
+        return "" if peer.ready or peer.engaged else "waiting for the peer to be ready"
+
 
 CATCH_UP = 0.05
 """Speed at which the arms approach each other after engagement, m/s: half that of a stroke. It
@@ -88,7 +230,7 @@ class ArmEndpoint:
     def __init__(
         self,
         side: str,
-        parameters: PassiveParameters,
+        parameters: passive.PassiveParameters,
         rate: float,
         latency: int,
         session: int,
@@ -96,8 +238,8 @@ class ArmEndpoint:
     ) -> None:
         leads = side == ARMS[1]
         self._scale = parameters.scale if leads else 1.0
-        own = of_slave(parameters) if leads else parameters
-        self.half = PassiveHalf(own, rate, latency, leads=leads)
+        own = passive.of_slave(parameters) if leads else parameters
+        self.half = passive.PassiveHalf(own, rate, latency, leads=leads)
         self.endpoint = Endpoint(side, rate, session, axes)
         self._origin = ZERO
         self._approach = CATCH_UP / rate  # m in a sample
@@ -159,29 +301,29 @@ class ArmEndpoint:
         )
         if self._ahead is not None and self._ahead != ZERO and self.half.share < 1.0:
             # Wait where the energy suffices, so that the force does not jump when more arrives.
-            d_x, d_y, d_z = scaled(own, 1.0 - self.half.share, self._goal)
+            d_x, d_y, d_z = passive.scaled(own, 1.0 - self.half.share, self._goal)
             a_x, a_y, a_z = self._ahead
             self._ahead = a_x + d_x, a_y + d_y, a_z + d_z
-        return scaled(force, self._scale)
+        return passive.scaled(force, self._scale)
 
     def _follow(self) -> tuple[Vector, Vector]:
         """Return set-point, m, and its velocity, m/s, which approaches the peer's position."""
         peer = self.endpoint.peer
-        if not (peer and peer.engaged and math.hypot(*peer.position) < NONSENSE):
+        if not (peer and peer.engaged and math.hypot(*peer.position) < passive.NONSENSE):
             return self._goal, ZERO
         x, y, z = peer.position
         if self._ahead is None:
-            self._ahead = scaled(self._goal, 1.0, peer.position)
+            self._ahead = passive.scaled(self._goal, 1.0, peer.position)
         elif gap := math.hypot(*self._ahead):
             step = self.half.supply * self._approach
-            self._ahead = scaled(self._ahead, max(0.0, 1.0 - step / gap))
+            self._ahead = passive.scaled(self._ahead, max(0.0, 1.0 - step / gap))
         d_x, d_y, d_z = self._ahead
         self._goal = x + d_x, y + d_y, z + d_z
         return self._goal, peer.velocity
 
     def _own(self, vector: Vector, origin: Vector = ZERO) -> Vector:
         """Return a vector relative to an origin in the master's scale."""
-        return scaled(vector, 1.0 / self._scale, origin)
+        return passive.scaled(vector, 1.0 / self._scale, origin)
 
 
 class HalfCouplingPart(tick.ArmCoupling):
@@ -324,7 +466,7 @@ class TwoHosts:
 
     def __init__(
         self,
-        parameters: PassiveParameters,
+        parameters: passive.PassiveParameters,
         network: ChannelParameters,
         sides: Mapping[str, tick.DeviceSide],
         compensation: tick.CompensationPart | None = None,

@@ -23,7 +23,7 @@ from rclpy.event_handler import EventHandler, QoSSubscriptionEventType
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-from haptic_accel.core.sole_publisher import Matched
+from haptic_accel.core.sequence_check import Matched
 
 
 class MatchedPublishers(EventHandler):  # type: ignore[misc]  # rclpy leaves it untyped

@@ -31,8 +31,7 @@ from itertools import takewhile
 from pathlib import Path
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.graph.middleware import check_middleware
-from haptic_accel.graph.ros_packages import check_ros
+from haptic_accel.graph.middleware import check_middleware, check_ros
 from haptic_accel.graph.stop_signal import DOMAIN, address, holder, own_domain, sender, signals
 
 HIGHEST_FREE_DOMAIN = 101

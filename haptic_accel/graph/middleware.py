@@ -13,7 +13,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Settings of the middleware: a graph stays on its machine, without shared memory."""
+"""Settings of the middleware: a graph stays on its machine, without shared memory.
+
+ROS 2 may be absent: lockstep runs, analysis and design do without it.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +24,43 @@ import os
 import sys
 import tempfile
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.materials.folders import config_folder
+
+ROS_PACKAGES = frozenset(
+    (
+        *("rclpy", "launch", "launch_ros", "ament_index_python"),
+        *("builtin_interfaces", "diagnostic_msgs", "geometry_msgs", "lifecycle_msgs"),
+        *("rcl_interfaces", "sensor_msgs", "std_msgs", "std_srvs"),
+    )
+)
+"""Packages of ROS 2 that the graph, its nodes and launch files import."""
+
+INSTALL_ROS = "pip install 'haptic-accel[ros]', or source a ROS 2"
+"""Ways to install ROS 2."""
+
+NEEDS_ROS = f"needs ROS 2: {INSTALL_ROS}"
+"""Message, after the name of the command that needs ROS 2."""
+
+
+def has_ros() -> bool:
+    """Return whether the client library of ROS 2 is installed; it is not imported."""
+    return find_spec("rclpy") is not None
+
+
+def check_ros() -> None:
+    """Raise the error of an import of rclpy if it is not installed.
+
+    Raises
+    ------
+    ModuleNotFoundError
+    """
+    if not has_ros():
+        raise ModuleNotFoundError("No module named 'rclpy'", name="rclpy")
+
 
 DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 

@@ -42,7 +42,7 @@ from haptic_accel.core.process import (
     read_event,
     signals,
 )
-from haptic_accel.graph.ros_packages import check_ros
+from haptic_accel.graph.middleware import check_ros
 from haptic_accel.graph.stop_signal import DOMAIN
 from haptic_accel.setup.executables import node_module
 from haptic_accel.setup.processes import RESPAWN_DELAY, Process

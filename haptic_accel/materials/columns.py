@@ -30,9 +30,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel.core.parameters import ParameterError, shown, warn_once
 from haptic_accel.core.sampling import RATE_TOLERANCE, checked_rate
-from haptic_accel.core.warning import warn_once
 
 STANDARD_GRAVITY = 9.80665
 """Acceleration g_n, m/s^2 (ISO 80000-3)."""

@@ -30,9 +30,8 @@ import numpy as np
 
 from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel.core.parameters import ParameterError, shown, warn_once
 from haptic_accel.core.sampling import MOST_SAMPLES
-from haptic_accel.core.warning import warn_once
 from haptic_accel.materials.columns import (
     ACCELERATION,
     COLUMNS,

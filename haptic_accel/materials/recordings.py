@@ -36,8 +36,7 @@ from haptic_accel.core import sampling
 from haptic_accel.core.bounded_files import opened
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.outliers import without_outliers
-from haptic_accel.core.parameters import ParameterError, shown
-from haptic_accel.core.warning import warn_once
+from haptic_accel.core.parameters import ParameterError, shown, warn_once
 from haptic_accel.materials.columns import (
     COLUMNS,
     MOST_CHANNELS,

@@ -30,22 +30,15 @@ from typing import Any
 
 import numpy as np
 
+from haptic_accel.core import parameters
 from haptic_accel.core.bounded_files import located, read_bytes
 from haptic_accel.core.bounded_work import OutOfBoundsError, run_bounded
 from haptic_accel.core.document import Document, read_yaml_document
 from haptic_accel.core.model import vector
-from haptic_accel.core.parameters import (
-    Checked,
-    ParameterError,
-    Specification,
-    own_schema,
-    parameter,
-)
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import SHAPES, DistanceGrid, HeightField
 from haptic_accel.core.surfaces.taps import Mode, TapModel
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel
-from haptic_accel.core.warning import warn_once
 from haptic_accel.materials import mesh_baking
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.moving import moving_scene
@@ -58,11 +51,11 @@ LARGEST_MESH = 1 << 26
 
 
 @dataclass(frozen=True)
-class Sampling(Checked):
+class Sampling(parameters.Checked):
     """Sampling of a shape from a file."""
 
-    spacing: float = parameter(1e-3, "distance between two samples", "m", 1e-5, 0.1)
-    scale: float = parameter(1.0, "length of the file's unit", "m", 1e-6, 1.0)
+    spacing: float = parameters.parameter(1e-3, "distance between two samples", "m", 1e-5, 0.1)
+    scale: float = parameters.parameter(1.0, "length of the file's unit", "m", 1e-6, 1.0)
 
 
 def read_heights(path: Path, sampling: Sampling) -> HeightField:
@@ -123,29 +116,29 @@ def read_mesh(path: Path, sampling: Sampling) -> DistanceGrid:
 
 def _grid(path: Path, baked: Mapping[str, Any], sampling: Sampling) -> DistanceGrid:
     if remark := str(baked["remark"]):
-        warn_once(f"{path}: {remark}")
+        parameters.warn_once(f"{path}: {remark}")
     return DistanceGrid(baked["grid"], sampling.spacing, vector(baked["corner"]))
 
 
 def _baked(path: Path, sampling: Sampling) -> dict[str, Any]:
     """Return a mesh's signed distances, the position of the first distance, and a remark."""
     if not (find_spec("trimesh") and find_spec("trimesh.proximity")):
-        raise ParameterError(MISSING_LIBRARY)
+        raise parameters.ParameterError(MISSING_LIBRARY)
     with TemporaryDirectory(prefix="haptic_accel-") as folder:
         result = Path(folder) / "grid.npz"
         words = [path.absolute(), result, sampling.spacing, sampling.scale]
         try:
             run_bounded(mesh_baking.__name__, list(map(str, words)), mesh_baking.SECONDS)
         except OutOfBoundsError as error:
-            raise ParameterError(
+            raise parameters.ParameterError(
                 f"{path}: {error}; the limits for its grid are {mesh_baking.SECONDS:g} s"
                 f" and {mesh_baking.MEGABYTES} MB"
             ) from None
         return dict(read_arrays(result))
 
 
-PLACE = Specification("position in the arm's base frame", "m", -10.0, 10.0)
-ANGLE = Specification("roll, pitch and yaw", "rad", -2 * math.pi, 2 * math.pi)
+PLACE = parameters.Specification("position in the arm's base frame", "m", -10.0, 10.0)
+ANGLE = parameters.Specification("roll, pitch and yaw", "rad", -2 * math.pi, 2 * math.pi)
 
 FILES: Mapping[str, Any] = {"heights": read_heights, "mesh": read_mesh}
 """Readers of shapes in separate files, by name."""
@@ -190,7 +183,7 @@ def is_scene(name: str) -> bool:
     """Return whether a name is a scene's or a scene file's, rather than a surface's."""
     try:
         return not read_yaml_document(preset_file("scene", name)).mapping().keys().isdisjoint(KEYS)
-    except ParameterError:
+    except parameters.ParameterError:
         return False
 
 
@@ -209,7 +202,7 @@ def _moving(file: Document, materials: Mapping[str, Material]) -> Scene:
 
 
 def _material(name: str, section: Document) -> Material:
-    section.check_keys(*own_schema(Material), "texture", "tap")
+    section.check_keys(*parameters.own_schema(Material), "texture", "tap")
     return section.build(Material, name=name, texture=_texture(section), tap=_tap(section))
 
 
@@ -261,7 +254,7 @@ def read_taps(path: Path) -> TapModel:
 
 def _modes(listed: Document) -> tuple[Mode, ...]:
     for each in listed.items():
-        each.check_keys(*own_schema(Mode))
+        each.check_keys(*parameters.own_schema(Mode))
     return tuple(each.build(Mode) for each in listed.items())
 
 
@@ -269,7 +262,12 @@ def _object(name: str, section: Document, materials: Mapping[str, Material]) -> 
     kind = section.get("shape").choice({**SHAPES, **FILES})
     from_file = kind in FILES.values()
     section.check_keys(
-        *_PLACED, *(("file", *own_schema(Sampling)) if from_file else own_schema(kind))
+        *_PLACED,
+        *(
+            ("file", *parameters.own_schema(Sampling))
+            if from_file
+            else parameters.own_schema(kind)
+        ),
     )
     return SceneObject(
         name,

@@ -37,9 +37,8 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.reduction import NO_REDUCTION
 from haptic_accel.core.tick import ArmSample, CompensatedSample, CompensationPart
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.priority import FELT_PRIORITY
 from haptic_accel.nodes.scheduling import run
-from haptic_accel.nodes.timing import CATCH_UP, ArrivalKeeper
+from haptic_accel.nodes.timing import CATCH_UP, FELT_PRIORITY, ArrivalKeeper
 
 FROZEN = "adaptive.frozen"
 """Parameter that stops the adaptation."""

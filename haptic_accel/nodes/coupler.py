@@ -13,34 +13,295 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Executable `coupler`: the position-position coupling of the two arms."""
+"""Executable `coupler`, and the base of the nodes that couple arms."""
 
 from __future__ import annotations
 
 import time
+from abc import abstractmethod
+from collections import deque
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from haptic_accel.core import tick
+from std_srvs.srv import SetBool
+
+from haptic_accel.core import tick, topics
+from haptic_accel.core.coupling import passive
 from haptic_accel.core.coupling.engagement import Engagement
-from haptic_accel.core.coupling.passive import PassivePair, PassiveParameters
-from haptic_accel.core.coupling.position_position import FADE_TIME, CouplingParameters
+from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.process import ENGAGED, OVER, tell_supervisor
 from haptic_accel.core.tick import ArmSample, CoupledForces
 from haptic_accel.core.topics import ARMS
-from haptic_accel.nodes.coupling_node import ARM_TOPICS, CouplingNode, MotionSynchronizer
+from haptic_accel.nodes.emergency_stop import CouplerStop
+from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import run
-from haptic_accel.nodes.timing import CATCH_UP
+from haptic_accel.nodes.signals import Inbox, Samples
+from haptic_accel.nodes.timing import CATCH_UP, ArrivalKeeper
 from haptic_accel.setup.node_parameters import PASSIVE
+
+ARM_TOPICS = {tick.MASTER: topics.MASTER, tick.SLAVE: topics.SLAVE}
+
+
+class SynchronizedSignal:
+    """Signal of an arm, synchronized with the positions of the same samples.
+
+    Parameters
+    ----------
+    samples : Samples
+    flowing : bool
+        The signal arrives, so positions wait for it.
+
+    Attributes
+    ----------
+    value : tuple of float
+        Sample of the last stamp for which `at` was true.
+    """
+
+    def __init__(self, samples: Samples, *, flowing: bool) -> None:
+        self._samples = samples
+        self.flowing = flowing
+        self._waiting: deque[tuple[int, Vector]] = deque()
+        self._stamp = 0
+        self.value = ZERO
+
+    def receive(self) -> None:
+        """Store the samples received."""
+        for sample in self._samples.drain():
+            self._waiting.append(sample)
+            self.flowing = True
+
+    def at(self, stamp: int) -> bool:
+        """Advance to a stamp; return True if its sample is available, lost, or not expected."""
+        while self._waiting and self._waiting[0][0] <= stamp:
+            self._stamp, self.value = self._waiting.popleft()
+        # A later sample shows a loss; the previous sample replaces the lost one.
+        return self._stamp == stamp or bool(self._waiting) or not self.flowing
+
+    def clear(self) -> None:
+        """Discard waiting samples."""
+        self._waiting.clear()
+
+
+class MotionSynchronizer:
+    """Positions of an arm, each joined with other signals of the same sample.
+
+    Parameters
+    ----------
+    positions : Samples
+    velocities : Samples or None
+        None if velocities are not needed; they are then zero.
+    work : Samples or None
+        Work of the arm's force, if needed.
+
+    Attributes
+    ----------
+    arriving : Samples
+        Positions.
+    velocity, work : SynchronizedSignal or None
+    """
+
+    def __init__(
+        self, positions: Samples, velocities: Samples | None, work: Samples | None = None
+    ) -> None:
+        self.arriving = positions
+        self._positions: deque[tuple[int, Vector]] = deque()
+        self.velocity = SynchronizedSignal(velocities, flowing=True) if velocities else None
+        self.work = SynchronizedSignal(work, flowing=False) if work else None
+
+    def join(self, velocities: Samples) -> None:
+        """Join velocities once they arrive."""
+        self.velocity = SynchronizedSignal(velocities, flowing=False)
+
+    def drain(self) -> Iterator[ArmSample]:
+        """Yield the complete samples."""
+        for sample in self.arriving.drain():
+            self._positions.append(sample)
+        if not self._positions:
+            return
+        joined = [each for each in (self.velocity, self.work) if each]
+        for each in joined:
+            each.receive()
+        while self._positions:
+            stamp, position = self._positions[0]
+            if not all([each.at(stamp) for each in joined]):
+                return
+            self._positions.popleft()
+            velocity = self.velocity.value if self.velocity else ZERO
+            work = sum(self.work.value) if self.work and self.work.flowing else None
+            yield ArmSample(stamp, position, velocity, work)
+
+    @property
+    def waiting(self) -> bool:
+        """True while a position waits for the signals joined with it."""
+        return bool(self._positions)
+
+    def clear(self) -> None:
+        """Discard waiting samples."""
+        self._positions.clear()
+        for each in (self.velocity, self.work):
+            if each:
+                each.clear()
+
+
+class CouplingNode(GraphNode):
+    """Couples arms while an `Engagement` allows it.
+
+    Services release the arms and engage them again: `estop` also stops the devices, `~/engage`
+    does not.
+
+    Parameters
+    ----------
+    changeable : collection of str
+        As for `GraphNode`.
+
+    Attributes
+    ----------
+    part : ArmCoupling
+        Set by a subclass.
+    sides : mapping of str to DeviceSide
+        Devices in this process; empty if there are none. With devices, a loop passes samples and
+        forces through `part`, and calls `receive`, `step`, `reply` and `publish`.
+    """
+
+    part: tick.ArmCoupling
+
+    task = "coupling"
+
+    polls = follows_stop = True
+
+    def __init__(self, changeable: Collection[str] = ()) -> None:
+        super().__init__("coupler", changeable)
+        self.engagement = self.build_engagement(time.monotonic())
+        self.forces = {arm: self.sender(ARM_TOPICS[arm].arm_force) for arm in self.engagement.arms}
+        self.sides: Mapping[str, tick.DeviceSide] = {}
+        self._arrivals = ArrivalKeeper(self.parameters.rate)
+        self._aside = False
+        # Until the first message only: each message slows the compensator.
+        self._first_force: Inbox | None = None
+        if self.parameters.compensated:
+            self._first_force = self.inbox(topics.ACTUATOR_FORCE)
+        self._stop = CouplerStop(self, self.engagement)
+        self.create_service(SetBool, "~/engage", self._serve_engage)
+
+    @abstractmethod
+    def build_engagement(self, now: float) -> Engagement:
+        """Return the engagement of the arms, from a time in s on."""
+
+    @abstractmethod
+    def couple(self) -> bool:
+        """Send forces of all complete samples; return True if no sample waits."""
+
+    def receive(self, offset: int) -> None:
+        """Receive the peer's packets before a tick; do nothing without a peer.
+
+        Parameters
+        ----------
+        offset : int
+            System time minus the time of the loop's stamps, ns.
+        """
+
+    def reply(self) -> None:
+        """Send the results of a tick to the peer; do nothing without a peer."""
+
+    @abstractmethod
+    def publish(self, tools: list[ArmSample], commands: list[CoupledForces], offset: int) -> None:
+        """Publish the results of this process's loop; `offset` as for `receive`."""
+
+    def prepare(self) -> None:
+        """Prepare each decision to engage."""
+
+    def close(self) -> None:
+        """Leave the arms without force."""
+        self._let_go()
+
+    def repeat_states(self) -> None:
+        """Publish the state of the emergency stop."""
+        self._stop.tell()
+
+    def work(self) -> float:
+        """Engage or release, and process the samples that arrived."""
+        if self.engagement.due(time.monotonic()):
+            self.step()
+        return self._arrivals.polled(found=self.couple())
+
+    def stop_forces(self) -> None:
+        """Stop all devices, release arms."""
+        self.engagement.stop.stop()
+        self.follow_stop()
+
+    def missing(self) -> str:
+        """Return the reason not to engage, or a later failure; empty for none."""
+        return self.engagement.missing(time.monotonic(), self.listeners)
+
+    @property
+    def listeners(self) -> int:
+        """Number of subscribers to an arm's force, the smaller of both arms."""
+        return 0 if self._aside else min(force.listeners for force in self.forces.values())
+
+    def step(self) -> None:
+        """Engage, release or end according to the state."""
+        if not self.sides:
+            self.couple()
+        self._step_aside(self.engagement.aside(time.monotonic()))
+        self.prepare()
+        first = self._first_force
+        if first and (self.engagement.compensated or first.drain_vectors()):
+            self.engagement.compensated, self._first_force = True, None
+            first.leave()
+            return  # leaving took time: engage at the next call
+        decision = self.part.poll(time.monotonic(), self.listeners)
+        if decision.release:
+            self._let_go()
+        if decision.warning:
+            self.get_logger().warning(decision.warning)
+        if decision.engage:
+            where = " at the former reference positions" if decision.resume else ""
+            self.get_logger().info(f"engaged{where}")
+            tell_supervisor(ENGAGED)
+        if decision.finished:
+            tell_supervisor(OVER)
+            self.finish(f"duration of {self.parameters.duration:g} s is over")
+
+    def _let_go(self) -> None:
+        tick.release(self.sides, time.monotonic())
+        for force in () if self._aside else self.forces.values():
+            force.send(time.time_ns(), ZERO)
+
+    def _step_aside(self, aside: bool) -> None:
+        """Pause or resume sending the arms' forces, for other senders."""
+        if aside != self._aside:
+            self._aside = aside
+            for force in self.forces.values():
+                force.withdraw() if aside else force.offer()
+
+    def follow_stop(self) -> None:
+        """React at once to any change of the emergency stop."""
+        if self._stop.follow():
+            self.step()
+            self.report()
+
+    def _serve_engage(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
+        """Engage the arms as soon as possible, or release them."""
+        refusal = self.engagement.request(request.data)
+        if not refusal:
+            self.step()
+            self.report()
+        response.success = not refusal
+        response.message = refusal or self.missing()
+        return response
 
 
 class Coupler(CouplingNode):
     """Computes the forces on both arms from the samples of a tick."""
 
     def __init__(self) -> None:
-        super().__init__((*schema(CouplingParameters), *schema(PassiveParameters)))
+        super().__init__((*schema(passive.CouplingParameters), *schema(passive.PassiveParameters)))
         p, rate = self.parameters, self.parameters.rate
-        self._passive = PassivePair(p, rate, p.latency) if p.coupling == PASSIVE else None
+        self._passive = passive.PassivePair(p, rate, p.latency) if p.coupling == PASSIVE else None
         self._coupling = self._passive or tick.PositionPositionCoupling(p)
         self._changed = False
         longest = round(CATCH_UP * rate)
@@ -72,7 +333,7 @@ class Coupler(CouplingNode):
 
     def change(self, values: dict[str, Any]) -> None:
         """Change gains of the coupling as soon as the signals that they need are available."""
-        gains = schema(PassiveParameters if self._passive else CouplingParameters)
+        gains = schema(passive.PassiveParameters if self._passive else passive.CouplingParameters)
         for name in values.keys() - gains:
             raise ParameterError(f"{name}: the coupling is {self.parameters.coupling}")
         self.parameters = replace(self.parameters, **values)
@@ -124,7 +385,7 @@ class Coupler(CouplingNode):
         flowing = self.sides or all(each and each.flowing for each in velocities)
         if self._changed and (flowing or not self._damped):
             self._changed = False
-            self._coupling.change(self.parameters, round(FADE_TIME * self.parameters.rate))
+            self._coupling.change(self.parameters, round(passive.FADE_TIME * self.parameters.rate))
 
 
 def main() -> None:

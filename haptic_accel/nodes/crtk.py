@@ -17,6 +17,8 @@
 
 The graph itself does not use CRTK, which costs nothing until it is used: queries are published
 while they have subscribers, commands are polled while they have publishers.
+
+States of the lifecycle and positions for displays (joint states) belong to the arm, too.
 """
 
 from __future__ import annotations
@@ -27,7 +29,11 @@ from collections.abc import Callable, Iterable
 from importlib.util import find_spec
 from typing import Any
 
+from builtin_interfaces.msg import Time
+from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTransitions, GetState
+from rclpy.lifecycle import LifecycleNodeMixin
 from rclpy.lifecycle import TransitionCallbackReturn as Outcome
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from haptic_accel.core import operating_state
@@ -42,15 +48,111 @@ from haptic_accel.core.operating_state import (
     PAUSED,
     transitions,
 )
+from haptic_accel.core.parameters import shown
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import SafetyLayer
-from haptic_accel.core.topics import ArmTopics, Topic
+from haptic_accel.core.topics import JOINT_STATE_RATE, JOINT_STATES, ArmTopics, Topic
 from haptic_accel.devices.interface import Joints
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.joint_states import joint_state
-from haptic_accel.nodes.managed import ACTIVE, INACTIVE, Managed
 from haptic_accel.nodes.signals import Sender
-from haptic_accel.nodes.topic_node import message_type
+from haptic_accel.nodes.supervised_node import message_type
+
+UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
+"""Stable states of a managed node, by ROS' names."""
+
+SERVICES = {
+    "change_state": ChangeState,
+    "get_state": GetState,
+    "get_available_states": GetAvailableStates,
+    "get_available_transitions": GetAvailableTransitions,
+    "get_transition_graph": GetAvailableTransitions,
+}
+"""Types of a managed node's services by name."""
+
+
+class Managed(LifecycleNodeMixin):
+    """The states and services of ROS 2's lifecycle, for a graph node that has it as a base.
+
+    It makes the services of rclpy's node itself: the queue of rclpy's own is short, and what it
+    drops gets no answer.
+    """
+
+    def begin_lifecycle(self) -> None:
+        """Make the services, once the node is made."""
+        LifecycleNodeMixin.__init__(self, enable_communication_interface=False)
+        for name, kind in SERVICES.items():
+            callback = getattr(self, f"_LifecycleNodeMixin__on_{name}")
+            if kind is ChangeState:
+                self._unguarded, callback = callback, self._serve_transition
+            self.create_service(kind, f"~/{name}", callback)
+
+    @property
+    def state(self) -> str:
+        """Name of the current state."""
+        return str(self._state_machine.current_state[1])
+
+    def destroy_node(self) -> None:
+        """Destroy the node and its state machine.
+
+        rclpy would keep the state machine, and thus the middleware, until the process ends: the
+        middleware's threads would then use libraries that are being unloaded.
+        """
+        super().destroy_node()
+        self._state_machine.destroy_when_not_in_use()
+
+    def _serve_transition(
+        self, request: ChangeState.Request, response: ChangeState.Response
+    ) -> Any:
+        """Change the state as requested; rclpy would end the node for an impossible transition."""
+        # By name or, without a name, by number.
+        possible = {name: n for n, name, *_ in self._state_machine.available_transitions}
+        requested = request.transition
+        if requested.label in possible if requested.label else requested.id in possible.values():
+            return self._unguarded(request, response)
+        self.get_logger().warning(
+            f"transition {shown(requested.label) or requested.id}: refused in state {self.state};"
+            f" allowed: {', '.join(possible)}"
+        )
+        response.success = False
+        return response
+
+
+def joint_state(stamp: int, frame: str = "", **fields: Any) -> JointState:
+    """Return a message with a stamp, system time in ns, a frame, and fields by name."""
+    message = JointState(**fields)
+    sec, nanosec = divmod(stamp, NANOSECONDS)
+    message.header.stamp, message.header.frame_id = Time(sec=sec, nanosec=nanosec), frame
+    return message
+
+
+class JointStates:
+    """Publishes an arm's position at a low rate while it has subscribers.
+
+    Parameters
+    ----------
+    node : GraphNode
+    position : Topic
+        The arm's position.
+    rate : float
+        Samples per second.
+    """
+
+    def __init__(self, node: GraphNode, position: Topic, rate: float) -> None:
+        self._publisher = node.publisher(JOINT_STATES)
+        self._names = [f"{position.source}_{axis}" for axis in "xyz"]
+        self._every = max(1, round(rate / JOINT_STATE_RATE))
+        self._passed = 0
+
+    def add(self, stamp: int, position: Vector) -> None:
+        """Publish a sample, system time in ns and m, unless it follows too soon."""
+        self._passed += 1
+        if self._passed < self._every:
+            return
+        self._passed = 0
+        if self._publisher.get_subscription_count() == 0:
+            return
+        self._publisher.publish(joint_state(stamp, name=self._names, position=position))
+
 
 INVALID = 0
 """Stamp of data that are not valid now (CRTK, "Data validity")."""

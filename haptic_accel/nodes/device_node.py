@@ -34,11 +34,9 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import ACTUATOR, ARM, STOPPED, ArmSample, DeviceSide, SafetyLayer
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.sound_bench import NoArm
-from haptic_accel.nodes.crtk import MotionCommands, OperatingState, Queries
+from haptic_accel.nodes import crtk
 from haptic_accel.nodes.emergency_stop import DeviceStop
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.joint_states import JointStates
-from haptic_accel.nodes.managed import ACTIVE, UNCONFIGURED, Managed
 from haptic_accel.nodes.timing import RateKeeper
 from haptic_accel.setup.node_parameters import POSITION_SERVO, SAFETY, build_device
 
@@ -57,7 +55,7 @@ def steady_now() -> float:
     return time.monotonic_ns() / NANOSECONDS
 
 
-class DeviceNode(Managed, GraphNode):
+class DeviceNode(crtk.Managed, GraphNode):
     """Samples a device on the machine's sampling grid, publishes, and applies commands when due.
 
     At each tick the node takes a sample, applies the due forces, caused by the samples `latency`
@@ -117,7 +115,7 @@ class DeviceNode(Managed, GraphNode):
         self._work_sender = self.sender(arm.work)
         self._work_asked = False
         self._contact_sender = self.sender(arm.contact_force) if arm.contact_force else None
-        self._joint_states = JointStates(self, arm.position, p.rate)
+        self._joint_states = crtk.JointStates(self, arm.position, p.rate)
         self._inboxes = {ARM: self.inbox(arm.arm_force)}
         if arm.actuator_force:
             self._inboxes[ACTUATOR] = self.inbox(arm.actuator_force)
@@ -125,8 +123,8 @@ class DeviceNode(Managed, GraphNode):
         self._points = (
             self.inbox(topics.HAND_SET_POINT, depth=1) if self._kind.description.pointed else None
         )
-        self._queries = Queries(self, arm)
-        self._motions = MotionCommands(
+        self._queries = crtk.Queries(self, arm)
+        self._motions = crtk.MotionCommands(
             self, arm, self.options[POSITION_SERVO], self.options[SAFETY].arm
         )
         self.side = DeviceSide(
@@ -144,7 +142,7 @@ class DeviceNode(Managed, GraphNode):
         )
         self.side.sampling = False
         self.rate_keeper = RateKeeper(p.rate)
-        self._operating = OperatingState(self, arm, self.safety, self._fault, self._arm_again)
+        self._operating = crtk.OperatingState(self, arm, self.safety, self._fault, self._arm_again)
         self._stop = DeviceStop(self, arm.stopped, self._take_forces_off, self._released)
         self.create_service(Trigger, "~/arm", self._serve_arm)
         self.create_service(Trigger, "~/report", self._serve_report)
@@ -341,9 +339,9 @@ class DeviceNode(Managed, GraphNode):
             " the graph again, or configure and activate this node"
         )
         self._failure = error
-        if self.state == ACTIVE:
+        if self.state == crtk.ACTIVE:
             self.trigger_deactivate()
-        elif self.state != UNCONFIGURED:
+        elif self.state != crtk.UNCONFIGURED:
             self.trigger_cleanup()
         self.report()
 
@@ -444,13 +442,13 @@ class DeviceNode(Managed, GraphNode):
         self._stop.follow()
         if not self._settled and self._stop.settles():
             self._settled = True
-            self.safety.enable(steady_now(), self.state == ACTIVE)
+            self.safety.enable(steady_now(), self.state == crtk.ACTIVE)
             self.report()
 
     def _take_forces_off(self) -> None:
         """Remove all forces and refuse commands until the release; respond in any case."""
         known = self.safety.stopped
-        if self.state != UNCONFIGURED:
+        if self.state != crtk.UNCONFIGURED:
             try:
                 self.side.take_off()
             except (DeviceError, OSError) as error:

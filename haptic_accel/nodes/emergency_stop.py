@@ -30,7 +30,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
-from haptic_accel.core.emergency_stop import EmergencyStop
+from haptic_accel.core.coupling.engagement import EmergencyStop
 from haptic_accel.core.topics import COUPLER_STOPPED, DEVICES, EMERGENCY_STOP, STOPS, Topic
 from haptic_accel.graph.stop_signal import PendingStop
 from haptic_accel.nodes.service_client import Answers, RequestError, ServiceClient, Services

@@ -30,8 +30,7 @@ from typing import Any
 from haptic_accel.core.process import module_command
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick.device_side import IN_TIME
-from haptic_accel.nodes.priority import ask_for_realtime, sharpen_timers
-from haptic_accel.nodes.timing import RateKeeper, wake_time
+from haptic_accel.nodes.timing import RateKeeper, ask_for_realtime, sharpen_timers, wake_time
 
 STARTING_TIME = 30.0
 """Longest time for the process to start and end on a busy machine, s."""

@@ -35,20 +35,22 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tick import TICK
 from haptic_accel.core.topics import BUNDLES, DESCRIPTION, DIAGNOSTICS, SIGNALS, Topic
 from haptic_accel.graph.locks import lock_signal
-from haptic_accel.nodes.bundling import BUNDLES_KEPT, BundleSender, join, participant
 from haptic_accel.nodes.parameters import DeclaredParameters
-from haptic_accel.nodes.priority import scheduling_class
 from haptic_accel.nodes.signals import (
+    BUNDLES_KEPT,
     RIVALS_PERIOD,
+    BundleSender,
     Inbox,
     Publishers,
     Requests,
     Samples,
     Sender,
     ignore,
+    join,
+    participant,
 )
-from haptic_accel.nodes.supervised_node import SupervisedNode
-from haptic_accel.nodes.topic_node import DEPTH, message_type
+from haptic_accel.nodes.supervised_node import DEPTH, SupervisedNode, message_type
+from haptic_accel.nodes.timing import scheduling_class
 
 DIAGNOSTICS_PERIOD = 1.0
 """Interval between diagnostics, s."""

@@ -18,14 +18,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.msg import ParameterEvent, ParameterValue
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import parameter_value_to_python
 from rclpy.serialization import deserialize_message
+from rclpy.task import Future
 
 from haptic_accel.core import topics
 from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
@@ -33,31 +36,234 @@ from haptic_accel.core.cdr import unpack_stamped_vector
 from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.model import ACTUATOR
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.model import ACTUATOR, Vector
+from haptic_accel.core.parameters import ParameterError, checked, shown
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import Topic
+from haptic_accel.core.topics import PARAMETER_EVENTS, Topic
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.scope_parameters import RemoteParameters
-from haptic_accel.nodes.scope_scene import ScopeScene
-from haptic_accel.nodes.signals import Inbox
-from haptic_accel.nodes.topic_node import message_type
+from haptic_accel.nodes.signals import Inbox, Sender
+from haptic_accel.nodes.supervised_node import message_type
 from haptic_accel.scope.frames import SCENE
-from haptic_accel.scope.node_reports import MOST_NODES, NodeReport, NodeReports
-from haptic_accel.scope.server import SOUND_RATE
-from haptic_accel.scope.state import drawing
+from haptic_accel.scope.server import FRAME_RATE, SOUND_RATE
+from haptic_accel.scope.state import MOST_NODES, NodeReport, NodeReports, drawing
 from haptic_accel.scope.windows import LARGEST_VALUE, GraphSettings, Windows
+from haptic_accel.setup.arguments import POINTER
 from haptic_accel.setup.arguments import SCENE as SCENE_FILE
 from haptic_accel.setup.files import POSTURE, SURFACE
 from haptic_accel.setup.node_parameters import node_parameters, node_schema
 
+SIGNALS = {
+    "tool": topics.SLAVE_POSITION,
+    "tool_velocity": topics.SLAVE_VELOCITY,
+    "handle": topics.MASTER_POSITION,
+    "contact_force": topics.CONTACT_FORCE,
+}
+"""Topics of `haptic_accel.scope.windows.PLACES`."""
+
+
+class ScopeScene:
+    """Positions that a page shows, and set-points for the hand from the page's pointer.
+
+    Parameters
+    ----------
+    node : GraphNode
+    places : dict
+        Filled with the latest vectors while a page shows them.
+    master : callable
+        Returns the known parameters of the master's node.
+    """
+
+    def __init__(
+        self, node: GraphNode, places: dict[str, Vector], master: Callable[[], Mapping[str, Any]]
+    ) -> None:
+        self._node, self._places, self._master = node, places, master
+        self._inboxes: dict[str, Inbox] = {}
+        self._sender: Sender | None = None
+        self._refusal = ""
+        self._looking = node.create_timer(1 / FRAME_RATE, self._look, autostart=False)
+
+    def show(self, shown: bool) -> None:
+        """Receive the positions of tool and handle only while a page shows them."""
+        if shown == bool(self._inboxes):
+            return
+        if shown:
+            # The newest sample of each is enough: samples wake no thread.
+            self._inboxes = {name: self._node.inbox(t, depth=1) for name, t in SIGNALS.items()}
+            self._looking.reset()
+        else:
+            self._looking.cancel()
+            for inbox in self._inboxes.values():
+                inbox.leave()
+            self._inboxes = {}
+            self._places.clear()
+
+    def update(self) -> None:
+        """Create the sender of the hand's set-points if the master follows them."""
+        if self._sender is None and self._master().get("device") == POINTER:
+            try:
+                self._sender = self._node.sender(topics.HAND_SET_POINT)
+            except ParameterError as error:
+                self._refusal = str(error)
+
+    def lead(self, x: float, z: float) -> str:
+        """Send a point to the hand, m; return the reason of a refusal, if any."""
+        device = self._master().get("device") or "unknown"
+        if device != POINTER:
+            return f"hand: master = {device}: must be {POINTER} to be led"
+        if self._sender is None:
+            return f"hand: {self._refusal}"
+        self._sender.send(time.time_ns(), (x, 0.0, z))
+        return ""
+
+    @property
+    def is_led(self) -> bool:
+        """True where a page can lead the hand."""
+        return self._sender is not None and self._master().get("device") == POINTER
+
+    def _look(self) -> None:
+        for name, inbox in self._inboxes.items():
+            for _, vector in inbox.drain_vectors():
+                self._places[name] = vector
+
+
+LONGEST_TEXT = 1000
+"""Maximum length of a parameter's text, characters; no path is as long."""
+
+ANSWERING_TIME = 3.0
+"""Time in which a node answers, s. A request may have gone to a node that was killed: its service
+is found for up to 20 s, also while a new node of its name is there."""
+
+Given = Iterable[tuple[str, ParameterValue]]
+
+
+class RemoteParameters:
+    """Current values of some parameters of another node.
+
+    Anyone may publish an event in the name of a node. An event is therefore shown at once, but
+    the node itself is asked afterwards.
+
+    Parameters
+    ----------
+    node : GraphNode
+        Node that follows the parameters.
+    name : str
+        Name of the other node, in the same namespace, and of its executable.
+    asked : tuple of str
+        Names of its parameters.
+    changed : callable
+        Called after any value has changed.
+    refuse : callable
+        Called with a line for each value that the parameter cannot have.
+    """
+
+    def __init__(
+        self,
+        node: GraphNode,
+        name: str,
+        asked: tuple[str, ...],
+        changed: Callable[[], None],
+        refuse: Callable[[str], None],
+    ) -> None:
+        self._name = name
+        self._asked = asked
+        self._changed = changed
+        self._refuse = refuse
+        self._client = node.create_client(GetParameters, f"{name}/get_parameters")
+        self._found = False
+        self._answer: Future | None = None  # to the request of the present values
+        self._due = 0.0
+        self.path = f"{node.get_namespace().rstrip('/')}/{name}"
+        """Full name of the other node."""
+        self.values: Mapping[str, Any] = {}
+
+    def refresh(self) -> None:
+        """Request parameters of a new, changed or silent node; discard those of a lost node."""
+        if not self._client.service_is_ready():
+            if self._found:  # otherwise the node is new, and told its values
+                self._found, self._answer = False, None
+                self.values = {}
+        elif self._answer is None or self._is_overdue(self._answer):
+            self._found = True
+            self._answer = self._client.call_async(GetParameters.Request(names=list(self._asked)))
+            self._answer.add_done_callback(lambda answer: self._receive_answer(answer.result()))
+            self._due = time.monotonic() + ANSWERING_TIME
+
+    def _is_overdue(self, answer: Future) -> bool:
+        """Drop a request that has been without an answer for too long, and return true."""
+        overdue = not answer.done() and time.monotonic() > self._due
+        if overdue:
+            self._client.remove_pending_request(answer)
+        return overdue
+
+    def forget(self) -> None:
+        """Discard all values, of a node that has ended."""
+        self._found, self._answer = False, None
+        self._apply(dict.fromkeys(self.values), [])
+
+    def receive(self, event: ParameterEvent) -> None:
+        """Read the values that the node publishes at its start and after a change."""
+        given = [(p.name, p.value) for p in (*event.new_parameters, *event.changed_parameters)]
+        known, refused = admitted(self._name, self._asked, given)
+        if known or refused:
+            self._answer = None
+            self._apply(known, refused)
+
+    def _receive_answer(self, answer: GetParameters.Response) -> None:
+        given = zip(self._asked, answer.values, strict=False)
+        known, refused = admitted(self._name, self._asked, given)
+        # A node of another version may have values that mean nothing here.
+        self._apply({**dict.fromkeys(self._asked), **known}, refused)
+
+    def _apply(self, known: Mapping[str, Any], refused: list[str]) -> None:
+        for reason in refused:
+            self._refuse(reason)
+        before, self.values = self.values, {**self.values, **known}
+        if self.values != before:
+            self._changed()
+
+
+def admitted(
+    executable: str, asked: Iterable[str], given: Given
+) -> tuple[dict[str, Any], list[str]]:
+    """Return requested parameters with valid values, and reasons to refuse the others.
+
+    Parameters
+    ----------
+    executable : str
+        Name of the node's executable.
+    asked : iterable of str
+        Names of the parameters that are looked at.
+    given : iterable of tuple
+        Names and values from outside.
+
+    Returns
+    -------
+    tuple
+        Values by name, and a line for each value that is refused.
+    """
+    schema = node_schema(executable)
+    known: dict[str, Any] = {}
+    refused = []
+    for name, message in given:
+        if name not in asked:
+            continue
+        try:
+            value = parameter_value_to_python(message)
+            if value is not None:  # unknown to the node
+                known[name] = _checked(name, value, *schema[name])
+        except (ParameterError, RuntimeError) as error:  # the latter for no type of ROS
+            refused.append(f"{executable}: {name}: {shown(str(error))}")
+    return known, refused
+
+
+def _checked(name: str, value: Any, default: Any, specification: Any) -> Any:
+    if isinstance(value, str) and len(value) > LONGEST_TEXT:
+        raise ParameterError(f"{len(value)} characters: at most {LONGEST_TEXT} are allowed")
+    return checked(name, value, default, specification)
+
+
 ASK_PERIOD = 1.0
 """Interval between attempts to get the parameters of nodes that are not known yet, s."""
-
-PARAMETER_EVENTS = Topic(
-    "/parameter_events", "rcl_interfaces/msg/ParameterEvent", "", "", reliable=True
-)
-"""Parameter changes of all nodes."""
 
 WANTED = {
     "compensator": tuple(

@@ -28,8 +28,8 @@ import rclpy
 
 from haptic_accel.core.topics import SIGNALS
 from haptic_accel.graph.middleware import middleware_defaults
-from haptic_accel.nodes.priority import sharpen_timers
 from haptic_accel.nodes.scheduling import EventsExecutor
+from haptic_accel.nodes.timing import sharpen_timers
 
 ANNOUNCEMENT = 3.5
 """Time to look for other nodes, s: without a profile, Fast DDS announces nodes every 3 s."""

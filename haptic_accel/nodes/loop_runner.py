@@ -35,7 +35,7 @@ from haptic_accel.nodes.timing import (
 
 if TYPE_CHECKING:  # a device alone needs no import of a compensator
     from haptic_accel.nodes.compensator import Compensator
-    from haptic_accel.nodes.coupling_node import CouplingNode
+    from haptic_accel.nodes.coupler import CouplingNode
     from haptic_accel.nodes.device_node import DeviceNode
 
 FAILURES = DeviceError, OSError

@@ -13,12 +13,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Executable `recorder`: records every topic of the graph into a bag."""
+"""Executable `recorder`: records every topic of the graph into a bag.
+
+Signals come in bundles, or by topic from senders that do not bundle.
+"""
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -29,16 +33,18 @@ from std_srvs.srv import Trigger
 from haptic_accel.bags.definitions import UndefinedTypeError
 from haptic_accel.bags.facts import PARAMETERS, custom_data, read_description
 from haptic_accel.bags.writing import Answer, MessageWriter, RecordingSession
-from haptic_accel.core.bundles import InOrder
-from haptic_accel.core.cdr import STAMP_BYTES, unpack_stamped_vector, unpack_state, unpack_text
+from haptic_accel.core import cdr
+from haptic_accel.core.bundles import DUPLICATE_MEMORY, BothWays, InOrder, believed, unpack_bundle
 from haptic_accel.core.process import RECORDED, tell_supervisor
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import (
     ASKED,
+    BUNDLES,
     DESCRIPTION,
     DEVICES,
     DIAGNOSTICS,
     EMERGENCY_STOP,
+    PARAMETER_EVENTS,
     SIGNALS,
     TOPICS,
     VECTORS,
@@ -46,12 +52,150 @@ from haptic_accel.core.topics import (
     reporter,
 )
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.priority import RECORDING_PRIORITY
 from haptic_accel.nodes.scheduling import run
-from haptic_accel.nodes.signal_receiver import SignalReceiver
-from haptic_accel.nodes.signals import Inbox
-from haptic_accel.nodes.topic_node import message_type, offered_quality, quality
+from haptic_accel.nodes.signals import Inbox, participant
+from haptic_accel.nodes.supervised_node import message_type, offered_quality, quality
+from haptic_accel.nodes.timing import RECORDING_PRIORITY
 from haptic_accel.setup.node_parameters import NODES
+
+SENDERS_PERIOD = 0.1
+"""Interval between looks for new publishers, s."""
+
+FULL_LOOK_PERIOD = 1.0
+"""Interval between looks for who they are if their numbers stay the same, s."""
+
+
+class _Signal:
+    """Signal received in bundles and, while necessary, by its own topic.
+
+    Parameters
+    ----------
+    name : str
+        Full name.
+    topic : Topic
+
+    Attributes
+    ----------
+    join : callable
+        Makes a message from a sample of a bundle.
+    inbox : Inbox or None
+        Inbox of the signal's own topic; None while all come in bundles.
+    senders : list of bytes
+        Process of each publisher.
+    bundled : bool
+        Messages from the present publishers have come in bundles.
+    both_ways : BothWays or None
+        Received messages, while some may come both ways.
+    """
+
+    def __init__(self, name: str, topic: Topic) -> None:
+        self.name, self.topic = name, topic
+        self.join = cdr.StampedVector(topic).join
+        self.inbox: Inbox | None = None
+        self.senders: list[bytes] = []
+        self.bundled = False
+        self.both_ways: BothWays | None = None
+        self._until = math.inf
+
+    def subscribe(self, node: GraphNode) -> None:
+        """Subscribe to the signal's own topic."""
+        self.inbox = node.inbox(self.topic)
+        self.both_ways = self.both_ways or BothWays()
+        self._until = math.inf
+
+    def leave(self, now: float) -> None:
+        """Receive messages in bundles only, from a steady time in s on."""
+        if self.inbox:
+            self.inbox.leave()
+            self.inbox = None
+            self._until = now + DUPLICATE_MEMORY
+
+    def forget(self, now: float) -> None:
+        """Stop comparing once all separate messages have come in bundles, too."""
+        if now >= self._until:
+            self.both_ways = None
+
+    def repeats(self, message: bytes, *, bundled: bool, now: float) -> bool:
+        """Return whether a message came the other way."""
+        return bool(self.both_ways and self.both_ways.repeats(message, bundled=bundled, now=now))
+
+
+class SignalReceiver:
+    """Receives each message of some signals once, in bundles wherever possible.
+
+    A publisher sends its messages in bundles, too, if its process publishes bundles in the same
+    namespace. It subscribes to the topic of a signal with another publisher or none.
+
+    Parameters
+    ----------
+    node : GraphNode
+    topics : mapping
+        Signals by their full names.
+    """
+
+    def __init__(self, node: GraphNode, topics: Mapping[str, Topic]) -> None:
+        self._node = node
+        self._bundles = node.inbox(BUNDLES)
+        self._signals = {name: _Signal(name, topic) for name, topic in topics.items()}
+        self._left: list[tuple[int, str, bytes]] = []
+        self._counts: list[int] = []
+        self._look_due = 0.0
+        for signal in self._signals.values():
+            signal.subscribe(node)
+        node.create_timer(SENDERS_PERIOD, self.poll)
+
+    def drain(self) -> list[tuple[int, str, bytes]]:
+        """Return system times in ns, full topic names, and received messages."""
+        taken, self._left = self._left, []
+        for signal in self._signals.values():
+            taken += self._by_itself(signal)
+        taken += self._in_bundles()
+        return taken
+
+    def poll(self) -> None:
+        """Update the subscriptions to signals' own topics for the present publishers."""
+        now = time.monotonic()
+        names = self._bundles.name, *self._signals
+        counts = [self._node.count_publishers(name) for name in names]
+        pending = any(signal.inbox and signal.bundled for signal in self._signals.values())
+        if counts == self._counts and not pending and now < self._look_due:
+            return
+        self._counts, self._look_due = counts, now + FULL_LOOK_PERIOD
+        bundling = set(self._senders(names[0]))
+        for signal in self._signals.values():
+            senders = self._senders(signal.name)
+            if senders != signal.senders:
+                signal.senders, signal.bundled = senders, False
+            signal.forget(now)
+            # The bundles lack a second publisher of the same process.
+            known = bool(senders) and len(bundling.intersection(senders)) == len(senders)
+            if not known and not signal.inbox:
+                signal.subscribe(self._node)
+            elif known and signal.inbox and signal.bundled:
+                self._left += self._by_itself(signal)
+                signal.leave(now)
+
+    def _senders(self, name: str) -> list[bytes]:
+        return sorted(map(participant, self._node.get_publishers_info_by_topic(name)))
+
+    def _by_itself(self, signal: _Signal) -> Iterator[tuple[int, str, bytes]]:
+        now = time.monotonic()
+        for data, received, _ in (
+            signal.inbox.drain(cdr.unpack_stamped_vector) if signal.inbox else ()
+        ):
+            if not signal.repeats(data, bundled=False, now=now):
+                yield received, signal.name, data
+
+    def _in_bundles(self) -> Iterator[tuple[int, str, bytes]]:
+        now = time.monotonic()
+        for _, received, bundle in self._bundles.drain(unpack_bundle):
+            for name, sent, stamp, numbers in bundle:
+                if signal := self._signals.get(name):
+                    signal.bundled = True
+                    message = signal.join(stamp, numbers)
+                    if not signal.repeats(message, bundled=True, now=now):
+                        yield believed(sent, received), name, message
+
 
 TAKING_PERIOD = 0.02
 """Interval at which waiting messages of the signals are taken, s: waking for each of them would
@@ -72,11 +216,6 @@ MUCH_WAITING = 0.5
 LITTLE_SPACE = 1 << 30
 """Free space below which a warning is given, bytes: ten minutes of the graph at 1 kHz."""
 
-PARAMETER_EVENTS = Topic(
-    "/parameter_events", "rcl_interfaces/msg/ParameterEvent", "", "", reliable=True
-)
-"""Parameter changes of all nodes: controller, surface or grip set while recording."""
-
 LOGS = Topic("/rosout", "rcl_interfaces/msg/Log", "", "", reliable=True, latched=True)
 """Log of all nodes."""
 
@@ -91,30 +230,30 @@ TRANSITIONS = tuple(
 
 def _reporter(diagnostics: bytes) -> str:
     """Return the node of a diagnostic message, "left/node"; empty without a status."""
-    frame = unpack_text(diagnostics, STAMP_BYTES.stop)
+    frame = cdr.unpack_text(diagnostics, cdr.STAMP_BYTES.stop)
     # Behind the frame, aligned to 4 bytes: number of statuses, level of the first, its name.
-    number = STAMP_BYTES.stop + 4 + (len(frame.encode()) + 4) // 4 * 4
+    number = cdr.STAMP_BYTES.stop + 4 + (len(frame.encode()) + 4) // 4 * 4
     if diagnostics[number : number + 4] == bytes(4):
         return ""
-    return "/".join(reporter(unpack_text(diagnostics, number + 8))).lstrip("/")
+    return "/".join(reporter(cdr.unpack_text(diagnostics, number + 8))).lstrip("/")
 
 
 SENDERS: dict[Topic, Callable[[bytes], str]] = {
     DIAGNOSTICS: _reporter,
-    PARAMETER_EVENTS: lambda data: unpack_text(data, STAMP_BYTES.stop).lstrip("/"),
-    LOGS: lambda data: unpack_text(data, STAMP_BYTES.stop + 4).replace(".", "/"),
+    PARAMETER_EVENTS: lambda data: cdr.unpack_text(data, cdr.STAMP_BYTES.stop).lstrip("/"),
+    LOGS: lambda data: cdr.unpack_text(data, cdr.STAMP_BYTES.stop + 4).replace(".", "/"),
 }
 """Functions that return the node a message is of, "left/node", for topics of all graphs."""
 
 
 def _described(message: bytes) -> tuple[str, ...]:
     """Return the nodes that a description is of."""
-    return tuple(read_description(unpack_text(message, STAMP_BYTES.start))[PARAMETERS])
+    return tuple(read_description(cdr.unpack_text(message, cdr.STAMP_BYTES.start))[PARAMETERS])
 
 
 UNPACKED: dict[str, Callable[[bytes], object]] = {
-    **dict.fromkeys(VECTORS, unpack_stamped_vector),
-    EMERGENCY_STOP.type: unpack_state,
+    **dict.fromkeys(VECTORS, cdr.unpack_stamped_vector),
+    EMERGENCY_STOP.type: cdr.unpack_state,
     DESCRIPTION.type: _described,
     **{topic.type: sender for topic, sender in SENDERS.items()},
 }

@@ -36,23 +36,12 @@ from rclpy.impl.rcutils_logger import CallerId
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from haptic_accel.core import process
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import (
-    CUT_SHORT,
-    DONE,
-    EMERGENCY,
-    ENDING,
-    FAILED,
-    SUPERVISOR,
-    WRONG_ARGUMENTS,
-    shortage,
-)
 from haptic_accel.devices import DeviceError
 from haptic_accel.graph.middleware import check_middleware, middleware_defaults
-from haptic_accel.nodes.priority import FORCE_PRIORITY, ask_for_realtime, schedule, sharpen_timers
-from haptic_accel.nodes.standard_streams import unblock_standard_streams
-from haptic_accel.nodes.supervised_node import SupervisedNode
-from haptic_accel.nodes.wires import WIRES
+from haptic_accel.nodes.supervised_node import WIRES, SupervisedNode, unblock_standard_streams
+from haptic_accel.nodes.timing import FORCE_PRIORITY, ask_for_realtime, schedule, sharpen_timers
 
 try:
     from rclpy.executors import EventsExecutor as EventsExecutor  # ROS 2 Lyrical and newer
@@ -108,15 +97,15 @@ class Signals:
     def __init__(self) -> None:
         self._ends: list[int] = []
         self._stops: list[int] = []
-        for number in ENDING:
+        for number in process.ENDING:
             # After nohup, ignore a closed terminal.
             if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
                 signal.signal(number, lambda number, _: self._ends.append(number))
         for number in SUSPENDING:
             signal.signal(number, signal.SIG_IGN)
-        signal.signal(EMERGENCY, lambda number, _: self._stops.append(number))
+        signal.signal(process.EMERGENCY, lambda number, _: self._stops.append(number))
         # A supervisor blocks the signal, so that an earlier stop has waited until here.
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {EMERGENCY})
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {process.EMERGENCY})
         # A device's library may hang, as PortAudio's once its server is gone. No handler of Python
         # runs then: the signal calls alarm() itself, with its own number.
         libc = ctypes.CDLL(None)
@@ -124,7 +113,7 @@ class Signals:
         if hasattr(libc, "prctl"):  # Linux
             libc.prctl(PR_SET_PDEATHSIG, ORPHANED)
         # The parent may have ended by now; a supervisor therefore passes its process id.
-        self._parent = int(os.environ.get(SUPERVISOR, os.getppid()))
+        self._parent = int(os.environ.get(process.SUPERVISOR, os.getppid()))
         self._look_due, self._orphaned = 0.0, False
 
     def ended(self) -> bool:
@@ -241,7 +230,7 @@ def run_process(name: str, act: Callable[[Signals], None]) -> NoReturn:
     status = _status(name, act, Signals())
     # A second signal (launch sends one after the terminal's) must not disturb the shutdown:
     # Python's exit restores default handlers, but leaves ignored signals ignored.
-    for number in ENDING:
+    for number in process.ENDING:
         signal.signal(number, signal.SIG_IGN)
     sys.exit(status)
 
@@ -252,13 +241,13 @@ def _status(name: str, act: Callable[[Signals], None], signals: Signals) -> int:
         act(signals)
     except (*wrong, DeviceError, OSError) as error:
         print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
-        return WRONG_ARGUMENTS if isinstance(error, wrong) else FAILED
+        return process.WRONG_ARGUMENTS if isinstance(error, wrong) else process.FAILED
     except Exception as error:
-        if not (short := shortage(error)):
+        if not (short := process.shortage(error)):
             raise
         print(f"{name}: {short}", file=sys.stderr, flush=True)
-        return FAILED
-    return DONE
+        return process.FAILED
+    return process.DONE
 
 
 def _run(builds: Sequence[Build], join: Join | None, priority: int, signals: Signals) -> None:
@@ -321,7 +310,7 @@ def close_nodes(nodes: Sequence[SupervisedNode], well: bool) -> None:
     if well:  # an abort must not hide a failure
         # Python's handlers run too late: C's _exit gets the signal as the status.
         libc = ctypes.CDLL(None)
-        for number in CUT_SHORT:
+        for number in process.CUT_SHORT:
             libc.signal(number, libc._exit)
     for node in nodes:
         node.publish_final_diagnostics()

@@ -17,20 +17,111 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import time
+from collections.abc import Callable, Collection
 from typing import Any
 
+from std_srvs.srv import SetBool
+
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.topics import DEVICES
 from haptic_accel.graph.stop_signal import PRIORITY
+from haptic_accel.nodes import graph_requests as requests
+from haptic_accel.nodes.emergency_stop import STOP_SERVICES, release
+from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.graph_view import GraphView
 from haptic_accel.nodes.scheduling import run
-from haptic_accel.nodes.scope_commands import Commands, choices
+from haptic_accel.nodes.service_client import Request, RequestError, ServiceClient
+from haptic_accel.scope import state
 from haptic_accel.scope.access import TOKEN_VARIABLE, Access
 from haptic_accel.scope.connections import Rest
-from haptic_accel.scope.node_reports import expected_nodes
-from haptic_accel.scope.server import ScopeServer
-from haptic_accel.scope.state import state_of
+from haptic_accel.scope.server import CommandError, ScopeServer, check_choice
+from haptic_accel.scope.state import expected_nodes, state_of
+
+FINDING_TIME = 0.7
+"""Time in which a service must be found, s."""
+
+ANSWERING_TIME = 1.2
+"""Time in which it must answer, s; together with the time above, a page waits less than 2 s."""
+
+REQUESTS: dict[str, Callable[[str], Request]] = {
+    **{name: requests.SETTINGS[name] for name in state.choices()},
+    "record": lambda action: requests.trigger(f"recorder/{action}"),
+}
+"""Requests by action, made from the page's choice."""
+
+SWITCHES = ("engage", "estop")
+"""Actions with a value that is true or false."""
+
+
+def choices() -> dict[str, list[str]]:
+    """Return the choices for each action of `REQUESTS`."""
+    return {**state.choices(), "record": list(requests.RECORDER_ACTIONS)}
+
+
+class Commands:
+    """Commands to the graph; called on the server's thread while the node's own thread spins.
+
+    Parameters
+    ----------
+    node : GraphNode
+    devices : collection of str
+        Devices of this host, which confirm an emergency stop.
+    """
+
+    def __init__(self, node: GraphNode, devices: Collection[str]) -> None:
+        self._devices = devices
+        # Created before they are needed, because discovery takes the middleware a while.
+        self._client = ServiceClient(node, asyncio.sleep, FINDING_TIME, ANSWERING_TIME)
+        for request in (
+            requests.engage(True),
+            *(requests.set_parameters(each, {}) for each in ("compensator", *DEVICES)),
+            *(requests.trigger(f"recorder/{each}") for each in requests.RECORDER_ACTIONS),
+        ):
+            self._client.find(request.kind, [request.service])
+        self._client.find(SetBool, STOP_SERVICES)
+
+    async def __call__(self, action: str, value: Any) -> str:
+        """Carry out a command; return one line that states what was done.
+
+        Raises
+        ------
+        CommandError
+            The command is wrong, or the graph does not answer or refuses.
+        """
+        try:
+            return await self._carry_out(action, value)
+        except (ParameterError, RequestError) as error:
+            raise CommandError(str(error)) from None
+
+    async def _carry_out(self, action: str, value: Any) -> str:
+        if action in SWITCHES:
+            if not isinstance(value, bool):
+                raise CommandError(f"{action} = {value!r}: must be true or false", 400)
+            if action == "estop":
+                return await (self._stop() if value else self._release())
+            answer = await self._client.send(requests.engage(value))
+            return answer or f"arms: {'engaged' if value else 'disengaged'}"
+        check_choice("action", action, (*REQUESTS, *SWITCHES))
+        check_choice(action, value, choices()[action])
+        return f"{action}: {await self._client.send(REQUESTS[action](value)) or value}"
+
+    async def _stop(self) -> str:
+        """Stop by all services that are found, without waiting for others."""
+        answers = self._client.ask(SetBool, STOP_SERVICES, SetBool.Request(data=True))
+        await self._client.until(lambda: not answers.silent, ANSWERING_TIME)
+        if missing := [each for each in self._devices if each not in answers.received]:
+            raise CommandError(f"estop: not confirmed by {' and '.join(missing)}")
+        return f"stopped: {' and '.join(self._devices)} without force"
+
+    async def _release(self) -> str:
+        line, missing = await release(self._client)
+        if missing := missing.intersection(self._devices):
+            raise CommandError(f"estop: no release by {' and '.join(sorted(missing))}")
+        return line
+
 
 CLIENT_PERIOD = 0.2
 """Interval between checks for connected pages, s."""

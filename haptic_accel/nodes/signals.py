@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Signals that a node sends, and queues of received messages and requests."""
+"""Signals that a node sends, also in bundles, and queues of received messages and requests."""
 
 from __future__ import annotations
 
@@ -23,18 +23,115 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, TypeVar
 
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 
+from haptic_accel.core.bundles import BUNDLE_PERIOD, Bundle
 from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector, unpack_state
 from haptic_accel.core.model import IDENTITY, Quaternion, Vector
-from haptic_accel.core.sequence_check import SequenceCheck
-from haptic_accel.core.sole_publisher import SolePublisher
-from haptic_accel.core.topics import Topic
+from haptic_accel.core.sampling import NANOSECONDS
+from haptic_accel.core.sequence_check import SequenceCheck, SolePublisher
+from haptic_accel.core.topics import BUNDLES, Topic
 from haptic_accel.devices.matched import MatchedPublishers
-from haptic_accel.nodes.bundling import BundleSender, owner
-from haptic_accel.nodes.callbacks import CallbackGuard
-from haptic_accel.nodes.supervised_node import SupervisedNode
+from haptic_accel.nodes.supervised_node import CallbackGuard, SupervisedNode
+
+BUNDLES_KEPT = 100
+"""Number of bundles kept by a publisher: those of two seconds, to be sent again if one is lost."""
+
+FLUSH_PERIOD = 0.1
+"""Interval at which a bundle is sent when no sample follows its last, s."""
+
+_PERIOD = round(BUNDLE_PERIOD * NANOSECONDS)
+
+_shared: dict[tuple[Any, str], BundleSender] = {}
+
+
+def participant(endpoint: Any) -> bytes:
+    """Return the globally unique identifier of an endpoint's process."""
+    return bytes(endpoint.endpoint_gid)[:12]
+
+
+def owner(endpoint: Any) -> tuple[bytes, str]:
+    """Return an endpoint's process and the full name of its node."""
+    return participant(endpoint), f"{endpoint.node_namespace}/{endpoint.node_name}"
+
+
+def join(node: Node, offer: Callable[[], Publisher]) -> BundleSender:
+    """Return the bundles that all nodes of a process and namespace share.
+
+    Parameters
+    ----------
+    node : Node
+    offer : callable
+        Creates the publisher of the bundles for their first node.
+    """
+    key = _key(node)
+    if key not in _shared:
+        _shared[key] = BundleSender(node, offer())
+    return _shared[key]
+
+
+def _key(node: Node) -> tuple[Any, str]:
+    return node.context, node.resolve_topic_name(BUNDLES.name)
+
+
+class BundleSender:
+    """Collects the samples of a process's signals, and publishes them in bundles.
+
+    Parameters
+    ----------
+    node : Node
+        Node that publishes the bundles; once it is destroyed, bundling stops.
+    publisher : Publisher
+
+    Attributes
+    ----------
+    listening : callable
+        Returns the number of subscribers found.
+    period : int
+        Number of bundles due so far, with samples or without. Subscribers are counted once in each
+        period: counting them for each sample would take longer than all else.
+    """
+
+    def __init__(self, node: Node, publisher: Publisher) -> None:
+        self._node = node
+        self._bundle = Bundle()
+        self._listened = self._since = 0
+        self.period = 1
+        self.index, self._add = self._bundle.index, self._bundle.put
+        self._name = publisher.topic_name
+        self._publish: Any = publisher.handle.publish_raw
+        self.listening: Callable[[], int] = publisher.handle.get_subscription_count
+        node.create_timer(FLUSH_PERIOD, self.flush)
+
+    def listeners(self, node: Node) -> set[tuple[bytes, str]]:
+        """Return the `owner` of each subscriber."""
+        return set(map(owner, node.get_subscriptions_info_by_topic(self._name)))
+
+    def put(self, index: int, stamp: int, vector: Vector, orientation: Quaternion) -> None:
+        """Add a sample of a topic, sent now."""
+        now = time.time_ns()
+        is_full = self._listened and self._add(now, index, stamp, *vector, *orientation)
+        # A clock that is set back must not delay samples.
+        if is_full or not 0 <= now - self._since < _PERIOD:
+            self.flush()
+
+    def flush(self) -> None:
+        """Publish collected samples, and count the subscribers anew."""
+        if data := self._bundle.flush():
+            self._publish(data)
+        self._since, self._listened = time.time_ns(), self.listening()
+        self.period += 1
+
+    def leave(self, node: Node) -> None:
+        """Publish collected samples before a node is destroyed."""
+        if node is self._node:
+            self.listening = int
+            del _shared[_key(node)]
+        self.flush()
+
 
 RIVALS_PERIOD = 0.1
 """Interval between looks for who has become a second publisher of a signal, s: samples are refused
@@ -82,7 +179,7 @@ class Sender:
 
     def withdraw(self) -> None:
         """Leave the topic to others; nothing may be sent until `offer`."""
-        self._wire.withdraw()
+        self._wire.offer(False)
         self._node.destroy_publisher(self._publisher)
 
     def send(self, stamp: int, vector: Vector, orientation: Quaternion = IDENTITY) -> None:

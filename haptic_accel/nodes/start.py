@@ -25,7 +25,7 @@ from functools import partial
 
 from haptic_accel.core.outside import OutsideError, main_of
 from haptic_accel.core.process import DONE
-from haptic_accel.graph.ros_packages import NEEDS_ROS, has_ros
+from haptic_accel.graph.middleware import NEEDS_ROS, has_ros
 from haptic_accel.setup.executables import node_module
 
 

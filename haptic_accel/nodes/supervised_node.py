@@ -13,20 +13,34 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A node as its process sees it: its end, its guarded callbacks, and its topics."""
+"""A node as its process sees it: end, guarded callbacks, topics, and wires within the process.
+
+Standard output, error and log of a node never wait for a reader.
+"""
 
 from __future__ import annotations
 
+import importlib
+import io
 import math
-from collections import Counter
+import os
+import stat
+import sys
+import traceback
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+from contextlib import suppress
+from dataclasses import replace
+from functools import wraps
+from typing import Any, TypeVar, cast
 
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile, qos_profile_parameters
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_parameters
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.task import Future
@@ -35,13 +49,316 @@ from rclpy.waitable import Waitable
 
 from haptic_accel.core.cdr import unpack_stamped_vector, unpack_state
 from haptic_accel.core.model import Vector
+from haptic_accel.core.parameters import printable, shown
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import Topic
 from haptic_accel.devices.matched import MatchedPublishers
-from haptic_accel.nodes.callbacks import CallbackGuard
-from haptic_accel.nodes.standard_streams import NodeLogger
-from haptic_accel.nodes.topic_node import DEPTH, SENT, message_type, offered_quality, quality
-from haptic_accel.nodes.wires import WIRES, Wire
+
+
+class LossyStream(io.RawIOBase):
+    """Raw stream that drops data if it cannot write them at once: it never waits or fails.
+
+    Lines of up to 4096 bytes (PIPE_BUF) are written whole to a pipe, or lost. After a longer line
+    that was cut, the next text begins a new line.
+
+    Parameters
+    ----------
+    descriptor : int
+        Descriptor that does not block; it is not closed.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._cut = False
+
+    def writable(self) -> bool:
+        """Return True."""
+        return True
+
+    def fileno(self) -> int:
+        """Return the descriptor."""
+        return self._descriptor
+
+    def isatty(self) -> bool:
+        """Return whether it is a terminal."""
+        return os.isatty(self._descriptor)
+
+    def write(self, data: Any) -> int:
+        """Write without waiting; return the length of all data."""
+        text = b"\n" + bytes(data) if self._cut else bytes(data)
+        # EAGAIN: no reading. EPIPE and EIO: no reader or terminal. ENOSPC: a full disk.
+        with suppress(OSError):
+            self._cut = os.write(self._descriptor, text) < len(text)
+        return len(data)
+
+
+def unblock_standard_streams() -> None:
+    """Write the log of this process without blocking; drop lines without a reader.
+
+    A write blocks once a pipe holds 64 KiB unread, or a terminal stopped by Ctrl-S less. A node
+    behind a stopped or unread supervisor would block and hold the force of its last tick. The C
+    library's streams, by which rclpy logs, drop such output, too; output to a file is not
+    affected.
+    """
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
+        _unblock(descriptor)
+        if name == "stdin":
+            continue
+        before = getattr(sys, name)  # None where it was closed
+        with suppress(OSError, AttributeError):
+            before.flush()
+        stream = io.TextIOWrapper(
+            cast("Any", LossyStream(descriptor)),  # a raw stream will do
+            encoding=getattr(before, "encoding", "utf-8"),
+            errors="backslashreplace",
+            line_buffering=True,  # a line is one write
+        )
+        setattr(sys, name, stream)
+
+
+def _unblock(descriptor: int) -> None:
+    try:
+        mode = os.fstat(descriptor).st_mode
+    except OSError:
+        # A closed descriptor may be reused, such as by a socket, which must not get the log.
+        _replace(descriptor, os.open(os.devnull, os.O_RDWR))
+        return
+    if descriptor == 0 or not (stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISSOCK(mode)):
+        return
+    # Opened again: the flag of an inherited description applies to all processes that share it,
+    # such as the shell. O_NOCTTY: the leader of a session would get the terminal's signals.
+    flags = os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY
+    try:
+        _replace(descriptor, os.open(f"/proc/self/fd/{descriptor}", flags))
+    except OSError:
+        # A socket, or after su another user's; a flag on a terminal would disturb the shell.
+        if not stat.S_ISCHR(mode):
+            os.set_blocking(descriptor, False)
+
+
+def _replace(descriptor: int, other: int) -> None:
+    if other != descriptor:
+        os.dup2(other, descriptor)
+        os.close(other)
+
+
+class NodeLogger(RcutilsLogger):
+    """Logger that finds a line's caller from the stack alone, and escapes control characters.
+
+    rclpy's logger uses `inspect`, which resolves the paths of all loaded modules at the first
+    line, 25 to 120 ms, and reads each caller's source file. rclpy's filters (``once``) are
+    missing.
+    """
+
+    def log(self, message: str, severity: Any) -> bool:
+        """Log a message of sufficient severity; return whether it was logged."""
+        if not self.is_enabled_for(severity):
+            return False
+        frame: Any = sys._getframe(1)
+        while frame.f_globals["__name__"] == RcutilsLogger.__module__:
+            frame = frame.f_back
+        code = frame.f_code
+        rclpy_implementation.rclpy_logging_rcutils_log(
+            severity, self.name, printable(message), code.co_name, code.co_filename, frame.f_lineno
+        )
+        return True
+
+
+DEPTH = 1000
+"""Number of messages kept for a subscriber: what comes in `CATCH_UP` at the highest rates."""
+
+SENT = 10
+"""Number of messages kept by a publisher."""
+
+
+def message_type(topic: Topic) -> Any:
+    """Import a topic's message class."""
+    package, _, name = topic.type.split("/")
+    return getattr(importlib.import_module(f"{package}.msg"), name)
+
+
+def quality(topic: Topic, depth: int = DEPTH) -> QoSProfile:
+    """Return a subscriber's quality of service: signals as sensor data, events reliable."""
+    reliability = ReliabilityPolicy.RELIABLE if topic.reliable else ReliabilityPolicy.BEST_EFFORT
+    latched, volatile = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
+    return QoSProfile(
+        depth=depth, reliability=reliability, durability=latched if topic.latched else volatile
+    )
+
+
+def offered_quality(topic: Topic, depth: int = SENT) -> QoSProfile:
+    """Return a publisher's quality of service: reliable, which suits all subscribers."""
+    return quality(replace(topic, reliable=True), 1 if topic.latched else depth)
+
+
+REASONS = ("message", "reason", "failure_reason")
+"""Fields of responses for the reason of a refusal."""
+
+Entity = TypeVar("Entity")
+
+
+def refused(response: Any, reason: str) -> Any:
+    """Return a new response, with the reason of a refusal if its type has a field for reasons.
+
+    By default it is a refusal: fields for success are false.
+    """
+    for name in REASONS:
+        if hasattr(response, name):
+            setattr(response, name, reason)
+    if hasattr(response, "result"):
+        refused(response.result, reason)
+    return response
+
+
+class CallbackGuard:
+    """Calls the callbacks of one node's services, subscriptions, timers and events.
+
+    Exceptions are counted, and the first failure of each kind is logged. A service always answers.
+
+    No sender may end a node, and thus the graph. Only two kinds of error end a node:
+
+    - An error in the node's own loop, `work`: closing the node removes its forces. Messages are
+      checked before `work` takes them (`Inbox`, `Samples`).
+    - An error at the start, or in writing a bag.
+
+    A failed device is closed without force; the node continues.
+
+    Parameters
+    ----------
+    log, explain : callable
+        Called with a line for each kind of failure, and with its traceback.
+
+    Attributes
+    ----------
+    failed : Counter
+        Number of failures by service, topic or timer.
+    """
+
+    def __init__(self, log: Callable[[str], object], explain: Callable[[str], object]) -> None:
+        self._log = log
+        self._explain = explain
+        self._kinds: set[tuple[str, type[Exception]]] = set()
+        self.failed: Counter[str] = Counter()
+
+    def guarded(self, entity: Entity, name: str) -> Entity:
+        """Return a subscription, timer or event with its callback guarded."""
+        served: Any = entity
+        callback = served.callback
+        if hasattr(callback, "guard"):
+            return entity
+
+        @wraps(callback)
+        def call(*taken: Any) -> Any:
+            try:
+                return callback(*taken)
+            except Exception as error:
+                self.note(name, error)
+                return None
+
+        vars(call)["guard"] = self
+        served.callback = call
+        return entity
+
+    def service(self, service: Service) -> Service:
+        """Return a guarded service, which answers even if its callback fails."""
+        callback, send = service.callback, service.send_response
+        if hasattr(callback, "guard"):
+            return service
+        name = service.service_name
+
+        def call(request: Any, response: Any) -> Any:
+            try:
+                return callback(request, response)
+            except Exception as error:
+                return refused(service.srv_type.Response(), self.note(name, error))
+
+        def answer(response: Any, header: Any) -> None:
+            try:
+                send(response, header)
+            except Exception as error:  # for example, ROS cannot convert a response
+                reason = self.note(name, error)
+                try:
+                    send(refused(service.srv_type.Response(), reason), header)
+                except Exception as again:
+                    self.note(name, again)
+
+        vars(call)["guard"] = self
+        service.callback, service.send_response = call, answer
+        return service
+
+    def note(self, name: str, error: Exception) -> str:
+        """Count a failure, log the first of its kind, and return it in one line."""
+        self.failed[name] += 1
+        reason = shown(f"{type(error).__name__}: {' '.join(str(error).split())}")
+        if (name, type(error)) not in self._kinds:
+            self._kinds.add((name, type(error)))
+            self._log(f"{name}: failed: {reason}")
+            self._explain("".join(traceback.format_exception(error)))
+        return reason
+
+
+class Wire:
+    """One signal in this process: whether it is sent here, and its receivers.
+
+    A receiver joins with a function of a flag: true if this process sends the signal, false if the
+    signal comes as messages.
+
+    Examples
+    --------
+    >>> wire, told = Wire(), []
+    >>> wire.join(told.append)
+    >>> wire.offer()
+    >>> told, wire.listeners
+    ([False, True], 1)
+    """
+
+    def __init__(self) -> None:
+        self._receivers: list[Callable[[bool], object]] = []
+        self._offered = False
+
+    @property
+    def listeners(self) -> int:
+        """Number of receivers to which the signal is passed on here."""
+        return len(self._receivers) if self._offered else 0
+
+    def join(self, receiver: Callable[[bool], object]) -> None:
+        """Add a receiver, called with whether the signal is sent here."""
+        self._receivers.append(receiver)
+        receiver(self._offered)
+
+    def leave(self, receiver: Callable[[bool], object]) -> None:
+        """Remove a receiver."""
+        self._receivers.remove(receiver)
+
+    def offer(self, offered: bool = True) -> None:
+        """Announce to the receivers that samples come on this wire, or as messages again."""
+        self._offered = offered
+        for receiver in self._receivers:
+            receiver(offered)
+
+
+class Wires:
+    """Wires of the nodes that share a process.
+
+    Attributes
+    ----------
+    joined : bool
+        Nodes made from now on share wires; otherwise each node has its own, as in a separate
+        process.
+    """
+
+    def __init__(self) -> None:
+        self.joined = False
+        self._wires: defaultdict[str, Wire] = defaultdict(Wire)
+
+    def of(self, name: str) -> Wire:
+        """Return the wire of a topic, by its full name."""
+        return self._wires[name] if self.joined else Wire()
+
+
+WIRES = Wires()
+"""Wires of this process."""
+
 
 Value = TypeVar("Value")
 

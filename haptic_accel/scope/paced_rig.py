@@ -34,9 +34,8 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.simulated_rig import build_loop, build_parts
 from haptic_accel.core.tick import MASTER, SLAVE
 from haptic_accel.devices.simulated import PointerMaster, SimulatedSlave, SimulatedSlaveParameters
-from haptic_accel.scope.node_reports import NodeReport, NodeReports
 from haptic_accel.scope.server import CommandError, check_choice
-from haptic_accel.scope.state import choices, drawing, state_of
+from haptic_accel.scope.state import NodeReport, NodeReports, choices, drawing, state_of
 from haptic_accel.scope.windows import GraphSettings, Windows
 from haptic_accel.setup.arguments import POINTER, SIMULATED, GraphArguments
 from haptic_accel.setup.files import POSTURE, SURFACE

@@ -13,12 +13,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""State of a graph, its scene and its choices, as a page shows them."""
+"""State of a graph, its nodes' latest diagnostics, its scene and choices, as a page shows them."""
 
 from __future__ import annotations
 
+import math
 import time
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +34,116 @@ from haptic_accel.core.tick.device_side import LONGEST
 from haptic_accel.devices.simulated import PointerMaster
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.scenes import read_scene
-from haptic_accel.scope.node_reports import NodeReports, number
 from haptic_accel.scope.windows import GraphSettings
 from haptic_accel.setup.arguments import SCENE, SIMULATED, VIRTUAL
 from haptic_accel.setup.files import POSTURE, SURFACE
+
+EXPECTED = ("master_device", "slave_device", "coupler", "compensator", "recorder")
+"""Nodes that are shown even if they have sent no diagnostics."""
+
+NETWORK = (
+    "delay {one-way delay (ms)} ms, loss {packet loss (%)} %, clock {clock offset (ms)} ms,"
+    " energy {energy tank (mJ)} mJ"
+)
+"""Status line for a node with a peer host, from its reported values."""
+
+SILENCE = 2.5
+"""Time without diagnostics after which a node counts as silent, s: two missing reports, as nodes
+send a report per second."""
+
+MOST_NODES = 64
+"""Maximum number of nodes shown: many times a graph's, and few enough for a page."""
+
+MOST_VALUES = 200
+"""Maximum number of values per report: twice the most that a node sends."""
+
+LONGEST_TEXT = 300
+"""Longest message, name or value that is shown, characters; the rest is left out."""
+
+LEVELS = {0: "OK", 1: "warning", 2: "error"}
+"""State by diagnostic level; any other level counts as silent."""
+
+
+def expected_nodes(side: str) -> list[str]:
+    """Return the nodes expected on a host with the arm of `side`; empty for both arms."""
+    of_peer = {"": (), "master": ("slave_device",), "slave": ("master_device", "compensator")}
+    return [name for name in EXPECTED if name not in of_peer[side]]
+
+
+@dataclass(frozen=True)
+class NodeReport:
+    """Diagnostics of a node, with the steady time of their arrival in s."""
+
+    level: int
+    message: str
+    values: Mapping[str, str]
+    moment: float
+
+
+class NodeReports:
+    """Latest report of every node; one thread writes, another may read."""
+
+    def __init__(self) -> None:
+        self._reports: dict[str, NodeReport] = {}
+
+    def receive(self, node: str, report: NodeReport) -> bool:
+        """Store a node's report as far as a page can show it; return false beyond `MOST_NODES`.
+
+        Expected nodes always have a place.
+        """
+        crowded = len(self._reports.keys() - set(EXPECTED)) >= MOST_NODES - len(EXPECTED)
+        if crowded and node not in self._reports and node not in EXPECTED:
+            return False
+        values = {
+            _cut(name): _cut(value) for name, value in islice(report.values.items(), MOST_VALUES)
+        }
+        report = replace(report, message=_cut(report.message), values=values)
+        # A new dictionary, so that no reader sees a change.
+        self._reports = {**self._reports, _cut(node): report}
+        return True
+
+    def forget(self) -> None:
+        """Discard all reports, of a graph that has ended."""
+        self._reports = {}
+
+    def values(self, node: str, now: float) -> Mapping[str, str]:
+        """Return the values that a node reported; none if it stopped reporting."""
+        report = self._reports.get(node)
+        return report.values if report and now - report.moment < SILENCE else {}
+
+    def rows(self, now: float, expected: Sequence[str] = EXPECTED) -> list[dict[str, str]]:
+        """Return name, state and message of every node, expected nodes first."""
+        reports = self._reports
+        names = [*expected, *(name for name in reports if name not in expected)]
+        return [{"name": name, **_row(reports.get(name), now)} for name in names]
+
+
+def _row(report: NodeReport | None, now: float) -> dict[str, str]:
+    if report is None:
+        return {"state": "absent", "message": "no diagnostics received yet"}
+    silent = now - report.moment
+    if silent >= SILENCE:
+        return {"state": "silent", "message": f"no diagnostics for {silent:.0f} s"}
+    state = LEVELS.get(report.level, "silent")
+    if report.message != state:
+        return {"state": state, "message": report.message}
+    has_peer = report.values.get("one-way delay (ms)")
+    values = defaultdict(lambda: "–", report.values)
+    return {"state": state, "message": NETWORK.format_map(values) if has_peer else ""}
+
+
+def number(text: str | None) -> float | None:
+    """Return a number that a node reported; None if missing or not finite."""
+    try:
+        found = float(text or "nan")
+    except ValueError:
+        return None
+    return found if math.isfinite(found) else None
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= LONGEST_TEXT else text[:LONGEST_TEXT] + "…"
+
 
 VIEW = PointerMaster.REACH
 """Part of the plane through the tool, along x and z, that a page draws, m: where a hand can go."""

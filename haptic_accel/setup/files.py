@@ -29,8 +29,7 @@ import yaml
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.document import Document, read_yaml_document
-from haptic_accel.core.parameters import checked, printable, shown
-from haptic_accel.core.warning import warn_once
+from haptic_accel.core.parameters import checked, printable, shown, warn_once
 from haptic_accel.materials.folders import config_folder, is_recording, preset_file
 from haptic_accel.setup.former_names import FORMER
 from haptic_accel.setup.node_parameters import NODES, USE_SIM_TIME, check_clock, node_schema

@@ -30,10 +30,9 @@ from haptic_accel.bags.facts import ARGUMENTS, PARAMETERS, facts_text
 from haptic_accel.core.axes import ALL_AXES
 from haptic_accel.core.control.compensation import PLANT, CompensationParameters
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel.core.parameters import ParameterError, schema, warn_once
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.topics import CONTACT_FORCE
-from haptic_accel.core.warning import warn_once
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.materials.folders import config_folder, is_recording, preset_file
 from haptic_accel.setup import arguments as names

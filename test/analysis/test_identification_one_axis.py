@@ -36,7 +36,7 @@ from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import own_schema
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.simulated_identification import run_identification
+from haptic_accel.core.trial import run_identification
 from page_content import Page
 
 FIGURES = ("fig4_sweep.png", "fig5_models.png", "coherence.png")

@@ -26,7 +26,7 @@ import yaml
 
 from haptic_accel.analysis.identification_three_axes import COMPARED, ThreeAxisResult, plant_error
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.handle.matrix_plant import read_matrix_plant
+from haptic_accel.core.handle.plant import read_matrix_plant
 from haptic_accel.core.identification.fit import DEFAULT_FREE
 from haptic_accel.core.identification.three_axes import identify_three_axes
 from haptic_accel.setup.files import parameter_text

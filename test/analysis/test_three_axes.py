@@ -38,8 +38,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes
 from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.evaluation.metrics import by_component
-from haptic_accel.core.handle.matrix_plant import MatrixPlant
-from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.plant import MatrixPlant, Plant
 from haptic_accel.core.model import FloatArray
 from page_content import Page
 

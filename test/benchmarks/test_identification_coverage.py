@@ -31,7 +31,7 @@ from identification_coverage import (
 )
 
 from haptic_accel.core.identification.sweep import SweepParameters
-from haptic_accel.core.simulated_identification import run_identification
+from haptic_accel.core.trial import run_identification
 
 
 @pytest.mark.parametrize("kind", KINDS)

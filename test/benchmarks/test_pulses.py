@@ -25,7 +25,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pulses import played, pulse, pulses
 
-from haptic_accel.core.evaluation.discrimination import indistinguishable
+from haptic_accel.core.evaluation.metrics import indistinguishable
 from haptic_accel.core.model import FloatArray
 
 RATE = 1000.0

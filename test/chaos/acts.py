@@ -47,7 +47,7 @@ from haptic_accel.core import topics
 from haptic_accel.core.cdr import StampedVector
 from haptic_accel.core.topics import DEVICES, EMERGENCY_STOP, SIGNALS, Topic
 from haptic_accel.graph.stop_signal import stop_senders
-from haptic_accel.nodes.topic_node import message_type, quality
+from haptic_accel.nodes.supervised_node import message_type, quality
 from haptic_accel.setup.processes import COMPOSED
 from haptic_accel.setup.setup import RECORDER, SCOPE
 from running import PATIENCE, Command, limit_size
@@ -133,7 +133,7 @@ import signal
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 from haptic_accel.core.topics import SIGNALS
-from haptic_accel.nodes.topic_node import message_type, quality
+from haptic_accel.nodes.supervised_node import message_type, quality
 left = []
 signal.signal(signal.SIGINT, lambda *signal: left.append(signal))
 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

@@ -27,7 +27,7 @@ from chaos.device_trace import DeviceTrace, Held
 from chaos.traced_node import ACTUATOR, ARM, CLOCK, CLOCK_FILE, TELEOP
 from haptic_accel.core.process import CUT_SHORT, DONE
 from haptic_accel.core.topics import MASTER_STOPPED, SLAVE_STOPPED
-from haptic_accel.nodes.topic_node import message_type, quality
+from haptic_accel.nodes.supervised_node import message_type, quality
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.processes import COMPOSED, graph
 from haptic_accel.setup.setup import RECORDER, SCOPE

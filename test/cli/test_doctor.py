@@ -23,7 +23,7 @@ import pytest
 import rclpy
 
 from haptic_accel.core.topics import ACTUATOR_FORCE, TOOL_ACCELERATION
-from haptic_accel.nodes.topic_node import message_type, quality
+from haptic_accel.nodes.supervised_node import message_type, quality
 from running import Command
 
 Start = Callable[..., Command]

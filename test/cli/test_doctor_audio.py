@@ -173,7 +173,7 @@ def test_what_is_advised_is_not_refused_next(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr("haptic_accel.cli.doctor_audio.sound_cards", lambda: cards)
+    monkeypatch.setattr("haptic_accel.cli.doctor.audio.sound_cards", lambda: cards)
     status = status_of("doctor", "audio")
     said = capsys.readouterr()
     assert advised in (said.err if status else said.out)

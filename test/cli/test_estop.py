@@ -30,7 +30,7 @@ from std_srvs.srv import SetBool
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics
 from haptic_accel.graph.stop_signal import PendingStop
-from haptic_accel.nodes.topic_node import quality
+from haptic_accel.nodes.supervised_node import quality
 from observing import Observer
 from running import BAG_PLAYER, Command, wait_until
 

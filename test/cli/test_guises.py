@@ -23,7 +23,7 @@ from pathlib import Path
 import pytest
 
 from guises import BAG_CHANGES, Kind, Made, right_bag, write_form
-from haptic_accel.core.warning import warn_once
+from haptic_accel.core.parameters import warn_once
 from verbs import status_of
 
 VERBS = {

@@ -28,12 +28,12 @@ import three_coils
 from bag_maker import BagContent, write_bag
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core.axes import ACTUATOR_AXIS
-from haptic_accel.core.handle.matrix_plant import read_matrix_plant
+from haptic_accel.core.handle.plant import read_matrix_plant
 from haptic_accel.core.identification.evaluation import stages
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import POSTURES
-from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.core.topics import ACTUATOR_FORCE, HANDLE_ACCELERATION
+from haptic_accel.core.trial import run_identification
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.setup.files import EVERY_NODE
 from haptic_accel.setup.processes import graph

@@ -35,7 +35,7 @@ from running import PATIENCE, nodes_of, wait_until
 
 VERB = """
 import sys
-from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.output import StoppedError
 from haptic_accel.cli.running import run_shown
 from haptic_accel.graph import supervisor
 from haptic_accel.setup.processes import Process

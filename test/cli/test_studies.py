@@ -26,7 +26,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.output import StoppedError
 from haptic_accel.cli.studies import Journal, key_of, run_study
 from haptic_accel.core.parameters import ParameterError
 

@@ -27,7 +27,7 @@ import pytest
 
 import runs
 from haptic_accel.cli import workers as module
-from haptic_accel.cli.ending import StoppedError
+from haptic_accel.cli.output import StoppedError
 from haptic_accel.cli.workers import Workers
 from haptic_accel.core.parameters import ParameterError
 from running import PATIENCE

@@ -29,7 +29,7 @@ import yaml
 from haptic_accel.core.topics import EMERGENCY_STOP, SIGNALS, TOPICS
 from haptic_accel.graph.frames import description
 from haptic_accel.materials.folders import config_folder
-from haptic_accel.nodes.topic_node import message_type
+from haptic_accel.nodes.supervised_node import message_type
 
 FOLDER = config_folder() / "layouts"
 BY_NAME = {f"/{topic.name.lstrip('/')}": topic for topic in TOPICS}

@@ -22,14 +22,8 @@ from typing import Any
 import pytest
 import yaml
 
+from haptic_accel.core import document
 from haptic_accel.core.bounded_files import LARGEST_TEXT
-from haptic_accel.core.document import (
-    Document,
-    load_yaml,
-    read_json_document,
-    read_yaml_document,
-    texts_of,
-)
 from haptic_accel.core.parameters import ParameterError, Specification
 
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
@@ -55,15 +49,17 @@ HOSTILE = {
 @pytest.mark.parametrize("kind", HOSTILE)
 def test_what_is_hostile_or_damaged_is_refused_in_one_line(kind: str) -> None:
     with pytest.raises(ValueError, match=".") as caught:
-        load_yaml(HOSTILE[kind])
+        document.load_yaml(HOSTILE[kind])
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("text", ["1_000", "0x10", "0b1", "010", "1:30", ".nan", ".inf", "1e"])
 def test_only_plain_decimals_are_numbers(text: str) -> None:
-    assert load_yaml(text) == text
+    assert document.load_yaml(text) == text
     with pytest.raises(ValueError, match="must be a number"):
-        load_yaml(f"!!float {text}") if text != "010" else load_yaml("!!int 0o10")
+        document.load_yaml(f"!!float {text}") if text != "010" else document.load_yaml(
+            "!!int 0o10"
+        )
 
 
 @pytest.mark.parametrize(
@@ -71,28 +67,28 @@ def test_only_plain_decimals_are_numbers(text: str) -> None:
     [("1e5", 1e5), ("2.5e3", 2500.0), ("-12", -12), ("+.5", 0.5), ("5.", 5.0), ("0", 0)],
 )
 def test_a_decimal_may_have_an_exponent_if_told_so(text: str, number: float) -> None:
-    found = load_yaml(text, exponents=True)
+    found = document.load_yaml(text, exponents=True)
     assert (found, type(found)) == (number, type(number))
 
 
 @pytest.mark.parametrize("text", ["1e5", "12345e10", "2.5e3"])
 def test_what_yaml_takes_for_text_stays_text_in_metadata(text: str) -> None:
-    assert load_yaml(yaml.safe_dump(text)) == load_yaml(text) == text
+    assert document.load_yaml(yaml.safe_dump(text)) == document.load_yaml(text) == text
 
 
 def test_a_number_to_the_base_60_costs_no_time() -> None:
-    assert load_yaml("1" + ":0" * 1_000_000) == "1" + ":0" * 1_000_000
+    assert document.load_yaml("1" + ":0" * 1_000_000) == "1" + ":0" * 1_000_000
 
 
 def test_what_another_program_wrote_without_quotation_marks_is_text() -> None:
-    assert texts_of(load_yaml("{run: 5, on: x}")) == {"run": "5", "True": "x"}
-    assert texts_of(None) == {}
+    assert document.texts_of(document.load_yaml("{run: 5, on: x}")) == {"run": "5", "True": "x"}
+    assert document.texts_of(None) == {}
 
 
 @pytest.mark.parametrize("text", ["[1]", "{a: [1]}", "{a: {b: c}}", "x"])
 def test_custom_data_that_is_no_text_by_name_is_refused(text: str) -> None:
     with pytest.raises((ValueError, TypeError)):
-        texts_of(load_yaml(text))
+        document.texts_of(document.load_yaml(text))
 
 
 YAML = "wood:\n  stiffness: 300\n  name: oak\n  modes:\n    - [1, x]\n  none:\n"
@@ -100,13 +96,13 @@ POSITIVE = Specification("stiffness", "N/m", 1.0)
 
 
 @pytest.fixture
-def wood(tmp_path: Path) -> Document:
+def wood(tmp_path: Path) -> document.Document:
     file = tmp_path / "a.yaml"
     file.write_text(YAML)
-    return read_yaml_document(file).at("wood")
+    return document.read_yaml_document(file).at("wood")
 
 
-def test_values_are_read_by_their_keys(wood: Document) -> None:
+def test_values_are_read_by_their_keys(wood: document.Document) -> None:
     assert "stiffness" in wood
     assert "grain" not in wood
     assert wood.at("stiffness").number(POSITIVE) == 300.0
@@ -137,7 +133,7 @@ def test_values_are_read_by_their_keys(wood: Document) -> None:
     ],
 )
 def test_an_error_names_file_line_place_value_and_what_is_allowed(
-    wood: Document, read: Callable[[Document], Any], line: int, problem: str
+    wood: document.Document, read: Callable[[document.Document], Any], line: int, problem: str
 ) -> None:
     with pytest.raises(ParameterError) as refused:
         read(wood)
@@ -146,7 +142,7 @@ def test_an_error_names_file_line_place_value_and_what_is_allowed(
 
 
 @pytest.mark.parametrize("error", ["name = 3: must be short", "no such tree"])
-def test_an_error_from_elsewhere_is_located(wood: Document, error: str) -> None:
+def test_an_error_from_elsewhere_is_located(wood: document.Document, error: str) -> None:
     with pytest.raises(ParameterError) as refused, wood.located("name"):
         raise ParameterError(error)
     own = error if error.startswith("name") else f"name: {error}"
@@ -156,17 +152,17 @@ def test_an_error_from_elsewhere_is_located(wood: Document, error: str) -> None:
 def test_json_has_places_without_lines(tmp_path: Path) -> None:
     file = tmp_path / "a.json"
     file.write_text('{"a": [{"b": "\\ud800"}]}')
-    (found,) = read_json_document(file).at("a").items()
+    (found,) = document.read_json_document(file).at("a").items()
     assert found.at("b").text() == "?"
     with pytest.raises(ParameterError) as refused:
         found.at("b").number()
     assert str(refused.value) == rf"{file}: a.0.b = '\ud800': must be a finite number"
 
 
-@pytest.mark.parametrize("read", [read_yaml_document, read_json_document])
+@pytest.mark.parametrize("read", [document.read_yaml_document, document.read_json_document])
 @pytest.mark.parametrize("content", [b"{", b"\xff\xfe", b"[" * 100_000, None])
 def test_a_file_that_is_none_is_refused_in_one_line(
-    tmp_path: Path, read: Callable[[Path], Document], content: bytes | None
+    tmp_path: Path, read: Callable[[Path], document.Document], content: bytes | None
 ) -> None:
     file = tmp_path / "a"
     if content is not None:

@@ -23,19 +23,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core import emergency_stop
+from haptic_accel.core.coupling import engagement
 
 BUTTON = ["/button"]
 ALONE: list[str] = []
-LATER = 2 * max(emergency_stop.RECENT, emergency_stop.COUPLER_SILENCE)
+LATER = 2 * max(engagement.RECENT, engagement.COUPLER_SILENCE)
 
 
 class Run:
     """A node's stop whose time goes on as a test says."""
 
-    def __init__(self, age: float = emergency_stop.LATCHED_SETTLING) -> None:
+    def __init__(self, age: float = engagement.LATCHED_SETTLING) -> None:
         self.now = 100.0
-        self.stop = emergency_stop.EmergencyStop(self.now - age)
+        self.stop = engagement.EmergencyStop(self.now - age)
 
     def receive(self, *words: bool) -> None:
         for word in words:
@@ -73,14 +73,14 @@ EVENTS: dict[str, Callable[[Run], object]] = {
     ("events", "publishers", "later", "released"),
     [
         ("false, true, false, true, false, time, false", ["/rosbag2_player"], 0.0, True),
-        ("true", ALONE, 1.01 * emergency_stop.RECENT, True),
+        ("true", ALONE, 1.01 * engagement.RECENT, True),
         ("true", ALONE, 0.1, False),  # may be repeated
         ("true, false", ALONE, 0.1, False),  # of two senders
         ("true", BUTTON, LATER, False),  # said once and never withdrawn
         ("true, time, false", BUTTON, 0.0, True),
         ("request", BUTTON, 0.0, True),  # there is no reason on the topic
-        ("coupler stopped", ALONE, 0.99 * emergency_stop.COUPLER_SILENCE, False),
-        ("coupler stopped", ALONE, 1.01 * emergency_stop.COUPLER_SILENCE, True),
+        ("coupler stopped", ALONE, 0.99 * engagement.COUPLER_SILENCE, False),
+        ("coupler stopped", ALONE, 1.01 * engagement.COUPLER_SILENCE, True),
         ("coupler stopped, coupler free", ALONE, 0.0, True),
     ],
 )
@@ -107,8 +107,8 @@ def test_a_node_that_has_just_started_is_not_released() -> None:
     assert run.stop.receive_coupler(True, run.now), "but stopped at any age"
     run.stop.receive_coupler(False, run.now)
     assert run.stop.release(run.now, ALONE) == "has just started: ask again in a second"
-    assert not run.released(ALONE, 0.9 * emergency_stop.LATCHED_SETTLING)
-    assert run.released(ALONE, 0.2 * emergency_stop.LATCHED_SETTLING)
+    assert not run.released(ALONE, 0.9 * engagement.LATCHED_SETTLING)
+    assert run.released(ALONE, 0.2 * engagement.LATCHED_SETTLING)
     assert run.stop.is_settled(run.now)
 
 

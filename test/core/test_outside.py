@@ -33,8 +33,8 @@ from hypothesis import strategies as st
 from foreign_packages import GROUPS, declare
 from fuzzing import ODD_TEXTS, fuzz, mutated
 from haptic_accel.cli.commands import SECTIONS
-from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.lazy import COMMANDS_GROUP, LazyGroup
+from haptic_accel.cli.output import StoppedError
 from haptic_accel.core.control.channel import build_controller
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.control.controllers import (
@@ -45,8 +45,7 @@ from haptic_accel.core.control.controllers import (
     Loop,
 )
 from haptic_accel.core.outside import OutsideError, guard, parameters_problem, with_outside
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.warning import warn_once
+from haptic_accel.core.parameters import ParameterError, warn_once
 from haptic_accel.devices import Device, DeviceError
 from haptic_accel.devices.interface import MASTERS_GROUP, driver_problem
 from haptic_accel.devices.simulated import SimulatedMaster

@@ -25,7 +25,7 @@ import pytest
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.simulated_identification import run_identification
+from haptic_accel.core.trial import run_identification
 
 SHORT_SWEEP = SweepParameters(duration=0.2)
 

@@ -23,7 +23,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.sole_publisher import CONFIRMING_LOOKS, SolePublisher
+from haptic_accel.core.sequence_check import CONFIRMING_LOOKS, SolePublisher
 
 COMES, GOES, SENDS, LOOK = "comes", "goes", "sends", "look"
 

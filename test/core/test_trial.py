@@ -32,7 +32,7 @@ from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers.constant import ConstantParameters
 from haptic_accel.core.control.controllers.inverse import InverseParameters
 from haptic_accel.core.control.filters import high_passed
-from haptic_accel.core.coupling.position_position import CouplingParameters
+from haptic_accel.core.coupling.passive import CouplingParameters
 from haptic_accel.core.evaluation.metrics import TABLE_II, evaluate
 from haptic_accel.core.model import ACTUATOR, FloatArray, MountParameters
 from haptic_accel.core.parameters import Checked, ParameterError

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.graph.ros_packages import NEEDS_ROS, ROS_PACKAGES, check_ros
+from haptic_accel.graph.middleware import NEEDS_ROS, ROS_PACKAGES, check_ros
 
 
 def without_ros(folder: Path, code: str) -> subprocess.CompletedProcess[str]:

@@ -30,13 +30,6 @@ import pytest
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import MASTER_ARM_FORCE
 from haptic_accel.graph import stop_signal
-from haptic_accel.graph.stop_signal import (
-    PendingStop,
-    own_domain,
-    stop_at_once,
-    stop_senders,
-    used_domains,
-)
 from running import PATIENCE, reserved_domain, sending
 
 TOPIC = f"/{MASTER_ARM_FORCE.name}"
@@ -49,7 +42,7 @@ pytestmark = pytest.mark.quiet
 
 def test_an_emergency_stop_reaches_who_sends_and_handles_it_in_its_namespace(domain: int) -> None:
     with sending(domain, TOPIC) as process:
-        assert stop_senders(domain, "") == 0, "it would only end"
+        assert stop_signal.stop_senders(domain, "") == 0, "it would only end"
         assert process.poll() is None
     with (
         sending(domain, f"/left{TOPIC}", STOPPABLE) as left,
@@ -57,10 +50,10 @@ def test_an_emergency_stop_reaches_who_sends_and_handles_it_in_its_namespace(dom
         reserved_domain() as other,
     ):
         for elsewhere in ((domain, "/right"), (other, "/left"), (other, "")):
-            assert stop_senders(*elsewhere) == 0
-        assert stop_senders(domain, "/left") == 1
+            assert stop_signal.stop_senders(*elsewhere) == 0
+        assert stop_signal.stop_senders(domain, "/left") == 1
         assert left.wait(PATIENCE) == 7
-        assert stop_senders(domain, "") == 1, "every graph of the domain"
+        assert stop_signal.stop_senders(domain, "") == 1, "every graph of the domain"
         assert far.wait(PATIENCE) == 7
 
 
@@ -74,8 +67,8 @@ def test_odd_addresses_use_no_domain_and_hold_no_stop_up(domain: int, name: byte
     with socket.socket(socket.AF_UNIX) as stranger, sending(domain, TOPIC, STOPPABLE) as process:
         stranger.bind(b"\0" + name)
         # Other tests may use domains at the same time.
-        assert {domain} <= used_domains() <= set(range(stop_signal.HIGHEST_DOMAIN + 1))
-        assert stop_senders(domain, "") == 1
+        assert {domain} <= stop_signal.used_domains() <= set(range(stop_signal.HIGHEST_DOMAIN + 1))
+        assert stop_signal.stop_senders(domain, "") == 1
         assert process.wait(PATIENCE) == 7
 
 
@@ -83,9 +76,9 @@ def test_odd_addresses_use_no_domain_and_hold_no_stop_up(domain: int, name: byte
 def test_whatever_is_at_its_place_a_stop_is_signalled_and_pending(
     domain: int, put: Callable[[str], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pending = PendingStop(domain, "")
+    pending = stop_signal.PendingStop(domain, "")
     monkeypatch.setattr(stop_signal, "SOCKETS", "/nowhere")  # a failure to signal, besides
-    assert stop_at_once([])
+    assert stop_signal.stop_at_once([])
     (place,) = glob.glob(f"{stop_signal.PENDING}-*-{domain}")
     assert pending.withdraw()
     put(place)
@@ -139,19 +132,19 @@ def test_nothing_is_signalled_before_other_words_are_read(
     domain: int, words: Sequence[str]
 ) -> None:
     with sending(domain, TOPIC, STOPPABLE), sending(domain, f"/left{TOPIC}", STOPPABLE):
-        assert stop_at_once(words) is None
+        assert stop_signal.stop_at_once(words) is None
         assert glob.glob(f"{stop_signal.PENDING}-*-{domain}*") == []
-        done = stop_at_once(["namespace:=/left/"])
+        done = stop_signal.stop_at_once(["namespace:=/left/"])
         assert done
         assert done.processes == 1
-        assert stop_senders(domain, "") >= 1, "the other has not been signalled"
+        assert stop_signal.stop_senders(domain, "") >= 1, "the other has not been signalled"
 
 
 def test_a_pending_stop_is_new_once_in_its_namespace_or_everywhere(domain: int) -> None:
-    root, left = PendingStop(domain, ""), PendingStop(domain, "/left")
+    root, left = stop_signal.PendingStop(domain, ""), stop_signal.PendingStop(domain, "/left")
     assert not root.withdraw()
     assert not left.is_new()
-    assert stop_at_once(["namespace:=left"])
+    assert stop_signal.stop_at_once(["namespace:=left"])
     assert (root.is_new(), left.is_new(), left.is_new()) == (False, True, False)
     assert left.leave()
     assert left.is_new(), "given again"
@@ -159,15 +152,17 @@ def test_a_pending_stop_is_new_once_in_its_namespace_or_everywhere(domain: int) 
     assert (root.is_new(), left.is_new()) == (True, True)
     assert root.withdraw()
     assert not left.is_new()
-    assert PendingStop(domain, "/left").is_new(), "in another process, until it is withdrawn"
+    assert stop_signal.PendingStop(domain, "/left").is_new(), (
+        "in another process, until it is withdrawn"
+    )
     with reserved_domain() as other:
-        assert not PendingStop(other, "/left").is_new()
+        assert not stop_signal.PendingStop(other, "/left").is_new()
     assert left.withdraw()
-    assert not PendingStop(domain, "/left").is_new()
+    assert not stop_signal.PendingStop(domain, "/left").is_new()
 
 
 @pytest.mark.parametrize("text", ["233", "-1", "one", "\uff11", "9" * 5000])
 def test_a_domain_that_cannot_be_is_named(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", text)
     with pytest.raises(ParameterError, match=f"ROS_DOMAIN_ID = '{text}': must be from 0 to 232"):
-        own_domain()
+        stop_signal.own_domain()

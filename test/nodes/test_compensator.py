@@ -34,7 +34,7 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.nodes.compensator import Compensator
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.topic_node import quality
+from haptic_accel.nodes.supervised_node import quality
 from running import PATIENCE
 
 HOUR = 3600 * 10**9

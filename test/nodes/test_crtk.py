@@ -25,15 +25,21 @@ from typing import Any
 import pytest
 import rclpy
 from geometry_msgs.msg import PoseStamped, WrenchStamped
+from lifecycle_msgs.msg import TransitionEvent
+from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Empty
 
-from haptic_accel.core import emergency_stop
+from haptic_accel.core.coupling import engagement
+from haptic_accel.nodes.crtk import Managed
+from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.loop_runner import join
-from haptic_accel.nodes.scheduling import StopPoll
+from haptic_accel.nodes.scheduling import EventsExecutor, StopPoll
 from haptic_accel.nodes.slave_device import slave_device
-from running import PATIENCE
+from observing import Observer
+from running import PATIENCE, Command, wait_until
 
 GOAL = (0.02, 0.0, 0.015)
 """A position above the surface, m; the tip begins at (0, 0, 0.01)."""
@@ -139,7 +145,7 @@ def client(
     domain: int, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> Iterator[Client]:
     """Give a client of an arm past its first moments, with parameters name:=value."""
-    monkeypatch.setattr(emergency_stop, "LATCHED_SETTLING", 0.0)
+    monkeypatch.setattr(engagement, "LATCHED_SETTLING", 0.0)
     given = [word for value in getattr(request, "param", ()) for word in ("-p", value)]
     rclpy.init(args=["--ros-args", *given] if given else None)
     client = Client()
@@ -270,3 +276,98 @@ def test_an_arm_is_enabled_paused_and_homed_by_its_commands(client: Client) -> N
     assert leads_to("enable", "ENABLED", True, False)
     client.arm.stop_forces()
     assert leads_to("resume", "PAUSED", True, False), "the emergency stop is not released"
+
+
+MANY = 400
+"""Requests at once."""
+
+DESTROYED = """
+import os
+import rclpy
+from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.slave_device import slave_device
+
+def threads_after(build):
+    node = build()
+    running = len(os.listdir("/proc/self/task"))
+    node.destroy_node()
+    return running, len(os.listdir("/proc/self/task"))
+
+rclpy.init()
+running, left = threads_after(lambda: GraphNode("coupler"))
+assert left < running, (running, left)
+print("left", left, threads_after(slave_device)[1])
+"""
+
+
+def test_no_thread_of_the_middleware_outlives_a_managed_node(
+    start: Callable[..., Command],
+) -> None:
+    command = start("-c", DESTROYED)
+    assert command.end() == 0, command.text
+    _, plain, managed = command.lines[-1].split()
+    assert managed == plain
+
+
+class Idle(Managed, GraphNode):
+    """A managed node that does nothing."""
+
+    task = "nothing"
+
+    def __init__(self) -> None:
+        GraphNode.__init__(self, "slave_device")
+        self.begin_lifecycle()
+
+
+@pytest.fixture
+def executor(domain: int) -> Iterator[EventsExecutor]:
+    """Give the executor of a managed node, not spinning yet."""
+    rclpy.init()
+    node = Idle()
+    executor = EventsExecutor()
+    executor.add_node(node)
+    yield executor
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def test_every_request_that_comes_at_once_is_answered(
+    executor: EventsExecutor, observer: Observer
+) -> None:
+    events: list[tuple[str, str]] = []
+    heard = observer.node.create_subscription(
+        TransitionEvent,
+        "/slave_device/transition_event",
+        lambda event: events.append((event.start_state.label, event.goal_state.label)),
+        10,
+    )
+    wait_until(lambda: heard.handle.get_publisher_count() == 1, "the publisher of changes")
+
+    def answered(kind: type, name: str, request: object) -> list[Any]:
+        """Send a request many times at once; return the responses."""
+        quality = QoSProfile(depth=MANY)
+        client = observer.node.create_client(kind, f"/slave_device/{name}", qos_profile=quality)
+        assert client.wait_for_service()
+        answers = [client.call_async(request) for _ in range(MANY)]
+
+        def complete() -> bool:
+            for _ in range(MANY):
+                executor.spin_once(timeout_sec=0.0)
+                observer.executor.spin_once(timeout_sec=0.0)
+            return all(answer.done() for answer in answers)
+
+        wait_until(complete, f"all of {name} are answered")
+        return [answer.result() for answer in answers]
+
+    request = ChangeState.Request()
+    request.transition.label = "configure"
+    outcomes = answered(ChangeState, "change_state", request)
+    assert sum(each.success for each in outcomes) == 1, "only the first is from its state"
+    for state in answered(GetState, "get_state", GetState.Request()):
+        assert state.current_state.label == "inactive"
+    request = GetAvailableTransitions.Request()
+    for found in answered(GetAvailableTransitions, "get_available_transitions", request):
+        labels = [each.transition.label for each in found.available_transitions]
+        assert labels == ["cleanup", "activate", "shutdown"]
+    assert events == [("unconfigured", "configuring"), ("configuring", "inactive")]

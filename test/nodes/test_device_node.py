@@ -38,11 +38,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
-from haptic_accel.core import emergency_stop, topics
+from haptic_accel.core import topics
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.actuator.safety import ARM_PEAK_FORCE, ARM_TIMEOUT, MAX_AGE
 from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.cdr import StampedVector
+from haptic_accel.core.coupling import engagement
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import MASTERS, DeviceError, Sample
@@ -52,8 +53,8 @@ from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.master_device import master_device
 from haptic_accel.nodes.scheduling import StopPoll
+from haptic_accel.nodes.supervised_node import message_type, quality
 from haptic_accel.nodes.timing import CATCH_UP, system_time
-from haptic_accel.nodes.topic_node import message_type, quality
 from running import PATIENCE, wait_until
 from sound_cards import NAME, received, sound_card
 
@@ -226,7 +227,7 @@ def bench(
 ) -> Iterator[Bench]:
     """Give a master device that is past its first moments, with parameters name:=value."""
     monkeypatch.setitem(MASTERS, "simulated", Witness)
-    monkeypatch.setattr(emergency_stop, "LATCHED_SETTLING", 0.0)
+    monkeypatch.setattr(engagement, "LATCHED_SETTLING", 0.0)
     given = [word for value in getattr(request, "param", ()) for word in ("-p", value)]
     rclpy.init(args=["--ros-args", *given] if given else None)
     bench = Bench()
@@ -394,7 +395,7 @@ def test_a_stopped_coupler_stops_and_releases_first(bench: Bench) -> None:
 def test_no_force_is_applied_before_it_is_known_whether_there_is_a_stop(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(emergency_stop, "LATCHED_SETTLING", PATIENCE)
+    monkeypatch.setattr(engagement, "LATCHED_SETTLING", PATIENCE)
     taken = time.monotonic() + 20 * ARM_TIMEOUT
     while time.monotonic() < taken:
         bench.command((0.1, 0.0, 0.2), 0.3)
@@ -402,7 +403,7 @@ def test_no_force_is_applied_before_it_is_known_whether_there_is_a_stop(
     assert all(forces in (STOP, {}) for forces in bench.written)
     assert bench.answers == []
     assert bench.release() == "has just started: ask again in a second"
-    monkeypatch.setattr(emergency_stop, "LATCHED_SETTLING", 0.0)
+    monkeypatch.setattr(engagement, "LATCHED_SETTLING", 0.0)
     bench.driven()
     bench.until(lambda: bench.answers[:2] == [False, False])
 

@@ -26,9 +26,12 @@ import pytest
 from rclpy.task import Future
 from std_srvs.srv import SetBool
 
-from haptic_accel.core import emergency_stop
-from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
-from haptic_accel.core.emergency_stop import LATCHED_SETTLING
+from haptic_accel.core.coupling import engagement
+from haptic_accel.core.coupling.engagement import (
+    LATCHED_SETTLING,
+    Engagement,
+    EngagementParameters,
+)
 from haptic_accel.core.topics import MASTER_STOPPED, Topic
 from haptic_accel.nodes.emergency_stop import CouplerStop, DeviceStop, release
 from haptic_accel.nodes.service_client import RequestError
@@ -159,7 +162,7 @@ def test_a_release_beside_a_stop_does_not_undo_it(before: str, requests: list[bo
 
 @pytest.fixture
 def device(monkeypatch: pytest.MonkeyPatch) -> Device:
-    monkeypatch.setattr(emergency_stop, "LATCHED_SETTLING", 0.0)
+    monkeypatch.setattr(engagement, "LATCHED_SETTLING", 0.0)
     return Device()
 
 

@@ -58,7 +58,7 @@ from haptic_accel.core.topics import (
 )
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.nodes.graph_node import Endpoint, GraphNode, rivals
-from haptic_accel.nodes.topic_node import message_type, quality
+from haptic_accel.nodes.supervised_node import message_type, quality
 from haptic_accel.setup.files import surface_parameters
 from observing import Observer
 from running import PATIENCE, Command, nodes_of, wait_until

@@ -31,7 +31,7 @@ from std_srvs.srv import SetBool
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import SLAVE
 from haptic_accel.graph.stop_signal import PENDING
-from haptic_accel.nodes.topic_node import message_type
+from haptic_accel.nodes.supervised_node import message_type
 from observing import Observer
 from running import Command
 

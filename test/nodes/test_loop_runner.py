@@ -36,7 +36,7 @@ from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.master_device import master_device
 from haptic_accel.nodes.scheduling import StopPoll
 from haptic_accel.nodes.slave_device import slave_device
-from haptic_accel.nodes.wires import WIRES
+from haptic_accel.nodes.supervised_node import WIRES
 from running import PATIENCE
 
 

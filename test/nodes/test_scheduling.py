@@ -30,7 +30,7 @@ from running import PATIENCE, Command
 
 ALWAYS_BEHIND = """
 import time
-from haptic_accel.nodes.priority import LONGEST_RUN
+from haptic_accel.nodes.timing import LONGEST_RUN
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.supervised_node import SupervisedNode
 

@@ -443,7 +443,7 @@ import rclpy
 from haptic_accel.core import topics
 from haptic_accel.core.cdr import StampedVector
 from haptic_accel.graph.stop_signal import PRIORITY
-from haptic_accel.nodes.topic_node import message_type, offered_quality
+from haptic_accel.nodes.supervised_node import message_type, offered_quality
 
 rclpy.init()
 node = rclpy.create_node("flood")

@@ -22,7 +22,7 @@ from typing import Any
 
 import pytest
 
-from haptic_accel.nodes.scope_commands import Commands
+from haptic_accel.nodes.scope import Commands
 from haptic_accel.scope.server import CommandError
 from service_double import Answer, Graph, accept
 

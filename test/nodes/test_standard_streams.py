@@ -218,7 +218,7 @@ def test_the_end_of_its_terminal_ends_a_node_in_order(node: Callable[..., Node])
 
 
 SCRIPT = """import os
-from haptic_accel.nodes.standard_streams import NodeLogger
+from haptic_accel.nodes.supervised_node import NodeLogger
 
 log = NodeLogger("arm")
 os.stat = os.lstat = None  # nothing is asked of the file system

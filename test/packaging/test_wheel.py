@@ -27,7 +27,7 @@ from tempfile import mkdtemp
 
 import pytest
 
-from haptic_accel.graph.ros_packages import NEEDS_ROS
+from haptic_accel.graph.middleware import NEEDS_ROS
 
 SOURCE = Path(__file__).resolve().parents[2]
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import pytest
 
-from haptic_accel.scope import node_reports
+from haptic_accel.scope import state as node_reports
 
 
 def row(reports: node_reports.NodeReports, node: str, now: float) -> dict[str, str]:

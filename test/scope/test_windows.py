@@ -35,18 +35,6 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import TravelEstimator
 from haptic_accel.scope import windows
 from haptic_accel.scope.frames import PLOTS, SAMPLES, TRACES, Cursor, places_frame, plots_frame
-from haptic_accel.scope.windows import (
-    LARGEST_VALUE,
-    LONGEST_WINDOW,
-    SLACK,
-    GraphSettings,
-    Metrics,
-    Ring,
-    Windows,
-    held,
-    live_rate,
-    paired,
-)
 from running import wait_until
 
 START = 1_800_000_000 * NANOSECONDS
@@ -62,8 +50,8 @@ MILLISECOND = NANOSECONDS // 1000
 def test_who_keeps_up_gets_every_sample_once_and_in_order(
     bursts: list[list[int]], capacity: int, by_block: bool
 ) -> None:
-    ring = Ring(capacity)
-    readable = int(capacity / SLACK)
+    ring = windows.Ring(capacity)
+    readable = int(capacity / windows.SLACK)
     count, put, got = 0, [], []
     for burst in bursts:
         if by_block:
@@ -84,7 +72,7 @@ def test_who_keeps_up_gets_every_sample_once_and_in_order(
 
 @given(st.integers(0, 200), st.floats(0.0, 0.3))
 def test_the_last_seconds_end_with_the_newest_sample(samples: int, seconds: float) -> None:
-    ring = Ring(1000)
+    ring = windows.Ring(1000)
     for index in range(samples):
         ring.put(START + index * MILLISECOND, index)
     stamps, values = ring.last(seconds)
@@ -94,7 +82,7 @@ def test_the_last_seconds_end_with_the_newest_sample(samples: int, seconds: floa
 
 
 def test_after_a_clock_was_set_back_only_what_came_since_counts() -> None:
-    ring = Ring(1000)
+    ring = windows.Ring(1000)
     for stamp in (START, START + MILLISECOND):
         ring.put(stamp, 1.0)
     for index in range(100):
@@ -105,19 +93,19 @@ def test_after_a_clock_was_set_back_only_what_came_since_counts() -> None:
 
 @pytest.mark.parametrize("rate", [50.0, 1000.0, 2048.0, 20000.0])
 def test_the_rate_is_told_by_stamps_that_are_a_little_off(rate: float) -> None:
-    ring = Ring()
+    ring = windows.Ring()
     off = np.random.default_rng(0).normal(0.0, 2e3, 600)
     for index in range(600):
         ring.put(START + int(index / rate * NANOSECONDS + off[index]), 0.0)
-    assert live_rate(ring) == pytest.approx(rate, rel=2e-2)
+    assert windows.live_rate(ring) == pytest.approx(rate, rel=2e-2)
 
 
 def test_there_is_no_rate_of_few_or_of_equal_stamps() -> None:
-    ring = Ring()
-    assert live_rate(ring) is None
+    ring = windows.Ring()
+    assert windows.live_rate(ring) is None
     for _ in range(100):
         ring.put(START, 0.0)
-    assert live_rate(ring) is None
+    assert windows.live_rate(ring) is None
 
 
 stamp_lists = st.lists(st.integers(0, 60), unique=True, max_size=40).map(sorted)
@@ -133,7 +121,7 @@ def test_pairs_are_those_of_equal_ticks_shifted(
         off = jitter.integers(-20_000, 20_000, len(ticks))
         return START + np.array(ticks, np.int64) * MILLISECOND + off
 
-    first, second = paired(
+    first, second = windows.paired(
         stamps(desired),
         np.array(desired, float),
         stamps(actual),
@@ -151,7 +139,7 @@ def test_a_command_holds_until_the_next_and_not_for_ever(
     commands: list[int], moments: list[int]
 ) -> None:
     spread = 5  # ms between ticks, so that some are older than a command lives
-    values = held(
+    values = windows.held(
         START + spread * MILLISECOND * np.array(commands, np.int64),
         np.array(commands, float) + 1.0,
         START + spread * MILLISECOND * np.array(moments, np.int64),
@@ -171,9 +159,9 @@ def filled(
     gain: float = 0.8,
     delay: int = 2,
     amplitude: float = 3.0,
-) -> tuple[Windows, np.ndarray, np.ndarray]:
+) -> tuple[windows.Windows, np.ndarray, np.ndarray]:
     """Return windows with a known texture, and the handle's acceleration and force."""
-    made = Windows()
+    made = windows.Windows()
     count = int(seconds * RATE)
     noise = np.random.default_rng(2).normal(0.0, amplitude, count)
     texture = signal.sosfilt(high_pass(15.0, RATE), noise)
@@ -192,7 +180,7 @@ def filled(
 @pytest.mark.parametrize("latency", [0, 1, 3])
 def test_metrics_are_those_of_a_known_gain_without_gravity_and_strokes(latency: int) -> None:
     made, _, _ = filled(4.0, delay=latency + 1)
-    made.settings = GraphSettings(latency=latency)
+    made.settings = windows.GraphSettings(latency=latency)
     metrics = made.metrics()
     values = metrics.values
     assert values["rate"] == RATE
@@ -226,7 +214,7 @@ def test_what_is_drawn_has_no_gravity_and_is_near_the_filter_without_phase() -> 
 @given(st.lists(st.integers(1, 200), min_size=1, max_size=5))
 def test_derived_in_whatever_steps_the_result_is_the_same(steps: list[int]) -> None:
     source, handle, force = filled(sum(steps) / RATE + 0.2)
-    made, at = Windows(), 0
+    made, at = windows.Windows(), 0
     _, stamps, _ = source.handle.since(0)
     for step in [100, *steps]:
         for index in range(at, at + step):
@@ -253,7 +241,7 @@ def test_a_sample_waits_for_the_force_that_acts_with_it() -> None:
 
 
 def test_without_a_compensator_travel_is_derived_without_force() -> None:
-    made = Windows()
+    made = windows.Windows()
     for index in range(1000):
         made.handle.put(START + index * MILLISECOND, 9.81)
     made.advance()
@@ -269,7 +257,7 @@ def test_a_tool_that_touches_nothing_has_no_error() -> None:
 
 
 def test_a_handle_that_shakes_by_itself_is_told_though_the_tool_touches_nothing() -> None:
-    made = Windows()
+    made = windows.Windows()
     for index in range(4000):
         made.desired.put(START + index * MILLISECOND, 0.0)
         made.handle.put(START + index * MILLISECOND, np.sin(2 * np.pi * 150 * index / RATE))
@@ -299,11 +287,11 @@ def test_what_is_not_finite_is_no_metric_and_passes(bad: float) -> None:
 
 
 def test_nothing_heard_gives_nothing_said() -> None:
-    metrics = Windows().metrics()
+    metrics = windows.Windows().metrics()
     assert metrics.values == {}
     assert metrics.spectra is None
-    assert Cursor(Windows()).frame() is None
-    assert struct.unpack("<3I", plots_frame(Metrics())) == (PLOTS, 0, 0)
+    assert Cursor(windows.Windows()).frame() is None
+    assert struct.unpack("<3I", plots_frame(windows.Metrics())) == (PLOTS, 0, 0)
 
 
 def read_frame(frame: bytes) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -324,7 +312,7 @@ def read_frame(frame: bytes) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 def test_frames_join_to_the_signals() -> None:
     source, _, _ = filled(1.0)
-    made = Windows()
+    made = windows.Windows()
     cursor, frames = Cursor(made), []
     _, stamps, desired = source.desired.since(0)
     for index in range(1000):
@@ -339,11 +327,11 @@ def test_frames_join_to_the_signals() -> None:
 
 
 def test_who_comes_late_gets_the_longest_window_and_no_more() -> None:
-    made = Windows()
-    for index in range(int(3 * LONGEST_WINDOW * RATE)):
+    made = windows.Windows()
+    for index in range(int(3 * windows.LONGEST_WINDOW * RATE)):
         made.desired.put(START + index * MILLISECOND, 0.0)
     frame = read_frame(Cursor(made).frame() or b"")
-    assert len(frame["desired"][0]) == LONGEST_WINDOW * RATE + 1
+    assert len(frame["desired"][0]) == windows.LONGEST_WINDOW * RATE + 1
 
 
 def test_a_signal_is_sent_from_when_it_is_chosen_until_it_is_not() -> None:
@@ -361,8 +349,8 @@ def test_a_signal_is_sent_from_when_it_is_chosen_until_it_is_not() -> None:
 
 
 def test_another_axis_comes_with_all_of_the_longest_window() -> None:
-    made = Windows()
-    made.others["x"] = Windows("x")
+    made = windows.Windows()
+    made.others["x"] = windows.Windows("x")
     for index in range(100):
         for place, one in enumerate(made.by_axis.values()):
             one.desired.put(START + index * MILLISECOND, 1000.0 * place + index)
@@ -406,8 +394,8 @@ steps = st.one_of(
     st.sampled_from([0, 1, 10**5, 10**9, 10**12, -MILLISECOND, -(10**9), 2**61]),
     st.integers(-(2**62), 2**62),
 )
-values = st.floats(-LARGEST_VALUE, LARGEST_VALUE) | st.sampled_from(
-    [LARGEST_VALUE, -LARGEST_VALUE, 0.0, 1e-320]
+values = st.floats(-windows.LARGEST_VALUE, windows.LARGEST_VALUE) | st.sampled_from(
+    [windows.LARGEST_VALUE, -windows.LARGEST_VALUE, 0.0, 1e-320]
 )
 rings = st.sampled_from(["desired", "handle", "force", "age", "arm_force", "position"])
 bursts = st.tuples(rings, st.integers(1, 120), steps, values)
@@ -424,7 +412,7 @@ LONGEST_CASE = 5.0
 def test_of_samples_with_any_stamps_frames_and_metrics_are_made(
     found: list[tuple[str, int, int, float]],
 ) -> None:
-    made, stamp = Windows(), START
+    made, stamp = windows.Windows(), START
     cursor = Cursor(made)
     begun = time.process_time()
     with warnings.catch_warnings():
@@ -446,7 +434,7 @@ def test_of_samples_with_any_stamps_frames_and_metrics_are_made(
 def test_an_input_that_no_motor_can_follow_has_a_high_lowest_error() -> None:
     def lowest(amplitude: float) -> float:
         made, _, _ = filled(4.0, amplitude=amplitude)
-        made.settings = GraphSettings(plant=Plant(), assumed=False)
+        made.settings = windows.GraphSettings(plant=Plant(), assumed=False)
         wait_until(lambda: "lowest_percent" in made.metrics().values, "the lowest error")
         return made.metrics().values["lowest_percent"]
 
@@ -460,7 +448,7 @@ def test_without_a_plant_or_a_contact_there_is_no_lowest_error() -> None:
     made, _, _ = filled(4.0)
     assert "lowest_percent" not in made.metrics().values
     silent, _, _ = filled(4.0, amplitude=0.06)
-    silent.settings = GraphSettings(plant=Plant(), assumed=False)
+    silent.settings = windows.GraphSettings(plant=Plant(), assumed=False)
     assert "lowest_percent" not in silent.metrics().values
 
 
@@ -469,7 +457,7 @@ def test_time_that_is_left_out_is_not_compared_and_no_time_for_a_new_controller(
     changed: bool,
 ) -> None:
     made, _, _ = filled(4.0)
-    made.settings = GraphSettings(plant=Plant(), assumed=False)
+    made.settings = windows.GraphSettings(plant=Plant(), assumed=False)
     wait_until(lambda: "lowest_percent" in made.metrics().values, "the lowest error")
     if changed:
         made.compare_anew()

@@ -19,8 +19,7 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.control.filters import high_passed
-from haptic_accel.core.evaluation.delay import aligned
-from haptic_accel.core.evaluation.metrics import evaluate
+from haptic_accel.core.evaluation.metrics import aligned, evaluate
 from haptic_accel.core.topics import CONTACT_FORCE, MASTER_ARM_FORCE
 from haptic_accel.core.trial import Trial
 from haptic_accel.setup.arguments import GraphArguments

@@ -39,6 +39,12 @@ APART = (
 """Line for a process for each node."""
 
 
+@pytest.fixture
+def mine(tmp_path: Path) -> Path:
+    """Return the path of a user's parameter file."""
+    return tmp_path / "mine.yaml"
+
+
 def test_five_processes_whose_parameters_they_have() -> None:
     processes = graph(GraphArguments(composed=False))
     assert {process.executable for process in processes} == TELEOPERATION
@@ -56,9 +62,8 @@ def test_five_processes_whose_parameters_they_have() -> None:
     ],
 )
 def test_beside_a_peer_each_host_has_its_arm_a_half_of_the_coupling_and_a_link(
-    side: str, executables: list[str], tmp_path: Path
+    side: str, executables: list[str], mine: Path
 ) -> None:
-    mine = tmp_path / "mine.yaml"
     mine.write_text(f"{side}_device: {{ros__parameters: {{safety: {{recovery: manual}}}}}}")
     words = (f"side:={side}", "peer:=desk:7000", "keys:=/k", f"params_file:={mine}")
     given = parse_arguments([*words, "composed:=false"])
@@ -86,22 +91,6 @@ def test_beside_a_peer_each_host_has_its_arm_a_half_of_the_coupling_and_a_link(
             "accelerometers:=audio composed:=false params_file:=scales.yaml",
             "composed = false: must be true with accelerometers:=audio",
         ),
-    ],
-)
-def test_what_a_sound_card_cannot_have_is_refused_before_the_start(
-    words: str, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    own = "_device: {ros__parameters: {audio: {scales: '100'}}}\n"
-    Path("scales.yaml").write_text(f"master{own}slave{own}", encoding="utf-8")
-    with pytest.raises(ParameterError) as refused:
-        graph(parse_arguments(words.split()))
-    assert str(refused.value).startswith(line)
-
-
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
         ("side:=slave", "side = 'slave': must come with peer:=HOST"),
         ("peer:=desk", "peer = 'desk': must come with side:=master or slave"),
         ("side:=both peer:=desk", "side = 'both': must be one of master, slave"),
@@ -126,7 +115,11 @@ def test_what_a_sound_card_cannot_have_is_refused_before_the_start(
         ),
     ],
 )
-def test_what_two_hosts_cannot_have_is_refused(words: str, line: str) -> None:
+def test_what_two_hosts_or_a_sound_card_cannot_have_is_refused(
+    words: str, line: str, here: Path
+) -> None:
+    own = "_device: {ros__parameters: {audio: {scales: '100'}}}\n"
+    (here / "scales.yaml").write_text(f"master{own}slave{own}", encoding="utf-8")
     with pytest.raises(ParameterError) as refused:
         graph(parse_arguments(words.split()))
     assert str(refused.value).startswith(line)
@@ -184,8 +177,7 @@ def test_who_leads_the_hand_changes_nothing_else_of_the_simulated_handle() -> No
     assert {**led, "master_device": {}} == {**scripted, "master_device": {}}
 
 
-def test_an_identification_has_three_and_knows_the_simulated_actuator(tmp_path: Path) -> None:
-    mine = tmp_path / "mine.yaml"
+def test_an_identification_has_three_and_knows_the_simulated_actuator(mine: Path) -> None:
     mine.write_text(
         "/**: {ros__parameters: {actuator: {m_a: 0.03, k_s: 400.0}}}\n"
         "identifier: {ros__parameters: {actuator: {k_s: 500.0}, rest: 2.0}}"
@@ -203,10 +195,7 @@ def test_an_identification_has_three_and_knows_the_simulated_actuator(tmp_path: 
     assert processes["master_device"]["master_device"]["simulated.grip.posture"] == "hook"
 
 
-def test_a_scene_is_checked_before_anything_starts_and_its_force_is_recorded(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_scene_is_checked_before_anything_starts_and_its_force_is_recorded(here: Path) -> None:
     recorder, *_ = found = graph(parse_arguments(["slave:=virtual", "topics:=/joy"]))
     assert recorder.parameters["recorder"]["topics"] == "/joy,slave/contact_force"
     (slave,) = (each for each in found if "slave_device" in each.parameters)
@@ -263,9 +252,8 @@ def test_all_processes_of_a_graph_are_in_its_namespace_and_log_alike(composed: b
     ],
 )
 def test_a_users_key_must_hold_in_the_namespace_of_the_graph(
-    tmp_path: Path, key: str, namespace: str, holds: bool
+    mine: Path, key: str, namespace: str, holds: bool
 ) -> None:
-    mine = tmp_path / "mine.yaml"
     mine.write_text(f"{key}: {{ros__parameters: {{k_m: 300.0}}}}")
     arguments = GraphArguments(params_file=str(mine), namespace=namespace)
     if holds:
@@ -310,14 +298,13 @@ def test_what_is_no_namespace_is_refused(namespace: str) -> None:
     ],
 )
 def test_a_value_of_a_file_that_an_argument_replaces_is_stated(
-    tmp_path: Path,
+    mine: Path,
     caplog: pytest.LogCaptureFixture,
     node: str,
     given: str,
     arguments: dict[str, Any],
     line: str,
 ) -> None:
-    mine = tmp_path / "mine.yaml"
     mine.write_text(f"{node}: {{ros__parameters: {{{given}}}}}")
     graph(GraphArguments(params_file=str(mine), **arguments))
     (stated,) = caplog.messages
@@ -325,8 +312,7 @@ def test_a_value_of_a_file_that_an_argument_replaces_is_stated(
     assert stated.endswith(line)
 
 
-def test_a_value_of_a_file_that_the_graph_itself_sets_is_refused(tmp_path: Path) -> None:
-    mine = tmp_path / "mine.yaml"
+def test_a_value_of_a_file_that_the_graph_itself_sets_is_refused(mine: Path) -> None:
     mine.write_text("coupler: {ros__parameters: {compensated: false}}")
     with pytest.raises(ParameterError) as refused:
         graph(GraphArguments(params_file=str(mine)))
@@ -375,8 +361,7 @@ def test_an_identification_keeps_its_own_latency(tmp_path: Path, rig_file: Path)
     assert (found.latency, found.master, found.rate) == (10, "serial", 500.0)
 
 
-def test_a_wrong_value_for_an_argument_names_the_file(tmp_path: Path) -> None:
-    mine = tmp_path / "mine.yaml"
+def test_a_wrong_value_for_an_argument_names_the_file(mine: Path) -> None:
     mine.write_text("master_device: {ros__parameters: {device: seriel}}")
     with pytest.raises(ParameterError) as refused:
         parse_arguments([f"params_file:={mine}"])
@@ -386,9 +371,8 @@ def test_a_wrong_value_for_an_argument_names_the_file(tmp_path: Path) -> None:
 
 
 def test_the_last_of_several_files_wins_and_the_replaced_value_is_stated(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    here: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     Path("a.yaml").write_text(
         "coupler: {ros__parameters: {k_m: 300.0, k_sl: 300.0}}\n"
         "/**: {ros__parameters: {actuator: {m_a: 0.02}}}"
@@ -399,7 +383,7 @@ def test_the_last_of_several_files_wins_and_the_replaced_value_is_stated(
     )
     values = Setup.of(GraphArguments(params_file="a.yaml,b.yaml")).values
     assert (values["coupler"]["k_m"], values["coupler"]["k_sl"]) == (200.0, 300.0)
-    a, b = tmp_path / "a.yaml", tmp_path / "b.yaml"
+    a, b = here / "a.yaml", here / "b.yaml"
     assert f"{b}: k_m of coupler = 200.0: replaces 300.0 of {a}" in caplog.messages
     (mass,) = (each for each in caplog.messages if "m_a" in each)
     assert mass.startswith(f"{b}: actuator.m_a of ")
@@ -423,15 +407,12 @@ def test_of_two_files_that_decide_an_argument_the_earlier_is_stated_once(
     assert caplog.messages == [f"{here}replaces inverse of {a}", *(here + why for why in unused)]
 
 
-def test_the_recorder_notes_every_file_by_its_absolute_path(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_recorder_notes_every_file_by_its_absolute_path(here: Path) -> None:
     for name in ("a.yaml", "b.yaml"):
         Path(name).write_text("coupler: {ros__parameters: {k_m: 300.0}}")
     recorder = graph(GraphArguments(params_file="a.yaml,b.yaml"))[0]
     facts = json.loads(recorder.parameters["recorder"]["facts"])
-    assert facts["arguments"]["params_file"] == f"{tmp_path}/a.yaml,{tmp_path}/b.yaml"
+    assert facts["arguments"]["params_file"] == f"{here}/a.yaml,{here}/b.yaml"
 
 
 @pytest.mark.parametrize(
@@ -443,16 +424,14 @@ def test_the_recorder_notes_every_file_by_its_absolute_path(
         ("recorder", "max_bag_duration: 60.0"),
     ],
 )
-def test_what_no_argument_sets_a_file_may_give(tmp_path: Path, node: str, given: str) -> None:
-    mine = tmp_path / "mine.yaml"
+def test_what_no_argument_sets_a_file_may_give(mine: Path, node: str, given: str) -> None:
     mine.write_text(f"{node}: {{ros__parameters: {{{given}}}}}")
     name, value = given.split(": ")
     values = Setup.of(GraphArguments(params_file=str(mine))).values
     assert str(values[node][name]) == value
 
 
-def test_the_rig_is_made_of_the_same_parameters(tmp_path: Path) -> None:
-    mine = tmp_path / "mine.yaml"
+def test_the_rig_is_made_of_the_same_parameters(mine: Path) -> None:
     mine.write_text("master_device: {ros__parameters: {simulated: {handle: {m_h: 0.2}}}}")
     rig = Setup.of(GraphArguments(surface="vinyl", params_file=str(mine))).rig()
     assert rig.master.handle.m_h == 0.2
@@ -460,9 +439,8 @@ def test_the_rig_is_made_of_the_same_parameters(tmp_path: Path) -> None:
 
 
 def test_a_rate_too_low_for_the_high_pass_is_refused_before_anything_starts(
-    tmp_path: Path,
+    mine: Path,
 ) -> None:
-    mine = tmp_path / "mine.yaml"
     mine.write_text("compensator: {ros__parameters: {high_pass_frequency: 60.0}}")
     with pytest.raises(ParameterError, match="high_pass_frequency"):
         graph(GraphArguments(params_file=str(mine), rate=100.0))
@@ -485,11 +463,8 @@ def test_a_bag_that_cannot_be_made_is_refused_before_anything_starts(tmp_path: P
     assert not (tmp_path / "new").exists()
 
 
-def test_graphs_that_start_together_in_a_new_folder_do_not_refuse_each_other(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_graphs_that_start_together_in_a_new_folder_do_not_refuse_each_other(here: Path) -> None:
     arguments = GraphArguments()
     with ThreadPoolExecutor(2) as pool:
         assert len(list(pool.map(graph, [arguments] * 40))) == 40
-    assert not list(tmp_path.iterdir())
+    assert not list(here.iterdir())

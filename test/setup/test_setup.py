@@ -23,8 +23,7 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.warning import warn_once
+from haptic_accel.core.parameters import ParameterError, warn_once
 from haptic_accel.setup.arguments import GraphArguments, parse_arguments
 from haptic_accel.setup.node_parameters import node_schema
 from haptic_accel.setup.setup import Setup, known_arguments

@@ -30,7 +30,7 @@ from std_srvs.srv import SetBool
 from haptic_accel.analysis import load
 from haptic_accel.bags.reading import Bag, read_bag
 from haptic_accel.core import topics
-from haptic_accel.core.emergency_stop import LATCHED_SETTLING
+from haptic_accel.core.coupling.engagement import LATCHED_SETTLING
 from observing import Observer
 from running import Command, wait_until
 from verbs import refusal

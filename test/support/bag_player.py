@@ -33,7 +33,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 
 from haptic_accel.core.topics import PLAYED, SLAVE_SIGNALS, Topic
-from haptic_accel.nodes.topic_node import message_type
+from haptic_accel.nodes.supervised_node import message_type
 
 PATIENCE = 240.0
 """s."""

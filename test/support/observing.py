@@ -27,7 +27,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
 
 from haptic_accel.core.topics import DIAGNOSTICS, Topic, reporter
-from haptic_accel.nodes.topic_node import message_type, quality
+from haptic_accel.nodes.supervised_node import message_type, quality
 from running import PATIENCE
 
 

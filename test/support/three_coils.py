@@ -19,8 +19,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import signal
 
-from haptic_accel.core.handle.matrix_plant import MatrixPlant
-from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.plant import MatrixPlant, Plant
 from haptic_accel.core.identification import sweep
 from haptic_accel.core.identification.fit import Friction, Point
 from haptic_accel.core.identification.motion import simulated

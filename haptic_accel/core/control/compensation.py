@@ -33,8 +33,7 @@ from haptic_accel.core.control.decoupling import full_decoupling, static_decoupl
 from haptic_accel.core.control.fallback import NONE
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, check_corner, high_pass
 from haptic_accel.core.control.reduction_switch import ReductionSwitch
-from haptic_accel.core.handle.matrix_plant import MatrixPlant, read_matrix_plant
-from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.plant import MatrixPlant, Plant, read_matrix_plant
 from haptic_accel.core.model import ACTUATOR, GRAVITY, ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION

@@ -27,8 +27,8 @@ import numpy as np
 
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
 from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
-from haptic_accel.core.handle.grid import grid_for
-from haptic_accel.core.handle.matrix_plant import MatrixPlant
+from haptic_accel.core.handle.plant import MatrixPlant
+from haptic_accel.core.handle.response import grid_for
 from haptic_accel.core.model import FloatArray
 
 DECOUPLING_LENGTH = 0.2

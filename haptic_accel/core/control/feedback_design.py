@@ -44,8 +44,8 @@ import numpy as np
 from haptic_accel.core.control.filters import high_pass, high_pass_response, section_response
 from haptic_accel.core.control.inversion import design
 from haptic_accel.core.control.inversion.spectrum import SENSOR_DENSITY
-from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.response import grid_for
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
 

@@ -24,8 +24,8 @@ import numpy as np
 from haptic_accel.core.control import response_estimation
 from haptic_accel.core.control.diagnosis import Diagnosis
 from haptic_accel.core.control.feedback_design import MODEL_MEMORY, GripRange
-from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.response import grid_for
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
 from haptic_accel.core.sampling import BoolArray
 from haptic_accel.core.tick import FORCE, MEASURED, Trace

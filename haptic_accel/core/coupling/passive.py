@@ -16,6 +16,7 @@
 """Passive coupling of two arms over a network: spring, local damping and energy tank.
 
 Each arm has one half of the coupling. Law, proof and performance: docs/passive_coupling.md.
+Parameters of the other coupling, position-position (paper, section II), stand here, too.
 """
 
 from __future__ import annotations
@@ -25,11 +26,30 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from haptic_accel.core.coupling.position_position import CouplingParameters
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, like, parameter
 from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.tick import ArmSample, PairCoupling
+
+FADE_TIME = 0.5
+"""Time in which the gains change, s. It is several times a person's reaction time to a pull (0.2
+s), and the period of the tool's oscillation on the coupling (0.1 s)."""
+
+
+@dataclass(frozen=True)
+class CouplingParameters(Checked):
+    """Gains of the coupling; defaults from the paper (0.25 N/mm each way)."""
+
+    k_m: float = parameter(250.0, "stiffness felt at the master", "N/m", 0, 5000.0)
+    k_sl: float = parameter(250.0, "stiffness driving the slave", "N/m", 0, 5000.0)
+    damping: float = parameter(
+        0.0, "damping of the velocity difference, both ways", "N s/m", 0, 50.0
+    )
+    scale: float = parameter(1.0, "slave motion per master motion", low=0.01, high=100.0)
+    max_force: float = parameter(
+        3.3, "limit of each arm's force (Phantom Omni: 3.3 N)", "N", 0, 100.0
+    )
+
 
 LAWS = ("spring", "damped", "passive")
 """Spring only; spring with local damping and age-limited stiffness; the same with an energy

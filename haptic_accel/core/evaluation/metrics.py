@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Metrics of the paper: agreement of actual and desired acceleration.
+"""Measures of two accelerations: delay, error, direction, discrimination, reductions to one axis.
 
 The paper is McMahan and Kuchenbecker, "Haptic display of realistic tool contact via dynamically
 compensated control of a dedicated actuator", IROS 2009.
@@ -21,6 +21,26 @@ compensated control of a dedicated actuator", IROS 2009.
 A signal has shape (n,) for one axis, and (n, k) for the components of a vector. The power of a
 vector is the sum of its components' powers, so that every metric of a vector with one component is
 that of the component.
+
+Discrimination: `indistinguishable` is the share of an acceleration whose strength a hand cannot
+distinguish from the desired one.
+
+Desired and actual acceleration are cut into cells of half a second and a third of an octave. A
+cell counts if a hand would feel one of the two. The hand could not tell them apart there if their
+levels differ by less than the smallest difference that people notice. False vibration, where none
+is desired, and missing vibration count as told.
+
+The share compares strength by frequency and time, and nothing else. It ignores phase and waveform:
+an inverted or slightly delayed copy has a share of 1, and an unrelated noise of the same spectrum
+up to two thirds. It also ignores masking, adaptation and practice. The NRMSE covers phase and
+waveform.
+
+The power of all axes of a vector is added in each cell, as if the hand felt the strength of a
+vibration regardless of its direction. DFT321 assumes the same (Landin, Romano, McMahan,
+Kuchenbecker, EuroHaptics 2010). It is an approximation: direction is among the causes for which
+Brisben, Hsiao and Johnson (J. Neurophysiol. 81, 1999) found different thresholds, and people told
+vibration in three axes from its reductions to one (Lee, Tombak, Park, Kuchenbecker, IEEE
+Transactions on Haptics 15(3), 2022). `direction_error` covers the direction.
 """
 
 from __future__ import annotations
@@ -33,9 +53,191 @@ from types import MappingProxyType
 
 import numpy as np
 
-from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY
-from haptic_accel.core.model import FloatArray
+from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, comparable, high_passed
+from haptic_accel.core.model import ComplexArray, FloatArray, vector
 from haptic_accel.core.parameters import check_positive_rate
+from haptic_accel.core.reduction import REDUCTIONS, PrincipalDirection
+
+LONGEST_DELAY = 20e-3
+"""Maximum lag searched, either way, s: twenty times the paper's, one period of 50 Hz."""
+
+FRACTION_EDGE = 32
+"""Samples dropped at both ends after a shift by a fraction of a sample, as interpolation needs
+neighbours on both sides."""
+
+ALIKE = 0.3
+"""Minimum correlation for a delay. Below it, less than a tenth of the power is common, perhaps due
+to the hand, the sensor or chance."""
+
+WHOLE = 1e-6
+"""Distance from a whole number of samples below which a shift counts as whole."""
+
+
+@dataclass(frozen=True)
+class Delay:
+    """Lag with the highest correlation of two signals.
+
+    Attributes
+    ----------
+    seconds : float
+        Lag, s; positive if the second signal is later; NaN without a distinct maximum.
+    correlation : float
+        Correlation coefficient of the signals at that lag, 0 to 1.
+    """
+
+    seconds: float
+    correlation: float
+
+
+def estimate_delay(
+    desired: FloatArray, actual: FloatArray, rate: float, longest: float = LONGEST_DELAY
+) -> Delay:
+    """Find the lag of `actual` behind `desired` by the peak of their cross-correlation.
+
+    The peak is refined between samples on the band-limited cross-correlation itself. A parabola
+    would be biased by up to a twentieth of a sample. This is the generalised correlation method
+    without weights (Knapp and Carter, IEEE Trans. ASSP 24(4), 1976): the lag at which a pure delay
+    has the least error. For other responses, the result is the lag at the frequencies with most of
+    the common power.
+
+    Parameters
+    ----------
+    desired, actual : ndarray, shape (n,) or (n, k)
+        Signals with the same sampling times and unit; finite.
+    rate : float
+        Samples per second.
+    longest : float
+        Maximum lag searched, either way, s.
+
+    Returns
+    -------
+    Delay
+        NaN if a signal is constant or empty, if the correlation is below `ALIKE` at all lags up to
+        the longest, or if it is largest at the longest lag.
+    """
+    nothing = Delay(math.nan, 0.0)
+    if not len(desired):
+        return nothing
+    first, second = desired - np.mean(desired, axis=0), actual - np.mean(actual, axis=0)
+    scale = float(np.linalg.norm(first)) * float(np.linalg.norm(second))
+    farthest = min(math.ceil(longest * rate), len(first) - 2)
+    if not scale > 0.0 or farthest < 1:
+        return nothing
+    from scipy import fft
+
+    # Zeros after the signals prevent circular overlap.
+    length = fft.next_fast_len(len(first) + farthest + 1, real=True)
+    pairs = zip(components(first), components(second), strict=True)
+    products = [np.conj(fft.rfft(one, length)) * fft.rfft(other, length) for one, other in pairs]
+    cross: ComplexArray = np.sum(products, axis=0)
+    correlation = fft.irfft(cross, length)
+    lags = np.arange(-farthest, farthest + 1)
+    peak = int(lags[np.argmax(correlation[lags])])
+    if abs(peak) == farthest or correlation[peak] <= 0.0:
+        return nothing
+    lag, likeness = _between_samples(cross, length, peak)
+    found = min(likeness / scale, 1.0)
+    return Delay(lag / rate if found >= ALIKE else math.nan, found)
+
+
+def _between_samples(cross: ComplexArray, length: int, peak: int) -> tuple[float, float]:
+    """Return lag and value of a cross-correlation's maximum around its peak sample."""
+    from scipy import optimize
+
+    turns = 2j * np.pi * np.arange(cross.size) / length
+    weights = np.full(cross.size, 2.0 / length)
+    weights[0] = 1.0 / length
+    if length % 2 == 0:
+        weights[-1] = 1.0 / length
+
+    def less(lag: float) -> float:
+        return -float(np.sum(weights * (cross * np.exp(turns * lag)).real))
+
+    found = optimize.minimize_scalar(
+        less, bounds=(peak - 1, peak + 1), method="bounded", options={"xatol": 1e-4}
+    )
+    return float(found.x), -float(found.fun)
+
+
+def shift_back(
+    desired: FloatArray, actual: FloatArray, rate: float, delay: float
+) -> tuple[FloatArray, FloatArray]:
+    """Shift a response back by its delay, so that it coincides with its cause.
+
+    Parameters
+    ----------
+    desired, actual : ndarray, shape (n,) or (n, k)
+        Sampled at the same times.
+    rate : float
+        Samples per second.
+    delay : float
+        Lag of `actual`, s; negative if it leads. A whole number of samples only shifts the
+        signals. For a fraction, `actual` is interpolated as a band-limited signal.
+
+    Returns
+    -------
+    tuple of ndarray, each of the same length
+        Desired and actual signal where both exist.
+
+    Raises
+    ------
+    ValueError
+        The signals differ in length, or are not longer than the shift.
+    """
+    samples = delay * rate
+    whole = round(samples) if abs(samples - round(samples)) < WHOLE else math.floor(samples)
+    if whole < 0:
+        later, earlier = align(actual, desired, -whole)
+        desired, actual = earlier, later
+    else:
+        desired, actual = align(desired, actual, whole)
+    fraction = samples - whole
+    if abs(fraction) < WHOLE:
+        return desired, actual
+    if len(actual) <= 2 * FRACTION_EDGE:
+        raise ValueError(f"{len(actual)} samples: too few for a fractional shift")
+    inner = slice(FRACTION_EDGE, -FRACTION_EDGE)
+    return desired[inner], _advanced(actual, fraction)[inner]
+
+
+def aligned(
+    desired: FloatArray, handle: FloatArray, high_pass_frequency: float, rate: float, delay: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return desired and actual acceleration without the hand's own motion, aligned at a delay.
+
+    Parameters
+    ----------
+    desired, handle : ndarray, shape (n,) or (n, k)
+        Desired acceleration and the handle's, sampled at the same times, m/s^2.
+    high_pass_frequency : float
+        Corner of the compensator's high-pass, Hz.
+    rate : float
+        Samples per second.
+    delay : float
+        Lag of the handle, s.
+
+    Raises
+    ------
+    ValueError
+        As for `shift_back`.
+    """
+    # Whole samples first, so that the filter begins and ends at the same motion in both; the rest
+    # behind it, as gravity cannot be interpolated at the ends.
+    whole = round(delay * rate) / rate
+    pair = shift_back(desired, handle, rate, whole)
+    return shift_back(*comparable(*pair, high_pass_frequency, rate), rate, delay - whole)
+
+
+def _advanced(values: FloatArray, samples: float) -> FloatArray:
+    """Shift a signal to earlier times by a fraction of a sample."""
+    from scipy import fft
+
+    # A length without large prime factors: others take many times as long.
+    length = fft.next_fast_len(len(values) + FRACTION_EDGE, real=True)
+    spectrum = fft.rfft(values.T, length)
+    turned = spectrum * np.exp(2j * np.pi * np.arange(spectrum.shape[-1]) / length * samples)
+    return np.asarray(fft.irfft(turned, length).T[: len(values)])
+
 
 PAPER_DELAY = 1.0e-3
 """Shift of the actual acceleration before the comparison, s: tau_d, Table I."""
@@ -510,3 +712,193 @@ def band_nrmse(
         error = float(np.sum(wrong[within]))
         errors[band.name] = math.sqrt(error / reference) if reference > least else math.nan
     return errors
+
+
+DETECTION = ((10.0, 26e-6), (20.0, 8.5e-6), (160.0, 0.065e-6), (320.0, 0.06e-6))
+"""Detection threshold of a vibrating stylus held like a pen: frequency, Hz, and amplitude of the
+displacement (peak), m.
+
+Israr, Choi and Tan, "Detection threshold and mechanical impedance of the hand in a pen-hold
+posture", IROS 2006: 10 people, sines of 1 s along the stylus, 10 to 500 Hz. The text states 26 um
+at 10 Hz, 8.5 um at 20 Hz, a mean slope of -13 dB per octave from 10 to 160 Hz, which gives
+0.065 um at 160 Hz, and the minimum, 0.06 um at 320 Hz. These numbers come from a summary of the
+paper (github.com/adambickerdike/Stabilisation_Pen, HAP-27); its figure, with the value at 500 Hz,
+was not available. Beyond 320 Hz the minimum is used, so that a cell counts rather too early.
+"""
+
+JUST_NOTICEABLE = 2.2
+"""Smallest difference of two vibrations' levels that people notice, dB.
+
+Israr et al., "Tactual frequency and amplitude discrimination with fixed and roving background",
+HAPTICS 2006, 10.1109/HAPTIC.2006.1627110: 2.2 to 2.5 dB for sines of 2 to 200 Hz at the fingertip,
+20 to 35 dB above threshold; more beside another vibration.
+"""
+
+CELL = 0.5
+"""Duration of a cell, s. Its spectral lines, 2 Hz apart, resolve the lowest band, 4.6 Hz wide."""
+
+CENTRES: FloatArray = 1000.0 * 10.0 ** (np.arange(-17, -2) / 10.0)
+"""Centres of the third-octave bands (IEC 61260, base ten), 20 to 500 Hz: above the compensator's
+high-pass corner, and up to the highest frequency of `DETECTION`'s source."""
+
+_HALF_BAND = 10.0**0.05  # ratio of a band's upper edge to its centre
+
+
+def detection_threshold(frequency: FloatArray) -> FloatArray:
+    """Return the acceleration of a stylus that a hand just detects.
+
+    Parameters
+    ----------
+    frequency : ndarray, shape (n,)
+        Frequencies, Hz.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Root mean square of a sine, m/s^2. Between and beyond the points of `DETECTION` the
+        displacement is interpolated in logarithms of both, and kept.
+
+    Examples
+    --------
+    >>> detection_threshold(np.array([20.0, 160.0, 320.0])).round(2)
+    array([0.09, 0.05, 0.17])
+    """
+    known, displacement = np.log(np.array(DETECTION)).T
+    peak = np.exp(np.interp(np.log(frequency), known, displacement))
+    return np.asarray((2.0 * np.pi * frequency) ** 2 * peak / math.sqrt(2.0))
+
+
+def indistinguishable(desired: FloatArray, actual: FloatArray, rate: float) -> float:
+    """Return the share of cells in which a hand cannot distinguish actual from desired.
+
+    A cell is half a second in a Hann window, half overlapping, within a third-octave band. It
+    counts if the level of one of the accelerations reaches `detection_threshold`. Its levels are
+    indistinguishable if they differ by at most `JUST_NOTICEABLE`.
+
+    Parameters
+    ----------
+    desired, actual : ndarray, shape (n,) or (n, k)
+        Aligned accelerations without gravity, m/s^2.
+    rate : float
+        Samples per second; bands beyond half of it are omitted.
+
+    Returns
+    -------
+    float
+        Share from 0 to 1; NaN if no cell counts, or the signals are shorter than a cell.
+
+    Raises
+    ------
+    ValueError
+        The signals differ in length, are empty or not finite, or `rate` is not positive.
+
+    Examples
+    --------
+    >>> tone = np.sin(2 * np.pi * 100 * np.arange(2000) / 1000.0)
+    >>> indistinguishable(tone, 1.2 * tone, 1000.0), indistinguishable(tone, 1.4 * tone, 1000.0)
+    (1.0, 0.0)
+    """
+    check_pair(desired, actual)
+    check_positive_rate(rate)
+    centres = CENTRES[rate / 2 >= CENTRES * _HALF_BAND]
+    first, second = (
+        sum(_powers(component, centres, rate) for component in components(signal))
+        for signal in (desired, actual)
+    )
+    felt = np.maximum(first, second) >= detection_threshold(centres) ** 2
+    if not felt.any():
+        return math.nan
+    ratio = 10.0 ** (JUST_NOTICEABLE / 10.0)
+    alike = (first <= ratio * second) & (second <= ratio * first)
+    return float(np.mean(alike[felt]))
+
+
+def _powers(signal: FloatArray, centres: FloatArray, rate: float) -> FloatArray:
+    """Return the mean square of each cell (rows) in each band (columns), (m/s^2)^2."""
+    length = round(CELL * rate)
+    if len(signal) < length or not len(centres):
+        return np.zeros((0, len(centres)))
+    window = np.hanning(length + 1)[:-1]
+    pieces = np.lib.stride_tricks.sliding_window_view(signal, length)[:: length // 2]
+    lines = np.abs(np.fft.rfft(pieces * window)) ** 2 * (2.0 / (length * np.sum(window**2)))
+    frequency = np.fft.rfftfreq(length, 1.0 / rate)[:, np.newaxis]
+    within = (frequency >= centres / _HALF_BAND) & (frequency < centres * _HALF_BAND)
+    return np.asarray(lines @ within)
+
+
+LIVE_PRINCIPAL = "principal, live"
+"""Name of the row of `PrincipalDirection`; the other live reductions are also those of a whole
+recording."""
+
+SILENT = 1e-6
+"""Smallest share of a band's power that counts: less is reported as -60 dB."""
+
+
+@dataclass(frozen=True)
+class ReductionLoss:
+    """Loss by the reduction of a vibration in three axes to one signal.
+
+    Attributes
+    ----------
+    name : str
+    power : float
+        Power of the signal over that of all three axes, above the compensation's high-pass; 1
+        where nothing is lost.
+    spectral_error : float
+        RMS over the octaves with vibration of the level against all three axes, dB.
+    """
+
+    name: str
+    power: float
+    spectral_error: float
+
+
+def reduction_table(acceleration: FloatArray, rate: float) -> list[ReductionLoss]:
+    """Return the loss by each reduction.
+
+    Motion of the hand and gravity are removed first, by the compensation's high-pass.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (n, 3)
+        Acceleration of the tool, m/s^2.
+    rate : float
+        Samples per second, above 30 Hz.
+
+    Examples
+    --------
+    >>> wave = np.sin(2 * np.pi * 100 * np.arange(4000) / 1000)
+    >>> for row in reduction_table(np.outer(wave, [0.6, 0.0, 0.8]), 1000.0):
+    ...     print(f"{row.name}: {row.power:.2f}, {row.spectral_error:.1f} dB")
+    dft321: 1.00, 0.0 dB
+    principal: 1.00, 0.0 dB
+    sum: 1.96, 2.9 dB
+    magnitude: 0.17, 27.1 dB
+    axis: 0.64, 1.9 dB
+    principal, live: 0.98, 0.8 dB
+    """
+    passed = [high_passed(each, HIGH_PASS_FREQUENCY, rate) for each in acceleration.T]
+    moving = np.column_stack(passed)
+    signals = {name: reduced(moving) for name, reduced in REDUCTIONS.items()}
+    live = PrincipalDirection(rate)
+    signals[LIVE_PRINCIPAL] = np.array([live(vector(each)) for each in moving])
+    there = np.sum([_band_powers(each, rate) for each in moving.T], axis=0)
+    return [_loss(name, each, there, rate) for name, each in signals.items()]
+
+
+def _loss(name: str, signal: FloatArray, there: FloatArray, rate: float) -> ReductionLoss:
+    """Return the loss of one reduction; `there` is the power of all axes by band."""
+    kept = _band_powers(signal, rate)
+    loud = there > QUIET_SHARE * there.sum()
+    if not loud.any():
+        return ReductionLoss(name, math.nan, math.nan)
+    levels = 10 * np.log10(np.maximum(kept[loud] / there[loud], SILENT))
+    error = float(np.sqrt(np.mean(levels**2)))
+    return ReductionLoss(name, float(kept.sum() / there.sum()), error)
+
+
+def _band_powers(signal: FloatArray, rate: float) -> FloatArray:
+    """Return the power of a signal in each octave of `BAND_EDGES`."""
+    power = np.abs(np.fft.rfft(signal)) ** 2
+    edges = np.searchsorted(np.fft.rfftfreq(len(signal), 1 / rate), BAND_EDGES)
+    return np.array([power[low:high].sum() for low, high in itertools.pairwise(edges)])

@@ -16,19 +16,22 @@
 """Plant for controllers: from a force at one tick to the handle's acceleration at later ticks.
 
 Its response is that of physical parameters, or of a discrete model written by an identification.
+A handle with three coils has a plant for each axis, and the coupling between them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.document import read_json_document
+from haptic_accel.core import model
+from haptic_accel.core.axes import HIGHEST_CONDITION, NAMES
+from haptic_accel.core.document import Document, read_json_document
 from haptic_accel.core.handle.response import sampled_response
 from haptic_accel.core.model import (
     AccelerometerParameters,
@@ -37,7 +40,14 @@ from haptic_accel.core.model import (
     HandleParameters,
     MountParameters,
 )
-from haptic_accel.core.parameters import Checked, ParameterError, Specification, like, parameter
+from haptic_accel.core.parameters import (
+    Checked,
+    ParameterError,
+    Specification,
+    like,
+    own_schema,
+    parameter,
+)
 from haptic_accel.core.sampling import check_latency
 
 
@@ -217,3 +227,156 @@ class IdentifiedPlant:
                 f"rate = {rate:g}: must be that of the identified model, {self.model.rate:g} Hz"
             )
         return self.model.response(frequency)
+
+
+THREE_AXES = "three_axes"
+"""Key of a plant with three axes in the results of an identification."""
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixPlant:
+    """Response of a handle with three coils, G(f) = K(f) diag(p_x(f), p_y(f), p_z(f)).
+
+    Column j of K is the acceleration in all axes relative to the acceleration that the plant p_j
+    has along its own axis, when only coil j is driven. K is close to the directions of the coils,
+    and causal without a delay of its own, as a coil's delay is part of its plant.
+
+    Attributes
+    ----------
+    axes : tuple of Plant
+        Plants of x, y and z.
+    coupling : ndarray, shape (3, 3, n)
+        Impulse responses of K at `rate`; the first index is the axis of the acceleration, the
+        second that of the coil.
+    rate : float
+        Samples per second of the coupling.
+    """
+
+    axes: tuple[Plant, Plant, Plant]
+    coupling: model.FloatArray
+    rate: float
+
+    @classmethod
+    def uncoupled(cls, plant: Plant, rate: float) -> MatrixPlant:
+        """Return a plant whose axes are equal and independent."""
+        return cls((plant, plant, plant), np.eye(3)[:, :, np.newaxis], rate)
+
+    @property
+    def directions(self) -> model.FloatArray:
+        """Static coupling, shape (3, 3): K at 0 Hz."""
+        return np.asarray(self.coupling.sum(axis=2))
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the directions; see `HIGHEST_CONDITION`."""
+        return float(np.linalg.cond(self.directions))
+
+    def coupling_response(self, frequency: npt.ArrayLike) -> model.ComplexArray:
+        """Return K at frequencies in Hz, shape (f, 3, 3)."""
+        turns = np.outer(
+            np.asarray(frequency, dtype=np.float64), np.arange(self.coupling.shape[2])
+        )
+        return np.moveaxis(self.coupling @ np.exp(-2j * np.pi / self.rate * turns).T, 2, 0)
+
+    def response(self, frequency: npt.ArrayLike, rate: float) -> model.ComplexArray:
+        """Return G, sampled acceleration over held force, m/s^2 per N, shape (f, 3, 3).
+
+        Parameters
+        ----------
+        frequency : array_like, shape (f,)
+            Frequencies, Hz.
+        rate : float
+            Samples per second.
+
+        Raises
+        ------
+        ParameterError
+            The coupling was identified at another rate.
+        """
+        self.check_rate(rate)
+        own = np.stack([plant.response(frequency, rate) for plant in self.axes], axis=-1)
+        return np.asarray(self.coupling_response(frequency) * own[:, np.newaxis, :])
+
+    def check_rate(self, rate: float) -> None:
+        """Reject a rate other than that of the identification.
+
+        Raises
+        ------
+        ParameterError
+            The message contains both rates.
+        """
+        if rate != self.rate:
+            raise ParameterError(
+                f"rate = {rate:g}: must be that of the identified plant, {self.rate:g} Hz;"
+                " run identify"
+            )
+
+    def coupled(self) -> MatrixPlant:
+        """Return the plant with the coupling of the arms as part of the handle."""
+        x, y, z = (plant.coupled() for plant in self.axes)
+        return replace(self, axes=(x, y, z))
+
+    def delayed(self, latency: int) -> MatrixPlant:
+        """Return the plant of a loop with a delay from sample to force, in samples."""
+        x, y, z = (plant.delayed(latency) for plant in self.axes)
+        return replace(self, axes=(x, y, z))
+
+    def as_document(self) -> dict[str, object]:
+        """Return the content of `THREE_AXES` in a file of results, for `read_matrix_plant`."""
+        return {
+            "rate_hz": self.rate,
+            "axes": {
+                name: {key: value for key, value in asdict(plant).items() if key not in _FILES}
+                for name, plant in zip(NAMES, self.axes, strict=True)
+            },
+            "coupling": self.coupling.tolist(),
+        }
+
+
+_FILES = ("model", "doubt")
+"""Parameters of a plant that have no meaning for one axis of three."""
+
+
+_NUMBERS = {name: each for name, each in own_schema(Plant).items() if name not in _FILES}
+
+
+def read_matrix_plant(path: Path) -> MatrixPlant:
+    """Read the plant with three axes from the results of an identification.
+
+    Parameters
+    ----------
+    path : Path
+        JSON file written by ``haptic-accel identify`` for a handle with three coils.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be read, holds a handle with one axis, or coils whose directions are too
+        close to a plane to be inverted.
+    """
+    results = read_json_document(path)
+    if THREE_AXES not in results:
+        results.refuse("holds a handle with one axis: must be an identification with three axes")
+    content = results.at(THREE_AXES)
+    axes = content.at("axes")
+    x, y, z = (_axis(axes.at(name)) for name in NAMES)
+    coupling = content.at("coupling")
+    taps = coupling.array()
+    if taps.ndim != 3 or taps.shape[:2] != (3, 3) or not np.isfinite(taps).all():
+        coupling.wrong("must be three rows of three impulse responses of finite numbers")
+    found = MatrixPlant((x, y, z), taps, content.at("rate_hz").number())
+    if not found.condition <= HIGHEST_CONDITION:
+        coupling.refuse(
+            f"condition number {found.condition:.3g} of the coils' directions: must be at most"
+            f" {HIGHEST_CONDITION:g}, or the axes cannot be driven independently"
+        )
+    return found
+
+
+def _axis(content: Document) -> Plant:
+    handle = content.at("handle").build(model.HandleParameters)
+    mount = content.at("mount").build(model.MountParameters)
+    own: dict[str, Any] = {
+        key: content.at(key).number(each) for key, (_, each) in _NUMBERS.items()
+    }
+    return Plant(handle=handle, mount=mount, **own)

@@ -13,17 +13,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Frequency responses of the handle, for sampled signals and in continuous time."""
+"""Frequency responses of the handle, the grid for inversion, and the paper's invertible model."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
 
 from haptic_accel.core.handle.mechanics import SIMPLE, axial_mechanics, zero_order_hold
 from haptic_accel.core.model import (
+    ApproximateModel,
     ComplexArray,
     FloatArray,
     HandleParameters,
@@ -31,6 +33,70 @@ from haptic_accel.core.model import (
     MountParameters,
     handle_model,
 )
+from haptic_accel.core.parameters import ParameterError
+
+FINEST_STEP = 0.2
+"""Frequency spacing of a grid, Hz: a fifth of the lowest corner in a filter."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Frequencies between the lines of a discrete Fourier transform, without 0 Hz.
+
+    Handle and high-pass have zeros at 0 Hz, which would cause a division by zero.
+
+    Attributes
+    ----------
+    rate : float
+        Samples per second.
+    points : int
+        Number of frequencies, evenly spaced up to half the rate.
+    """
+
+    rate: float
+    points: int
+
+    @property
+    def frequency(self) -> FloatArray:
+        """Frequencies, Hz, shape (points,)."""
+        return np.asarray((np.arange(self.points) + 0.5) * self.spacing, dtype=np.float64)
+
+    @property
+    def spacing(self) -> float:
+        """Distance between two frequencies, Hz."""
+        return self.rate / (2 * self.points)
+
+    def delay(self, samples: float) -> ComplexArray:
+        """Return the response of a delay."""
+        turns = self.frequency / self.rate * samples
+        return np.asarray(np.exp(-2j * np.pi * turns))
+
+    def spectrum(self, sequence: FloatArray) -> ComplexArray:
+        """Return the Fourier transform of a real sequence that starts at time zero.
+
+        Parameters
+        ----------
+        sequence : ndarray, shape (n,)
+            Real sequence; n at most twice `points`.
+        """
+        shift = np.exp(-1j * np.pi * np.arange(len(sequence)) / (2 * self.points))
+        return np.asarray(np.fft.fft(sequence * shift, 2 * self.points)[: self.points])
+
+    def sequence(self, spectrum: ComplexArray | FloatArray) -> FloatArray:
+        """Return the real sequence of a Fourier transform, shape (2 points,).
+
+        It is antiperiodic: its second half, with opposite sign, contains the times before zero.
+        """
+        both = np.concatenate([spectrum, np.zeros(self.points)])
+        shift = np.exp(1j * np.pi * np.arange(2 * self.points) / (2 * self.points))
+        return np.asarray(2.0 * (np.fft.ifft(both) * shift).real)
+
+
+def grid_for(rate: float, taps: int = 0, step: float = FINEST_STEP) -> Grid:
+    """Return a grid with a step in Hz or finer, long enough for a filter with a number of taps."""
+    needed = max(rate / (2 * step), 4 * taps)
+    return Grid(rate, 1 << int(np.ceil(np.log2(needed))))
+
 
 ACCELEROMETER_CORNER = 500.0
 """Corner of the accelerometer's first-order low-pass, Hz (paper: ADXL320J)."""
@@ -184,3 +250,68 @@ def inverse_terms(handle: HandleParameters, frequency: FloatArray) -> ComplexArr
     bearing = handle.b_s * s + handle.k_s
     shared = (handle.m_a * s**2 + bearing) / (handle.m_a * s**2)
     return np.stack([shared, shared / s, shared / s**2, bearing / s**2])
+
+
+LOWEST_FREQUENCY = 15.0
+"""Lower frequency limit of the model, the corner of the high-pass, Hz (paper)."""
+
+HIGHEST_FREQUENCY = 200.0
+"""Upper frequency limit of the identified band, Hz (paper)."""
+
+_LINES = 200  # spaced evenly in the logarithm of frequency, as human perception is logarithmic
+_FREQUENCIES = (4.0, 60.0)  # Hz; a slower inverse would drift, paper 9 to 20 Hz (assumed)
+_DAMPING = (0.15, 1.5)  # the inverse would oscillate with less; paper 0.3 to 0.5 (assumed)
+_PULL = 0.01  # towards the paper's values; matters only where the response leaves freedom
+
+_FREE = tuple(field.name for field in fields(ApproximateModel) if field.name != "gain")
+
+
+def approximate_model(
+    handle: HandleParameters, band: tuple[float, float] = (LOWEST_FREQUENCY, HIGHEST_FREQUENCY)
+) -> ApproximateModel:
+    """Choose the zero and pole pairs of the paper's model for a handle.
+
+    Fit the logarithm of the magnitude, starting from the paper's values. The gain at zero
+    frequency, which the high-pass hides, remains 1.
+
+    Parameters
+    ----------
+    handle : HandleParameters
+        Handle to approximate.
+    band : tuple of float
+        Band of the approximation, Hz.
+
+    Returns
+    -------
+    ApproximateModel
+
+    Raises
+    ------
+    ParameterError
+        The band is out of range, or the response of the handle vanishes in it, so that the handle
+        is no mass on a spring.
+    """
+    from scipy.optimize import least_squares
+
+    low, high = band
+    if not 0 < low < high < np.inf:
+        raise ParameterError(f"band = {low:g} to {high:g} Hz: must satisfy 0 < low < high")
+    frequency = np.geomspace(low, high, _LINES)
+    exact = handle_model(handle).response(frequency)
+    if not np.isfinite(exact).all() or (exact == 0).any():
+        raise ParameterError(
+            f"handle = {handle}: has no finite response from {low:g} to {high:g} Hz"
+        )
+    paper = np.log([getattr(ApproximateModel(), name) for name in _FREE])
+    bounds = np.log([_FREQUENCIES if name.endswith("frequency") else _DAMPING for name in _FREE])
+
+    def residuals(point: FloatArray) -> FloatArray:
+        ratio = _model(point).model().response(frequency) / exact
+        return np.concatenate([np.log(np.abs(ratio)), _PULL * (point - paper)])
+
+    found = least_squares(residuals, paper, bounds=(bounds[:, 0], bounds[:, 1]), x_scale=1.0)
+    return _model(found.x)
+
+
+def _model(point: FloatArray) -> ApproximateModel:
+    return ApproximateModel(**dict(zip(_FREE, np.exp(point).tolist(), strict=True)))

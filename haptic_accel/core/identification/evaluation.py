@@ -25,10 +25,10 @@ from statistics import fmean
 
 import numpy as np
 
-from haptic_accel.core.handle.approximate import approximate_model
 from haptic_accel.core.handle.plant import DiscreteModel
+from haptic_accel.core.handle.response import approximate_model
 from haptic_accel.core.identification import estimate
-from haptic_accel.core.identification.discrete import identify_discrete
+from haptic_accel.core.identification.estimate import identify_discrete
 from haptic_accel.core.identification.fit import DEFAULT_FREE as OF_RESPONSES
 from haptic_accel.core.identification.fit import (
     HANDLE,

@@ -23,8 +23,7 @@ from functools import partial
 import numpy as np
 
 from haptic_accel.core.axes import HIGHEST_CONDITION, NAMES
-from haptic_accel.core.handle.matrix_plant import MatrixPlant
-from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.plant import MatrixPlant, Plant
 from haptic_accel.core.identification import evaluation
 from haptic_accel.core.identification.estimate import NOISE_LINES, RecordingError, smoothed
 from haptic_accel.core.identification.fit import HandleFit, fit_handle

@@ -24,7 +24,7 @@ import struct
 import sys
 from pathlib import Path
 
-from haptic_accel.core.warning import warn_once
+from haptic_accel.core.parameters import warn_once
 
 COMPILED, PLAIN = "compiled", "plain Python"
 

@@ -37,8 +37,7 @@ from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.operating_state import MESSAGES
 from haptic_accel.core.orientation import Orientation
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.sequence_check import SequenceCheck
-from haptic_accel.core.sole_publisher import SolePublisher
+from haptic_accel.core.sequence_check import SequenceCheck, SolePublisher
 from haptic_accel.core.topics import SLAVE
 from haptic_accel.devices.matched import MatchedPublishers
 

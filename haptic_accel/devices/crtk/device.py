@@ -24,8 +24,7 @@ from typing import TYPE_CHECKING
 
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.operating_state import ENABLE, ENABLED
-from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
-from haptic_accel.core.warning import warn_once
+from haptic_accel.core.parameters import Checked, ParameterError, like, parameter, warn_once
 from haptic_accel.devices.interface import Device, DeviceError, Sample
 
 if TYPE_CHECKING:

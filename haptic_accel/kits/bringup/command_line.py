@@ -26,9 +26,8 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
-from haptic_accel.cli.output import next_command
+from haptic_accel.cli.output import StoppedError, next_command
 from haptic_accel.cli.running import HOST, interrupted_by_signals, print_line, show_page
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, WRONG_ARGUMENTS

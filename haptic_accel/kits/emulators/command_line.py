@@ -31,8 +31,8 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import arguments, verb
+from haptic_accel.cli.output import StoppedError
 from haptic_accel.cli.running import is_ours, on_keys, print_line, stop_on_signal
 from haptic_accel.core.axes import NAMES, Axes
 from haptic_accel.core.bounded_files import located
@@ -178,7 +178,7 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
     except ImportError:
         raise StoppedError(f"serial: {MISSING_LIBRARY}") from None
     # The boards must not be delayed by the nodes that they serve.
-    from haptic_accel.nodes.priority import ask_for_realtime, sharpen_timers
+    from haptic_accel.nodes.timing import ask_for_realtime, sharpen_timers
 
     folder = arguments.made_folder("serial")
     held = _Held(arguments.seed)

@@ -29,8 +29,8 @@ from rich.progress import TaskID
 
 from haptic_accel.bags.reading import Bag
 from haptic_accel.bags.spooling import spooled_bags
-from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, verb
+from haptic_accel.cli.output import StoppedError
 from haptic_accel.cli.running import interrupted_by_signals, progress_bar
 from haptic_accel.core.parameters import ParameterError, one_line, printable
 from haptic_accel.core.safe_writing import whole_folder

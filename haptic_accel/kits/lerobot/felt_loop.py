@@ -46,8 +46,7 @@ from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import Device, DeviceError
 from haptic_accel.graph.stop_signal import PendingStop, own_domain
 from haptic_accel.kits.lerobot.fast_path import FELT, LATE, RUNNING, TICKS, WRITTEN, Ring
-from haptic_accel.nodes.priority import ask_for_realtime, scheduling_class, sharpen_timers
-from haptic_accel.nodes.timing import CATCH_UP, ArrivalKeeper, RateKeeper, wake_time
+from haptic_accel.nodes import timing
 from haptic_accel.setup.arguments import GraphArguments, parse_arguments
 from haptic_accel.setup.node_parameters import SAFETY, build_device
 from haptic_accel.setup.setup import Setup
@@ -82,7 +81,7 @@ class FeltLoop:
     def __init__(self, arguments: GraphArguments, ring: Ring) -> None:
         setup = Setup.of(arguments)
         self._rate, self._frame, self._ring = arguments.rate, arguments.frame, ring
-        latency, longest = arguments.latency, round(CATCH_UP * self._rate)
+        latency, longest = arguments.latency, round(timing.CATCH_UP * self._rate)
         around, options = setup.node("compensator")
         self._compensation = Compensation(around, self._rate, options, latency=latency)
         part = CompensationPart(self._compensation, self._rate, latency, longest)
@@ -108,8 +107,8 @@ class FeltLoop:
 
     def begin(self) -> None:
         """Start at the next tick."""
-        self._keeper = RateKeeper(self._rate, lead=wake_time(), frame=self._frame)
-        self._arrivals = {arm: ArrivalKeeper(self._rate / self._frame) for arm in ARMS}
+        self._keeper = timing.RateKeeper(self._rate, lead=timing.wake_time(), frame=self._frame)
+        self._arrivals = {arm: timing.ArrivalKeeper(self._rate / self._frame) for arm in ARMS}
 
     def work(self) -> float:
         """Do the work that is due; return the steady time of the next, s."""
@@ -178,15 +177,17 @@ def run(loop: FeltLoop, ring: Ring, parent: int) -> None:
     gc.collect()
     gc.freeze()
     gc.disable()
-    sharpen_timers()
-    ask_for_realtime()
+    timing.sharpen_timers()
+    timing.ask_for_realtime()
     loop.begin()
     is_told = False
     # A pipe would not do: a process that the parent has forked keeps its end open.
     while not ends and os.getppid() == parent:
         wake = loop.work()
         if ring.counts[WRITTEN] and not is_told:
-            print(RUNNING, "; ".join(filter(None, (remarks, scheduling_class()))), flush=True)
+            print(
+                RUNNING, "; ".join(filter(None, (remarks, timing.scheduling_class()))), flush=True
+            )
             is_told = True
         time.sleep(max(REST, wake - time.monotonic()))
 

@@ -47,7 +47,7 @@ class Authenticator:
     The tag is keyed BLAKE2b (RFC 7693) of the complete datagram, for the sending side and its
     graph's namespace. A datagram that is reflected to its sender, or forwarded to another graph
     with the same key, is therefore rejected. Sessions and numbers inside the datagram prevent
-    replays; see `core.network.session`.
+    replays; see `core.network.endpoint`.
 
     Parameters
     ----------

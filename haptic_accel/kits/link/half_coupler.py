@@ -25,14 +25,13 @@ import time
 
 from haptic_accel.core import topics
 from haptic_accel.core.axes import Axes
-from haptic_accel.core.coupling.half_engagement import HalfEngagement
+from haptic_accel.core.network.endpoint import random_session
 from haptic_accel.core.network.playout import KINDS, WAITING
-from haptic_accel.core.network.session import random_session
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import SLAVE, ArmSample, CoupledForces
-from haptic_accel.core.two_hosts import ArmEndpoint, HalfCouplingPart
+from haptic_accel.core.two_hosts import ArmEndpoint, HalfCouplingPart, HalfEngagement
 from haptic_accel.kits.link.local import COUPLER, LocalEnd
-from haptic_accel.nodes.coupling_node import ARM_TOPICS, CouplingNode, MotionSynchronizer
+from haptic_accel.nodes.coupler import ARM_TOPICS, CouplingNode, MotionSynchronizer
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.signals import Samples
 from haptic_accel.nodes.timing import RateKeeper, system_time, wake_time

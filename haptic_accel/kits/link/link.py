@@ -40,8 +40,8 @@ from haptic_accel.kits.link.local import LINK, LONGEST_DATAGRAM, LocalEnd
 from haptic_accel.kits.link.zenoh import ZenohCarrier
 from haptic_accel.links.addresses import Route, bound, route
 from haptic_accel.links.parameters import UDP, LinkNodeParameters, check_peer
-from haptic_accel.nodes.priority import ask_for_realtime
 from haptic_accel.nodes.scheduling import LOOK_ROUND, TEARDOWN, Signals, run_process
+from haptic_accel.nodes.timing import ask_for_realtime
 from haptic_accel.setup.arguments import LOG_LEVELS
 from haptic_accel.setup.files import read_parameter_file
 from haptic_accel.setup.node_parameters import node_parameters

@@ -31,9 +31,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import click
 from rich.progress import Progress
 
-from haptic_accel.cli.ending import StoppedError
 from haptic_accel.cli.options import FILE, json_option, one_of, verb, workers_options
-from haptic_accel.cli.output import make_folder, next_command, save
+from haptic_accel.cli.output import StoppedError, make_folder, next_command, save
 from haptic_accel.cli.running import STOP_KEY, on_keys, progress_bar, show_page, stop_on_signal
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError

@@ -41,7 +41,7 @@ from haptic_accel.nodes.joined_view import JoinedView, joined_view
 from haptic_accel.nodes.service_client import RequestError
 from haptic_accel.scope.frames import SCENE
 from haptic_accel.scope.intervals import MARGIN, late_percent, measure
-from haptic_accel.scope.node_reports import LEVELS
+from haptic_accel.scope.state import LEVELS
 from haptic_accel.scope.windows import CHANGING, Windows
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.processes import graph

@@ -28,13 +28,12 @@ from haptic_accel.cli.options import FILE, json_option, listed_words, verb
 from haptic_accel.cli.output import check_writable, next_command, save
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, printable
+from haptic_accel.core.parameters import ParameterError, printable, warn_once
 from haptic_accel.core.reduction import REDUCTIONS
 from haptic_accel.core.sampling import resampled
 from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
 from haptic_accel.core.tables import records
 from haptic_accel.core.topics import CONTACT_FORCE, SLAVE, SLAVE_ARM_FORCE
-from haptic_accel.core.warning import warn_once
 from haptic_accel.devices.playback import bag_track, is_bag
 from haptic_accel.kits.textures.building import Recording, build
 from haptic_accel.kits.textures.foreign import import_texture

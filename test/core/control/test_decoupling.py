@@ -18,8 +18,7 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.control import decoupling
-from haptic_accel.core.handle.matrix_plant import MatrixPlant
-from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.plant import MatrixPlant, Plant
 from haptic_accel.core.model import ComplexArray, FloatArray, Vector, vector
 from haptic_accel.core.tick.control import VectorConvolution
 

@@ -34,8 +34,8 @@ from haptic_accel.core.control.feedback_design import (
 )
 from haptic_accel.core.control.inversion.design import Goal, design_inverse
 from haptic_accel.core.control.inversion.spectrum import TexturePrior
-from haptic_accel.core.handle.grid import Grid
 from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.response import Grid
 from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 

@@ -40,8 +40,8 @@ from haptic_accel.core.control.inversion.design import (
 )
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.control.inversion.spectrum import PRIOR, TexturePrior, measured_spectrum
-from haptic_accel.core.handle.grid import Grid
 from haptic_accel.core.handle.plant import DiscreteModel, IdentifiedPlant, Plant
+from haptic_accel.core.handle.response import Grid
 from haptic_accel.core.model import FloatArray, HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tick.control import SampleConvolution, SampleWindow

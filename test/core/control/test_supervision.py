@@ -25,8 +25,8 @@ import pytest
 from scipy import signal
 
 from haptic_accel.core.control.supervision import FITTING, ORDINARY, ResponseSupervisor
-from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.response import grid_for
 from haptic_accel.core.model import FloatArray, MountParameters
 from haptic_accel.core.tick import Trace
 

@@ -26,6 +26,7 @@ from haptic_accel.core.coupling.engagement import (
     DIFFERING,
     DISENGAGED,
     FREE_TIME,
+    LATCHED_SETTLING,
     RESTING,
     STEP_PERIOD,
     STOPPED,
@@ -34,7 +35,6 @@ from haptic_accel.core.coupling.engagement import (
     Engagement,
     EngagementParameters,
 )
-from haptic_accel.core.emergency_stop import LATCHED_SETTLING
 from haptic_accel.core.tick import ArmSample
 from haptic_accel.core.topics import ARMS
 

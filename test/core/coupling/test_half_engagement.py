@@ -24,19 +24,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.coupling import half_engagement
+from haptic_accel.core import two_hosts
 from haptic_accel.core.coupling.engagement import (
     FREE_TIME,
+    LATCHED_SETTLING,
     STEP_PERIOD,
     STOPPED,
     EngagementParameters,
 )
 from haptic_accel.core.coupling.passive import PassiveParameters
-from haptic_accel.core.emergency_stop import LATCHED_SETTLING
 from haptic_accel.core.network.channel import Channel, ChannelParameters
-from haptic_accel.core.network.session import UNHEARD
+from haptic_accel.core.network.endpoint import UNHEARD
 from haptic_accel.core.tick import ArmSample
-from haptic_accel.core.two_hosts import ArmEndpoint, HalfCouplingPart
 
 RATE = 1000.0
 TIMEOUT = 0.1
@@ -50,9 +49,9 @@ class Host:
     def __init__(self, side: str, session: int, now: float, recovery: str) -> None:
         parameters = EngagementParameters(timeout=TIMEOUT, listeners=0, recovery=recovery)
         self.side = side
-        self.engagement = half_engagement.HalfEngagement(parameters, now - LATCHED_SETTLING, side)
-        end = ArmEndpoint(side, PassiveParameters(), RATE, 1, session)
-        self.part = HalfCouplingPart(end, self.engagement, TIMEOUT)
+        self.engagement = two_hosts.HalfEngagement(parameters, now - LATCHED_SETTLING, side)
+        end = two_hosts.ArmEndpoint(side, PassiveParameters(), RATE, 1, session)
+        self.part = two_hosts.HalfCouplingPart(end, self.engagement, TIMEOUT)
         self.end = end.endpoint
         self.log: list[str] = []
 
@@ -151,7 +150,7 @@ def test_neither_engages_while_packets_go_one_way_only(side: str) -> None:
     run.cut(side)
     run.run(2.0)
     assert run.engaged == (False, False)
-    assert (run.missing(side), run.missing(other)) == (UNHEARD, half_engagement.SILENT)
+    assert (run.missing(side), run.missing(other)) == (UNHEARD, two_hosts.SILENT)
     run.mend()
     run.run(0.2)
     assert run.engaged == (True, True)
@@ -195,7 +194,7 @@ def test_after_short_losses_both_keep_their_reference_positions(
 def test_after_a_long_loss_a_request_or_a_stop_the_arms_engage_where_they_are(side: str) -> None:
     run = engaged_run()
     run.cut(side)
-    run.run(half_engagement.RESUME_TIME + 0.2)
+    run.run(two_hosts.RESUME_TIME + 0.2)
     run.mend()
     run.run(0.2)
     assert (run.engaged, run.resumes) == ((True, True), (False, False))
@@ -220,7 +219,7 @@ def test_hosts_that_disagree_on_the_reference_positions_engage_once_more(side: s
     packet = host.end.peer
     assert packet
     host.engagement.peer_heard(packet._replace(resumes=True), run.now)
-    assert host.part.poll(run.now, 0).warning == f"let go: {half_engagement.DIFFERENT}"
+    assert host.part.poll(run.now, 0).warning == f"let go: {two_hosts.DIFFERENT}"
     run.run(FREE_TIME + 0.2)
     assert (run.engaged, run.resumes) == ((True, True), (False, False))
 
@@ -233,7 +232,7 @@ def test_a_peer_that_starts_again_is_engaged_with_anew() -> None:
     run.run(FREE_TIME + 0.2)
     assert run.engaged == (True, True)
     assert run.host(SLAVE).log == ["engaged"]
-    assert run.host(MASTER).log == ["engaged", f"let go: {half_engagement.SILENT}", "engaged"]
+    assert run.host(MASTER).log == ["engaged", f"let go: {two_hosts.SILENT}", "engaged"]
 
 
 def test_a_peer_that_starts_again_unnoticed_is_not_taken_for_the_one_before() -> None:
@@ -242,7 +241,7 @@ def test_a_peer_that_starts_again_unnoticed_is_not_taken_for_the_one_before() ->
     packet = run.host(MASTER).end.peer
     assert packet
     master.peer_heard(packet._replace(session=99), run.now)
-    assert master.decide(run.now, 0).warning == f"let go: {half_engagement.RESTARTED}"
+    assert master.decide(run.now, 0).warning == f"let go: {two_hosts.RESTARTED}"
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.5])
@@ -270,7 +269,7 @@ def test_manual_recovery_returns_after_a_loss_only_when_asked(side: str) -> None
     run.mend()
     run.run(1.0)
     assert run.engaged == (False, False)
-    assert run.missing(side) == half_engagement.LOST
+    assert run.missing(side) == two_hosts.LOST
     for each in SIDES:
         assert run.engaged == (False, False)
         run.host(each).engagement.request(True)
@@ -290,7 +289,7 @@ def test_a_stop_stops_both_hosts_and_each_is_released_by_itself(side: str) -> No
     run.release(other)
     run.run(2.0)
     assert not run.host(other).engagement.stop.stopped, "stopped again, though nobody stopped it"
-    assert run.missing(other) == half_engagement.STOPPED_THERE
+    assert run.missing(other) == two_hosts.STOPPED_THERE
     assert run.engaged == (False, False)
     run.release(side)
     run.run(0.2)

@@ -25,7 +25,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.core.coupling.position_position import CouplingParameters
+from haptic_accel.core.coupling.passive import CouplingParameters
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tick import PositionPositionCoupling

@@ -25,7 +25,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from haptic_accel.core.evaluation.discrimination import detection_threshold, indistinguishable
+from haptic_accel.core.evaluation.metrics import detection_threshold, indistinguishable
 from haptic_accel.core.model import FloatArray
 
 SECONDS = 4.0

@@ -22,7 +22,7 @@ import math
 import numpy as np
 import pytest
 
-from haptic_accel.core.evaluation.reduction import LIVE_PRINCIPAL, ReductionLoss, reduction_table
+from haptic_accel.core.evaluation.metrics import LIVE_PRINCIPAL, ReductionLoss, reduction_table
 from haptic_accel.core.model import FloatArray
 
 RATE = 1000.0

@@ -24,8 +24,7 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.evaluation import metrics
-from haptic_accel.core.evaluation.delay import estimate_delay, shift_back
-from haptic_accel.core.evaluation.discrimination import indistinguishable
+from haptic_accel.core.evaluation.metrics import estimate_delay, indistinguishable, shift_back
 from haptic_accel.core.evaluation.statistics import nrmse_interval
 from haptic_accel.core.model import FloatArray
 

@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from haptic_accel.core.handle.matrix_plant import MatrixPlant, read_matrix_plant
-from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.plant import MatrixPlant, Plant, read_matrix_plant
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.core.parameters import ParameterError
 

@@ -18,14 +18,29 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.handle.response import inverse_terms, sampled_response, travel_response
-from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
+from haptic_accel.core.handle.response import (
+    Grid,
+    approximate_model,
+    grid_for,
+    inverse_terms,
+    sampled_response,
+    travel_response,
+)
+from haptic_accel.core.model import (
+    ApproximateModel,
+    ComplexArray,
+    FloatArray,
+    HandleParameters,
+    handle_model,
+)
+from haptic_accel.core.parameters import ParameterError
 
 RATE = 1000.0
 FREQUENCY = np.linspace(10.0, 450.0, 45)
@@ -86,3 +101,44 @@ def test_a_fast_force_moves_both_masses_apart() -> None:
     travel = travel_response(HandleParameters(), np.array([frequency]))
     apart = (1 / 0.018 + 1 / 0.128) / (2 * math.pi * frequency) ** 2
     assert abs(travel) == pytest.approx(apart, rel=1e-3)
+
+
+@pytest.mark.parametrize("rate", [1000.0, 4000.0])
+def test_a_grids_sequences_are_those_of_its_spectra(rate: float) -> None:
+    grid = Grid(rate, 64)
+    sequence = np.random.default_rng(0).normal(size=50)
+    spectrum = grid.spectrum(sequence)
+    turned = np.exp(-2j * np.pi * np.outer(grid.frequency / rate, np.arange(50)))
+    assert spectrum == pytest.approx(turned @ sequence)
+    assert grid.sequence(spectrum)[:50] == pytest.approx(sequence)
+    assert grid.spectrum(np.eye(5)[3]) == pytest.approx(grid.delay(3))
+
+
+def test_a_grid_is_fine_enough_and_long_enough() -> None:
+    assert grid_for(1000.0).spacing <= 0.2
+    assert grid_for(50.0, taps=4000).points >= 16000
+
+
+def magnitude_error(model: ApproximateModel, handle: HandleParameters) -> float:
+    """Return the root mean square difference of two magnitudes over the paper's band, dB."""
+    frequency = np.geomspace(15.0, 200.0, 200)
+    ratio = model.model().response(frequency) / handle_model(handle).response(frequency)
+    return float(np.sqrt(np.mean((20 * np.log10(np.abs(ratio))) ** 2)))
+
+
+def test_on_table_i_it_is_closer_than_the_papers_numbers() -> None:
+    model = approximate_model(TABLE_I)
+    # The paper's own is 0.48 dB off.
+    assert magnitude_error(model, TABLE_I) < 0.01 < magnitude_error(ApproximateModel(), TABLE_I)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.floats(0.07, 0.3), st.floats(500.0, 4000.0), st.floats(5.0, 30.0))
+def test_it_is_close_for_any_hand(m_h: float, k_u: float, b_u: float) -> None:
+    hand = replace(TABLE_I, m_h=m_h, k_u=k_u, b_u=b_u)
+    assert magnitude_error(approximate_model(hand), hand) < 0.5
+
+
+def test_what_cannot_be_approximated_is_refused() -> None:
+    with pytest.raises(ParameterError, match="^band = 200 to 15 Hz: must satisfy 0 < low < high$"):
+        approximate_model(TABLE_I, (200.0, 15.0))

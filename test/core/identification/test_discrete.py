@@ -27,13 +27,12 @@ from scipy import signal
 
 from haptic_accel.core.handle.plant import DiscreteModel
 from haptic_accel.core.handle.response import sampled_response
-from haptic_accel.core.identification.discrete import identify_discrete
-from haptic_accel.core.identification.estimate import RecordingError
+from haptic_accel.core.identification.estimate import RecordingError, identify_discrete
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.simulated_identification import run_identification
+from haptic_accel.core.trial import run_identification
 
 RATE = 1000.0
 FREQUENCY = np.linspace(15.0, 400.0, 300)

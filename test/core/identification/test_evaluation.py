@@ -37,7 +37,7 @@ from haptic_accel.core.identification.sweep import (
 )
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.simulated_identification import run_identification
+from haptic_accel.core.trial import run_identification
 
 RATE = 1000.0
 SWEEP = SweepParameters(duration=1.0)

@@ -29,7 +29,7 @@ from haptic_accel.core.identification.sweep import SweepParameters, kept_repeats
 from haptic_accel.core.model import HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.simulated_identification import run_identification
+from haptic_accel.core.trial import run_identification
 
 RATE = 1000.0
 SWEEP = SweepParameters()

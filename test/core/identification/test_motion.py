@@ -38,7 +38,7 @@ from haptic_accel.core.model import (
     held,
 )
 from haptic_accel.core.rig.master_rig import DriveParameters, MasterRigParameters
-from haptic_accel.core.simulated_identification import run_identification
+from haptic_accel.core.trial import run_identification
 
 RATE = 1000.0
 SWEEP = SweepParameters()

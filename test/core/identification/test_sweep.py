@@ -47,8 +47,8 @@ from haptic_accel.core.identification.sweep import (
 from haptic_accel.core.model import FloatArray, Suspension
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.simulated_identification import run_identification
 from haptic_accel.core.tick import TravelEstimator
+from haptic_accel.core.trial import run_identification
 from three_coils import RATE, SWEEP
 
 SHORT = SweepParameters(duration=0.2)

@@ -21,7 +21,7 @@ import math
 import numpy as np
 import pytest
 
-from haptic_accel.core.handle.matrix_plant import MatrixPlant
+from haptic_accel.core.handle.plant import MatrixPlant
 from haptic_accel.core.identification import three_axes
 from haptic_accel.core.identification.estimate import RecordingError
 from haptic_accel.core.identification.fit import DEFAULT_FREE as WITHOUT_FRICTION

@@ -24,7 +24,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_accel.core.coupling.engagement import STEP_PERIOD, Engagement, EngagementParameters
-from haptic_accel.core.coupling.position_position import CouplingParameters
+from haptic_accel.core.coupling.passive import CouplingParameters
 from haptic_accel.core.model import ZERO, FloatArray, Vector
 from haptic_accel.core.sampling import RELEASED
 from haptic_accel.core.tick import (

@@ -24,7 +24,7 @@ from haptic_accel.core.actuator.safety import MasterSafetyParameters, SafetyPara
 from haptic_accel.core.axes import ACTUATOR_AXIS, along_actuator
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
 from haptic_accel.core.coupling.engagement import STEP_PERIOD, Engagement, EngagementParameters
-from haptic_accel.core.coupling.position_position import CouplingParameters
+from haptic_accel.core.coupling.passive import CouplingParameters
 from haptic_accel.core.model import LATER, ZERO, Reading, Sample, Vector
 from haptic_accel.core.sampling import RELEASED
 from haptic_accel.core.tick import (

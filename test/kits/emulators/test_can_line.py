@@ -24,7 +24,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_accel.core.coupling import position_position
+from haptic_accel.core.coupling import passive
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.tick import PositionPositionCoupling
@@ -255,7 +255,7 @@ def test_coupled_arms_move_together(values: dict[str, object]) -> None:
         for _ in range(100):
             side.step()
         assert side.arm.state is State.ARMED, side.arm.fault
-    coupling = PositionPositionCoupling(position_position.CouplingParameters())
+    coupling = PositionPositionCoupling(passive.CouplingParameters())
     tips: list[tuple[np.ndarray, np.ndarray]] = []
     for _ in range(round(2.0 * RATE)):
         master, slave = (side.arm.read(side.now).position for side in sides)

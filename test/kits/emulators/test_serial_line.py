@@ -27,7 +27,7 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.core.coupling.position_position import CouplingParameters
+from haptic_accel.core.coupling.passive import CouplingParameters
 from haptic_accel.core.model import Vector
 from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.core.tick import PositionPositionCoupling

@@ -28,7 +28,7 @@ from hypothesis import strategies as st
 from fuzzing import measured
 from haptic_accel.bags.reading import Bag, Signal, read_bag
 from haptic_accel.core import topics
-from haptic_accel.core.evaluation.discrimination import indistinguishable
+from haptic_accel.core.evaluation.metrics import indistinguishable
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import resampled

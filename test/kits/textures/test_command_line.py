@@ -25,11 +25,10 @@ import pytest
 from scipy import signal
 
 from haptic_accel.bags.trial_bag import write_trial
-from haptic_accel.core.parameters import from_flat
+from haptic_accel.core.parameters import from_flat, warn_once
 from haptic_accel.core.rig.slave_rig import SlaveRigParameters, SurfaceParameters
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.trial import run_trial
-from haptic_accel.core.warning import warn_once
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.recordings import read_recording
 from haptic_accel.materials.texture_files import read_texture

@@ -28,7 +28,7 @@ from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.feedback_design import MARGIN, FeedbackDesign, GripRange, Response
 from haptic_accel.core.control.filters import inverse_of, section_response
-from haptic_accel.core.handle.approximate import approximate_model
+from haptic_accel.core.handle.response import approximate_model
 from haptic_accel.core.parameters import parameter
 from haptic_accel.core.tick.control import FeedbackForce, SampleConvolution, SampleFilter
 

@@ -30,9 +30,8 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
 from haptic_accel.core.control.inversion.design import Goal, nearest
 from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum, measured_spectrum
-from haptic_accel.core.handle.grid import Grid, grid_for
 from haptic_accel.core.handle.plant import Dynamics
-from haptic_accel.core.handle.response import travel_response
+from haptic_accel.core.handle.response import Grid, grid_for, travel_response
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.tick import CUSHION_END
 

@@ -26,9 +26,8 @@ import numpy.typing as npt
 
 from haptic_accel.core.control import filters
 from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
-from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.plant import Dynamics, Plant
-from haptic_accel.core.handle.response import inverse_terms, travel_response
+from haptic_accel.core.handle.response import grid_for, inverse_terms, travel_response
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters, handle_model
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import HIGHEST_LATENCY

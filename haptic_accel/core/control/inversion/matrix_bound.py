@@ -25,9 +25,8 @@ from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_res
 from haptic_accel.core.control.inversion import bound
 from haptic_accel.core.control.inversion.design import Goal
 from haptic_accel.core.control.inversion.spectrum import SEGMENT_SECONDS, SENSOR_DENSITY
-from haptic_accel.core.handle.grid import Grid, grid_for
-from haptic_accel.core.handle.matrix_plant import MatrixPlant
-from haptic_accel.core.handle.response import travel_response
+from haptic_accel.core.handle.plant import MatrixPlant
+from haptic_accel.core.handle.response import Grid, grid_for, travel_response
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.tick import CUSHION_END
 

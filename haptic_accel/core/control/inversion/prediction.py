@@ -24,9 +24,8 @@ import numpy as np
 from haptic_accel.core.control.filters import high_pass_response, section_response
 from haptic_accel.core.control.inversion.design import LANDING_VELOCITY, InverseFilter
 from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum
-from haptic_accel.core.handle.grid import grid_for
 from haptic_accel.core.handle.plant import Dynamics
-from haptic_accel.core.handle.response import travel_response
+from haptic_accel.core.handle.response import grid_for, travel_response
 from haptic_accel.core.model import ComplexArray, FloatArray
 
 

@@ -39,8 +39,8 @@ from haptic_accel.core.control.controllers.feedback import (
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.feedback_design import GripRange
 from haptic_accel.core.control.inversion.spectrum import TexturePrior
-from haptic_accel.core.handle.approximate import approximate_model
 from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.response import approximate_model
 from haptic_accel.core.model import FloatArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters

@@ -28,8 +28,7 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
 from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
-from haptic_accel.core.handle.matrix_plant import MatrixPlant
-from haptic_accel.core.handle.plant import Plant
+from haptic_accel.core.handle.plant import MatrixPlant, Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, MountParameters
 
 RATE = 500.0

@@ -25,9 +25,10 @@ from rclpy.lifecycle import TransitionCallbackReturn as Outcome
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
+from haptic_accel.nodes.crtk import Managed
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.managed import Managed
 from haptic_accel.nodes.scheduling import EventsExecutor
+from haptic_accel.nodes.supervised_node import Wire, Wires
 from observing import Observer
 from running import wait_until
 
@@ -147,3 +148,38 @@ def test_a_polled_service_answers_though_its_response_cannot_be_sent(served: Ser
 
     served.until(answered, "its answer")
     assert not future.result().success
+
+
+def test_each_receiver_is_told_whoever_was_there_first() -> None:
+    wire = Wire()
+    before: list[bool] = []
+    after: list[bool] = []
+    wire.join(before.append)
+    wire.offer()
+    wire.join(after.append)
+    assert (before, after) == ([False, True], [True])
+    assert wire.listeners == 2
+
+
+def test_a_signal_left_to_others_comes_as_messages_and_who_has_left_is_told_nothing() -> None:
+    wire = Wire()
+    told: list[bool] = []
+    take = told.append
+    wire.join(take)
+    wire.offer()
+    wire.offer(False)
+    assert (told, wire.listeners) == ([False, True, False], 0)
+    wire.offer()
+    wire.leave(take)
+    wire.offer(False)
+    assert (told[3:], wire.listeners) == ([True], 0)
+
+
+def test_only_nodes_that_are_to_share_a_process_share_wires() -> None:
+    wires = Wires()
+    alone = wires.of("/master/measured_cp")
+    assert wires.of("/master/measured_cp") is not alone
+    wires.joined = True
+    shared = wires.of("/master/measured_cp")
+    assert wires.of("/master/measured_cp") is shared
+    assert wires.of("/left/master/measured_cp") is not shared

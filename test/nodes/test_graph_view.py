@@ -29,11 +29,9 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.task import Future
 
 from fuzzing import ODD_TEXTS, fuzz
-from haptic_accel.nodes.graph_view import WANTED
-from haptic_accel.nodes.scope_parameters import RemoteParameters, admitted
-from haptic_accel.scope.node_reports import EXPECTED, NodeReport, NodeReports
+from haptic_accel.nodes.graph_view import WANTED, RemoteParameters, admitted
 from haptic_accel.scope.server import as_json
-from haptic_accel.scope.state import state_of
+from haptic_accel.scope.state import EXPECTED, NodeReport, NodeReports, state_of
 from haptic_accel.scope.windows import GraphSettings
 from haptic_accel.setup.node_parameters import node_schema
 

@@ -43,8 +43,8 @@ from haptic_accel.core.topics import (
     TOPICS,
 )
 from haptic_accel.nodes.graph_node import GraphNode
+from haptic_accel.nodes.supervised_node import message_type, quality
 from haptic_accel.nodes.timing import CATCH_UP
-from haptic_accel.nodes.topic_node import message_type, quality
 from observing import Observer
 from reading import with_rosbags
 from running import Command, nodes_of, wait_until
