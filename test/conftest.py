@@ -101,6 +101,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker("live")
         if item.get_closest_marker("live") and config.pluginmanager.hasplugin("rerunfailures"):
             item.add_marker(pytest.mark.flaky(reruns=1, only_rerun=list(RERUN_REASONS)))
+    if TICK == COMPILED:
+        _leave_out(config, items, [item for item in items if item.get_closest_marker("plain")])
     if config.getoption("--fuzz"):
         _leave_out(config, items, [item for item in items if not item.get_closest_marker("fuzz")])
         for item in items:

@@ -46,6 +46,9 @@ from haptic_accel.core.rig.master_rig import MasterRigParameters
 from haptic_accel.devices.simulated import SimulatedMaster
 from one_coil import OneCoil
 
+# Compiled objects cannot be copied.
+pytestmark = pytest.mark.plain
+
 RATE = 1000.0
 NAMES = tuple(CONTROLLERS)
 PAIRS = list(permutations(NAMES, 2))

@@ -47,6 +47,9 @@ from haptic_accel.core.model import (
 from haptic_accel.core.parameters import Checked, ParameterError
 from one_coil import OneCoil
 
+# Compiled objects cannot be copied.
+pytestmark = pytest.mark.plain
+
 RATE = 1000.0
 LATENCY = 1
 GRANTED = 1

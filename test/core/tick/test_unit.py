@@ -29,7 +29,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.random import bit_generator
 
-from haptic_accel.core.tick import COMPILED, TICK
 from tick_bits import UNIT, differing_sums, differing_trials, first_difference, loaded
 from tick_unit import built
 
@@ -37,13 +36,12 @@ from tick_unit import built
 @pytest.fixture(scope="module")
 def unit(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a unit that checks each index."""
-    if TICK == COMPILED:
-        pytest.skip("compares with plain Python: HAPTIC_ACCEL_PLAIN=1")
     if not (find_spec("Cython") and (shutil.which("cc") or "CC" in os.environ)):
         pytest.skip("needs Cython and a C compiler")
     return built(tmp_path_factory.mktemp("unit"), boundscheck=True)
 
 
+@pytest.mark.plain
 def test_compiled_and_plain_give_the_same_bits(unit: Path) -> None:
     """One test, as the unit takes long to build."""
     assert differing_trials(unit) == []
@@ -56,6 +54,7 @@ def test_compiled_and_plain_give_the_same_bits(unit: Path) -> None:
     of_the_safety_layer()
 
 
+@pytest.mark.plain
 @pytest.mark.slow
 @pytest.mark.parametrize("axes", ["z", "x, y, z"])
 def test_a_million_ticks_of_the_safety_layer_keep_limits_and_bits(unit: Path, axes: str) -> None:
