@@ -363,7 +363,7 @@ EVENTS: dict[str, Event] = {
 }
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(
     st.lists(st.tuples(st.sampled_from(sorted(EVENTS)), st.sampled_from(SIDES)), max_size=12),
     st.floats(0.0, 0.2),

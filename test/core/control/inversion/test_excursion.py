@@ -253,7 +253,7 @@ def test_what_no_member_keeps_gets_the_last_one() -> None:
 
 def test_other_taps_are_faded_in() -> None:
     found = control([1.0, 0.5])
-    other = 3.0 * found.taps
+    other = 3.0 * np.asarray(found.taps)
     found.replace(other)
     assert found.left
     count = round(EXCURSION_FADING * RATE)
@@ -265,7 +265,7 @@ def test_other_taps_are_faded_in() -> None:
 
 def test_the_travel_of_other_taps_is_predicted_at_once() -> None:
     found = control([1.0, 0.1])
-    found.replace(10.0 * found.taps)
+    found.replace(10.0 * np.asarray(found.taps))
     for _ in range(100):
         found.process(0.5)
     assert found.position > 0.5
