@@ -166,6 +166,16 @@ def test_a_recording_without_metadata_has_failed(tmp_path: Path) -> None:
     assert files.failure == "metadata.yaml cannot be written: Is a directory"
 
 
+def two_files(bag: Path) -> BagFiles:
+    """Begin a bag with a message in each of two files."""
+    files = BagFiles(bag, RecordingOptions(), {})
+    files.add(TOPICS[0])
+    files.write(TOPICS[0], START, b"one")
+    files.split()
+    files.write(TOPICS[0], START, b"two")
+    return files
+
+
 LOSSES: dict[str, Callable[[Path], object]] = {
     "removed": shutil.rmtree,
     "moved away": lambda bag: bag.rename(bag.with_name("elsewhere")),
@@ -179,11 +189,7 @@ def test_a_folder_that_is_lost_ends_the_recording(
     tmp_path: Path, loss: str, noticed_by: str
 ) -> None:
     bag = tmp_path / "bag"
-    files = BagFiles(bag, RecordingOptions(), {})
-    files.add(TOPICS[0])
-    files.write(TOPICS[0], START, b"one")
-    files.split()
-    files.write(TOPICS[0], START, b"two")
+    files = two_files(bag)
     LOSSES[loss](bag)
     left = sorted(bag.iterdir()) if bag.exists() else None
     getattr(files, noticed_by)()
@@ -207,11 +213,7 @@ def test_a_folder_that_is_lost_ends_the_recording(
 
 def test_messages_of_a_file_that_is_replaced_are_not_called_saved(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
-    files = BagFiles(bag, RecordingOptions(), {})
-    files.add(TOPICS[0])
-    files.write(TOPICS[0], START, b"one")
-    files.split()
-    files.write(TOPICS[0], START, b"two")
+    files = two_files(bag)
     (bag / "other.mcap").write_bytes((bag / "bag_0.mcap").read_bytes())
     (bag / "other.mcap").replace(bag / "bag_0.mcap")
     files.close()

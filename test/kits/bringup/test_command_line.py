@@ -42,6 +42,7 @@ from haptic_accel.devices.serial.protocol import FULL_SCALE
 from haptic_accel.kits.bringup.bench import STEPS
 from haptic_accel.setup.files import read_parameter_file
 from haptic_accel.setup.rig_file import note_step, noted_steps
+from refusals import assert_refused, rows
 from running import Command, piped
 from sound_cards import NAME, sound_card, sound_world
 from terminals import Terminal
@@ -374,3 +375,17 @@ def test_arms_on_can_are_connected_with_what_their_file_says(start: Any, tmp_pat
     assert "ok: no accelerometer on both arms" in done.stdout
     values = read_parameter_file(tmp_path / "rig.yaml")
     assert values["master_device"]["can.channel"] == str(tmp_path / "arms" / "master")
+
+
+REFUSED = {
+    "bringup redo:=paint": "redo = 'paint': must be one of ...",
+    "bringup master:=violin": "master = 'violin': must be one of simulated, ...",
+    "bringup params_file:=nowhere.yaml": "params_file: .../nowhere.yaml: ...: No such file ...",
+    "bringup rate:=5": "rate = 5.0: must be from 100 to 10000 Hz",
+}
+"""Line of each command line, in which ... stands for any text."""
+
+
+@rows(REFUSED)
+def test_a_wrong_command_line_is_refused_in_one_line(folder: Path, words: str, line: str) -> None:
+    assert_refused(folder, words, line)

@@ -30,6 +30,7 @@ from haptic_accel.kits.study.export import FORMS
 from haptic_accel.kits.study.folder import Study, templates
 from haptic_accel.kits.study.trials import COMPLETE
 from page_content import Page
+from refusals import assert_refused, rows
 from verbs import ODD_NAMES, next_command, next_words, output_of, refusal, status_of
 
 
@@ -247,3 +248,36 @@ def test_the_power_of_the_planned_tests(study: Study, tmp_path: Path) -> None:
     (power,) = json.loads(file.read_text())
     assert (power["name"], power["share"]) == ("told apart", 1.0)  # strengths differ by 3
     assert power["low"] < 1.0 == pytest.approx(power["high"])
+
+
+TEMPLATES = ", ".join(templates())
+
+FILES = {
+    "misspelt/study.yaml": TEXT.replace("adaptive", "adaptve"),
+    "blank/study.yaml": TEXT.replace("I agree to take part.", '"[[ blank: purpose ]] I agree."'),
+    "study/study.yaml": TEXT,
+    "untested/study.yaml": TEXT.partition("tests:")[0],
+}
+"""Text of files in the working folder."""
+
+REFUSED = {
+    "study new --template gain mine": f"...: must be one of {TEMPLATES} (did you mean gain_jnd?)",
+    "study check empty": "empty: must be a study's folder, ...",
+    "study simulate empty": "empty: must be a study's folder, ...",
+    "study status empty": "empty: must be a study's folder, ...",
+    "study analyze empty": "empty: must be a study's folder, ...",
+    "study export empty": "empty: must be a study's folder, ...",
+    "study check misspelt": "misspelt/study.yaml:6: factors.controller = 'adaptve': ...",
+    "study simulate untested": "untested/study.yaml: tests = nothing: must be given ...",
+    "study run blank --participant P07": (
+        "blank/study.yaml:5: consent.text: must have its 1 blanks filled in: purpose"
+    ),
+    "study run study --participant Anna": "participant = 'Anna': must be a pseudonym ...",
+    "study resume study --participant Anna": "participant = 'Anna': must be a pseudonym ...",
+}
+"""Line of each command line, in which ... stands for any text."""
+
+
+@rows(REFUSED)
+def test_a_wrong_command_line_is_refused_in_one_line(folder: Path, words: str, line: str) -> None:
+    assert_refused(folder, words, line)
