@@ -37,7 +37,7 @@ BUDGETS = {
     "bags": 2_760,
     "scope": 1_420,
     "setup": 1_600,
-    "materials": 1_390,
+    "materials": 1_370,
     "kits/emulators": 1_160,
     "graph": 1_110,
     "kits/export": 940,

@@ -39,13 +39,14 @@ from haptic_accel.core.outliers import without_outliers
 from haptic_accel.core.parameters import ParameterError, shown, warn_once
 from haptic_accel.materials.columns import (
     COLUMNS,
+    LARGEST_VALUE,
     MOST_CHANNELS,
     STANDARD_GRAVITY,
     Column,
     Wording,
     missing,
+    read_csv,
 )
-from haptic_accel.materials.csv_files import LARGEST_VALUE, read_csv
 
 MOST_CHUNKS = 1000
 """Maximum number of chunks in a file; programs write fewer than ten."""

@@ -38,8 +38,7 @@ from haptic_accel.kits.bringup.bench import (
     BringUpError,
     Person,
 )
-from haptic_accel.kits.bringup.boards import calibrate_boards, connect
-from haptic_accel.kits.bringup.handle_safety import make_safe
+from haptic_accel.kits.bringup.boards import calibrate_boards, connect, make_safe
 from haptic_accel.setup import rig_file
 
 TRIAL = 10

@@ -40,7 +40,7 @@ from haptic_accel.core.sampling import HIGHEST_RATE, LOWEST_RATE
 from haptic_accel.core.surfaces.texture import Provenance, TextureModel, from_polynomial, levinson
 from haptic_accel.kits.textures.building import FRAME, LARGEST_ORDER, RENDER_RATE
 from haptic_accel.materials import columns
-from haptic_accel.materials.csv_files import LARGEST_VALUE
+from haptic_accel.materials.columns import LARGEST_VALUE
 from haptic_accel.materials.recordings import UNCALIBRATED, check_rate, read_samples
 from haptic_accel.materials.texture_files import read_npz
 
