@@ -52,7 +52,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.kits.link.keys import FOLDERS
-from haptic_accel.links.parameters import TRANSPORTS
+from haptic_accel.links.addresses import TRANSPORTS
 from haptic_accel.setup.arguments import GraphArguments, parse_arguments
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "support"))

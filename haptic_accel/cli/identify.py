@@ -47,14 +47,10 @@ from haptic_accel.cli.tables import print_table
 from haptic_accel.cli.workers import Workers
 from haptic_accel.core import process
 from haptic_accel.core.axes import ALL_AXES, Axes
+from haptic_accel.core.identification import sweep
 from haptic_accel.core.identification.estimate import SMALLER, RecordingError
 from haptic_accel.core.identification.evaluation import DEFAULT_FREE
 from haptic_accel.core.identification.fit import check_free
-from haptic_accel.core.identification.sweep import (
-    IdentificationTrial,
-    SweepParameters,
-    repeats_of_trial,
-)
 from haptic_accel.core.model import POSTURES
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.devices.audio import AUDIO
@@ -114,7 +110,7 @@ _Measured: TypeAlias = tuple[Setup[IdentifyArguments], Recordings, Result[Any]]
     help="Parameters of the model to fit.",
 )
 @options.update_option("device, rate and handle")
-@options.word_options([*schema(SweepParameters), "trials", "rig"])
+@options.word_options([*schema(sweep.SweepParameters), "trials", "rig"])
 @options.workers_options
 @options.json_option
 @options.out_option
@@ -310,7 +306,7 @@ def _by_grip(arguments: IdentifyArguments, grips: Sequence[str]) -> dict[str, Id
 
 def _run_lockstep(
     setups: Mapping[str, Setup[IdentifyArguments]], workers: Workers
-) -> dict[str, list[IdentificationTrial]]:
+) -> dict[str, list[sweep.IdentificationTrial]]:
     with stop_on_signal() as stop:
         runs = workers.map(run_lockstep, list(setups.values()), stop)
         trials = dict(zip(setups, runs, strict=False))
@@ -335,7 +331,7 @@ def _run_live(
 
 def _run_graph(arguments: IdentifyArguments, axes: Axes) -> None:
     trials = arguments.trials
-    repeats = repeats_of_trial(axes, arguments.sweep)
+    repeats = sweep.repeats_of_trial(axes, arguments.sweep)
     grip = f"{arguments.grip} grip: "
     progress = [
         f"{grip}trial {trial} of {trials}, repeat {repeat} of {repeats}"

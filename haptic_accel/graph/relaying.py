@@ -30,8 +30,7 @@ from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import Checked, ParameterError, like, parameter
 from haptic_accel.core.process import ENDING, WRONG_ARGUMENTS
 from haptic_accel.graph.stop_signal import hurry
-from haptic_accel.links.addresses import route
-from haptic_accel.links.parameters import UDP
+from haptic_accel.links.addresses import UDP, route
 from haptic_accel.links.relay import Relay
 from haptic_accel.setup.words import given_keys, parse_words
 

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Addresses and ports of the two hosts."""
+"""Addresses, ports and parameters of the link between two hosts."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import Any
 
-from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel.core.parameters import Checked, ParameterError, parameter, shown
+from haptic_accel.core.topics import ARMS
 
-UDP = socket.SOCK_DGRAM
+DATAGRAMS = socket.SOCK_DGRAM
 
 HIGHEST_PORT = 65535
 """Maximum UDP port."""
@@ -128,9 +129,9 @@ def bound(address: str, port: int) -> socket.socket:
     ParameterError
         The port is used by another program, or not permitted for this user.
     """
-    opened = socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET, UDP)
+    opened = socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET, DATAGRAMS)
     try:
-        opened.bind(socket.getaddrinfo(address, port, opened.family, UDP)[0][4])
+        opened.bind(socket.getaddrinfo(address, port, opened.family, DATAGRAMS)[0][4])
     except OSError as error:
         opened.close()
         if error.errno not in (errno.EADDRINUSE, errno.EACCES):
@@ -162,11 +163,11 @@ def _addresses(host: str, port: int, *, sort: bool) -> tuple[str, str]:
     Sorted, so that an IPv4 address comes first if one exists: both hosts must choose the same.
     """
     try:
-        found = socket.getaddrinfo(host, port, type=UDP)
+        found = socket.getaddrinfo(host, port, type=DATAGRAMS)
         if sort:
             found.sort(key=lambda each: each[0] != socket.AF_INET)
         kind, _, _, _, there = found[0]
-        with socket.socket(kind, UDP) as asking:
+        with socket.socket(kind, DATAGRAMS) as asking:
             asking.connect(there)  # finds the route; sends nothing
             return _numeric(asking.getsockname()), _numeric(there)
     except OSError as error:
@@ -177,3 +178,48 @@ def _addresses(host: str, port: int, *, sort: bool) -> tuple[str, str]:
 def _numeric(address: Any) -> str:
     """Return a socket's address, with the interface if link-local."""
     return socket.getnameinfo(address, socket.NI_NUMERICHOST | socket.NI_NUMERICSERV)[0]
+
+
+UDP, ZENOH = TRANSPORTS = ("udp", "zenoh")
+"""Transports of datagrams between hosts."""
+
+AUTHORITY, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"
+"""Files of a host: certificate of the authority, own certificate, and private key."""
+
+
+@dataclass(frozen=True)
+class LinkNodeParameters(Checked):
+    """Parameters of the node `link`."""
+
+    side: str = parameter("master", "arm of this host", choices=ARMS)
+    peer: str = parameter("", "peer host as HOST or HOST:PORT; empty for no link")
+    transport: str = parameter(UDP, "transport of datagrams to the peer host", choices=TRANSPORTS)
+    keys: str = parameter("", "folder with this host's keys, made by 'haptic-accel keys'")
+    insecure: bool = parameter(
+        False, "link hosts without keys: anybody with access to the port can then move the arm"
+    )
+
+    def __post_init__(self) -> None:
+        """Check all fields, the form of the peer's address, and authentication."""
+        super().__post_init__()
+        if self.peer:
+            check_peer(self.peer, self.transport, self.keys, insecure=self.insecure)
+
+
+def check_peer(peer: str, transport: str, keys: str, *, insecure: bool) -> None:
+    """Reject a peer with an invalid address, or without authentication.
+
+    Raises
+    ------
+    ParameterError
+        The message names the parameter and the allowed values.
+    """
+    host, _ = host_and_port(peer)
+    if insecure and (keys or transport != UDP):
+        given = f"keys:={keys}" if keys else f"transport:={transport}"
+        raise ParameterError(f"insecure = True: must not come with {given}")
+    if not (keys or insecure or (transport == UDP and is_loopback(host))):
+        raise ParameterError(
+            f"keys = '': must be the folder of this host's keys, as peer {host} is another host;"
+            " run haptic-accel keys to make it"
+        )

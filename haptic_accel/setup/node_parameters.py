@@ -50,7 +50,7 @@ from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import MASTERS, SLAVES, Device, audio
 from haptic_accel.devices.interface import MASTERS_GROUP, SLAVES_GROUP
 from haptic_accel.devices.sound_bench import NO_ARM, BenchOutput, CardAccelerometer
-from haptic_accel.links.parameters import LinkNodeParameters
+from haptic_accel.links.addresses import LinkNodeParameters
 
 SAFETY = "safety"
 """Name of a device node's safety limits among its devices' parameters."""

@@ -22,12 +22,8 @@ from dataclasses import replace
 import pytest
 
 from haptic_accel.core.model import AccelerometerParameters
+from haptic_accel.core.rig import master_rig
 from haptic_accel.core.rig.interface import ArmParameters
-from haptic_accel.core.rig.master_rig import (
-    DriveParameters,
-    ExplorationParameters,
-    MasterRigParameters,
-)
 from haptic_accel.core.rig.slave_rig import SlaveRigParameters
 from haptic_accel.core.simulated_rig import RigParameters
 
@@ -44,9 +40,9 @@ def ideal_arm() -> ArmParameters:
 
 
 @pytest.fixture
-def still_hand() -> ExplorationParameters:
+def still_hand() -> master_rig.ExplorationParameters:
     """Return a hand that wants to be at the origin for ever."""
-    return ExplorationParameters(
+    return master_rig.ExplorationParameters(
         height=0.0, press_depth=0.0, stroke_speed=0.0, stroke_length=0.001, strokes=1
     )
 
@@ -55,11 +51,11 @@ def still_hand() -> ExplorationParameters:
 def ideal_master(
     ideal_accelerometer: AccelerometerParameters,
     ideal_arm: ArmParameters,
-    still_hand: ExplorationParameters,
-) -> MasterRigParameters:
+    still_hand: master_rig.ExplorationParameters,
+) -> master_rig.MasterRigParameters:
     """Return Table I with ideal instruments and a hand at rest: nothing but the mechanics."""
-    return MasterRigParameters(
-        drive=DriveParameters(bits=32),
+    return master_rig.MasterRigParameters(
+        drive=master_rig.DriveParameters(bits=32),
         accelerometer=ideal_accelerometer,
         arm=ideal_arm,
         exploration=still_hand,

@@ -19,8 +19,13 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.topics import ARMS
-from haptic_accel.links.addresses import bound, host_and_port, route
-from haptic_accel.links.parameters import TRANSPORTS, LinkNodeParameters
+from haptic_accel.links.addresses import (
+    TRANSPORTS,
+    LinkNodeParameters,
+    bound,
+    host_and_port,
+    route,
+)
 
 
 @pytest.mark.parametrize(

@@ -27,11 +27,6 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool
 
 from haptic_accel.core.coupling import engagement
-from haptic_accel.core.coupling.engagement import (
-    LATCHED_SETTLING,
-    Engagement,
-    EngagementParameters,
-)
 from haptic_accel.core.topics import MASTER_STOPPED, Topic
 from haptic_accel.nodes.emergency_stop import CouplerStop, DeviceStop, release
 from haptic_accel.nodes.service_client import RequestError
@@ -93,7 +88,9 @@ class Coupler(StoppedNode):
         super().__init__()
         self.asked_of_devices: list[bool] = []
         self.refusing = False
-        self.engagement = Engagement(EngagementParameters(), time.monotonic() - LATCHED_SETTLING)
+        self.engagement = engagement.Engagement(
+            engagement.EngagementParameters(), time.monotonic() - engagement.LATCHED_SETTLING
+        )
         self.stop = self.engagement.stop
         node: Any = self
         self.graph = CouplerStop(node, self.engagement)

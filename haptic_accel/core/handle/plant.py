@@ -29,7 +29,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core import model
+from haptic_accel.core import parameters
 from haptic_accel.core.axes import HIGHEST_CONDITION, NAMES
 from haptic_accel.core.document import Document, read_json_document
 from haptic_accel.core.handle.response import sampled_response
@@ -39,14 +39,6 @@ from haptic_accel.core.model import (
     FloatArray,
     HandleParameters,
     MountParameters,
-)
-from haptic_accel.core.parameters import (
-    Checked,
-    ParameterError,
-    Specification,
-    like,
-    own_schema,
-    parameter,
 )
 from haptic_accel.core.sampling import check_latency
 
@@ -100,7 +92,7 @@ def read_discrete_model(path: Path) -> DiscreteModel:
         sections.wrong("must be rows of six numbers, the fourth of them 1")
     if not all(np.abs(np.roots(row[3:])).max(initial=0.0) < 1.0 for row in rows):
         sections.wrong("must be stable")
-    return DiscreteModel(rows, rate, delay.checked(1, Specification("delay", "", 0)))
+    return DiscreteModel(rows, rate, delay.checked(1, parameters.Specification("delay", "", 0)))
 
 
 class Dynamics(Protocol):
@@ -115,26 +107,28 @@ class Dynamics(Protocol):
 
 
 @dataclass(frozen=True)
-class Plant(Checked):
+class Plant(parameters.Checked):
     """Handle of eq. (3) with the complete path between command and sample."""
 
     handle: HandleParameters = field(default_factory=HandleParameters)
     mount: MountParameters = field(default_factory=MountParameters)
-    delay: float = parameter(
+    delay: float = parameters.parameter(
         0.0, "delay from command to force beside the hold: converter, transport", "s", 0.0, 0.02
     )
-    bandwidth: float = like(AccelerometerParameters, "bandwidth")
-    friction: float = parameter(0.0, "dry friction of the actuator's bearing", "N", 0.0, 1.0)
-    coupling: float = parameter(
+    bandwidth: float = parameters.like(AccelerometerParameters, "bandwidth")
+    friction: float = parameters.parameter(
+        0.0, "dry friction of the actuator's bearing", "N", 0.0, 1.0
+    )
+    coupling: float = parameters.parameter(
         250.0, "stiffness of the coupling to the slave, beside the grip's (paper)", "N/m", 0.0, 1e5
     )
-    model: str = parameter(
+    model: str = parameters.parameter(
         "",
         "JSON file of an identification, whose discrete model gives the response in place of"
         " mount, delay and bandwidth; empty for none",
     )
 
-    doubt: str = parameter(
+    doubt: str = parameters.parameter(
         "",
         "known deficiency of this model, which the compensator reports as a warning;"
         " empty for none",
@@ -223,7 +217,7 @@ class IdentifiedPlant:
             The model was identified at another rate.
         """
         if rate != self.model.rate:
-            raise ParameterError(
+            raise parameters.ParameterError(
                 f"rate = {rate:g}: must be that of the identified model, {self.model.rate:g} Hz"
             )
         return self.model.response(frequency)
@@ -253,7 +247,7 @@ class MatrixPlant:
     """
 
     axes: tuple[Plant, Plant, Plant]
-    coupling: model.FloatArray
+    coupling: FloatArray
     rate: float
 
     @classmethod
@@ -262,7 +256,7 @@ class MatrixPlant:
         return cls((plant, plant, plant), np.eye(3)[:, :, np.newaxis], rate)
 
     @property
-    def directions(self) -> model.FloatArray:
+    def directions(self) -> FloatArray:
         """Static coupling, shape (3, 3): K at 0 Hz."""
         return np.asarray(self.coupling.sum(axis=2))
 
@@ -271,14 +265,14 @@ class MatrixPlant:
         """Condition number of the directions; see `HIGHEST_CONDITION`."""
         return float(np.linalg.cond(self.directions))
 
-    def coupling_response(self, frequency: npt.ArrayLike) -> model.ComplexArray:
+    def coupling_response(self, frequency: npt.ArrayLike) -> ComplexArray:
         """Return K at frequencies in Hz, shape (f, 3, 3)."""
         turns = np.outer(
             np.asarray(frequency, dtype=np.float64), np.arange(self.coupling.shape[2])
         )
         return np.moveaxis(self.coupling @ np.exp(-2j * np.pi / self.rate * turns).T, 2, 0)
 
-    def response(self, frequency: npt.ArrayLike, rate: float) -> model.ComplexArray:
+    def response(self, frequency: npt.ArrayLike, rate: float) -> ComplexArray:
         """Return G, sampled acceleration over held force, m/s^2 per N, shape (f, 3, 3).
 
         Parameters
@@ -306,7 +300,7 @@ class MatrixPlant:
             The message contains both rates.
         """
         if rate != self.rate:
-            raise ParameterError(
+            raise parameters.ParameterError(
                 f"rate = {rate:g}: must be that of the identified plant, {self.rate:g} Hz;"
                 " run identify"
             )
@@ -337,7 +331,9 @@ _FILES = ("model", "doubt")
 """Parameters of a plant that have no meaning for one axis of three."""
 
 
-_NUMBERS = {name: each for name, each in own_schema(Plant).items() if name not in _FILES}
+_NUMBERS = {
+    name: each for name, each in parameters.own_schema(Plant).items() if name not in _FILES
+}
 
 
 def read_matrix_plant(path: Path) -> MatrixPlant:
@@ -374,8 +370,8 @@ def read_matrix_plant(path: Path) -> MatrixPlant:
 
 
 def _axis(content: Document) -> Plant:
-    handle = content.at("handle").build(model.HandleParameters)
-    mount = content.at("mount").build(model.MountParameters)
+    handle = content.at("handle").build(HandleParameters)
+    mount = content.at("mount").build(MountParameters)
     own: dict[str, Any] = {
         key: content.at(key).number(each) for key, (_, each) in _NUMBERS.items()
     }

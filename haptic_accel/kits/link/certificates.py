@@ -33,7 +33,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption,
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from haptic_accel.core.parameters import ParameterError, shown
-from haptic_accel.links.parameters import AUTHORITY, CERTIFICATE, KEY
+from haptic_accel.links.addresses import AUTHORITY, CERTIFICATE, KEY
 
 VALID = timedelta(days=3650)
 """Validity of certificates, long enough that a robot in use does not stop on a date. Compromised

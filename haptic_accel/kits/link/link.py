@@ -38,8 +38,7 @@ from haptic_accel.graph.stop_signal import own_domain
 from haptic_accel.kits.link.authentication import TAG_LENGTH, Authenticator, read_key
 from haptic_accel.kits.link.local import LINK, LONGEST_DATAGRAM, LocalEnd
 from haptic_accel.kits.link.zenoh import ZenohCarrier
-from haptic_accel.links.addresses import Route, bound, route
-from haptic_accel.links.parameters import UDP, LinkNodeParameters, check_peer
+from haptic_accel.links.addresses import UDP, LinkNodeParameters, Route, bound, check_peer, route
 from haptic_accel.nodes.scheduling import LOOK_ROUND, TEARDOWN, Signals, run_process
 from haptic_accel.nodes.timing import ask_for_realtime
 from haptic_accel.setup.arguments import LOG_LEVELS

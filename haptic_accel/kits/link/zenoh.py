@@ -35,8 +35,7 @@ from pathlib import Path
 from typing import Any
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.links.addresses import Route
-from haptic_accel.links.parameters import AUTHORITY, CERTIFICATE, KEY
+from haptic_accel.links.addresses import AUTHORITY, CERTIFICATE, KEY, Route
 
 MISSING_LIBRARY = "transport zenoh needs eclipse-zenoh: pip install 'haptic_accel[zenoh]'"
 

@@ -76,8 +76,13 @@ def release(run: Run) -> None:
     assert run.engagement.stop.release(run.now, []) == ""
 
 
-def test_the_arms_engage_once_both_positions_are_there() -> None:
-    run = Run()
+@pytest.fixture
+def run() -> Run:
+    """Return arms that nothing has happened to."""
+    return Run()
+
+
+def test_the_arms_engage_once_both_positions_are_there(run: Run) -> None:
     assert run.step(arms=()) == NOTHING
     assert run.missing == "waiting for the position of master and slave"
     assert run.step(arms=("slave",)) == NOTHING
@@ -120,8 +125,7 @@ def test_engaging_waits_for_every_subscriber_but_does_not_end_with_one() -> None
 
 
 @pytest.mark.parametrize("x", [-40.0, 0.06, 1e308])
-def test_a_position_where_no_arm_can_be_ends_the_engagement(x: float) -> None:
-    run = Run()
+def test_a_position_where_no_arm_can_be_ends_the_engagement(run: Run, x: float) -> None:
     run.step()
     run.now += 0.001
     assert run.position("slave", 0.004)
@@ -136,8 +140,7 @@ def test_a_position_where_no_arm_can_be_ends_the_engagement(x: float) -> None:
 
 
 @pytest.mark.parametrize("x", [math.nan, math.inf])
-def test_a_position_that_is_not_finite_is_missing_and_named(x: float) -> None:
-    run = Run()
+def test_a_position_that_is_not_finite_is_missing_and_named(run: Run, x: float) -> None:
     run.step()
     for _ in range(2):
         run.now += 0.6 * TIMEOUT
@@ -150,8 +153,7 @@ def test_a_position_that_is_not_finite_is_missing_and_named(x: float) -> None:
     assert run.engagement.refused == 2
 
 
-def test_positions_that_jump_to_and_fro_never_engage_and_say_why() -> None:
-    run = Run()
+def test_positions_that_jump_to_and_fro_never_engage_and_say_why(run: Run) -> None:
     for n in range(300):
         run.now += 0.001
         run.position("master")
@@ -162,8 +164,7 @@ def test_positions_that_jump_to_and_fro_never_engage_and_say_why() -> None:
 
 
 @pytest.mark.parametrize("rate", [30.0, 200.0, 1000.0])
-def test_an_arm_that_moves_with_a_hand_stays_coupled(rate: float) -> None:
-    run = Run()
+def test_an_arm_that_moves_with_a_hand_stays_coupled(run: Run, rate: float) -> None:
     run.step()
     for n in range(1, 100):
         run.now += 1 / rate
@@ -172,16 +173,14 @@ def test_an_arm_that_moves_with_a_hand_stays_coupled(rate: float) -> None:
     assert run.engagement.engaged
 
 
-def test_a_refused_stamp_is_named_while_positions_are_missing() -> None:
-    run = Run()
+def test_a_refused_stamp_is_named_while_positions_are_missing(run: Run) -> None:
     run.engagement.watches["slave"].refusal = ": slave: stamps do not advance"
     run.step(arms=("master",))
     assert run.missing == "waiting for the position of slave: slave: stamps do not advance"
 
 
 @pytest.mark.parametrize("arm", ARMS)
-def test_the_arms_are_released_when_one_falls_silent_and_taken_again(arm: str) -> None:
-    run = Run()
+def test_the_arms_are_released_when_one_falls_silent_and_taken_again(run: Run, arm: str) -> None:
     run.step()
     (other,) = set(ARMS) - {arm}
     assert run.step(0.9 * TIMEOUT, (other,)) == NOTHING
@@ -195,8 +194,7 @@ def test_the_arms_are_released_when_one_falls_silent_and_taken_again(arm: str) -
     assert run.step(FREE_TIME) == ENGAGE
 
 
-def test_arms_that_were_released_come_to_rest_before_they_are_taken_again() -> None:
-    run = Run()
+def test_arms_that_were_released_come_to_rest_before_they_are_taken_again(run: Run) -> None:
     run.step()
     run.engagement.request(False)
     run.step()
@@ -209,8 +207,7 @@ def test_arms_that_were_released_come_to_rest_before_they_are_taken_again() -> N
     assert steps == pytest.approx(FREE_TIME / STEP_PERIOD, abs=1)
 
 
-def test_a_request_releases_the_arms_until_the_next() -> None:
-    run = Run()
+def test_a_request_releases_the_arms_until_the_next(run: Run) -> None:
     run.step()
     assert run.engagement.request(False) == ""
     assert not run.engagement.aside(run.now)
@@ -224,8 +221,7 @@ def test_a_request_releases_the_arms_until_the_next() -> None:
     assert run.step() == ENGAGE
 
 
-def test_the_emergency_stop_releases_the_arms_and_refuses_to_engage() -> None:
-    run = Run()
+def test_the_emergency_stop_releases_the_arms_and_refuses_to_engage(run: Run) -> None:
     run.step()
     assert run.engagement.stop.stop()
     assert not run.engagement.stop.stop()
@@ -237,8 +233,7 @@ def test_the_emergency_stop_releases_the_arms_and_refuses_to_engage() -> None:
     assert run.step(FREE_TIME) == ENGAGE
 
 
-def test_a_release_of_the_stop_does_not_undo_a_request() -> None:
-    run = Run()
+def test_a_release_of_the_stop_does_not_undo_a_request(run: Run) -> None:
     run.engagement.request(False)
     run.engagement.stop.stop()
     release(run)
@@ -257,20 +252,17 @@ def test_the_duration_counts_from_the_first_time_the_arms_engage() -> None:
     assert run.step().finished
 
 
-def test_no_duration_is_no_end() -> None:
-    run = Run()
+def test_no_duration_is_no_end(run: Run) -> None:
     run.step()
     assert not run.step(1e9).finished
 
 
-def test_what_is_waited_for_is_said_again_and_again_but_not_too_often() -> None:
-    run = Run()
+def test_what_is_waited_for_is_said_again_and_again_but_not_too_often(run: Run) -> None:
     said = [run.step(WARNING_PERIOD / 10, ()).warning for _ in range(35)]
     assert [line for line in said if line] == ["waiting for the position of master and slave"] * 3
 
 
-def test_a_stop_is_not_warned_of() -> None:
-    run = Run()
+def test_a_stop_is_not_warned_of(run: Run) -> None:
     run.engagement.stop.stop()
     assert run.step(2 * WARNING_PERIOD).warning == ""
 
@@ -289,8 +281,7 @@ def test_a_device_that_is_stopped_alone_frees_the_arms_and_then_stops_all(arm: s
 
 
 @pytest.mark.parametrize("arm", ARMS)
-def test_a_device_that_missed_the_stop_is_warned_of(arm: str) -> None:
-    run = Run()
+def test_a_device_that_missed_the_stop_is_warned_of(run: Run, arm: str) -> None:
     run.engagement.stop.stop()
     run.engagement.arm_stopped(arm, False)
     assert run.step(0.0) == NOTHING
@@ -300,8 +291,7 @@ def test_a_device_that_missed_the_stop_is_warned_of(arm: str) -> None:
     assert run.step(2 * DIFFERING) == NOTHING
 
 
-def test_a_release_that_reaches_all_within_a_while_stops_nothing() -> None:
-    run = Run()
+def test_a_release_that_reaches_all_within_a_while_stops_nothing(run: Run) -> None:
     run.engagement.stop.stop()
     for arm in ARMS:
         run.engagement.arm_stopped(arm, True)
@@ -316,8 +306,7 @@ def test_a_release_that_reaches_all_within_a_while_stops_nothing() -> None:
 
 
 @pytest.mark.parametrize("stopped", [True, False])
-def test_what_a_device_said_that_has_gone_counts_no_longer(stopped: bool) -> None:
-    run = Run()
+def test_what_a_device_said_that_has_gone_counts_no_longer(run: Run, stopped: bool) -> None:
     run.engagement.stop.stopped = not stopped
     run.engagement.arm_stopped(ARMS[0], stopped)
     run.engagement.arm_stopped(ARMS[1], not stopped)

@@ -54,6 +54,12 @@ def act(half: passive.PassiveHalf) -> None:
 # Law
 
 
+@pytest.fixture
+def half() -> passive.PassiveHalf:
+    """Return a half that is engaged."""
+    return engaged()
+
+
 def test_a_fresh_peer_pulls_with_the_papers_stiffness() -> None:
     force = engaged().force(ZERO, ZERO, (0.002, 0.0, -0.004), ZERO, 0.0)
     assert force == pytest.approx((0.5, 0.0, -1.0))
@@ -73,8 +79,7 @@ def test_stiffness_and_damping_are_those_that_the_age_bears(
     assert force == pytest.approx((-0.1 * damping, 0.002 * stiffness, 0.0))
 
 
-def test_stiffness_falls_at_once_and_rises_slowly() -> None:
-    half = engaged()
+def test_stiffness_falls_at_once_and_rises_slowly(half: passive.PassiveHalf) -> None:
     for age, expected in ((0.009, 250.0), (0.599, 10.0)):
         half.force(ZERO, ZERO, ZERO, ZERO, age)
         assert half.stiffness == pytest.approx(expected)
@@ -86,16 +91,14 @@ def test_stiffness_falls_at_once_and_rises_slowly() -> None:
     assert half.stiffness == pytest.approx(250.0)
 
 
-def test_one_late_packet_in_a_thousand_changes_nothing_for_long() -> None:
-    half = engaged()
+def test_one_late_packet_in_a_thousand_changes_nothing_for_long(half: passive.PassiveHalf) -> None:
     for tick in range(4000):
         age = 0.1 if tick == 1000 else 0.009
         half.force(ZERO, ZERO, ZERO, ZERO, age)
     assert half.stiffness == pytest.approx(250.0)
 
 
-def test_arms_that_engage_again_forget_how_late_data_was() -> None:
-    half = engaged()
+def test_arms_that_engage_again_forget_how_late_data_was(half: passive.PassiveHalf) -> None:
     for age in (math.inf, 0.599):
         half.force(ZERO, ZERO, ZERO, ZERO, age)
     assert half.stiffness == pytest.approx(0.6, abs=0.3)
@@ -144,8 +147,7 @@ def test_a_jump_of_the_set_point_is_smoothed_within_a_fraction_of_the_age() -> N
 # Account
 
 
-def test_what_the_arm_is_given_is_missing_in_the_account() -> None:
-    half = engaged()
+def test_what_the_arm_is_given_is_missing_in_the_account(half: passive.PassiveHalf) -> None:
     half.force(ZERO, ZERO, (0.004, 0.0, 0.0), ZERO, 0.0)  # 1 N
     before = half.energy
     half.force((0.001, 0.0, 0.0), ZERO, ZERO, ZERO, 0.0)
@@ -161,15 +163,13 @@ def test_a_force_counts_when_it_acts() -> None:
     assert 1.0 - half.energy == pytest.approx(1.0 * 0.002)
 
 
-def test_the_work_that_a_device_reports_is_what_counts() -> None:
-    half = engaged()
+def test_the_work_that_a_device_reports_is_what_counts(half: passive.PassiveHalf) -> None:
     half.force(ZERO, ZERO, (0.004, 0.0, 0.0), ZERO, 0.0, work=7.0)
     half.force((0.001, 0.0, 0.0), ZERO, ZERO, ZERO, 0.0, work=7.0003)
     assert 1.0 - half.energy == pytest.approx(0.0003)
 
 
-def test_a_device_that_counts_anew_gives_no_energy() -> None:
-    half = engaged()
+def test_a_device_that_counts_anew_gives_no_energy(half: passive.PassiveHalf) -> None:
     half.force(ZERO, ZERO, ZERO, ZERO, 0.0, work=7.0)
     half.force((0.0001, 0.0, 0.0), ZERO, ZERO, ZERO, 0.0, work=0.0)
     assert half.energy <= 1.0 + 3.3 * 0.0001
@@ -177,15 +177,13 @@ def test_a_device_that_counts_anew_gives_no_energy() -> None:
     assert half.energy == pytest.approx(1.0, abs=1e-3)
 
 
-def test_samples_that_are_missing_give_no_energy() -> None:
-    half = engaged()
+def test_samples_that_are_missing_give_no_energy(half: passive.PassiveHalf) -> None:
     half.force(ZERO, ZERO, (0.004, 0.0, 0.0), ZERO, 0.0)  # 1 N
     half.force((-0.1, 0.0, 0.0), ZERO, ZERO, ZERO, 0.0)  # and 0.1 m against it, in a sample
     assert half.energy <= 1.0 + 1.0 * passive.SPEED_MARGIN / RATE
 
 
-def test_part_of_what_damping_takes_is_burnt() -> None:
-    half = engaged()
+def test_part_of_what_damping_takes_is_burnt(half: passive.PassiveHalf) -> None:
     half.force(ZERO, (0.1, 0.0, 0.0), ZERO, ZERO, 0.009)  # 1.25 N s/m
     before = half.energy
     half.force((0.0001, 0.0, 0.0), ZERO, ZERO, ZERO, 0.009)
@@ -223,8 +221,7 @@ def test_an_empty_account_gives_no_force_and_no_jump() -> None:
 # Restarts
 
 
-def test_engaging_again_grants_nothing() -> None:
-    half = engaged()
+def test_engaging_again_grants_nothing(half: passive.PassiveHalf) -> None:
     half.force(ZERO, ZERO, (0.01, 0.0, 0.0), ZERO, 0.0)
     half.force((0.001, 0.0, 0.0), ZERO, ZERO, ZERO, 0.0)
     left = half.energy

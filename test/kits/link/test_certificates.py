@@ -23,7 +23,7 @@ from pathlib import Path
 import pytest
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.links.parameters import AUTHORITY, CERTIFICATE, KEY
+from haptic_accel.links.addresses import AUTHORITY, CERTIFICATE, KEY
 
 certificates = pytest.importorskip("haptic_accel.kits.link.certificates")
 
