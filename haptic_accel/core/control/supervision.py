@@ -106,10 +106,8 @@ class ResponseSupervisor:
         self.trace = trace
         self._estimator = response_estimation.ResponseEstimator(trace, rate, COMPARISON_MEMORY)
         self._estimator.read = self._pairs
-        trace.kept = max(
-            trace.kept, round(2.0 * response_estimation.EVALUATION_WINDOW * rate) + length
-        )
         self._holding = round(response_estimation.EVALUATION_WINDOW * rate)
+        trace.kept = max(trace.kept, 2 * self._holding + length)
         self._edges = _edges(rate)
         lines = self._estimator.frequency
         inside = [(lines >= low) & (lines < high) for low, high in self._edges]
@@ -170,7 +168,7 @@ class ResponseSupervisor:
         next sample on.
         """
         past = response_estimation.latest(self.trace, force, length + len(self.taps) - 1, 1, start)
-        return np.convolve(past, self.taps, "valid")
+        return np.convolve(past, self.taps, "valid") if past.any() else np.zeros(length)
 
     def _pairs(self, length: int) -> tuple[FloatArray, FloatArray]:
         measured = response_estimation.latest(self.trace, MEASURED, length)
@@ -180,7 +178,7 @@ class ResponseSupervisor:
         """Execute a part of pending computations; return True after a new result."""
         estimator = self._estimator
         done = estimator.update()
-        if done:
+        if done and estimator.excitation.any():  # otherwise no force has driven the handle
             self._judge()
             evaluations = self._evaluations()
             # No difference is named as long as a window holds a sample in which a limit acts.

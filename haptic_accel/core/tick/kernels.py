@@ -36,6 +36,7 @@ UNKNOWN: float = float("nan")
 
 _multiply: Any = np.multiply
 _sum: Any = np.add.reduce
+_largest: Any = np.maximum.reduce
 
 
 def dot(taps: FloatArray, past: FloatArray, start: int, products: FloatArray) -> float:
@@ -103,4 +104,4 @@ def peak(
     seen = ahead[start : start + step * len(kept) : step]
     if share:
         seen = seen + share * held[::step]
-    return float(np.abs(seen * kept).max())
+    return float(_largest(np.abs(seen * kept)))
