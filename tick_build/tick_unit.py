@@ -257,7 +257,7 @@ class Unit:
         yield f"cpdef {kind} {node.name}({', '.join(words)}){failing}"
 
     def _looped(self, node: ast.FunctionDef, own: str) -> dict[str, str]:
-        """Return the types of what goes through lists of one class in loops."""
+        """Return the types of what comes from lists of one class, or of floats, in a function."""
         lists = {each.arg: self._element(each.annotation) for each in node.args.args}
         place = self._classes.get(own)
         while place:
@@ -272,15 +272,24 @@ class Unit:
             ):
                 kind = lists.get(ast.unparse(each.iter), "")
                 found.setdefault(each.target.id, set()).add(kind)
+            elif isinstance(each, ast.Assign):
+                for target, value in _pairs(each):
+                    if (
+                        isinstance(target, ast.Name)
+                        and isinstance(value, ast.Subscript)
+                        and not isinstance(value.slice, ast.Slice)
+                        and lists.get(ast.unparse(value.value)) == "double"
+                    ):
+                        found[target.id] = {"double"}
         return {
             name: kinds.pop() for name, kinds in found.items() if len(kinds) == 1 and all(kinds)
         }
 
     def _element(self, annotation: ast.expr | None) -> str:
-        """Return the class of a list's elements, empty for others."""
+        """Return the class of a list's elements, double for floats, empty for others."""
         if isinstance(annotation, ast.Subscript) and ast.unparse(annotation.value) == "list":
             name = self._type(annotation.slice)
-            return name if name in self._classes else ""
+            return name if name in self._classes or name == "double" else ""
         return ""
 
     def _attributes(self, node: ast.ClassDef) -> dict[str, str]:
@@ -292,6 +301,11 @@ class Unit:
         for method in node.body:
             if isinstance(method, ast.FunctionDef):
                 known = {each.arg: self._type(each.annotation) for each in method.args.args}
+                known.update(
+                    (each.target.id, self._type(each.annotation))
+                    for each in ast.walk(method)
+                    if isinstance(each, ast.AnnAssign) and isinstance(each.target, ast.Name)
+                )
                 for target, kind in self._assigned(method, {**self._constants, **known}):
                     if kind != "object" or target not in found:
                         found.setdefault(target, kind)

@@ -485,7 +485,9 @@ class DeviceSide:
         """End forces without a new command for too long; call once per tick after `apply`."""
         time = self.tick / self.rate
         begun: float = time if self.clock is None else self.clock()
-        now = self.advanced(time, begun)
+        earlier = time if time < begun else begun
+        # For the safety layer, whose time never decreases.
+        now = self.now = earlier if earlier > self.now else self.now
         if self.arm_limit.expires(now):
             self.write(time, begun, True, False)
         coils, sample = self.actuator_limit, self.newest
@@ -515,7 +517,8 @@ class DeviceSide:
     def write_due(self, time: float, tick: int, is_arm: bool, is_actuator: bool) -> None:
         """Write the newest forces due at a tick, limited by the safety layer."""
         begun: float = self.tick / self.rate if self.clock is None else self.clock()
-        now = self.advanced(time, begun)
+        earlier = time if time < begun else begun
+        now = self.now = earlier if earlier > self.now else self.now
         arm, actuator, coils = self.arm, self.actuator, self.actuator_limit
         writes_arm = writes_actuator = False
         if is_arm and arm is not None and arm.pop(tick, arm.ahead):
@@ -558,13 +561,6 @@ class DeviceSide:
             self.device.write(time, arm_force=(m_x, m_y, m_z), actuator_force=force)
         if writes_arm:
             self.work.apply(time, m_x, m_y, m_z)
-
-    def advanced(self, time: float, now: float) -> float:
-        """Return a time for the safety layer, s, which never decreases."""
-        earlier = time if time < now else now
-        if earlier > self.now:
-            self.now = earlier
-        return self.now
 
     # Counts
 

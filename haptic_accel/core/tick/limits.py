@@ -141,7 +141,7 @@ class ForceLimit:
             return False
         self.tripped = ""
         if self._slew > 0.0:
-            magnitude = math.hypot(x, y, z)
+            magnitude: float = math.hypot(x, y, z)
             most = self._slew * max(0.0, min(now - self._commanded, self._period))
             if magnitude > most:
                 u_x, u_y, u_z = x / magnitude, y / magnitude, z / magnitude

@@ -194,7 +194,9 @@ class CompensationPart:
             elif now - stamp < self.longest_wait:
                 break
             del tools[0]
-            t_x, t_y, t_z = tool.a_x, tool.a_y, tool.a_z
+            t_x: float = tool.a_x
+            t_y: float = tool.a_y
+            t_z: float = tool.a_z
             if self.orientation is not IDENTITY:
                 t_x, t_y, t_z = self.turned(t_x, t_y, t_z)
             if self.has_last and stamp - self.last >= 1.5 * self.period:
@@ -339,7 +341,7 @@ class HostLoop:
         if is_first:
             self.forget()
         played: ArmSample | None = None
-        if self.coupling:
+        if self.coupling is not None:
             stamp: int = math.floor(tick * 1e9 / self.rate + 0.5)
             played = self.coupling.begin(tick / self.rate, stamp)
         for side in self.each:

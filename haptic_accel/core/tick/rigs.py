@@ -101,7 +101,7 @@ class Accelerometer(Quantizer):
         if noisy:
             if not self.noise:
                 self.noise = self.random.normal(0.0, self.deviation, NOISE_BLOCK).tolist()
-            low_passed += self.noise.pop()
+            low_passed += float(self.noise.pop())
         return self.convert(low_passed)
 
 
@@ -312,15 +312,14 @@ class ScriptedHand(Hand):
         index: int = int(position)
         part, at = position - index, 4 * index
         table: list[float] = self.table
-        v_x: float = table[at + 2]
-        v_z: float = table[at + 3]
-        dv_x: float = (table[at + 6] - v_x) * part
-        dv_z: float = (table[at + 7] - v_z) * part
+        x, z, v_x, v_z = table[at], table[at + 1], table[at + 2], table[at + 3]
+        dv_x, dv_z = table[at + 6], table[at + 7]
+        dv_x, dv_z = (dv_x - v_x) * part, (dv_z - v_z) * part
         # The position is the velocity's exact integral, as required by mechanics with piecewise
         # constant acceleration of the hand.
         passed = part * HAND_STEP
-        self.x = table[at] + (v_x + dv_x / 2.0) * passed
-        self.z = table[at + 1] + (v_z + dv_z / 2.0) * passed
+        self.x = x + (v_x + dv_x / 2.0) * passed
+        self.z = z + (v_z + dv_z / 2.0) * passed
         self.v_x, self.v_z = v_x + dv_x, v_z + dv_z
 
 
@@ -568,7 +567,7 @@ class HeldArm(SimulatedArm):
     def advance(self, time: float) -> None:
         """Integrate the physics up to a time since the start; a past time changes nothing."""
         step = self.step
-        due: int = int((time / step + TO_WHOLE) - TO_WHOLE) - self.now
+        due: int = int((time / step + TO_WHOLE) - TO_WHOLE - self.now)
         longest: int = self.stall if self.started else 0
         if due > longest:
             self.now, self.since = self.now + due - longest, self.since + due - longest
@@ -582,7 +581,8 @@ class HeldArm(SimulatedArm):
                 self.lead_hand()
             steps: int = min(due, self.hand_until - now, self.friction_steps)
             if self.delayed:
-                steps = min(steps, max(1, int(self.delayed[0].time) - now))
+                until: int = int(self.delayed[0].time)
+                steps = min(steps, max(1, until - now))
             steps = self.move(steps)
             self.now = now + steps
             due -= steps
@@ -729,7 +729,7 @@ class OneCoil(HeldArm):
             # Friction follows the mean slip, including its own effect. It thus only dissipates
             # energy, and is second-order accurate in the holding time.
             travelled = ends[0] - ends[2] - offset
-            whole = self.creep * steps * self.step + self.friction * self.travels[steps - 1]
+            whole = self.creep * steps * self.step + self.friction * float(self.travels[steps - 1])
             friction = self.friction * min(1.0, max(-1.0, travelled / whole))
             add_scaled(self.rubbed, steps - 1, -friction, self.state, 0, self.scaled)
         return steps
@@ -943,7 +943,7 @@ class Tip(SimulatedArm):
 
     def advance(self, time: float) -> None:
         """Integrate the physics up to a time since the start; a past time changes nothing."""
-        passed: int = int((time / self.clock_step + TO_WHOLE) - TO_WHOLE) - self.now
+        passed: int = int((time / self.clock_step + TO_WHOLE) - TO_WHOLE - self.now)
         if passed <= 0:
             return
         self.now += passed
@@ -998,8 +998,8 @@ class Tip(SimulatedArm):
             position = x / spacing
             left: int = math.floor(position)
             index: int = left & mask
-            rise: float = rises[index]
-            penetration: float = heights[index] + rise * (position - left) - z
+            rise, height = rises[index], heights[index]
+            penetration = height + rise * (position - left) - z
             normal = 0.0
             if penetration > 0.0:
                 slope = rise / spacing
@@ -1011,7 +1011,8 @@ class Tip(SimulatedArm):
                 force_z += normal
             a_x, a_z = force_x / mass, force_z / mass
             if sideways:
-                a_y: float = -normal * across[index] / spacing / mass
+                slant = across[index]
+                a_y = -normal * slant / spacing / mass
                 if done:
                     low_x = decay * low_x + first * before_x + final * a_x
                     low_y = decay * low_y + first * before_y + final * a_y

@@ -25,7 +25,7 @@ from haptic_accel.core.model import IDENTITY, ZERO, Sample
 if TYPE_CHECKING:
     from haptic_accel.core.model import Quaternion, Vector
 
-KEPT = 1000
+KEPT: int = 1000
 """Maximum number of force changes that wait for the next sample; beyond, the oldest are merged."""
 
 BEFORE_ALL: float = float("-inf")
