@@ -34,13 +34,14 @@ from haptic_accel.core.control.controllers.inverse import InverseParameters
 from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.coupling.passive import CouplingParameters
 from haptic_accel.core.evaluation.metrics import TABLE_II, evaluate
+from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.model import ACTUATOR, FloatArray, MountParameters
 from haptic_accel.core.parameters import Checked, ParameterError
 from haptic_accel.core.rig.interface import ArmParameters
 from haptic_accel.core.rig.master_rig import MasterRig, MasterRigParameters
 from haptic_accel.core.rig.slave_rig import PHYSICS_STEP, SlaveRig
 from haptic_accel.core.simulated_rig import RigParameters
-from haptic_accel.core.trial import Trial, run_trial
+from haptic_accel.core.trial import Trial, run_identification, run_trial
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.node_parameters import node_parameters
 from haptic_accel.setup.setup import Setup
@@ -400,3 +401,50 @@ def test_a_trial_in_three_axes_is_scored_as_a_vector() -> None:
     assert trial.indistinguishable() == 1.0
     first, second = trial.compared(100, 1900)
     assert first.shape == second.shape == (1799, 3)
+
+
+SHORT_SWEEP = SweepParameters(duration=0.2)
+
+
+@pytest.mark.parametrize("latency", [0, 1, 7])
+def test_a_force_is_seen_one_sample_after_the_latency(
+    ideal_master: MasterRigParameters, latency: int
+) -> None:
+    (trial,) = run_identification(ideal_master, SHORT_SWEEP, latency=latency)
+    first = int(np.flatnonzero(trial.actuator_force)[0])
+    assert np.abs(trial.handle_acceleration[: first + latency + 1]).max() < 1e-7
+    assert abs(trial.handle_acceleration[first + latency + 1]) > 0.01
+
+
+def test_an_identification_without_its_latency_is_one_of_the_papers_loop() -> None:
+    at_once, late = (
+        run_identification(parameters=SHORT_SWEEP, seed=1, latency=latency)[0].aligned
+        for latency in (0, 3)
+    )
+    assert np.array_equal(late.actuator_force, at_once.actuator_force)
+    assert np.array_equal(late.handle_acceleration, at_once.handle_acceleration)
+
+
+def test_the_papers_sweep_keeps_clear_of_the_stops() -> None:
+    (trial,) = run_identification()
+    assert not any(trial.counters.values())
+    assert np.abs(trial.handle_acceleration).max() < 20.0
+
+
+def test_trials_differ_in_noise_alone_and_repeat_with_their_seed() -> None:
+    first, second = run_identification(parameters=SHORT_SWEEP, seed=3, trials=2)
+    again, _ = run_identification(parameters=SHORT_SWEEP, seed=3, trials=2)
+    assert (first.handle_acceleration == again.handle_acceleration).all()
+    difference = first.handle_acceleration - second.handle_acceleration
+    noise = MasterRigParameters().accelerometer.noise
+    assert difference.std() == pytest.approx(math.sqrt(2) * noise, rel=0.15)
+
+
+def test_an_impossible_latency_of_an_identification_is_refused() -> None:
+    with pytest.raises(ParameterError, match="^latency = 21: must be from 0 to 20 samples$"):
+        run_identification(latency=21)
+
+
+def test_no_trial_is_refused() -> None:
+    with pytest.raises(ParameterError, match="^trials = 0: must be at least 1$"):
+        run_identification(trials=0)

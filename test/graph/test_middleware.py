@@ -17,9 +17,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pwd
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -29,11 +32,14 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.middleware import (
     DISCOVERY_RANGE,
     LOOPBACK_PROFILE,
+    NEEDS_ROS,
     NETWORK_PROFILE,
     PROFILES_FILES,
+    ROS_PACKAGES,
     STATIC_PEERS,
     VARIABLES,
     check_middleware,
+    check_ros,
     middleware_defaults,
 )
 from observing import Observer
@@ -149,3 +155,61 @@ def test_a_node_of_its_own_refuses_such_an_environment(
     command = start("-m", "haptic_accel.nodes.coupler")
     assert command.end() == 2
     assert command.lines[-1].startswith(f"coupler: {DISCOVERY_RANGE} = 'OFF': must be LOCALHOST")
+
+
+def without_ros(folder: Path, code: str) -> subprocess.CompletedProcess[str]:
+    """Run code in a Python that has no ROS 2."""
+    hidden = f"import sys; sys.modules.update(dict.fromkeys({sorted(ROS_PACKAGES)}))"
+    command = [sys.executable, "-c", f"{hidden}; {code}"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def verb(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    code = f"from haptic_accel.cli.main import main; main({[*words]})"
+    return without_ros(folder, code)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("teleop", "duration:=1"),
+        ("teleop", "master:=pointer", "scope:=true"),
+        ("experiment",),
+        ("identify",),
+        ("bench", "latency"),
+        ("scope",),
+        ("control", "controller:=none"),
+        ("record", "start"),
+        ("estop", "release:=true"),
+    ],
+)
+def test_a_verb_that_needs_ros_says_so_in_one_line(tmp_path: Path, words: tuple[str, ...]) -> None:
+    done = verb(tmp_path, *words)
+    name = " ".join(words[:2]) if words[0] == "bench" else words[0]
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == f"haptic-accel: {name} {NEEDS_ROS}\n"
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_wrong_word_is_named_before_ros_is_missed(tmp_path: Path) -> None:
+    done = verb(tmp_path, "control", "controller:=wrong")
+    assert done.returncode == 2
+    assert "controller = 'wrong'" in done.stderr
+
+
+def test_a_node_says_that_it_needs_ros(tmp_path: Path) -> None:
+    done = without_ros(tmp_path, "from haptic_accel.nodes.start import coupler; coupler()")
+    assert (done.returncode, done.stderr) == (1, f"coupler {NEEDS_ROS}\n")
+
+
+def test_doctor_reports_that_ros_is_not_installed(tmp_path: Path) -> None:
+    done = verb(tmp_path, "doctor", "--json", "found.json")
+    assert (done.returncode, done.stderr) == (0, "")
+    found = json.loads((tmp_path / "found.json").read_text())["findings"]
+    (ros,) = [finding for finding in found if finding["name"] == "ROS 2"]
+    assert (ros["level"], ros["found"]) == ("warning", "not installed")
+
+
+def test_an_installed_ros_passes() -> None:
+    pytest.importorskip("rclpy")
+    check_ros()

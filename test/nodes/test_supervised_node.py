@@ -15,7 +15,17 @@
 
 from __future__ import annotations
 
+import os
+import pty
+import re
+import select
+import signal
+import socket
+import subprocess
+import sys
+import tty
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -30,7 +40,7 @@ from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import EventsExecutor
 from haptic_accel.nodes.supervised_node import Wire, Wires
 from observing import Observer
-from running import wait_until
+from running import PATIENCE, wait_until
 
 WRONG = "wrong\nin two lines"
 
@@ -183,3 +193,219 @@ def test_only_nodes_that_are_to_share_a_process_share_wires() -> None:
     shared = wires.of("/master/measured_cp")
     assert wires.of("/master/measured_cp") is shared
     assert wires.of("/left/master/measured_cp") is not shared
+
+
+LOGGING = """
+import ctypes, sys
+from rclpy.logging import get_logger
+from haptic_accel.nodes.scheduling import run_process
+sleep = ctypes.CDLL(None).usleep
+
+def log(word, lines):
+    for number in range(lines):
+        get_logger("node").info(f"{word} {number} " + "x" * 80)
+        print(f"{word} {number} " + "y" * 80)
+
+def act(signals):
+    log("unread", 1500)
+    told = int(sys.argv[1])
+    import os
+    os.write(told, b"goes on")
+    os.read(told, 1)
+    log("read", 10)
+    while len(sys.argv) > 2 and not signals.ended():
+        sleep(1000)
+
+run_process("node", act)
+"""
+
+COLOUR = rb"(\x1b\[0m)?"
+WHOLE = re.compile(
+    COLOUR + rb"(\[INFO\] \[\S+\] \[node\]: )?(unread|read) \d+ (x{80}|y{80})" + COLOUR
+)
+
+
+class Node:
+    """A process that logs 0.3 MB and says so, then a little when it is asked to.
+
+    Parameters
+    ----------
+    output : int, optional
+        Descriptor of its standard output and error; both closed if not given.
+    more : str
+        Anything for a process that then waits for a signal.
+    """
+
+    def __init__(self, output: int | None, more: str = "") -> None:
+        self._here, there = socket.socketpair()
+
+        def prepare() -> None:
+            signal.signal(signal.SIGHUP, signal.SIG_DFL)  # also where the tests run after nohup
+            if output is None:
+                os.closerange(0, 3)
+
+        with there:
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", LOGGING, str(there.fileno()), *([more] if more else [])],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                pass_fds=[there.fileno()],
+                preexec_fn=prepare,
+                start_new_session=True,
+            )
+        self._here.settimeout(PATIENCE)
+
+    def goes_on(self) -> bool:
+        """Return whether it has logged what nobody reads."""
+        return self._here.recv(7) == b"goes on"
+
+    def ask(self) -> None:
+        """Let it log what is read."""
+        self._here.send(b"!")
+
+    def end(self) -> int:
+        return self.process.wait(PATIENCE)
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        self._here.close()
+
+
+@pytest.fixture
+def node() -> Iterator[Callable[..., Node]]:
+    started: list[Node] = []
+
+    def start(*given: int | str | None) -> Node:
+        started.append(Node(*given))  # type: ignore[arg-type]
+        return started[-1]
+
+    yield start
+    for each in started:
+        each.close()
+
+
+def terminal() -> tuple[int, int]:
+    """Return both ends of a terminal that passes bytes as they are."""
+    here, there = pty.openpty()
+    tty.setraw(there)
+    return here, there
+
+
+def stream_sockets() -> tuple[int, int]:
+    """Return both ends of a stream, as systemd connects services to its journal."""
+    here, there = socket.socketpair()
+    return here.detach(), there.detach()
+
+
+def rest(reader: int) -> bytes:
+    """Return what can be read until nobody writes any more."""
+    text = b""
+    while select.select([reader], [], [], PATIENCE)[0]:
+        try:
+            more = os.read(reader, 65536)
+        except OSError:  # of a terminal whose other end is closed
+            more = b""
+        if not more:
+            return text
+        text += more
+    raise AssertionError(f"no end after {len(text)} bytes")
+
+
+@pytest.mark.parametrize("ends", [os.pipe, terminal, stream_sockets])
+def test_a_process_whose_log_nobody_reads_goes_on(
+    node: Callable[..., Node], ends: Callable[[], tuple[int, int]]
+) -> None:
+    reader, writer = ends()
+    logging = node(writer)
+    assert logging.goes_on()
+    assert os.get_blocking(writer) or ends is stream_sockets, "others may share it"
+    os.close(writer)
+    before = os.read(reader, 10_000_000)
+    while select.select([reader], [], [], 0)[0]:
+        before += os.read(reader, 1_000_000)
+    logging.ask()
+    after = rest(reader)
+    assert logging.end() == 0
+    os.close(reader)
+    assert len(before) < 250_000
+    lines = (before + after).splitlines()
+    cut = [line for line in lines if not WHOLE.fullmatch(line)]
+    if ends is os.pipe:
+        assert not cut, "what is read is whole lines"
+    read = [line for line in after.splitlines() if WHOLE.fullmatch(line) and b"unread" not in line]
+    assert len(read) == 20, "nothing is lost once somebody reads"
+
+
+def test_a_full_disk_holds_no_process_up(node: Callable[..., Node]) -> None:
+    full = os.open("/dev/full", os.O_WRONLY)
+    logging = node(full)
+    os.close(full)
+    assert logging.goes_on()
+    logging.ask()
+    assert logging.end() == 0
+
+
+def test_closed_streams_hold_no_process_up(node: Callable[..., Node]) -> None:
+    logging = node(None)
+    assert logging.goes_on()
+    streams = Path(f"/proc/{logging.process.pid}/fd")
+    assert {os.readlink(streams / str(number)) for number in range(3)} == {os.devnull}
+    logging.ask()
+    assert logging.end() == 0
+
+
+def test_a_file_has_every_line(node: Callable[..., Node], tmp_path: Path) -> None:
+    with (tmp_path / "log").open("w") as file:
+        file.write("before\n")
+        file.flush()
+        logging = node(file.fileno())
+    assert logging.goes_on()
+    logging.ask()
+    assert logging.end() == 0
+    lines = (tmp_path / "log").read_bytes().splitlines()
+    assert lines[0] == b"before"
+    assert len(lines) == 1 + 2 * 1510
+    assert all(map(WHOLE.fullmatch, lines[1:]))
+
+
+def test_the_end_of_its_terminal_ends_a_node_in_order(node: Callable[..., Node]) -> None:
+    logging = node(subprocess.DEVNULL, "waits")
+    assert logging.goes_on()
+    logging.ask()
+    logging.process.send_signal(signal.SIGTSTP)
+    logging.process.send_signal(signal.SIGHUP)
+    assert logging.end() == 0
+
+
+SCRIPT = """import os
+from haptic_accel.nodes.supervised_node import NodeLogger
+
+log = NodeLogger("arm")
+os.stat = os.lstat = None  # nothing is asked of the file system
+
+def speak():
+    return log.info("cold"), log.warning("hot"), log.warn("too\\x1b hot\\n"), log.debug("silent")
+
+print(speak())
+"""
+
+
+def test_a_line_names_who_logs_it_without_a_look_at_files(tmp_path: Path) -> None:
+    (tmp_path / "program.py").write_text(SCRIPT)
+    names = "{name} {severity} {function_name} {line_number} {message}"
+    done = subprocess.run(
+        [sys.executable, "program.py"],
+        cwd=tmp_path,
+        env=os.environ | {"RCUTILS_CONSOLE_OUTPUT_FORMAT": names},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stderr.splitlines() == [
+        "arm INFO speak 8 cold",
+        "arm WARN speak 8 hot",
+        r"arm WARN speak 8 too\x1b hot\n",
+    ]
+    assert done.stdout.split() == ["(True,", "True,", "True,", "False)"]
