@@ -125,9 +125,7 @@ class RecordingParameters(Checked):
         low=0.0,
         high=1e6,
     )
-    column: str = parameter(
-        "", "column of a CSV or channel of a WAV file; empty for the usual names"
-    )
+    column: str = parameter("", "column of a CSV or channel of a WAV file; empty: the usual names")
 
 
 @dataclass(frozen=True)

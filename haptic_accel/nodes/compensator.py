@@ -72,9 +72,8 @@ class Compensator(GraphNode):
         )
         if doubt := self.options[PLANT].doubt:
             self.get_logger().warning(f"plant: {doubt}; then run identify again")
-        self.part = CompensationPart(
-            self._compensation, p.rate, p.latency, round(CATCH_UP * p.rate)
-        )
+        longest = round(CATCH_UP * p.rate)
+        self.part = CompensationPart(self._compensation, p.rate, p.latency, longest)
         self._handles = self.samples(topics.HANDLE_ACCELERATION, p.rate)
         self._send_force = self.sender(topics.ACTUATOR_FORCE).send
         self._send_desired = self.sender(topics.DESIRED_ACCELERATION).send

@@ -183,7 +183,7 @@ class CouplingNode(GraphNode):
         if self.parameters.compensated:
             self._first_force = self.inbox(topics.ACTUATOR_FORCE)
         self._stop = CouplerStop(self, self.engagement)
-        self.create_service(SetBool, "~/engage", self._serve_engage)
+        self.create_service(SetBool, "~/engage", self._on_engage)
 
     @abstractmethod
     def build_engagement(self, now: float) -> Engagement:
@@ -282,9 +282,7 @@ class CouplingNode(GraphNode):
             self.step()
             self.report()
 
-    def _serve_engage(
-        self, request: SetBool.Request, response: SetBool.Response
-    ) -> SetBool.Response:
+    def _on_engage(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         """Engage the arms as soon as possible, or release them."""
         refusal = self.engagement.request(request.data)
         if not refusal:
@@ -305,9 +303,8 @@ class Coupler(CouplingNode):
         self._coupling = self._passive or tick.PositionPositionCoupling(p)
         self._changed = False
         longest = round(CATCH_UP * rate)
-        self.part: tick.CouplingPart = tick.CouplingPart(
-            self._coupling, self.engagement, rate, longest
-        )
+        part = tick.CouplingPart(self._coupling, self.engagement, rate, longest)
+        self.part: tick.CouplingPart = part
         self._motions = {
             arm: MotionSynchronizer(
                 self.samples(signals.position, rate),

@@ -83,7 +83,7 @@ class Managed(LifecycleNodeMixin):
         for name, kind in SERVICES.items():
             callback = getattr(self, f"_LifecycleNodeMixin__on_{name}")
             if kind is ChangeState:
-                self._unguarded, callback = callback, self._serve_transition
+                self._unguarded, callback = callback, self._serve_change
             self.create_service(kind, f"~/{name}", callback)
 
     @property
@@ -100,9 +100,7 @@ class Managed(LifecycleNodeMixin):
         super().destroy_node()
         self._state_machine.destroy_when_not_in_use()
 
-    def _serve_transition(
-        self, request: ChangeState.Request, response: ChangeState.Response
-    ) -> Any:
+    def _serve_change(self, request: ChangeState.Request, response: ChangeState.Response) -> Any:
         """Change the state as requested; rclpy would end the node for an impossible transition."""
         # By name or, without a name, by number.
         possible = {name: n for n, name, *_ in self._state_machine.available_transitions}
@@ -267,14 +265,10 @@ class MotionCommands:
     """
 
     def __init__(
-        self,
-        node: GraphNode,
-        arm: ArmTopics,
-        parameters: PositionServoParameters,
-        limits: ArmLimits,
+        self, node: GraphNode, arm: ArmTopics, servo: PositionServoParameters, limits: ArmLimits
     ) -> None:
         self._limits = limits
-        self.servo = PositionServo(parameters)
+        self.servo = PositionServo(servo)
         self.positions = node.inbox(arm.beside("servo_cp", arm.position.type, reliable=False))
         self._holds = node.inbox(arm.beside("hold", _EMPTY))
         self._frees = node.inbox(arm.beside("free", _EMPTY))
@@ -345,9 +339,8 @@ class OperatingState:
         self._pausing = False
         self._known_fault = ""
         self._told: tuple[Any, ...] = ()
-        self._homed, self._busy = (
-            node.publisher(topic(name)).publish for name in ("is_homed", "is_busy")
-        )
+        states = topic("is_homed"), topic("is_busy")
+        self._homed, self._busy = (node.publisher(each).publish for each in states)
         self._state = None
         if find_spec(MESSAGES):
             self._state = node.publisher(topic("operating_state", _STATE))
@@ -379,9 +372,8 @@ class OperatingState:
         self._homed(Bool(data=homed))
         self._busy(Bool(data=busy))
         if self._state:
-            message = message_type(Topic("", _STATE, "", ""))(
-                state=state, is_homed=homed, is_busy=busy
-            )
+            kind = message_type(Topic("", _STATE, "", ""))
+            message = kind(state=state, is_homed=homed, is_busy=busy)
             message.header.stamp = self._node.get_clock().now().to_msg()
             self._state.publish(message)
 

@@ -43,6 +43,10 @@ from haptic_accel.setup.node_parameters import POSITION_SERVO, SAFETY, build_dev
 MANY_MISSED = 0.01
 """Fraction of missed deadlines between two reports above which diagnostics warn."""
 
+MANY_LATE = 0.5
+"""Fraction of late ticks between two reports above which the rate is not held: a machine that is
+busy at the start of the nodes delays fewer."""
+
 STALL = 0.02
 """Time without a tick above which diagnostics warn, s: a fiftieth of their own period."""
 
@@ -102,16 +106,13 @@ class DeviceNode(crtk.Managed, GraphNode):
         self.safety = SafetyLayer(self.options[SAFETY], p.rate, self.device.axes)
         self.arm = arm.position.source
         self.offset = 0
-        self._used = self._starting = self._warned = self._settled = False
+        self._used = self._starting = self._settled = False
         self._failure: Exception | None = None
         self._crossed = 0
         self._reported_unread = self._reported_contested = self._reported_unlocated = 0
-        self._reported_deadlines = 0, 0
-        self._acceleration, self._position, self._velocity = (
-            # The input of the felt force is first.
-            self.sender(topic)
-            for topic in (arm.acceleration, arm.position, arm.velocity)
-        )
+        self._reported_deadlines = 0, 0, 0, 0
+        signals = arm.acceleration, arm.position, arm.velocity  # the input of the felt force first
+        self._acceleration, self._position, self._velocity = map(self.sender, signals)
         self._work_sender = self.sender(arm.work)
         self._work_asked = False
         self._contact_sender = self.sender(arm.contact_force) if arm.contact_force else None
@@ -120,13 +121,11 @@ class DeviceNode(crtk.Managed, GraphNode):
         if arm.actuator_force:
             self._inboxes[ACTUATOR] = self.inbox(arm.actuator_force)
         # The newest set-point is enough; others may not delay a tick.
-        self._points = (
-            self.inbox(topics.HAND_SET_POINT, depth=1) if self._kind.description.pointed else None
-        )
+        pointed = self._kind.description.pointed
+        self._points = self.inbox(topics.HAND_SET_POINT, depth=1) if pointed else None
         self._queries = crtk.Queries(self, arm)
-        self._motions = crtk.MotionCommands(
-            self, arm, self.options[POSITION_SERVO], self.options[SAFETY].arm
-        )
+        servo, limits = self.options[POSITION_SERVO], self.options[SAFETY].arm
+        self._motions = crtk.MotionCommands(self, arm, servo, limits)
         self.side = DeviceSide(
             self.device,
             self.safety,
@@ -255,6 +254,7 @@ class DeviceNode(crtk.Managed, GraphNode):
             "commands of several senders": str(self._contested),
             "interruptions": str(self.device.interruptions),
             **keeper.lateness.diagnostics("tick lateness"),
+            **keeper.work.diagnostics("tick work"),
             **self.side.diagnostics(),
             **self.safety.diagnostics(self.device.problem),
         }
@@ -289,18 +289,27 @@ class DeviceNode(crtk.Managed, GraphNode):
         return "position is not finite"
 
     def _missed_deadlines(self) -> str:
-        """Return a warning if too many forces came late since the last report."""
-        counts, before = self.side.deadlines, self._reported_deadlines
-        due, missed = (now - then for now, then in zip(counts, before, strict=True))
+        """Return a warning if too many ticks or forces came late since the last report."""
+        keeper, rate = self.rate_keeper, self.parameters.rate
+        counts = *self.side.deadlines, keeper.ticks + keeper.missed, keeper.late + keeper.missed
+        since = zip(counts, self._reported_deadlines, strict=True)
+        due, missed, ticks, late = (now - then for now, then in since)
         self._reported_deadlines = counts
-        if missed <= MANY_MISSED * due or due < self.parameters.rate / 2:
+        behind = late > MANY_LATE * ticks and ticks >= rate / 2
+        if not behind and (missed <= MANY_MISSED * due or due < rate / 2):
             return ""
-        if not self._warned:
-            self._warned = True
+        line = (
+            f"{rate:g} Hz is not held: {late / max(1, ticks):.0%} of the ticks are late;"
+            f" a tick takes {1e6 * keeper.work.quantile(0.5):.0f} us of {1e6 / rate:.0f} us;"
+            f" {keeper.better or 'no other rate'} would hold"
+        )
+        if not keeper.told:
+            keeper.told = True
             self.get_logger().warning(
-                f"{missed} of {due} forces took effect after their due time: is this machine fit"
-                f" for {self.parameters.rate:g} Hz now? haptic-accel doctor"
+                f"{missed} of {due} forces are late; {line}; haptic-accel doctor"
             )
+        if behind:
+            return line
         forces = " and ".join(kind.replace("_", " ") for kind in self.side.counted)
         return f"{forces} since the last report: {missed} of {due} deadlines missed"
 

@@ -103,9 +103,8 @@ class GraphNode(SupervisedNode):
         # Values of the command line and of files are checked before declaration: ROS would ignore
         # a wrong name, and itself report a wrong value.
         super().__init__(executable, automatically_declare_parameters_from_overrides=True)
-        self._declared = DeclaredParameters(
-            self, executable, changeable, self.change, self._guard.note
-        )
+        note = self._guard.note
+        self._declared = DeclaredParameters(self, executable, changeable, self.change, note)
         self.parameters, self.options = self._declared.own, self._declared.options
         for kind, callback in self._declared.services.items():
             self.replace_service(kind, callback)

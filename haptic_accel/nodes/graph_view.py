@@ -39,7 +39,7 @@ from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import ACTUATOR, Vector
 from haptic_accel.core.parameters import ParameterError, checked, shown
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import PARAMETER_EVENTS, Topic
+from haptic_accel.core.topics import Topic
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.signals import Inbox, Sender
 from haptic_accel.nodes.supervised_node import message_type
@@ -311,7 +311,7 @@ class GraphView(GraphNode):
         self.reports = NodeReports()
         self.emergency_stop: dict[str, bool | None] = {"asked": False, **dict.fromkeys(self.arms)}
         self._controller: str | None = None
-        refuse = partial(self.refuse, PARAMETER_EVENTS)
+        refuse = partial(self.refuse, topics.PARAMETER_EVENTS)
         self._remotes = {
             name: RemoteParameters(self, name, parameter_names, self._update_settings, refuse)
             for name, parameter_names in WANTED.items()
@@ -327,7 +327,7 @@ class GraphView(GraphNode):
         }
         self._received: dict[str, Inbox] = {}
         self._follow_messages(topics.DIAGNOSTICS, self._receive_diagnostics)
-        self._follow_messages(PARAMETER_EVENTS, self._receive_parameters)
+        self._follow_messages(topics.PARAMETER_EVENTS, self._receive_parameters)
         stop = self.emergency_stop
         self.listen_state(topics.COUPLER_STOPPED, partial(stop.__setitem__, "asked"))
         for arm in self.arms:

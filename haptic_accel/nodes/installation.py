@@ -67,9 +67,8 @@ def describe_installation() -> Installation:
     """Describe the installation; join the domain for `ANNOUNCEMENT`, as a node would."""
     os.environ.update(middleware_defaults(os.environ))
     sharpen_timers()
-    wheels = [
-        re.fullmatch(r"ros[-_](\w+)[-_]rclpy", d.name or "") for d in metadata.distributions()
-    ]
+    names = [each.name or "" for each in metadata.distributions()]
+    wheels = [re.fullmatch(r"ros[-_](\w+)[-_]rclpy", name) for name in names]
     rclpy.init(args=[])
     try:
         node = rclpy.create_node("haptic_accel_doctor")

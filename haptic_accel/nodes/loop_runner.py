@@ -92,6 +92,8 @@ class LoopRunner:
         self._keeper = RateKeeper(self._rate, lead=wake_time() + sum(times), frame=self._frame)
         self._arrivals = {arm: ArrivalKeeper(self._rate / self._frame) for arm in self._devices}
         self._idle = False
+        framed = [each.device.description.framed for each in self._devices.values()]
+        self._keeper.framed = self._coupler is not None and all(framed)
         for device in self._devices.values():
             device.rate_keeper = self._keeper
 
@@ -106,9 +108,8 @@ class LoopRunner:
 
     def _rests(self) -> bool:
         """Return whether nothing happens at a tick."""
-        return self._coupler is None and not any(
-            device.side.sampling for device in self._devices.values()
-        )
+        sampling = [device.side.sampling for device in self._devices.values()]
+        return self._coupler is None and not any(sampling)
 
     def _serve_due(self) -> float:
         """Serve due work; return the steady time of the next work, s."""
@@ -139,6 +140,7 @@ class LoopRunner:
         for each in range(first, tick + 1):
             self._loop.step(each, each == first)
         self._finish()
+        self._keeper.done()
 
     def _finish(self) -> None:
         """Send and publish the results of the last steps, after all due forces."""

@@ -108,10 +108,7 @@ class DeclaredParameters:
     @property
     def services(self) -> dict[type, Callable[..., Any]]:
         """Callbacks of the services that set parameters, in place of rclpy's, by their type."""
-        return {
-            SetParameters: self._serve_parameters,
-            SetParametersAtomically: self._serve_parameters_atomically,
-        }
+        return {SetParameters: self._serve, SetParametersAtomically: self._serve_atomically}
 
     def new(self, parameters: Iterable[Parameter]) -> list[Parameter]:
         """Return those that differ from their present values, in the types of the schema.
@@ -123,14 +120,14 @@ class DeclaredParameters:
         """
         return [each for each in map(self._checked, parameters) if not self._holds(each)]
 
-    def _serve_parameters(
+    def _serve(
         self, request: SetParameters.Request, response: SetParameters.Response
     ) -> SetParameters.Response:
         """Set all parameters of a request or none; rclpy would set the valid ones."""
         response.results = [self._set(request.parameters)] * len(request.parameters)
         return response
 
-    def _serve_parameters_atomically(
+    def _serve_atomically(
         self, request: SetParametersAtomically.Request, response: SetParametersAtomically.Response
     ) -> SetParametersAtomically.Response:
         response.result = self._set(request.parameters)

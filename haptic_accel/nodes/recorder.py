@@ -346,9 +346,8 @@ class Recorder(GraphNode):
         """Subscribe to one of the graph's topics, whose type and quality of service are known."""
         name = self.resolve_topic_name(topic.name)
         self._settled.add(name)
-        offered = _stored(offered_quality(topic))._replace(
-            liveliness=rosbag2.QosLiveliness.AUTOMATIC
-        )
+        live = rosbag2.QosLiveliness.AUTOMATIC
+        offered = _stored(offered_quality(topic))._replace(liveliness=live)
         put = self._session.connect(name, topic.type, [offered], sampled=topic in SIGNALS)
         if topic in SENDERS:
             put = self._own_only(put, SENDERS[topic])

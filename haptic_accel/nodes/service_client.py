@@ -118,6 +118,10 @@ class Services:
         return Answers({node: client.call_async(content) for node, client in ready.items()})
 
 
+Pause = Callable[[float], Awaitable[None]]
+"""Wait for a time in s."""
+
+
 class ServiceClient(Services):
     """Client whose coroutines wait for answers.
 
@@ -131,13 +135,7 @@ class ServiceClient(Services):
         Time-outs for a service to be found, and for its answer, s.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        pause: Callable[[float], Awaitable[None]],
-        finding: float,
-        answering: float,
-    ) -> None:
+    def __init__(self, node: Node, pause: Pause, finding: float, answering: float) -> None:
         super().__init__(node)
         self._pause = pause
         self._finding, self._answering = finding, answering

@@ -181,9 +181,8 @@ def quality(topic: Topic, depth: int = DEPTH) -> QoSProfile:
     """Return a subscriber's quality of service: signals as sensor data, events reliable."""
     reliability = ReliabilityPolicy.RELIABLE if topic.reliable else ReliabilityPolicy.BEST_EFFORT
     latched, volatile = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
-    return QoSProfile(
-        depth=depth, reliability=reliability, durability=latched if topic.latched else volatile
-    )
+    durability = latched if topic.latched else volatile
+    return QoSProfile(depth=depth, reliability=reliability, durability=durability)
 
 
 def offered_quality(topic: Topic, depth: int = SENT) -> QoSProfile:
@@ -433,9 +432,8 @@ class SupervisedNode(Node):
 
     def publisher(self, topic: Topic, depth: int = SENT) -> Publisher:
         """Create a topic's publisher, which keeps the last `depth` messages."""
-        return self.create_publisher(
-            message_type(topic), topic.name, offered_quality(topic, depth)
-        )
+        offered = offered_quality(topic, depth)
+        return self.create_publisher(message_type(topic), topic.name, offered)
 
     def subscribe_raw(
         self, topic: Topic, callback: Callable[[bytes], None], depth: int = DEPTH

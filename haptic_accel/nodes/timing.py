@@ -63,6 +63,13 @@ rate, and leaves out the grid points that wait rather than stay behind."""
 LARGEST_LEAD = 0.2
 """Largest time that a tick may begin before its grid point, periods."""
 
+CHOICES = ((8000, 8, 1.5), (4000, 4, 1.5), (2000, 2, 2.0), (1000, 1, 0.0), (500, 1, 0.0))
+"""Documented rates, Hz, with their frames and, for frames, latencies, ms: docs/real_time.md."""
+
+HELD = 0.6
+"""Largest share of a period for the work of a tick at a rate that is held: the rest is for waking,
+requests, and ticks that take longer than most."""
+
 SHORT = 5_000
 """Duration of a reading of two clocks up to which they count as read together, ns."""
 
@@ -95,8 +102,12 @@ class RateKeeper:
     ----------
     ticks, late, missed : int
         Grid points served; those of frames served later than half a frame; those skipped.
-    lateness : DurationHistogram
-        Lateness of the frames.
+    lateness, work : DurationHistogram
+        Lateness of the frames, and time of their work by grid point.
+    framed : bool
+        True if the devices may be served in frames.
+    told : bool
+        True once it was told that the rate is not held.
 
     Examples
     --------
@@ -122,7 +133,8 @@ class RateKeeper:
         self._in_time = self._next - 1
         self._gaps: defaultdict[str, float] = defaultdict(float)
         self.ticks = self.late = self.missed = 0
-        self.lateness = DurationHistogram()
+        self.lateness, self.work = DurationHistogram(), DurationHistogram()
+        self.framed = self.told = False
 
     @property
     def period(self) -> float:
@@ -159,7 +171,18 @@ class RateKeeper:
                 self._gaps[reader] = gap
         self.ticks += self._frame
         self._next = tick + self._frame
+        self._begun = now
         return tick
+
+    def done(self) -> None:
+        """Take note of the time that the last frame has taken."""
+        self.work.add((self._clock() - self._begun) / NANOSECONDS / self._frame)
+
+    @property
+    def better(self) -> str:
+        """Arguments of a rate that the measured time of a tick would hold; empty for none."""
+        rate = round(1.0 / self.period)
+        return rate_that_holds(self.work.quantile(0.5), rate, self._frame, framed=self.framed)
 
     def _newest(self, now: int) -> int:
         """Return the last grid point of the newest frame at a time in ns."""
@@ -169,6 +192,30 @@ class RateKeeper:
         """Return the largest lateness of a tick since a reader's last call, s; 0 at the first."""
         gap, self._gaps[reader] = self._gaps[reader], 0.0
         return gap / NANOSECONDS
+
+
+def rate_that_holds(cost: float, rate: float, frame: int, *, framed: bool) -> str:
+    """Return the arguments of the highest documented rate that is held; empty if none is.
+
+    Parameters
+    ----------
+    cost : float
+        Time of the work of a tick, s.
+    rate, frame : float, int
+        Rate that is not held, Hz, and its frame.
+    framed : bool
+        True if frames are possible.
+
+    Examples
+    --------
+    >>> rate_that_holds(130e-6, 8000.0, 1, framed=True)
+    'rate:=4000 frame:=4 latency:=1.5ms'
+    """
+    for other, samples, latency in CHOICES:
+        if (other, -samples * framed) < (rate, -frame) and other * cost <= HELD:
+            frames = f" frame:={samples} latency:={latency:g}ms"
+            return f"rate:={other}" + frames * (framed and samples > 1)
+    return ""
 
 
 class ArrivalKeeper:

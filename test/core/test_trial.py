@@ -48,13 +48,8 @@ from haptic_accel.setup.setup import Setup
 
 SURFACES = ("plywood", "text", "vinyl")
 CONTROLLERS = ("none", "constant", "dynamic")
-SIGNALS = (
-    "time",
-    "tool_acceleration",
-    "desired_acceleration",
-    "handle_acceleration",
-    "actuator_force",
-)
+ACCELERATIONS = ("tool_acceleration", "desired_acceleration", "handle_acceleration")
+SIGNALS = ("time", *ACCELERATIONS, "actuator_force")
 SHORT = 3.0  # s: approach and three strokes
 USERS = {"paper": 5, "ideal": 2}
 """Users of a mean: the paper's figures are held more closely than an order."""

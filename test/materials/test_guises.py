@@ -87,10 +87,8 @@ def tables(draw: st.DrawFn) -> tuple[bytes, float, str]:
     cells = zip(*(texts for _, texts in columns), strict=True)
     rows += [separator.join(row).replace(".", "," if commas else ".") for row in cells]
     rows = draw(st.sampled_from([[], ["# drag"], [""]])) + rows
-    end, encoding = (
-        draw(st.sampled_from(["\n", "\r\n", "\r"])),
-        draw(st.sampled_from([*ENCODINGS])),
-    )
+    end = draw(st.sampled_from(["\n", "\r\n", "\r"]))
+    encoding = draw(st.sampled_from([*ENCODINGS]))
     stated = draw(st.sampled_from([0.0, RATE])) if kept else RATE
     if wrong == "rate":
         stated = draw(st.sampled_from([RATE / 2, 2 * RATE, 1.01 * RATE]))

@@ -17,8 +17,10 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterator
+from time import sleep
 from typing import Any
 
 import pytest
@@ -43,12 +45,13 @@ from running import PATIENCE
 class Fragile(SimulatedSlave):
     """A simulated slave that fails when told to."""
 
-    broken = False
+    broken, slow = False, 0.0
 
     def read(self, time: float) -> Sample:
         """Give a sample unless it is broken."""
         if self.broken:
             raise DeviceError("unplugged")
+        sleep(self.slow)
         return super().read(time)
 
 
@@ -115,6 +118,19 @@ def test_arms_are_coupled_without_a_message_and_show_what_they_do(process: Proce
     # What belongs to a tick has its stamp.
     stamps = [set(values) for values in received.values()]
     assert len(set.intersection(*stamps)) > 20
+
+
+def test_a_loop_that_is_too_slow_names_the_rate_that_is_held(
+    process: Process, capfd: pytest.CaptureFixture[str]
+) -> None:
+    device = process.slave.device
+    assert isinstance(device, Fragile)
+    device.slow = 1e-3
+    for _ in range(1500):
+        process.loop.work()
+    process.slave.report()
+    said = r"1000 Hz is not held: \d+% of the ticks are late; a tick takes \d{4} us of 1000 us; .*"
+    assert re.search(said, capfd.readouterr().err)
 
 
 def test_a_device_that_fails_leaves_the_others_running_and_the_arms_free(process: Process) -> None:

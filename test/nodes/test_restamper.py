@@ -135,7 +135,7 @@ def test_a_bag_played_at_another_speed_is_refused_in_one_line(
     assert graph.end() == 1
     assert re.search(r"/played: stamps advance by 0\.\d+ s per second: must be played", graph.text)
     assert "Traceback" not in graph.text
-    assert "is this machine fit" not in graph.text
+    assert "is not held" not in graph.text
     player.end(signal.SIGINT)
 
 

@@ -805,12 +805,8 @@ TARGETS = (
     "//",
     "/%00",
 )
-BODIES = (
-    '{"action":"estop","value":true}',
-    '{"action":"absent"}',
-    "3\r\n{}\n\r\n0\r\n\r\n",
-    "[" * 999,
-)
+ACTIONS = ('{"action":"estop","value":true}', '{"action":"absent"}')
+BODIES = (*ACTIONS, "3\r\n{}\n\r\n0\r\n\r\n", "[" * 999)
 
 
 @st.composite

@@ -447,7 +447,5 @@ def _jump(axis: Axis, report: protocol.Estimates, now: float) -> str:
 
 def _idle(nodes: Sequence[int]) -> list[protocol.Message]:
     """Return the commands to release axes: zero torque for all, then idle."""
-    return [
-        *(SetTorque(node, 0.0) for node in nodes),
-        *(SetState(node, AxisState.IDLE) for node in nodes),
-    ]
+    released = [SetTorque(node, 0.0) for node in nodes]
+    return [*released, *(SetState(node, AxisState.IDLE) for node in nodes)]

@@ -85,9 +85,7 @@ class JointParameters(Checked):
     """Transmission from a motor to its joint."""
 
     node_id: int = parameter(0, "node id of the joint's axis (ODrive: 0 to 63)", low=0, high=63)
-    gear_ratio: float = parameter(
-        1.0, "turns of the motor per turn of the joint", low=0.01, high=1e4
-    )
+    gear_ratio: float = parameter(1.0, "motor's turns per turn of the joint", low=0.01, high=1e4)
     direction: int = parameter(
         1, "direction of the joint: 1 if it turns as its motor does, otherwise -1", low=-1, high=1
     )

@@ -150,12 +150,8 @@ def groove(angle: float, material: Material) -> Scene:
     return Scene((left, right), start=(0.0, 0.0, 0.03))
 
 
-IN_A_GROOVE: list[Vector] = [
-    (0.0, 0.0, -4e-3),
-    (4e-3, 0.01, 0.0),
-    (-4e-3, -0.01, 0.0),
-    (0.0, 0.0, 0.01),
-]
+IN_A_GROOVE: list[Vector] = [(0.0, 0.0, -4e-3), (4e-3, 0.01, 0.0), (-4e-3, -0.01, 0.0)]
+IN_A_GROOVE += [(0.0, 0.0, 0.01)]
 
 
 @pytest.mark.parametrize("stiffness", [300.0, 10e3])

@@ -71,11 +71,8 @@ class Device:
         tick = round(time * RATE)
         height = self._travel * tick
         moving = 0.0, 0.0, self.speed
-        return (
-            Sample((0.0, 0.0, height), moving, along_actuator(float(tick)))
-            if self.there
-            else LATER
-        )
+        sample = Sample((0.0, 0.0, height), moving, along_actuator(float(tick)))
+        return sample if self.there else LATER
 
     def write(
         self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None

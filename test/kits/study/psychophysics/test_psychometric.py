@@ -154,14 +154,8 @@ def test_a_fit_is_that_of_psignifit(seed: int) -> None:
     )
 
 
-TRUTHS = [
-    {},
-    {"lapse": 0.0},
-    {"lapse": 0.1},
-    {"slope": 2.0},
-    {"threshold": 0.5},
-    {"threshold": 2.0},
-]
+TRUTHS = [{}, {"lapse": 0.0}, {"lapse": 0.1}]
+TRUTHS += [{"slope": 2.0}, {"threshold": 0.5}, {"threshold": 2.0}]
 """Observers that differ from one of threshold 1, slope 1 and 2 % of random answers."""
 
 
