@@ -46,7 +46,7 @@ class ActuatorParameters(Suspension):
         2.2, "RMS force that the coil withstands continuously (data sheet)", "N", 0, 100.0
     )
     thermal_time: float = actuator_parameter(
-        10.0, "thermal time constant of the coil (assumed: small ones, 5 to 30 s)", "s", 0.01, 1e4
+        10.0, "thermal time constant of the coil (assumed; small ones: 5 to 30 s)", "s", 0.01, 1e4
     )
     force_constant: float = actuator_parameter(
         2.4, "force per current; negative if the wires are swapped (data sheet)", "N/A", -1e3, 1e3

@@ -67,7 +67,7 @@ class BodyParameters(Checked):
     )
     # A stylus between thumb and two fingers.
     grip_width: float = parameter(
-        0.040, "distance of the fingers, which resists rotation (assumed: a stylus)", "m", 0.0, 0.2
+        0.040, "distance of the fingers on the handle (assumed: a stylus)", "m", 0.0, 0.2
     )
     sensor_x: float = _sensor(0.006)
     sensor_y: float = _sensor(-0.004)

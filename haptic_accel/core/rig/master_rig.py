@@ -56,7 +56,7 @@ class DriveParameters(Checked):
         0.0, "delay from command to force beside the hold: converter, amplifier", "s", 0, 0.02
     )
     force_scale: float = parameter(
-        1.0, "force over commanded force; negative if the wires are swapped", low=-2.0, high=2.0
+        1.0, "ratio of force to commanded force; negative: wires swapped", low=-2.0, high=2.0
     )
     coulomb_friction: float = parameter(0.0, "dry friction of the actuator's bearing", "N", 0, 1.0)
     slip_velocity: float = parameter(

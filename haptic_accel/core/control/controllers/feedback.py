@@ -56,7 +56,7 @@ class FeedbackParameters(InverseParameters):
         choices=("none", "constant", "dynamic", INVERSE),
     )
     margin: float = parameter(
-        MARGIN, "minimum distance of the open loop from -1 over all grips", low=0.05, high=0.95
+        MARGIN, "stability margin: distance of the open loop from -1", low=0.05, high=0.95
     )
     grips: GripRange = field(default_factory=GripRange)
 

@@ -55,11 +55,11 @@ class TexturePrior(Checked):
 
     # The surface is not known.
     rise: float = parameter(
-        20.0, "lower corner of the expected spectrum: near the high-pass's", "Hz", 1.0, 1000.0
+        20.0, "lower corner of the expected texture spectrum", "Hz", 1.0, 1000.0
     )
     # Waves shorter than 0.5 mm: 200 Hz at 0.1 m/s.
     fall: float = parameter(
-        200.0, "upper corner of the expected spectrum: the tip filters waves", "Hz", 10.0, 10e3
+        200.0, "upper corner of the expected texture spectrum", "Hz", 10.0, 10e3
     )
 
     def __call__(self, frequency: FloatArray) -> FloatArray:
