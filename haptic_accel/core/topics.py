@@ -90,11 +90,6 @@ JOINT_STATES = Topic("joint_states", "sensor_msgs/msg/JointState", "", "", relia
 JOINT_STATE_RATE = 50.0
 """Rate of joint states for displays, Hz: more than a screen shows."""
 
-PARAMETER_EVENTS = Topic(
-    "/parameter_events", "rcl_interfaces/msg/ParameterEvent", "", "", reliable=True
-)
-"""Parameter changes of all nodes: controller, surface or grip set while a graph runs."""
-
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "", "", reliable=True)
 PARAMETER_EVENTS = Topic(
     "/parameter_events", "rcl_interfaces/msg/ParameterEvent", "", "", reliable=True

@@ -155,13 +155,13 @@ class Compensator(GraphNode):
     def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return counts of lost, limited and refused samples, and the controller's values."""
         warning, values = self._compensation.diagnostics()
-        warning = ", ".join(filter(None, (warning, self._orientation.problem)))
-        return warning, {
+        return ", ".join(filter(None, (warning, self._orientation.problem))), {
             "samples": str(self.part.samples),
             "lost": str(self.part.lost),
             "bridged": str(self.part.bridged),
             "without the handle's sample": str(self.part.without),
             "out of order": str(self._tools.sequence.stale),
+            **self._compensation.slow_work.diagnostics("slow work"),
             **values,
         }
 

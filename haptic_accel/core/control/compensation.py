@@ -40,6 +40,7 @@ from haptic_accel.core.reduction import LIVE_REDUCTIONS, NO_REDUCTION
 from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.tick import LARGEST_ACCELERATION as LARGEST_ACCELERATION
 from haptic_accel.core.tick import HandleCompensation, Trace, VectorConvolution
+from haptic_accel.core.tick.histogram import DurationHistogram
 
 AT_RANGE = 0.999
 """Fraction of full scale above which a handle sample counts as saturated, as converters differ."""
@@ -164,8 +165,8 @@ class Compensation(HandleCompensation):
     plant : MatrixPlant, optional
         Identified handle with three axes, in place of the one that the parameters name.
     clock : callable, optional
-        Steady time, s, by which a controller of another package may be too slow. By default it
-        stands, as in lockstep.
+        Steady time, s, of slow computations, by which a controller of another package may be too
+        slow. By default it stands, as in lockstep.
 
     Attributes
     ----------
@@ -175,6 +176,8 @@ class Compensation(HandleCompensation):
         Controllers of the coils, one for each axis.
     due : int
         Count of samples, see `Trace`, from which `adapt` has something to do.
+    slow_work : DurationHistogram
+        Times of the parts of the slow computations by the clock.
     failure : str
         Reason for which `none` took over from the controller that was selected last; empty if
         there is none.
@@ -236,6 +239,7 @@ class Compensation(HandleCompensation):
         ]
         coils = [channel.supervisor for channel in self.channels]
         self.failure = ""
+        self.slow_work, self._clock = DurationHistogram(), clock
         self.alignment = None if single else Alignment(rate, coils)
         self.switch = ReductionSwitch(parameters.reduction, rate, self._unreduced)
         # Below the range, not at it.
@@ -303,6 +307,7 @@ class Compensation(HandleCompensation):
         """Execute a part of the slow computations, if any is due; call it when no force is."""
         if self.first.trace.count < self.due or self.first.asleep:
             return
+        begun = self._clock()
         left = [channel.adapt() for channel in self.channels]  # all at the same time
         failures = [channel.failure for channel in self.channels if channel.failure]
         if failures and self.controller != NONE:
@@ -319,6 +324,7 @@ class Compensation(HandleCompensation):
         if self.switch.name != self.switch.active or 0.0 < self.switch.alone < 1.0:
             left.append(1)  # the coil along z may soon be alone, or no longer
         self.due = self.first.trace.count + min(left)
+        self.slow_work.add(self._clock() - begun)
 
     def mute(self, muted: bool) -> None:
         """Compute no force while the device applies none; see `Channel.mute`."""
