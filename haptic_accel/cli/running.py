@@ -40,12 +40,12 @@ from haptic_accel.core.process import (
     FAILED,
     INTERRUPTED,
     PROGRESS,
-    REALTIME,
     RECORDED,
     WRONG_ARGUMENTS,
     tell_supervisor,
 )
 from haptic_accel.graph.locks import sole_graph
+from haptic_accel.graph.stop_signal import hurry
 from haptic_accel.graph.supervisor import Outcome, Supervisor
 from haptic_accel.setup.processes import Process, arrangement
 from haptic_accel.setup.setup import LINK, SCOPE
@@ -341,9 +341,7 @@ def on_keys(acts: Mapping[bytes, Callable[[], None]]) -> Iterator[bool]:
 
 def _follow(terminal: int, over: int, acts: Mapping[bytes, Callable[[], None]]) -> None:
     """Read keys until the other end of a pipe is closed, or the terminal is gone."""
-    if os.environ.get(REALTIME) != "no":
-        with suppress(OSError):  # not allowed here
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    hurry(PRIORITY)
     while over not in select.select([terminal, over], [], [])[0]:
         if not is_ours(terminal):  # reading would suspend us
             select.select([over], [], [], BACKGROUND_PERIOD)

@@ -49,6 +49,9 @@ CATCH_UP = 0.1
 Force = Callable[[float], float]
 """Function from a time, s, to the actuator's force, N."""
 
+Prepare = Callable[[], None]
+"""Function that prepares the thread of the samples."""
+
 
 @dataclass(frozen=True)
 class Observation:
@@ -84,6 +87,8 @@ class ObservedDevice:
         Ticks per second, Hz.
     latency : int
         Ticks from a sample to the force that it causes.
+    prepare : callable
+        Called first in the thread, to ask for a real-time priority.
 
     Attributes
     ----------
@@ -92,9 +97,9 @@ class ObservedDevice:
     """
 
     def __init__(
-        self, device: Device, safety: SafetyParameters, rate: float, latency: int
+        self, device: Device, safety: SafetyParameters, rate: float, latency: int, prepare: Prepare
     ) -> None:
-        self._device = device
+        self._device, self._prepare = device, prepare
         self._rate, self._latency = rate, latency
         self._safety = SafetyLayer(safety, rate, device.axes)
         ahead = (ACTUATOR,) if device.description.ahead else ()
@@ -211,6 +216,7 @@ class ObservedDevice:
         return Observation(self._rate, acceleration, position, force)
 
     def _run(self) -> None:
+        self._prepare()
         try:
             while not self._ending.wait(1 / (LOOKS * self._rate)):
                 self._catch_up()

@@ -156,7 +156,7 @@ def own_domain() -> int:
 
 
 def hurry(priority: int = PRIORITY) -> None:
-    """Request real-time priority for this process; continue if refused.
+    """Request real-time priority for this thread; continue if refused.
 
     Call it before starting threads, which inherit the priority.
     """

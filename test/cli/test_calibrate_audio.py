@@ -51,7 +51,7 @@ def run(
     )
 
 
-@pytest.mark.slow  # an emulated card loses blocks here, and is then refused
+@pytest.mark.slow  # a busy machine loses blocks of an emulated card: measured again
 @pytest.mark.live
 @pytest.mark.parametrize("polarity", [1, -1])
 def test_a_known_force_gives_scale_and_polarity(polarity: int, tmp_path: Path) -> None:
@@ -67,7 +67,7 @@ def test_a_known_force_gives_scale_and_polarity(polarity: int, tmp_path: Path) -
     assert "next: haptic-accel calibrate audio device:=system side:=slave" in done.stdout
 
 
-@pytest.mark.slow  # an emulated card loses blocks here, and is then refused
+@pytest.mark.slow  # a busy machine loses blocks of an emulated card: measured again
 @pytest.mark.live
 def test_the_input_of_another_sensor_is_named_and_nothing_is_written(tmp_path: Path) -> None:
     words = calibrate("input:=2", "by:=force", "mass:=0.128", "full_scale:=5", "file:=rig.yaml")

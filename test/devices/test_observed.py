@@ -43,7 +43,7 @@ def probe(moment: float) -> float:
 
 
 def observed(device: SimulatedMaster) -> ObservedDevice:
-    return ObservedDevice(device, MasterSafetyParameters(), RATE, latency=1)
+    return ObservedDevice(device, MasterSafetyParameters(), RATE, 1, lambda: None)
 
 
 def test_a_force_moves_the_handle_as_its_model_says() -> None:

@@ -220,10 +220,10 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         yield file
 
 
-LATENCY = "latency:=12"
+LATENCY = "latency:=17"
 
 
-@pytest.mark.slow  # an emulated card loses blocks here, and is then refused
+@pytest.mark.slow  # a busy machine loses blocks of an emulated card: measured again
 @pytest.mark.live
 def test_a_handle_is_identified_through_a_card(bench: Path, start: Start) -> None:
     command = start(

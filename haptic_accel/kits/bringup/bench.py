@@ -37,6 +37,7 @@ from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.devices.observed import Observation, ObservedDevice
+from haptic_accel.graph.stop_signal import hurry
 from haptic_accel.setup.arguments import POINTER, SIMULATED, VIRTUAL, GraphArguments
 from haptic_accel.setup.files import parameter_paths, read_parameter_file
 from haptic_accel.setup.node_parameters import SAFETY, build_device
@@ -292,11 +293,8 @@ class Bench:
 
     def is_simulated(self, side: str) -> bool:
         """Return whether no hardware belongs to a side's device."""
-        return not self.is_on_card(side) and self.device_name(side) in (
-            SIMULATED,
-            POINTER,
-            VIRTUAL,
-        )
+        without = (SIMULATED, POINTER, VIRTUAL)
+        return not self.is_on_card(side) and self.device_name(side) in without
 
     def has_actuator(self) -> bool:
         """Return whether the handle has an actuator that is no simulation."""
@@ -308,7 +306,7 @@ class Bench:
         """Open a side's device, and close it, without force, in the end."""
         own, options = self.parameters(side)
         device = build_device(f"{side}_device", own, options)
-        with ObservedDevice(device, options[SAFETY], own.rate, own.latency) as observed:
+        with ObservedDevice(device, options[SAFETY], own.rate, own.latency, hurry) as observed:
             time.sleep(RESPONSE_SETTLING)
             try:
                 yield observed

@@ -81,7 +81,7 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
             monkeypatch.setenv(name, environment[name])
         file = tmp_path / "rig.yaml"
         file.write_text(SOUND_RIG)
-        found = Bench(built, f"params_file:={file} rig:=ideal latency:=12 controller:=inverse")
+        found = Bench(built, f"params_file:={file} rig:=ideal latency:=17 controller:=inverse")
         yield found
         found.close()
 
