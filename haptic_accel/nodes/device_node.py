@@ -292,8 +292,10 @@ class DeviceNode(crtk.Managed, GraphNode):
         """Return a warning if too many ticks or forces came late since the last report."""
         keeper, rate = self.rate_keeper, self.parameters.rate
         counts = *self.side.deadlines, keeper.ticks + keeper.missed, keeper.late + keeper.missed
-        since = zip(counts, self._reported_deadlines, strict=True)
-        due, missed, ticks, late = (now - then for now, then in since)
+        before = self._reported_deadlines
+        if counts[0] < before[0]:  # forces are counted anew once the arms engage
+            before = 0, 0, *before[2:]
+        due, missed, ticks, late = (now - then for now, then in zip(counts, before, strict=True))
         self._reported_deadlines = counts
         behind = late > MANY_LATE * ticks and ticks >= rate / 2
         if not behind and (missed <= MANY_MISSED * due or due < rate / 2):
@@ -305,9 +307,7 @@ class DeviceNode(crtk.Managed, GraphNode):
         )
         if not keeper.told:
             keeper.told = True
-            self.get_logger().warning(
-                f"{missed} of {due} forces are late; {line}; haptic-accel doctor"
-            )
+            self.get_logger().warning(f"{missed} of {due} forces late; {line}; run doctor")
         if behind:
             return line
         forces = " and ".join(kind.replace("_", " ") for kind in self.side.counted)

@@ -98,7 +98,7 @@ def jack_card(outputs: int = 4) -> Iterator[dict[str, str]]:
         pytest.skip("no jackd: apt-get install jackd2")
     name = f"test_{os.getpid()}"
     urgency = ["-R", "-P", "60"] if realtime_is_allowed() else ["-r"]
-    # A block of 64 samples, 1.3 ms, is lost twice a second on a busy machine; of 128, hardly ever.
+    # On a busy machine blocks of 64 samples, 1.3 ms, are lost several times as often as of 128.
     driver = ["-d", "dummy", "-P", str(outputs), "-p", "128"]
     command = ["jackd", *urgency, "-n", name, *driver]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as server:
