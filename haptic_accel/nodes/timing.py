@@ -132,7 +132,7 @@ class RateKeeper:
         self._next = self._newest(clock()) + frame
         self._in_time = self._next - 1
         self._gaps: defaultdict[str, float] = defaultdict(float)
-        self.ticks = self.late = self.missed = 0
+        self.ticks = self.late = self.missed = self._begun = 0
         self.lateness, self.work = DurationHistogram(), DurationHistogram()
         self.framed = self.told = False
 

@@ -39,10 +39,11 @@ def _chosen() -> str:
     if os.environ.get("HAPTIC_ACCEL_PLAIN") or not (found and found.origin):
         return PLAIN
     try:
-        content = Path(found.origin).read_bytes()
+        with open(found.origin, "rb") as file:
+            head, length = file.read(62).ljust(62), os.fstat(file.fileno()).st_size
         # Place, size and number of rows of the table at the end of an ELF file (elf(5)).
-        start, size, count = struct.unpack("=Q10xHH", content[40:62].ljust(22))
-        if content[:5] == b"\x7fELF\x02" and len(content) < start + size * count:
+        start, size, count = struct.unpack("=Q10xHH", head[40:])
+        if head[:5] == b"\x7fELF\x02" and length < start + size * count:
             # Loading it would end Python with a bus error.
             raise ImportError(f"{found.origin}: the end of the file is missing")
         unit = importlib.import_module(name)
