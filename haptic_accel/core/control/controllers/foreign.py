@@ -23,8 +23,11 @@ from numbers import Real
 from typing import Any
 
 from haptic_accel.core.control.controllers.interface import Controller, Loop
-from haptic_accel.core.control.fallback import FADING
 from haptic_accel.core.outside import OutsideError, guard
+
+FADING = 5e-3
+"""Time in which the last force of a controller that has failed fades out, s, as between two
+controllers."""
 
 SHARE = 0.5
 """Largest share of a sample's time for a controller's own computations: at the highest rates that
