@@ -127,6 +127,13 @@ def digest(folder: Path) -> str:
     ).hexdigest()
 
 
+def stamp(folder: Path) -> str:
+    """Return what a built file holds as C text, which tells from what it was made."""
+    parts = [*sorted(folder.glob("[a-z]*.py")), *sorted(Path(__file__).parent.glob("*.py"))]
+    text = b"".join(each.read_bytes() for each in parts)
+    return f"made from {hashlib.sha256(text).hexdigest()}"
+
+
 def _is_dropped(node: ast.stmt, names: set[str]) -> bool:
     """Return whether a statement of a section has no place in the unit."""
     if isinstance(node, ast.Import):
@@ -175,7 +182,9 @@ class Unit:
         shown = ", ".join(f"{name!r}: {name}" for name in self._constants)
         parts.append(f"globals().update({{{shown}}})\n")
         self.text = re.sub(r"\bmath\.(\w+)", _function_of_c, "\n".join(parts))
-        self.declarations = "\n".join(self._declared()) + "\n"
+        made_from = f'const char haptic_accel_tick[] = "{stamp(folder)}";'
+        verbatim = f'cdef extern from *:\n    """{made_from}"""\n    pass\n'
+        self.declarations = "\n".join(self._declared()) + "\n" + verbatim
 
     def _check_names(self) -> None:
         seen: set[str] = set()
@@ -400,16 +409,14 @@ class BuildUnit(build_ext):  # type: ignore[misc]
     """Directives of Cython that differ from `DIRECTIVES`."""
 
     def build_extension(self, ext: Any) -> None:
-        """Generate the C text of the unit, and compile it, or take the one that is in the folder.
+        """Generate the C text of the unit, and compile it, or take the fitting one in the folder.
 
-        To compile takes most of a minute, and an installation in place builds for each set of
+        Dates do not count: another branch's sections may be older than the unit. To compile takes most of a minute, and an installation in place builds for each set of
         extras.
         """
         folder, made = Path(*PACKAGE.split(".")), Path(self.get_ext_fullpath(ext.name))
         known = folder / made.name
-        parts = [*folder.glob("[a-z]*.py"), *Path(__file__).parent.glob("*.py")]
-        latest = max(each.stat().st_mtime for each in parts)
-        if ext.optional and known.exists() and known.stat().st_mtime > latest:
+        if ext.optional and known.exists() and stamp(folder).encode() in known.read_bytes():
             made.parent.mkdir(parents=True, exist_ok=True)
             copy2(known, made)
             return

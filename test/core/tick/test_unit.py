@@ -28,9 +28,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.random import bit_generator
+from setuptools import Distribution
 
 from tick_bits import UNIT, differing_sums, differing_trials, first_difference, loaded
-from tick_unit import built
+from tick_unit import PACKAGE, BuildUnit, built, extension, stamp
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +60,29 @@ def test_compiled_and_plain_give_the_same_bits(unit: Path) -> None:
 @pytest.mark.parametrize("axes", ["z", "x, y, z"])
 def test_a_million_ticks_of_the_safety_layer_keep_limits_and_bits(unit: Path, axes: str) -> None:
     assert first_difference(loaded(unit), 1_000_000, axes=axes) is None
+
+
+def test_a_unit_is_built_again_for_other_text_whatever_the_dates(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path.joinpath(*PACKAGE.split("."))
+    folder.mkdir(parents=True)
+    section = folder / "section.py"
+    section.write_text("A = 1\n")
+    monkeypatch.chdir(tmp_path)
+    command = BuildUnit(Distribution({"name": "unit", "ext_modules": [extension()]}))
+    command.build_lib = str(tmp_path / "lib")
+    command.ensure_finalized()
+    made = Path(command.get_ext_fullpath(extension().name))
+    (folder / made.name).write_bytes(b"\0" + stamp(folder).encode() + b"\0")
+    section.touch()
+    command.build_extension(extension())
+    assert made.exists()
+    section.write_text("A = 2\n")
+    os.utime(section, (0, 0))
+    monkeypatch.setattr("tick_unit.c_text", lambda *_: pytest.exit("built"))
+    with pytest.raises(pytest.exit.Exception, match="built"):
+        command.build_extension(extension())
 
 
 OTHER = Path(bit_generator.__file__).read_bytes()
