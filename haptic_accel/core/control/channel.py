@@ -24,13 +24,13 @@ from contextlib import suppress
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.controllers import CONTROLLERS, OWN_CONTROLLERS, Loop, granted_delay
-from haptic_accel.core.control.controllers.foreign import ForeignController
+from haptic_accel.core.control.controllers.foreign import NO_FORCE, ForeignController, replaced
 from haptic_accel.core.control.controllers.interface import Controller
 from haptic_accel.core.control.fallback import Fallback
 from haptic_accel.core.control.filters import MOTION_SHARE, cancelling_sections, high_pass
 from haptic_accel.core.model import ACTUATOR, ApproximateModel
 from haptic_accel.core.outside import OutsideError, guard
-from haptic_accel.core.parameters import Checked, ParameterError
+from haptic_accel.core.parameters import Checked, ParameterError, one_line
 from haptic_accel.core.tick import DYNAMIC, ActuatorGuard, CoilChannel, SampleFilter, Stage, Trace
 
 LARGEST_GAIN = 4.0
@@ -206,7 +206,11 @@ class Channel(CoilChannel):
         left, self.failure = fallback.due - count, ""
         for stage in filter(None, (self.active, self.follower)):
             controller = self._controllers[stage.name]
-            left = min(left, controller.adapt() or 1)
+            try:
+                left = min(left, controller.adapt() or 1)
+            except Exception as error:  # of this package: a defect
+                reason = f"raised {type(error).__name__}: {one_line(error)}"
+                self.failure = replaced(stage.name, reason)
             self.failure = self.failure or controller.failure
             if judged:
                 controller.judged(fallback.supervisor.fitting, fallback.fraction)
@@ -231,9 +235,13 @@ class Channel(CoilChannel):
     def reset(self) -> None:
         """Return to the initial state.
 
-        The estimates of the actuator's heat and travel remain: a reset does not cool the coil.
+        The estimates of the actuator's heat and travel remain: a reset does not cool the coil. A
+        force that was no finite number, for which the tick calls this, is told in `failure`.
         """
+        self.failure = ""
         for stage in self._stages.values():
+            if not math.isfinite(stage.own):
+                self.failure, stage.own = replaced(stage.name, NO_FORCE.format(stage.own)), 0.0
             stage.reset()
         self.gain, self.gain_left = self.gain_target, 0
         self.rest, self.upright, self.asleep = 0.0, math.nan, True

@@ -309,10 +309,7 @@ class Compensation(HandleCompensation):
             return
         begun = self._clock()
         left = [channel.adapt() for channel in self.channels]  # all at the same time
-        failures = [channel.failure for channel in self.channels if channel.failure]
-        if failures and self.controller != NONE:
-            self.select(NONE)
-            self.failure = failures[0]
+        self._replace_failed()
         if self.alignment:
             left.append(self.alignment.update())
         if self._is_alone != self.judged_alone:
@@ -345,6 +342,14 @@ class Compensation(HandleCompensation):
         if self.alignment:
             self.alignment.reset()
         self._begin_again()
+        self._replace_failed()
+
+    def _replace_failed(self) -> None:
+        """Let `none` take over from a controller that has failed in any channel."""
+        failures = [channel.failure for channel in self.channels if channel.failure]
+        if failures and self.controller != NONE:
+            self.select(NONE)
+            self.failure = failures[0]
 
     def diagnostics(self) -> tuple[str, dict[str, str]]:
         """Return a warning, or an empty string, and values with units for diagnostics.

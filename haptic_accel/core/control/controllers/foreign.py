@@ -37,6 +37,9 @@ WINDOW, WINDOWS, LOOK = 0.05, 5, 10
 """Time over which the share is averaged, s, and how many such times in turn must exceed it: the
 machine, too, may stall, but not in each of them. Samples from one look at it to the next."""
 
+NO_FORCE = "returned {}, which is no finite number"
+"""Reason to replace a controller."""
+
 
 class ForeignController(Controller):
     """Controller of another package; after a failure its last force fades out, until a reset.
@@ -71,7 +74,7 @@ class ForeignController(Controller):
             return self._last
         if not self.failure:
             kind = given if isinstance(given, float) else type(given).__name__
-            self._fail(f"returned {kind}, which is no finite number")
+            self._fail(NO_FORCE.format(kind))
         self._left = max(0, self._left - 1)
         return self._last * self._left / self._fading
 
@@ -131,4 +134,9 @@ class ForeignController(Controller):
         return result
 
     def _fail(self, reason: str) -> None:
-        self.failure = f"controller {self._name}: {reason}; none took over"
+        self.failure = replaced(self._name, reason)
+
+
+def replaced(name: str, reason: str) -> str:
+    """Return the text on a controller that was replaced for a reason."""
+    return f"controller {name}: {reason}; none took over"

@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Controllers of other packages that fail: none takes over, and one line names them."""
+"""Controllers that fail, above all of other packages: none takes over, and one line says why."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ import numpy as np
 import pytest
 
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
-from haptic_accel.core.control.controllers import CONTROLLERS, Controller
+from haptic_accel.core.control.controllers import CONTROLLERS, OWN_CONTROLLERS, Controller
 
 RATE, BEGIN = 1000.0, 200
 """Samples per second, and number of samples of a controller before it fails."""
@@ -103,6 +103,31 @@ def test_none_takes_over_from_a_controller_that_fails(
     assert made.controller == values["controller"] == "none"
     made.select("failing")  # once more
     assert made.diagnostics()[0] == ""
+
+
+@pytest.mark.parametrize("axes", ["z", "x, y, z"])
+@pytest.mark.parametrize(
+    ("place", "act", "reason"),
+    [
+        ("adapt", fail, RAISED),
+        ("force", lambda: float("nan"), "returned nan, which is no finite number"),
+    ],
+)
+def test_none_takes_over_from_one_of_this_package_too(
+    monkeypatch: pytest.MonkeyPatch, axes: str, place: str, act: Callable[[], Any], reason: str
+) -> None:
+    for known in (CONTROLLERS, OWN_CONTROLLERS):
+        monkeypatch.setitem(known, "failing", Half)
+    made = failing(act, place, axes=axes)
+    forces = run(made, BEGIN + 1000)
+    assert (forces[1], forces[-1]) == (0.5, 0.0)
+    line, values = made.diagnostics()
+    assert line == made.failure == f"controller failing: {reason}; none took over"
+    assert made.controller == "none" in values.values()
+    made.select("failing")
+    assert made.diagnostics()[0] == ""
+    made.reset()
+    assert made.controller == "failing"
 
 
 def test_no_coil_goes_on_without_the_others() -> None:
