@@ -333,10 +333,15 @@ def ask_for_realtime(priority: int = FORCE_PRIORITY) -> bool:
 
 
 def schedule(policy: int, priority: int) -> None:
-    """Give every thread of this process a scheduling policy and a priority."""
-    for thread in os.listdir("/proc/self/task"):
+    """Give every thread of this process a scheduling policy and a priority.
+
+    Threads that a library made real-time itself, as JACK's of its client, stay as they are.
+    """
+    own = 0, RECORDING_PRIORITY, FORCE_PRIORITY, FELT_PRIORITY
+    for thread in map(int, os.listdir("/proc/self/task")):
         with suppress(ProcessLookupError):  # one that has just ended
-            os.sched_setscheduler(int(thread), policy, os.sched_param(priority))
+            if os.sched_getparam(thread).sched_priority in own:
+                os.sched_setscheduler(thread, policy, os.sched_param(priority))
 
 
 def scheduling_class() -> str:
