@@ -411,8 +411,8 @@ class BuildUnit(build_ext):  # type: ignore[misc]
     def build_extension(self, ext: Any) -> None:
         """Generate the C text of the unit, and compile it, or take the fitting one in the folder.
 
-        Dates do not count: another branch's sections may be older than the unit. To compile takes most of a minute, and an installation in place builds for each set of
-        extras.
+        Dates do not count: another branch's sections may be older than the unit. To compile takes
+        most of a minute, and an installation in place builds for each set of extras.
         """
         folder, made = Path(*PACKAGE.split(".")), Path(self.get_ext_fullpath(ext.name))
         known = folder / made.name

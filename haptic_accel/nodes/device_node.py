@@ -300,18 +300,23 @@ class DeviceNode(crtk.Managed, GraphNode):
         behind = late > MANY_LATE * ticks and ticks >= rate / 2
         if not behind and (missed <= MANY_MISSED * due or due < rate / 2):
             return ""
+        if behind:
+            late_ones, better = f"{late / ticks:.0%} of the ticks", keeper.better()
+        else:
+            forces = [self.side.forces[kind] for kind in self.side.counted]
+            age = max(each.age.quantile(1.0 - MANY_MISSED) for each in forces)
+            better = keeper.better(age, self.side.latency)
+            kinds = " and ".join(self.side.counted).replace("_", " ")
+            late_ones = f"{missed} of {due} forces ({kinds})"
         line = (
-            f"{rate:g} Hz is not held: {late / max(1, ticks):.0%} of the ticks are late;"
+            f"{rate:g} Hz is not held: {late_ones} are late;"
             f" a tick takes {1e6 * keeper.work.quantile(0.5):.0f} us of {1e6 / rate:.0f} us;"
-            f" {keeper.better or 'no other rate'} would hold"
+            f" {better or 'no other rate'} would hold"
         )
         if not keeper.told:
             keeper.told = True
-            self.get_logger().warning(f"{missed} of {due} forces late; {line}; run doctor")
-        if behind:
-            return line
-        forces = " and ".join(kind.replace("_", " ") for kind in self.side.counted)
-        return f"{forces} since the last report: {missed} of {due} deadlines missed"
+            self.get_logger().warning(f"{line}; run doctor")
+        return line
 
     def _autostart(self) -> None:
         """Configure and activate; raise the error that prevents it."""

@@ -30,7 +30,7 @@ from functools import cache
 
 from haptic_accel.core.process import REALTIME
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.tick.device_side import FLOWING
+from haptic_accel.core.tick.device_side import FLOWING, IN_TIME
 from haptic_accel.core.tick.histogram import DurationHistogram
 
 FORCES_TIME, RECEIVING_TIME = 60e-6, 50e-6
@@ -178,11 +178,13 @@ class RateKeeper:
         """Take note of the time that the last frame has taken."""
         self.work.add((self._clock() - self._begun) / NANOSECONDS / self._frame)
 
-    @property
-    def better(self) -> str:
-        """Arguments of a rate that the measured time of a tick would hold; empty for none."""
-        rate = round(1.0 / self.period)
-        return rate_that_holds(self.work.quantile(0.5), rate, self._frame, framed=self.framed)
+    def better(self, age: float = 0.0, latency: int = 1) -> str:
+        """Return arguments of a rate that would be held at the measured time of a tick.
+
+        The other arguments and the result are those of `rate_that_holds`.
+        """
+        cost, rate = self.work.quantile(0.5), round(1.0 / self.period)
+        return rate_that_holds(cost, rate, self._frame, self.framed, age, latency)
 
     def _newest(self, now: int) -> int:
         """Return the last grid point of the newest frame at a time in ns."""
@@ -194,7 +196,9 @@ class RateKeeper:
         return gap / NANOSECONDS
 
 
-def rate_that_holds(cost: float, rate: float, frame: int, *, framed: bool) -> str:
+def rate_that_holds(
+    cost: float, rate: float, frame: int, framed: bool, age: float = 0.0, latency: int = 1
+) -> str:
     """Return the arguments of the highest documented rate that is held; empty if none is.
 
     Parameters
@@ -205,16 +209,24 @@ def rate_that_holds(cost: float, rate: float, frame: int, *, framed: bool) -> st
         Rate that is not held, Hz, and its frame.
     framed : bool
         True if frames are possible.
+    age : float
+        Time from sample to force of late forces, s; 0 if they are in time.
+    latency : int
+        Time from sample to force without frames, in samples.
 
     Examples
     --------
     >>> rate_that_holds(130e-6, 8000.0, 1, framed=True)
     'rate:=4000 frame:=4 latency:=1.5ms'
+    >>> rate_that_holds(130e-6, 1000.0, 1, framed=True, age=2.2e-3)
+    'rate:=500'
     """
-    for other, samples, latency in CHOICES:
-        if (other, -samples * framed) < (rate, -frame) and other * cost <= HELD:
-            frames = f" frame:={samples} latency:={latency:g}ms"
-            return f"rate:={other}" + frames * (framed and samples > 1)
+    for other, samples, milliseconds in CHOICES:
+        in_frames = framed and samples > 1
+        lag = 1e-3 * milliseconds * other if in_frames else latency
+        is_lower = (other, -samples * framed) < (rate, -frame)
+        if is_lower and other * cost <= HELD and other * age <= lag + IN_TIME:
+            return f"rate:={other}" + f" frame:={samples} latency:={milliseconds:g}ms" * in_frames
     return ""
 
 

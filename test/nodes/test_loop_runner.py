@@ -29,6 +29,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 from haptic_accel.core import topics
 from haptic_accel.core.model import Vector
+from haptic_accel.core.tick import ARM
 from haptic_accel.devices import SLAVES, DeviceError, Sample
 from haptic_accel.devices.simulated import SimulatedSlave
 from haptic_accel.nodes.compensator import Compensator
@@ -130,6 +131,20 @@ def test_a_loop_that_is_too_slow_names_the_rate_that_is_held(
         process.loop.work()
     process.slave.report()
     said = r"1000 Hz is not held: \d+% of the ticks are late; a tick takes \d{4} us of 1000 us; .*"
+    assert re.search(said, capfd.readouterr().err)
+
+
+def test_late_forces_are_named_where_the_ticks_are_in_time(
+    process: Process, capfd: pytest.CaptureFixture[str]
+) -> None:
+    forces = process.slave.side.forces[ARM]
+    forces.due, forces.missed = 1000, 50
+    forces.age.add(2.2e-3)
+    process.slave.rate_keeper.work.add(100e-6)
+    process.slave.report()
+    said = (
+        r"1000 Hz is not held: 50 of 1000 forces \(arm force\) are late; .*; rate:=500 would hold"
+    )
     assert re.search(said, capfd.readouterr().err)
 
 

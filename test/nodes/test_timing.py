@@ -163,7 +163,24 @@ def test_the_highest_documented_rate_that_is_held_is_named() -> None:
     assert held(70e-6, 8000, 1, framed=True) == "rate:=8000 frame:=8 latency:=1.5ms"
     assert held(70e-6, 8000, 8, framed=True) == "rate:=4000 frame:=4 latency:=1.5ms"
     assert held(1.1e-3, 1000, 1, framed=True) == "rate:=500"
+    # Of forces 2.2 ms after their sample, one sample and a quarter is 2.5 ms at 500 Hz.
+    assert held(0.1e-3, 1000, 1, framed=True, age=2.2e-3) == "rate:=500"
+    assert held(0.1e-3, 1000, 1, framed=True, age=3e-3) == ""
+    assert held(0.1e-3, 1000, 1, framed=True, age=3e-3, latency=2) == "rate:=500"
     assert held(1.3e-3, 1000, 1, framed=True) == held(math.nan, 1000, 1, framed=True) == ""
+
+
+def test_threads_that_a_library_made_real_time_stay_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    priorities = {1: 0, 2: 60, 3: 5, 4: timing.FORCE_PRIORITY}
+    monkeypatch.setattr(os, "listdir", lambda _: map(str, priorities))
+    monkeypatch.setattr(os, "sched_getparam", lambda each: os.sched_param(priorities[each]))
+    monkeypatch.setattr(
+        os,
+        "sched_setscheduler",
+        lambda each, _, param: priorities.__setitem__(each, param.sched_priority),
+    )
+    timing.schedule(os.SCHED_FIFO, timing.FELT_PRIORITY)
+    assert priorities == {1: timing.FELT_PRIORITY, 2: 60, 3: 5, 4: timing.FELT_PRIORITY}
 
 
 def test_system_and_steady_time_go_on_together() -> None:
