@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Draws the README's moving picture: ``python docs/moving_picture.py`` writes figures/touch.gif.
+"""Draws the moving picture of docs/start.md: ``python docs/moving_picture.py`` writes figures/touch.gif.
 
 The page of ``haptic-accel touch`` is shown in a browser, with each controller in turn, while the
 hand strokes by itself. It needs Chromium and playwright.
@@ -41,7 +41,7 @@ SIZE = {"width": 1200, "height": 810}
 """Size of the page, pixels: the first cards."""
 
 WIDTH = 760
-"""Width of the picture, pixels: that of a README."""
+"""Width of the picture, pixels: that of a page's text."""
 
 COLOURS = 48
 """Colours of the picture: those of the page, and shades of its letters."""
