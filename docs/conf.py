@@ -39,10 +39,13 @@ for variable in BLAS_THREADS:
 
 SOURCE = Path(__file__).resolve().parents[1]
 sys.path.append(str(SOURCE / "benchmarks"))  # an example uses a module of theirs
+sys.path.append(str(SOURCE / "docs"))
 INDEX = "docs/README"
 """Page whose headings and links are the site's table of contents."""
 GALLERY = "build/examples"
 """Folder for the pages that are made of the examples."""
+REFERENCE = "build/reference.md"
+"""Page of commands, arguments and parameters, made of the code."""
 
 project = "haptic_accel"
 author = "haptic_accel maintainers"
@@ -50,13 +53,20 @@ copyright = "2026 haptic_accel maintainers"
 version = release = __version__
 
 root_doc = "README"
-include_patterns = ["*.md", "CHANGELOG.rst", "docs/*.md", "firmware/*.md", f"{GALLERY}/*.rst"]
+include_patterns = [
+    "*.md",
+    "CHANGELOG.rst",
+    "docs/*.md",
+    "firmware/*.md",
+    "haptic_accel/**/*.md",
+    f"{GALLERY}/*.rst",
+    REFERENCE,
+]
 # Large folders without pages.
 exclude_patterns = [
     ".*",
     "build/docs",
     "dist",
-    "haptic_accel",
     "install",
     "log",
     "results",
@@ -115,14 +125,24 @@ def toctree(section: str) -> str:
 
 
 def index() -> str:
-    """Return the index, which leads to the pages of the examples, not to their folder."""
+    """Return the index, which leads to the pages that are made, not to what makes them."""
     text = (SOURCE / f"{INDEX}.md").read_text(encoding="utf-8")
-    return text.replace("../examples/README.rst", f"../{GALLERY}/index.rst")
+    text = text.replace("../examples/README.rst", f"../{GALLERY}/index.rst")
+    return text.replace("(tables.py)", f"(../{REFERENCE})")
 
 
 def contents() -> str:
     """Return the tables of contents of the site's sidebar."""
     return "\n".join(toctree(section) for section in index().split("\n## ")[1:])
+
+
+def write_reference(app: Sphinx, config: object) -> None:
+    """Write the page of commands, arguments and parameters."""
+    from tables import reference
+
+    page = SOURCE / REFERENCE
+    page.parent.mkdir(exist_ok=True)
+    page.write_text(reference(), encoding="utf-8")
 
 
 def docstring(name: str) -> str:
@@ -164,5 +184,6 @@ def add_levels(
 
 def setup(app: Sphinx) -> None:
     """Connect to Sphinx."""
+    app.connect("config-inited", write_reference)
     app.connect("source-read", read)
     app.connect("html-page-context", add_levels, priority=900)  # after the theme

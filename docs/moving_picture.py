@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Draws the moving picture of docs/start.md: ``python docs/moving_picture.py`` writes figures/touch.gif.
+"""Draws the picture of docs/start.md: ``python docs/moving_picture.py`` writes figures/touch.gif.
 
 The page of ``haptic-accel touch`` is shown in a browser, with each controller in turn, while the
 hand strokes by itself. It needs Chromium and playwright.

@@ -13,15 +13,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Writes the tables in the documentation that come from the code: commands, arguments, parameters.
+"""Tables in the documentation that come from the code: commands, arguments, parameters.
 
-``python docs/tables.py`` puts each between its marks in a page: a line with the comment
-``table: NAME``, and one with the comment ``end``.
+``python docs/tables.py`` puts each table of a kit or driver between its marks in a page: a line
+with the comment ``table: NAME``, and one with the comment ``end``. ``python docs/tables.py
+parameters`` prints the parameters of all nodes; the site has a page of them, which it makes of
+`reference`.
 """
 
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
@@ -34,7 +37,9 @@ from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
 from haptic_accel.setup.node_parameters import NODES, node_schema
 from haptic_accel.setup.words import described, group
 
-FOLDER = Path(__file__).parent
+SOURCE = Path(__file__).resolve().parents[1]
+PAGES = "docs/*.md", "haptic_accel/**/*.md"
+"""Pages with tables, from the repository's root."""
 
 PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -63,7 +68,7 @@ def commands() -> str:
     for heading, verbs in command_line.sections.items():
         rows.append(row(f"**{heading}**", ""))
         rows += [row(f"`{verb}`", summary) for verb, summary in verbs.items()]
-    return table(("verb", "purpose"), rows)
+    return table(("command", "purpose"), rows)
 
 
 def arguments(kind: type[Checked]) -> str:
@@ -90,7 +95,7 @@ def parameters() -> str:
     parts = []
     for nodes in sorted(sections, key=lambda nodes: (len(nodes) == 1, -len(nodes))):
         headings = ("parameter", "default", "allowed", "meaning")
-        parts.append(f"## {', '.join(nodes)}\n\n{table(headings, sorted(sections[nodes]))}")
+        parts.append(f"### {', '.join(nodes)}\n\n{table(headings, sorted(sections[nodes]))}")
     return "\n" + "\n".join(parts) + "\n"
 
 
@@ -134,14 +139,25 @@ def audio_presets() -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
-    "commands": commands,
-    "teleop": partial(arguments, GraphArguments),
-    "identify": partial(arguments, IdentifyArguments),
-    "parameters": parameters,
     "study_columns": study_columns,
     "study": study,
     "audio_presets": audio_presets,
 }
+"""Tables within pages."""
+
+REFERENCE: dict[str, tuple[str, Callable[[], str]]] = {
+    "commands": ("Commands", commands),
+    "teleop": ("Arguments of the graph", partial(arguments, GraphArguments)),
+    "identify": ("Arguments of identify", partial(arguments, IdentifyArguments)),
+    "parameters": ("Parameters of the nodes", parameters),
+}
+"""Headings and tables of the site's reference."""
+
+
+def reference() -> str:
+    """Return the page of commands, arguments and parameters, which only the site has."""
+    parts = (f"## {heading}\n\n{text()}" for heading, text in REFERENCE.values())
+    return "# Commands, arguments, parameters\n\n" + "\n".join(parts)
 
 
 def with_tables(text: str) -> str:
@@ -149,13 +165,17 @@ def with_tables(text: str) -> str:
     return PLACE.sub(lambda place: f"{place[1]}{TABLES[place[2]]()}{place[3]}", text)
 
 
-def main() -> None:
-    """Rewrite the tables of all pages."""
-    for page in sorted(FOLDER.glob("*.md")):
-        text = page.read_text()
+def main(names: list[str]) -> None:
+    """Print tables of the reference, or rewrite the tables of all pages."""
+    for name in names:
+        if name not in REFERENCE:
+            raise SystemExit(f"{name}: must be one of {', '.join(REFERENCE)}")
+        print(REFERENCE[name][1]())
+    for page in () if names else (path for part in PAGES for path in SOURCE.glob(part)):
+        text = page.read_text(encoding="utf-8")
         if (new := with_tables(text)) != text:
-            page.write_text(new)
+            page.write_text(new, encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

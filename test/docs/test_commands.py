@@ -41,7 +41,9 @@ from verbs import status_of
 
 SOURCE = Path(__file__).resolve().parents[2]
 DATA = SOURCE / "test" / "data"
-PAGES = [*sorted(SOURCE.glob("*.md")), *sorted(SOURCE.glob("docs/*.md"))]
+PAGES = sorted(
+    path for part in ("*.md", "docs/*.md", "haptic_accel/**/*.md") for path in SOURCE.glob(part)
+)
 
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`([^`]+)`")
@@ -69,6 +71,10 @@ GRAPH = (
 
 LOCKSTEP = ("experiment", "identify", "replay")
 """Verbs that need a graph, unless ``--lockstep`` is given."""
+
+
+def name_of(page: Path) -> str:
+    return str(page.relative_to(SOURCE))
 
 
 def tutorials() -> list[Path]:
@@ -231,7 +237,7 @@ def rig_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("rig_file")
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_what_a_page_tells_to_type_is_accepted(page: Path) -> None:
     for words in [*in_blocks(page), *in_sentences(page)]:
         check(words)
@@ -299,7 +305,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     "page",
     [p for p in PAGES if p not in tutorials() and any(map(is_run, in_blocks(p)))],
-    ids=lambda page: page.name,
+    ids=name_of,
 )
 def test_what_a_page_tells_to_type_runs(
     page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -320,7 +326,7 @@ def needs_a_graph(words: Sequence[str]) -> bool:
     return program != "haptic-accel" or verb in GRAPH or not lockstep
 
 
-@pytest.mark.parametrize("page", tutorials(), ids=lambda page: page.name)
+@pytest.mark.parametrize("page", tutorials(), ids=name_of)
 def test_a_tutorial_runs_from_its_first_line_to_its_last(
     page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -39,13 +39,17 @@ from haptic_accel.setup.node_parameters import NODES, node_schema
 from running import Command
 
 SOURCE = Path(__file__).resolve().parents[2]
-DOCS = sorted((SOURCE / "docs").glob("*.md"))
+DOCS = sorted([*SOURCE.glob("docs/*.md"), *SOURCE.glob("haptic_accel/**/*.md")])
 PAGES = [*DOCS, *sorted(SOURCE.glob("*.md"))]
 
 READERS = re.compile(r"^\*For: [^*]+\.\*$", re.MULTILINE)
 LINK = re.compile(r"(?<!\\)\[[^\]]*\]\(([^)\s]+)\)")
 PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
 FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+
+
+def name_of(page: Path) -> str:
+    return str(page.relative_to(SOURCE))
 
 
 def script(name: str) -> ModuleType:
@@ -63,7 +67,7 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-") for text in headings}
 
 
-@pytest.mark.parametrize("page", DOCS, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", DOCS, ids=name_of)
 def test_tables_are_those_of_the_code(page: Path) -> None:
     text = page.read_text()
     assert script("tables").with_tables(text) == text, "run: python docs/tables.py"
@@ -94,10 +98,10 @@ def test_every_table_of_the_code_has_one_place() -> None:
 
 
 def test_the_table_of_parameters_has_each_parameter_of_each_node() -> None:
-    text = (SOURCE / "docs" / "parameters.md").read_text()
+    text = script("tables").parameters()
     listed = {
         (node, name)
-        for section in text.split("\n## ")[1:]
+        for section in text.split("\n### ")[1:]
         for node in section.partition("\n")[0].split(", ")
         for name in re.findall(r"^\| `(.+?)` \|", section, re.MULTILINE)
     }
@@ -118,7 +122,7 @@ def test_the_table_of_topics_is_that_of_the_code() -> None:
     assert listed == {(topic.name, topic.type, topic.latched) for topic in topics}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_every_relative_link_leads_somewhere(page: Path) -> None:
     for link in LINK.findall(FENCE.sub("", page.read_text())):
         if "://" in link or link.startswith("mailto:"):
@@ -130,7 +134,7 @@ def test_every_relative_link_leads_somewhere(page: Path) -> None:
             assert anchor in anchors(target), link
 
 
-@pytest.mark.parametrize("page", DOCS, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", DOCS, ids=name_of)
 def test_every_page_says_for_whom_it_is(page: Path) -> None:
     title, blank, readers = page.read_text().splitlines()[:3]
     assert title.startswith("# ")
@@ -140,8 +144,8 @@ def test_every_page_says_for_whom_it_is(page: Path) -> None:
 
 def test_every_page_is_in_the_index() -> None:
     index = (SOURCE / "docs" / "README.md").read_text()
-    listed = set(LINK.findall(index))
-    assert {page.name for page in DOCS} - {"README.md"} <= listed
+    listed = {(SOURCE / "docs" / link).resolve() for link in LINK.findall(index)}
+    assert set(DOCS) - {SOURCE / "docs" / "README.md"} <= listed
 
 
 FAILING = """
