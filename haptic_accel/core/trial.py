@@ -432,7 +432,7 @@ def _run(
             played = hosts.halves[MASTER].played
             crossings.append(PlayedSample(played, hosts.position, hosts.energy))
         if time >= looked + WARNING_CHECK_PERIOD:
-            looked, (now, _) = time, part.slow.diagnostics()
+            looked, now = time, part.slow.warning
             if now != words:
                 words = now
                 warnings.append((time, words))

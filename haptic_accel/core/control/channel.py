@@ -247,11 +247,16 @@ class Channel(CoilChannel):
         self.rest, self.upright, self.asleep = 0.0, math.nan, True
         self.fallback.start(*self._judged)
 
-    def diagnostics(self) -> tuple[str, dict[str, str]]:
-        """Return a warning, or an empty string, and values with units for diagnostics."""
-        guard = self.guard
+    @property
+    def warning(self) -> str:
+        """Warnings of supervision and controller; empty if there are none."""
         controller = self._controllers[self.active.name]
-        return ", ".join(filter(None, (self.fallback.warning, controller.warning))), {
+        return ", ".join(filter(None, (self.fallback.warning, controller.warning)))
+
+    def diagnostics(self) -> dict[str, str]:
+        """Return values with units for diagnostics."""
+        guard = self.guard
+        return {
             "replaced by": self.fallback.substitute or "-",
             "force used (%)": f"{100 * self.fallback.used:.0f}",
             "saturated": str(guard.saturated),
@@ -259,7 +264,7 @@ class Channel(CoilChannel):
             "limited by travel": str(guard.cushioned),
             "heat (%)": f"{100 * guard.heat_share():.1f}",
             "travel (mm)": f"{1e3 * guard.travel:.2f}",
-            **controller.diagnostics(),
+            **self._controllers[self.active.name].diagnostics(),
         }
 
     def _build(self, name: str) -> None:

@@ -356,34 +356,34 @@ class Compensation(HandleCompensation):
 
         With several axes, those of a channel begin with the name of its axis.
         """
-        warnings, values = [], {"controller": self.controller}
+        values = {"controller": self.controller}
         for name, channel in zip(self.axes.names, self.channels, strict=True):
-            warning, own = channel.diagnostics()
-            if self.single:
-                warnings.append(warning)
-                values |= own
-            else:
-                warnings.append(f"{name}: {warning}" if warning else "")
-                values |= {f"{name} {key}": value for key, value in own.items()}
+            own = channel.diagnostics()
+            before = "" if self.single else f"{name} "
+            values |= {f"{before}{key}": value for key, value in own.items()}
         counts = {
             "rejected": str(self.rejected),
             "handle not trusted": str(self.untrusted),
             "withheld": str(self.first.withheld),
         }
-        alignment = self.alignment.warning if self.alignment else ""
-        texts = alignment, *warnings, *self._common_warnings()
-        return ", ".join(filter(None, texts)), values | counts
+        return self.warning, values | counts
 
-    def _common_warnings(self) -> list[str]:
-        """Return warnings for all axes: noise of the accelerometer, and a reduced force."""
-        authority, found = self.authority, [self.failure]
+    @property
+    def warning(self) -> str:
+        """Warnings of axes and channels, and for all: noise of the accelerometer, less force."""
+        found = [self.alignment.warning] if self.alignment else []
+        for name, channel in zip(self.axes.names, self.channels, strict=True):
+            warning = channel.warning
+            found.append(warning if self.single or not warning else f"{name}: {warning}")
+        authority = self.authority
+        found.append(self.failure)
         noise = authority.noise / math.sqrt(len(self.channels))
         if LOUD <= noise < math.inf:
             found.append(f"the handle's accelerometer has {noise:.2f} m/s^2 RMS of noise")
         if authority.reduced:
             name = self.first.active.name
             found.append(f"{name} is worse than no compensation: its force is reduced")
-        return found
+        return ", ".join(filter(None, found))
 
     def _begin_again(self) -> None:
         """Enter the idle state, until two samples differ."""

@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 
@@ -42,6 +43,9 @@ FEW = 1.5
 
 MOST_MISSING = 0.02
 """Maximum fraction of missing samples in a window; they repeat the previous value."""
+
+TINY = sys.float_info.min
+"""Smallest divisor: a zero over it is a zero."""
 
 NEVER = 1 << 40
 """Number of samples until a computation that is not needed."""
@@ -177,9 +181,6 @@ class ResponseEstimator(Evaluation):
         Cross-spectrum, complex: the density of the input times the response.
     estimates : int
         Number of evaluations.
-    surprise : float
-        Power of the output that the estimate did not explain in the latest windows, relative to
-        the one that its own coherence predicts; far above 1 after a change of the response.
     interval : float
         Time between evaluations, s.
     """
@@ -207,12 +208,12 @@ class ResponseEstimator(Evaluation):
     @property
     def response(self) -> ComplexArray:
         """Output over input on the lines; zero without input."""
-        return np.asarray(self.cross / np.maximum(self.excitation, np.finfo(float).tiny))
+        return np.asarray(self.cross / np.maximum(self.excitation, TINY))
 
     @property
     def coherence(self) -> FloatArray:
         """Fraction of the output's power explained by the response, 0 to 1, on the lines."""
-        power = np.maximum(self.excitation * self.output, np.finfo(float).tiny)
+        power = np.maximum(self.excitation * self.output, TINY)
         return np.asarray(np.abs(self.cross) ** 2 / power)
 
     def reset(self) -> None:
@@ -221,21 +222,19 @@ class ResponseEstimator(Evaluation):
         self.excitation, self.output = np.zeros(lines), np.zeros(lines)
         self.cross = np.zeros(lines, dtype=np.complex128)
         self.weight = 0.0  # sum over all windows, each new one with weight 1
-        self.surprise = 1.0
         self.estimates = 0
         self.restart()
 
     def _look(self, late: int) -> Iterator[bool | None]:
         given, shown = self.read(self._length)
         # Gravity is not part of the response, and would leak into the lowest lines.
-        given -= given.mean()
+        given -= np.add.reduce(given) / self._length
         if float(given.dot(given)) < self._length * self._least**2:
             return
         cause = self.model * np.fft.rfft(given * self._shape)
         yield None
-        effect = np.fft.rfft((shown - shown.mean()) * self._shape)
-        if self.weight > FEW:
-            self.surprise += (self._surprise(cause, effect) - self.surprise) / 2.0
+        effect = np.fft.rfft((shown - np.add.reduce(shown) / self._length) * self._shape)
+        self._compare(cause, effect)
         yield None
         weight = math.exp(-self.interval / self.memory) * self.weight + 1.0
         share = 1.0 / weight
@@ -251,6 +250,29 @@ class ResponseEstimator(Evaluation):
     def _force_and_motion(self, length: int) -> tuple[FloatArray, FloatArray]:
         return latest(self.trace, FORCE, length), latest(self.trace, MEASURED, length)
 
+    def _compare(self, cause: ComplexArray, effect: ComplexArray) -> None:
+        """Compare the spectra of a window with the estimate of those before."""
+
+
+class ChangeEstimator(ResponseEstimator):
+    """Estimate that notices a change of the response.
+
+    Attributes
+    ----------
+    surprise : float
+        Power of the output that the estimate did not explain in the latest windows, relative to
+        the one that its own coherence predicts; far above 1 after a change of the response.
+    """
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        super().reset()
+        self.surprise = 1.0
+
+    def _compare(self, cause: ComplexArray, effect: ComplexArray) -> None:
+        if self.weight > FEW:
+            self.surprise += (self._surprise(cause, effect) - self.surprise) / 2.0
+
     def _surprise(self, cause: ComplexArray, effect: ComplexArray) -> float:
         """Return the unexplained power of a window relative to the predicted one."""
         left = np.abs(effect - self.response * cause) ** 2
@@ -258,7 +280,7 @@ class ResponseEstimator(Evaluation):
         # A fit to few windows explains too much of them, and too little of the next.
         predicted = float(np.sum(self.output * (1.0 - self.coherence)))
         predicted *= (independent + 1.0) / (independent - 1.0)
-        return float(left.sum()) / max(predicted, np.finfo(float).tiny)
+        return float(left.sum()) / max(predicted, TINY)
 
 
 class AutocorrelationEstimator(Evaluation):

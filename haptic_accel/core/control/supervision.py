@@ -225,7 +225,7 @@ class ResponseSupervisor:
     def _deviations(self) -> tuple[BoolArray, FloatArray, FloatArray]:
         """Return the evaluated bands, their deviations, and the tolerances."""
         estimator = self._estimator
-        tiny = np.finfo(float).tiny
+        tiny = response_estimation.TINY
         expected, cross = estimator.excitation, estimator.cross
         power = np.maximum(self._bands @ expected, tiny)
         off = np.abs(cross - expected) ** 2 / np.maximum(expected, tiny)

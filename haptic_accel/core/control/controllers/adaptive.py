@@ -234,7 +234,7 @@ class Learner:
         self.trace, self._family = trace, family
         self._handle = plant.handle
         window = max(SHORTEST_WINDOW, WINDOW_PER_MEMORY * goal.memory)
-        self._ratio = response_estimation.ResponseEstimator(
+        self._ratio = response_estimation.ChangeEstimator(
             trace, rate, FORGETTING_TIME, window, LEAST_FORCE
         )
         interval, longest = self._ratio.interval, LAGS_PER_WINDOW * window
@@ -382,7 +382,8 @@ class Learner:
         variance = np.abs(response) ** 2 * unexplained / np.maximum(coherence, 1e-6)
         squared = np.abs(response - 1.0) ** 2
         doubt = CAUTION * variance + NEGLIGIBLE**2
-        moved = MOTION / np.maximum(self._ratio.excitation[1:], np.finfo(float).tiny) / independent
+        excitation = np.maximum(self._ratio.excitation[1:], response_estimation.TINY)
+        moved = MOTION / excitation / independent
         shown = np.maximum(0.0, 1.0 - CAUTION * moved / np.maximum(squared, NEGLIGIBLE**2))
         accepted = self._above[self._every] * shown * squared / (squared + doubt)
         return np.asarray(1.0 + accepted * (response - 1.0))
