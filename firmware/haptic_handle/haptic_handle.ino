@@ -16,7 +16,7 @@
 // Handle or tool on a Teensy 4.0: analogue accelerometer in, currents of up to three voice coils out.
 //
 // Protocol and rules are in board.cpp and protocol.cpp; here are only clock, pins and port. Wiring
-// and reasons: docs/serial_protocol.md. Set COILS to 3 for a handle with three coils, to 0 for a
+// and reasons: haptic_accel/devices/serial. Set COILS to 3 for a handle with three coils, to 0 for a
 // slave's tool.
 #include <SPI.h>
 

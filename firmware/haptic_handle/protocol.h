@@ -13,7 +13,7 @@
 // See the License for the specific language governing permissions and
 // limitations under the License.
 
-// Bytes and frames of the serial protocol (docs/serial_protocol.md): no port, no clock, no Arduino.
+// Bytes and frames of the serial protocol (haptic_accel/devices/serial): no port, no clock, no Arduino.
 //
 // The same as haptic_accel/devices/serial/protocol.py, with which a test compares it byte for byte.
 #pragma once

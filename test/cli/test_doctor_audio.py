@@ -93,7 +93,7 @@ def test_the_channels_that_were_felt_are_written_into_the_file(folder: Path) -> 
     setup = Setup.of(GraphArguments.from_given(params_file=str(file), controller="none"))
     own, options = setup.node("master_device")
     assert own.actuator_device == "audio"
-    assert own.latency == setup.node("compensator")[0].latency == 5  # as docs/sound_card.md states
+    assert own.latency == setup.node("compensator")[0].latency == 5  # as sound_card.md states
     audio = options["audio"]
     assert (audio.preset, audio.device, audio.channels) == ("exciter", QUAD, "3, 4")
 

@@ -15,7 +15,8 @@
 
 """Passive coupling of two arms over a network: spring, local damping and energy tank.
 
-Each arm has one half of the coupling. Law, proof and performance: docs/passive_coupling.md.
+Each arm has one half of the coupling. Law, proof and performance:
+haptic_accel/kits/link/passive_coupling.md.
 Parameters of the other coupling, position-position (paper, section II), stand here, too.
 """
 

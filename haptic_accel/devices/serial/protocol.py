@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bytes and frames of the serial protocol (docs/serial_protocol.md): no port, no clock.
+"""Bytes and frames of the serial protocol (README.md here): no port, no clock.
 
 A frame is version, type, sequence number, sender's clock, payload and CRC-16, all little-endian,
 stuffed by COBS and ended by a zero. `firmware/haptic_handle/protocol.cpp` is the same in C++.

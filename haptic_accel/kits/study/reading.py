@@ -99,7 +99,7 @@ def read_protocol(path: Path) -> Protocol:
     Parameters
     ----------
     path : Path
-        YAML file; see docs/protocol_of_a_study.md.
+        YAML file; see haptic_accel/kits/study/protocol.md.
 
     Raises
     ------

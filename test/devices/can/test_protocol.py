@@ -150,7 +150,7 @@ def test_what_does_not_fit_is_said() -> None:
     assert str(BusLoad(6, 1000.0, 1e6)).endswith(": too much, up to 574 Hz would fit")
 
 
-DOCUMENT = Path(__file__).parents[3] / "docs" / "can_arms.md"
+DOCUMENT = Path(__file__).parents[3] / "haptic_accel" / "devices" / "can" / "README.md"
 
 
 def test_the_documented_table_is_what_is_computed() -> None:

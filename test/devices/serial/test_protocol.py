@@ -105,7 +105,7 @@ messages: st.SearchStrategy[Message] = st.one_of(
 
 
 def test_a_frame_is_as_documented() -> None:
-    # docs/serial_protocol.md shows these bytes.
+    # README.md of the driver shows these bytes.
     set_point = ScheduleCurrent((1, -2, 3), 0x01020304)
     wire = encode(Frame(VERSION, FrameType.SCHEDULE_CURRENT, 7, 1_000_000, set_point.pack()))
     assert wire.hex(" ") == "04 03 06 07 04 40 42 0f 02 01 04 fe ff 03 07 04 03 02 01 ea 95 00"

@@ -30,7 +30,7 @@ from PIL import Image
 from haptic_accel.bags.reading import messages_of
 from running import Command
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "exports.md"
+PAGE = Path(__file__).resolve().parents[3] / "haptic_accel" / "kits" / "export" / "README.md"
 SECTION = PAGE.read_text(encoding="utf-8").partition("## A camera beside touch")[2]
 PROGRAM = re.findall(r"^```python\n(.*?)^```", SECTION, re.MULTILINE | re.DOTALL)[0]
 TELEOP, EXPORT = re.findall(r"^haptic-accel (.*)$", SECTION, re.MULTILINE)

@@ -28,6 +28,7 @@ from hypothesis import strategies as st
 
 from fuzzing import ODD_TEXTS, accepted, fuzz, mutated
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.kits import study
 from haptic_accel.kits.study.folder import templates
 from haptic_accel.kits.study.protocol import Condition
 from haptic_accel.kits.study.reading import KEYS, MEASURES, matching, read_protocol
@@ -93,7 +94,7 @@ def test_levels_are_compared_with_their_reference_in_each_other_condition(tmp_pa
 
 @pytest.mark.parametrize("name", [*sorted(KEYS), *MEASURES, "gain", "network"])
 def test_each_key_task_and_factor_is_documented(name: str) -> None:
-    page = (Path(__file__).parents[3] / "docs" / "protocol_of_a_study.md").read_text()
+    page = Path(study.__path__[0], "protocol.md").read_text()
     assert re.search(rf"^\|.*`{name}[`.]", page, re.MULTILINE)
 
 
