@@ -49,9 +49,15 @@ if TICK != COMPILED:
 SAFETY = ("core/tick", "core/actuator", "core/coupling")
 """Folders of tests of what keeps forces within limits."""
 
+PLAIN_PART = "safety or plain"
+"""What the marks asked for begin with in the part of the suite that runs in plain Python."""
+
 # The machine's speed is not what a property is about, and the same tree gives the same result.
 settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")
+
+CASES = {"safety": (100, 200), "usual": (40, 200)}
+"""Cases of a property by profile, without and with ``--slow``, unless it has its own number."""
 
 FUZZ_CASES = {"fuzz": (100, 1000), "fuzz few": (25, 100), "fuzz fewest": (5, 10)}
 """Cases of a property of generated damage by profile, without and with ``--slow``."""
@@ -76,24 +82,44 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Set the number of cases of `fuzzing.fuzz`, before the tests that it decorates are read."""
-    cases = config.getoption("--fuzz")
-    for name, (quick, thorough) in FUZZ_CASES.items():
-        usual = thorough if config.getoption("--slow") else quick
+    """Set the numbers of cases, before the tests that they are for are read."""
+    cases, slow = config.getoption("--fuzz"), config.getoption("--slow")
+    for name, numbers in CASES.items():
+        usual = settings.get_profile("project")
+        settings.register_profile(name, usual, max_examples=numbers[slow])
+    for name, numbers in FUZZ_CASES.items():
         settings.register_profile(
             name,
             settings.get_profile("project"),
-            max_examples=cases or usual,
+            max_examples=cases or numbers[slow],
             derandomize=not cases,
             # One folder or server serves all cases of a property.
             suppress_health_check=[HealthCheck.function_scoped_fixture],
         )
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Read only files with tests of that part in the plain part: each process saves 12 s."""
+    if PLAIN_PART not in config.getoption("-m") or collection_path.suffix != ".py":
+        return None
+    wanted = _is_safety(collection_path) or "mark.plain" in collection_path.read_text("utf-8")
+    return None if wanted else True
+
+
+def pytest_collectstart(collector: pytest.Collector) -> None:
+    """Choose the number of cases of the properties in a file, which each takes as it is read."""
+    if isinstance(collector, pytest.Module):
+        settings.load_profile("safety" if _is_safety(collector.path) else "usual")
+
+
+def _is_safety(path: Path) -> bool:
+    return path.parent.relative_to(Path(__file__).parent).as_posix() in SAFETY
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark what has a ROS domain of its own as live; leave out what is slow unless asked for."""
     for item in items:
-        if item.path.parent.relative_to(Path(__file__).parent).as_posix() in SAFETY:
+        if _is_safety(item.path):
             item.add_marker("safety")
         if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(SLOW_TIME))
@@ -117,7 +143,8 @@ def _leave_out(
 ) -> None:
     if unwanted:
         config.hook.pytest_deselected(items=unwanted)
-        items[:] = [item for item in items if item not in unwanted]
+        left_out = set(unwanted)
+        items[:] = [item for item in items if item not in left_out]
 
 
 @pytest.hookimpl(hookwrapper=True)
