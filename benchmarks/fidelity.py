@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tracking error of all controllers on every rig, grip and input, and on families of them.
+"""Tracking error of all controllers on every rig, grip and input.
 
 ``python benchmarks/fidelity.py`` prints it for the paper's surfaces, hand models and changing
 grips; ``--help`` lists all conditions.
@@ -103,14 +103,11 @@ def fidelity(
 
     Conditions are surfaces (both rigs, also at 4 kHz), rates (1 to 8 kHz, each with more
     delay granted), hands, wide (unusual hands), grips (that change), textures, taps,
-    modes (of a handle that the controllers do not know), handles (a family of 104 that differ
-    from their description), correct (as described, with one axis and three: names of differences
-    are false), strange (80 handles with several differences at once), inputs (a family of 200),
-    sudden (80 inputs with steps or slams) and recordings (scaled); surfaces, hands and grips by
-    default. Prints errors beside the lowest that a causal linear filter could reach, without
-    limits and within them, the share of the vibration whose strength a hand could not tell from
-    the desired one, how much worse than without controller any two seconds are, and how many
-    differences are named.
+    modes (of a handle that the controllers do not know) and recordings (scaled); surfaces, hands
+    and grips by default. Prints errors beside the lowest that a causal linear filter could reach,
+    without limits and within them, the share of the vibration whose strength a hand could not tell
+    from the desired one, and how much worse than without controller any two seconds are. Families
+    of inputs, handles and sensors have a benchmark of their own, families.py.
     """
     names = [one_of(CONDITIONS)(name) for name in conditions] or DEFAULT_CONDITIONS
     if "recordings" in names and not recordings:

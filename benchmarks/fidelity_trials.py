@@ -25,15 +25,12 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-import handle_family
 import numpy as np
 from handle_family import SPREAD, WIDE, hand
-from input_family import MEMBERS, SUDDEN_MEMBERS, band_noise, member, ringing, sudden, vector
+from input_family import band_noise, ringing
 
 from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.control.inversion.bound import Bounds
 from haptic_accel.core.evaluation.metrics import Band, band_nrmse
-from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, held
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import DEFAULT_RATE, crossfaded
@@ -99,12 +96,6 @@ MODE_DAMPINGS = (0.03, 0.05, 0.1, 0.3)
 TOLD = 1.0
 """Time in which a controller can detect that mode, which is not evaluated, s."""
 
-NAMED_BY = 1.5
-"""Time by which a difference is to be named, s: a second after the tool has touched."""
-
-CORRECT = 32
-"""Number of inputs of handles as described, for each rig."""
-
 GRANT = "granted_time"
 """Parameter of the controllers for the granted delay."""
 
@@ -126,12 +117,6 @@ class Case:
         Tool acceleration in place of the arguments' one, m/s^2.
     changes : dict
         Additional values for rig and controllers, by node and dotted name.
-    names : tuple of str
-        Parts of warnings that name a difference.
-    named_by : float
-        Time by which one of them counts, s.
-    bounded : bool
-        True if the bounds are computed, for one axis.
     """
 
     condition: str
@@ -142,9 +127,6 @@ class Case:
     start: float = 0.0
     recording: FloatArray | None = None
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    names: tuple[str, ...] = ()
-    named_by: float = NAMED_BY
-    bounded: bool = True
 
 
 @dataclass(frozen=True)
@@ -287,25 +269,6 @@ def _taps(wanted: Wanted) -> Iterator[Case]:
         yield _played(wanted.on(), "taps", f"taps, {peak:g} m/s^2", taps, peak)
 
 
-def _inputs(wanted: Wanted) -> Iterator[Case]:
-    around = wanted.on()
-    for number in range(MEMBERS):
-        made = member(number, DURATION, around.rate, wanted.seed)
-        half = "reported" if made.reported else "developed with"
-        condition = f"family of inputs, {half}, {_rig(around)}"
-        yield Case(condition, made.name, "Table I", around, recording=made.acceleration)
-
-
-def _sudden(wanted: Wanted) -> Iterator[Case]:
-    for around, number in product(
-        dict.fromkeys((wanted.on(), wanted.on("paper"))), range(SUDDEN_MEMBERS)
-    ):
-        made = sudden(number, DURATION, around.rate, wanted.seed)
-        half = "reported" if made.reported else "developed with"
-        condition = f"sudden inputs, {half}, {_rig(around)}"
-        yield Case(condition, made.name, "user 0", around, recording=made.acceleration)
-
-
 def _recordings(wanted: Wanted) -> Iterator[Case]:
     for around in dict.fromkeys((wanted.on(), wanted.on("paper"))):
         for given, rms in product(wanted.inputs, RECORDING_RMS):
@@ -344,82 +307,6 @@ def _modes(wanted: Wanted) -> Iterator[Case]:
         )
 
 
-def _handles(wanted: Wanted) -> Iterator[Case]:
-    for number in handle_family.members():
-        around = wanted.on(handle_family.rig_of(number))
-        given = wanted.inputs[number % len(wanted.inputs)]
-        arguments = _given(given, around, number)
-        kind, played, reported = handle_family.member(
-            number, _described(arguments), DURATION, wanted.seed
-        )
-        half = "reported" if reported else "developed with"
-        name = f"{number}: {played.name}, {_rig(around)}"
-        condition = f"handles, {half}, {kind}"
-        yield Case(
-            *(condition, _name(given), name, arguments, played.grips),
-            start=TOLD,
-            changes=played.changes,
-            names=(handle_family.NAMES[kind],) if kind in handle_family.NAMES else (),
-        )
-
-
-def _correct(wanted: Wanted) -> Iterator[Case]:
-    """Yield handles as described, with one axis and any ordinary hand, and with three axes."""
-    rigs = dict.fromkeys(map(wanted.on, ("ideal", "paper", "three_axis_ideal", "three_axis")))
-    for arguments, number in product(rigs, range(CORRECT)):
-        made = vector(number, DURATION, arguments.rate, wanted.seed)
-        one = "three_axis" not in arguments.rig
-        yield Case(
-            f"correct handles, {'one axis' if one else 'three axes'}",
-            made.name,
-            _rig(arguments),
-            replace(arguments, seed=number),
-            ((0.0, hand(wanted.seed, number)),) if one else (),
-            recording=made.acceleration[:, -1] if one else made.acceleration,
-            names=handle_family.FALSE_NAMES,
-            named_by=DURATION,
-            bounded=False,
-        )
-
-
-def _strange(wanted: Wanted) -> Iterator[Case]:
-    """Yield the handles with several differences, each fourth one under steady noise."""
-    for number in range(handle_family.STRANGE):
-        around = wanted.on(handle_family.RIGS[number // 2 % 2])
-        given = wanted.inputs[number % len(wanted.inputs)]
-        steady = number // 4 % 4 == 0
-        arguments = _given(GraphArguments() if steady else given, around, number)
-        _, played, reported = handle_family.strange(
-            number, _described(arguments), DURATION, wanted.seed
-        )
-        half = "reported" if reported else "developed with"
-        yield Case(
-            f"strange handles, {half}",
-            "steady noise" if steady else _name(given),
-            f"{number}: {played.name}, {_rig(around)}",
-            arguments,
-            played.grips,
-            start=TOLD,
-            changes=played.changes,
-            recording=_steady_noise(number, around.rate) if steady else None,
-        )
-
-
-def _steady_noise(number: int, rate: float) -> FloatArray:
-    """Return noise from 15 to 400 Hz with 2 m/s^2 RMS."""
-    random = np.random.default_rng(number)
-    found = band_noise(random, round(DURATION * rate), 15.0, 400.0, rate)
-    fading_in = np.minimum(np.arange(len(found)) / (0.2 * rate), 1.0)
-    return np.asarray(fading_in * found * (2.0 / np.std(found)))
-
-
-def _described(arguments: GraphArguments) -> Plant:
-    """Return handle, delay and bandwidth of a rig."""
-    master = Setup.of(arguments).rig().master
-    sensor, delay = master.accelerometer.bandwidth, master.drive.delay
-    return Plant(master.handle, delay=delay, bandwidth=sensor)
-
-
 CONDITIONS: dict[str, Callable[[Wanted], Iterator[Case]]] = {
     "surfaces": _surfaces,
     "rates": _rates,
@@ -429,11 +316,6 @@ CONDITIONS: dict[str, Callable[[Wanted], Iterator[Case]]] = {
     "textures": _textures,
     "taps": _taps,
     "modes": _modes,
-    "handles": _handles,
-    "correct": _correct,
-    "strange": _strange,
-    "inputs": _inputs,
-    "sudden": _sudden,
     "recordings": _recordings,
 }
 """Trials of each condition, without controllers, by name."""
@@ -456,12 +338,10 @@ def run_case(case: Case) -> Row:
     handle = held(rig.master.handle, rig.master.grip, arguments.seed)
     hands = [changed for _, changed in case.grips if isinstance(changed, HandleParameters)]
     handle = hands[-1] if hands else handle
-    bound, travel = Bounds(math.nan, math.nan), [math.nan]
-    if case.bounded:
-        bound = trial.bounds(rig, handle, first)
-        estimator = TravelEstimator(rig.master.handle, trial.rate)
-        pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
-        travel = [abs(estimator.observe(*pair)) for pair in pairs][first:]
+    bound = trial.bounds(rig, handle, first)
+    estimator = TravelEstimator(rig.master.handle, trial.rate)
+    pairs = zip(trial.actuator_force.tolist(), trial.handle_acceleration.tolist(), strict=True)
+    travel = [abs(estimator.observe(*pair)) for pair in pairs][first:]
     return {
         "condition": case.condition,
         "rig": arguments.rig,
@@ -477,9 +357,8 @@ def run_case(case: Case) -> Row:
         "indistinguishable_percent": 100.0 * trial.indistinguishable(first),
         "bound_percent": bound.causal,
         "limited_bound_percent": bound.limited,
-        "nrmse_by_2_s_percent": list(_by_window(trial)),
+        "nrmse_by_2_s_percent": list(by_window(trial)),
         "warnings": [list(warned) for warned in trial.warnings],
-        "named": _named(case, trial),
         "force_rms_n": float(np.sqrt(np.mean(trial.actuator_force[first:] ** 2))),
         "travel_peak_mm": 1e3 * max(travel),
     }
@@ -491,15 +370,7 @@ def _within(trial: Trial, first: int) -> float:
     return error
 
 
-def _named(case: Case, trial: Trial) -> bool | None:
-    """Return whether a difference was named in time; None if it has no name."""
-    if not case.names:
-        return None
-    told = [words for time, words in trial.warnings if time <= case.named_by]
-    return any(name in words for name in case.names for words in told)
-
-
-def _by_window(trial: Trial) -> Iterator[float | None]:
+def by_window(trial: Trial) -> Iterator[float | None]:
     """Yield the error of each `WINDOW` of a trial, %; None for a desired acceleration of zero.
 
     From the first sample on, whatever part is evaluated: a landing is felt, too.
@@ -535,7 +406,6 @@ def summary(rows: Sequence[Row]) -> list[Row]:
             "largest_travel_mm": max(row["travel_peak_mm"] for row in found),
             "above_none_points": max(above := _above(found, idle), default=None),
             "windows_above_none_percent": _share_above(above),
-            "named_percent": _share_named(found),
             "trials": len(found),
         }
         for (condition, controller), found in groups.items()
@@ -570,7 +440,7 @@ def tables(lines: Sequence[Row]) -> Iterator[ResultTable]:
         "vibration whose strength a hand could not tell from the desired one, %: " + spread,
         lambda line: _spread(line, "indistinguishable_percent"),
     )
-    yield from filter(None, (comparison_with_none(lines), named_table(lines)))
+    yield from filter(None, [comparison_with_none(lines)])
 
 
 def comparison_with_none(lines: Sequence[Row]) -> ResultTable | None:
@@ -585,13 +455,6 @@ def comparison_with_none(lines: Sequence[Row]) -> ResultTable | None:
         return f"{line['above_none_points']:+.1f} ({line['windows_above_none_percent']:.1f} %)"
 
     return _table(lines, title, cell) if lines else None
-
-
-def named_table(lines: Sequence[Row]) -> ResultTable | None:
-    """Return the share of differences that controllers named, as a table; None without any."""
-    lines = [line for line in lines if line["named_percent"] is not None]
-    title = f"trials in which a difference was named by {NAMED_BY:g} s (correct handles: ever), %"
-    return _table(lines, title, lambda line: f"{line['named_percent']:.3g}") if lines else None
 
 
 def _table(
@@ -648,12 +511,6 @@ def _above(rows: Sequence[Row], idle: Mapping[tuple[str, str, str], Row]) -> lis
         for own, without in zip(row[name], idle[_key(row)][name], strict=True)
         if own is not None and without is not None
     ]
-
-
-def _share_named(rows: Sequence[Row]) -> float | None:
-    """Return the fraction of differences with a name that were named, %."""
-    found = [row["named"] for row in rows if row["named"] is not None]
-    return 100.0 * fmean(found) if found else None
 
 
 def _share_above(increases: Sequence[float]) -> float | None:

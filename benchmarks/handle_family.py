@@ -42,7 +42,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import count
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from input_family import Random, log_uniform
@@ -51,14 +51,8 @@ from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import AccelerometerParameters, HandleParameters, MountParameters
 from haptic_accel.core.trial import GripChange
 
-PER_KIND = 8
-"""Number of members of each kind."""
-
 STRANGE = 80
-"""Number of handles with several differences."""
-
-RIGS = "ideal", "paper"
-"""Described rigs from which members differ."""
+"""Random stream of handles with several differences."""
 
 MODE_FREQUENCY = 60.0, 450.0
 """Range of structural modes, Hz; log-uniform."""
@@ -118,36 +112,17 @@ class Played:
     grips: tuple[GripChange, ...] = ()
 
 
-class HandleMember(NamedTuple):
-    """Member of the family: its kind, its rig as played, and the half that it belongs to.
-
-    Members that are `reported` are only measured; the others serve to develop controllers.
-    """
-
-    kind: str
-    played: Played
-    reported: bool
-
-
-def rig_of(number: int) -> str:
-    """Return the name of the described rig from which a member differs."""
-    return RIGS[number // len(KINDS) // 2 % len(RIGS)]
-
-
-def members() -> range:
-    """Return the numbers of all members."""
-    return range(PER_KIND * len(KINDS))
-
-
-def member(number: int, described: Plant, seconds: float, seed: int = 0) -> HandleMember:
+def member(kind: str, number: int, described: Plant, seconds: float, seed: int = 0) -> Played:
     """Return one member of the family.
 
     Parameters
     ----------
+    kind : str
+        One of `KINDS`.
     number : int
-        One of `members`. Consecutive members are of different kinds.
+        Number of the member of this kind.
     described : Plant
-        Description of the rig `rig_of` the number: handle, delay and bandwidth.
+        Description of the rig: handle, delay and bandwidth.
     seconds : float
         Duration of the trial, s.
     seed : int
@@ -155,25 +130,17 @@ def member(number: int, described: Plant, seconds: float, seed: int = 0) -> Hand
 
     Examples
     --------
-    >>> found = member(8, Plant(), seconds=8.0)
-    >>> found.kind, found.played.name, found.reported
-    ('friction', '0.068 N', False)
+    >>> member("friction", 0, Plant(), seconds=8.0).name
+    '0.068 N'
     """
-    random = np.random.default_rng((seed, number))
-    kinds = list(KINDS)
-    kind = kinds[number % len(kinds)]
-    return HandleMember(kind, KINDS[kind](random, described, seconds), bool(number % 2))
+    random = np.random.default_rng((seed, number, list(KINDS).index(kind)))
+    return KINDS[kind](random, described, seconds)
 
 
-def strange(number: int, described: Plant, seconds: float, seed: int = 0) -> HandleMember:
+def strange(number: int, described: Plant, seconds: float, seed: int = 0) -> Played:
     """Return a handle with several differences at once; parameters as for `member`.
 
     Four of five have a difference of modes; the others are drawn from `AT_ONCE`.
-
-    Parameters
-    ----------
-    number : int
-        From 0 to `STRANGE` - 1; the described rig is `RIGS[number // 2 % 2]`.
     """
     random = np.random.default_rng((seed, number, STRANGE))
     kinds = [str(random.choice(MODES))] if random.uniform() < 0.8 else []
@@ -188,8 +155,7 @@ def strange(number: int, described: Plant, seconds: float, seed: int = 0) -> Han
         for node, values in played.changes.items():
             changes.setdefault(node, {}).update(values)
         grips += played.grips
-    played = Played("; ".join(names), changes, tuple(grips))
-    return HandleMember("several", played, bool(number % 2))
+    return Played("; ".join(names), changes, tuple(grips))
 
 
 def hand(

@@ -28,9 +28,10 @@ ranges are from published recordings and from machines:
 - strokes of the hand last 0.3 to 1.2 s, and pressing four times as hard with twice the speed
   changes the level by about 20 dB.
 
-A second family, `sudden`, begins within a vibration, or has steps or slams: a recording that is
-cut from a longer one, a tool that is turned in gravity, and hard tools that hit hard surfaces with
-up to the 60 m/s^2 of common accelerometers (assumed).
+A second family, `hard`, has what controllers find hard (ranges assumed): a sine, as of a shaker,
+and a beam between two near lines; recordings that are cut from a longer one; a tool that is turned
+in gravity; hard tools that hit hard surfaces with up to the 60 m/s^2 of common accelerometers; a
+logger that is knocked or moved by hand; and a tool that lands again and again.
 """
 
 from __future__ import annotations
@@ -50,17 +51,21 @@ MEMBERS = 200
 RMS = 0.3, 6.0
 """Range of the root mean square of a member, m/s^2; log-uniform."""
 
-SUDDEN_MEMBERS = 80
-"""Number of sudden members."""
-
-SUDDEN_RMS = 0.3, 4.0
-"""Range of the root mean square below steps and slams, m/s^2; log-uniform."""
+HARD_RMS = 0.3, 4.0
+"""Range of the root mean square of hard members, without steps, slams and motion of the hand,
+m/s^2; log-uniform."""
 
 STEP = 0.5, 10.0
 """Range of steps, m/s^2, up to gravity; log-uniform."""
 
 SLAM = 15.0, 60.0
 """Range of the peaks of slams, m/s^2; log-uniform."""
+
+KNOCK = 3.0, 20.0
+"""Range of the peaks of knocks by hand, m/s^2; log-uniform."""
+
+MOVED = 0.5, 8.0
+"""Range of the amplitude of a tool that is moved by hand, m/s^2; log-uniform."""
 
 VECTOR_RMS = {"loud": (4.0, 12.0), "weak": (0.1, 0.5), "slow": (0.5, 6.0), "tapped": (1.0, 6.0)}
 """Ranges of the root mean square of vectors by kind, m/s^2; log-uniform."""
@@ -131,21 +136,22 @@ def member(number: int, seconds: float, rate: float, seed: int = 0) -> Member:
     return Member(f"{spectrum}, {envelope}, {number}: {rms:.2g} m/s^2", found, bool(number % 2))
 
 
-def sudden(number: int, seconds: float, rate: float, seed: int = 0) -> Member:
-    """Return a sudden tool acceleration; parameters as for `member`.
+def hard(kind: str, number: int, seconds: float, rate: float, seed: int = 0) -> Member:
+    """Return a hard tool acceleration; parameters as for `member`.
 
     Parameters
     ----------
+    kind : str
+        One of `HARD`.
     number : int
-        From 0 to `SUDDEN_MEMBERS` - 1; each of `SUDDEN` in turn.
+        Number of the member of this kind.
     """
-    random = np.random.default_rng((seed, number, SUDDEN_MEMBERS))
-    kind = list(SUDDEN)[number // 2 % len(SUDDEN)]
+    random = np.random.default_rng((seed, number, list(HARD).index(kind)))
     time = np.arange(round(seconds * rate)) / rate
     spectra = list(SPECTRA.values())
     found = spectra[int(random.integers(len(spectra)))](random, time, rate)
-    rms = log_uniform(random, *SUDDEN_RMS)
-    found = SUDDEN[kind](random, time, found * (rms / np.std(found)))
+    rms = log_uniform(random, *HARD_RMS)
+    found = HARD[kind](random, time, found * (rms / np.std(found)))
     return Member(f"{kind}, {number}: {rms:.2g} m/s^2", found, bool(number % 2))
 
 
@@ -359,6 +365,51 @@ def _slams(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
     return np.clip(found, -SLAM[1], SLAM[1])
 
 
+def _sine(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
+    """Return a sine of the same level, as of a shaker."""
+    phase = 2 * np.pi * log_uniform(random, 25.0, 320.0) * time
+    level = math.sqrt(2.0) * np.std(found)
+    return np.asarray(np.minimum(time / FADING_IN, 1.0) * level * np.sin(phase))
+
+
+def _beam(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
+    """Return noise of the same level in a band of 4 to 40 % of its middle, as of a beam."""
+    middle, width = log_uniform(random, 30.0, 300.0), log_uniform(random, 0.04, 0.4)
+    edges = middle * (1.0 - width / 2), middle * (1.0 + width / 2)
+    line = band_noise(random, len(time), *edges, 1.0 / float(time[1]))
+    return np.minimum(time / FADING_IN, 1.0) * line * (np.std(found) / np.std(line))
+
+
+def _knocked(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
+    """Return a weak signal of a logger that is knocked by hand, and swings at 4 to 20 Hz."""
+    found, begin = 0.2 * np.minimum(time / FADING_IN, 1.0) * found, random.uniform(0.1, 1.0)
+    while begin < time[-1]:
+        peak, swing = _sign(random) * log_uniform(random, *KNOCK), log_uniform(random, 4.0, 20.0)
+        found = found + ringing(time, begin, swing, peak, log_uniform(random, 0.02, 0.2))
+        begin += random.uniform(0.5, 2.0)
+    return found
+
+
+def _moved(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
+    """Return a weak signal of a tool that a hand moves to and fro at 1 to 4 Hz."""
+    beat = 2 * np.pi * random.uniform(1.0, 4.0) * time + np.sin(2 * np.pi * 0.3 * time)
+    slow = log_uniform(random, *MOVED) * np.sin(beat)
+    return np.minimum(time / FADING_IN, 1.0) * (0.2 * found + slow)
+
+
+def _landing(random: Random, time: FloatArray, found: FloatArray) -> FloatArray:
+    """Return a signal with pauses of 0.2 to 1 s, each ended by a tap of up to 16 times it."""
+    begin, level, rms = random.uniform(0.1, 1.0), np.zeros(len(time)), float(np.std(found))
+    taps = np.zeros(len(time))
+    while begin < time[-1]:
+        length = random.uniform(0.4, 1.5)
+        level[(time >= begin) & (time < begin + length)] = 1.0
+        tap = log_uniform(random, 60.0, 300.0), rms * random.uniform(2.0, CREST)
+        taps += ringing(time, begin, *tap, random.uniform(3e-3, 20e-3))
+        begin += length + random.uniform(0.2, 1.0)
+    return found * level + taps
+
+
 def _signed_step(random: Random) -> float:
     return _sign(random) * log_uniform(random, *STEP)
 
@@ -367,10 +418,15 @@ def _sign(random: Random) -> float:
     return float(random.choice([-1.0, 1.0]))
 
 
-SUDDEN: dict[str, Callable[[Random, FloatArray, FloatArray], FloatArray]] = {
+HARD: dict[str, Callable[[Random, FloatArray, FloatArray], FloatArray]] = {
+    "sine": _sine,
+    "beam": _beam,
     "cut": _cut,
     "begun by a step": _begun_by_step,
     "turned": _turned,
     "slams": _slams,
+    "knocks": _knocked,
+    "moved by hand": _moved,
+    "landings": _landing,
 }
-"""Functions from time, s, and a stationary signal, m/s^2, to a sudden one, by name."""
+"""Functions from time, s, and a stationary signal, m/s^2, to a hard one, by name."""

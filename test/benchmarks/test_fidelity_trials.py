@@ -18,16 +18,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
-import numpy as np
 import pytest
 from fidelity_trials import (
-    CONDITIONS,
     Case,
-    Wanted,
     comparison_with_none,
-    named_table,
     run_case,
     summary,
     tables,
@@ -123,7 +118,6 @@ def test_a_window_that_is_worse_than_none_is_counted() -> None:
         ),
         1.0,
     )
-    numbers["named"] = True
     rows = [
         key | numbers | {"controller": name, "nrmse_percent": 1.0, "nrmse_by_2_s_percent": errors}
         for name, errors in (
@@ -135,28 +129,6 @@ def test_a_window_that_is_worse_than_none_is_counted() -> None:
     assert inverse["above_none_points"] == 5.0
     assert inverse["windows_above_none_percent"] == pytest.approx(100.0 / 3.0)
     assert idle["above_none_points"] == 0.0
-    assert inverse["named_percent"] == 100.0
-    named = named_table([idle, inverse])
-    assert named is not None
-    assert named.rows[0][1:] == ("100", "100")
     shown = comparison_with_none([idle, inverse])
     assert shown is not None
     assert "+5.0 (33.3 %)" in shown.rows[0]
-
-
-def test_a_name_on_a_handle_as_described_counts_whenever_it_comes() -> None:
-    cases = list(CONDITIONS["correct"](Wanted((), "", 0.0, 0, 0)))
-    assert {case.condition for case in cases} == {
-        "correct handles, one axis",
-        "correct handles, three axes",
-    }
-    assert {case.recording.ndim for case in cases if case.recording is not None} == {1, 2}
-    weak = {"master_device": {"simulated.drive.force_scale": 0.7}}
-    quiet, *_, three = (case for case in cases if "loud" in case.input)
-    late = np.where(np.arange(8000) < 3000, 0.0, quiet.recording)
-    found = [
-        run_case(replace(case, arguments=replace(case.arguments, controller="inverse")))
-        for case in (quiet, three, replace(quiet, recording=late, grips=(), changes=weak))
-    ]
-    assert [row["named"] for row in found] == [False, False, True]
-    assert {math.isnan(row["bound_percent"]) for row in found} == {True}
