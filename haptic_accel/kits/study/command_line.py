@@ -39,9 +39,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import FAILED, INTERRUPTED
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tables import Column, ResultTable, Row
-from haptic_accel.kits.study.authenticity import noted
 from haptic_accel.kits.study.conditions import check_blanks, check_deliverable
-from haptic_accel.kits.study.export import FORMS, export_study
 from haptic_accel.kits.study.exposure import daily_exposure
 from haptic_accel.kits.study.folder import (
     ANALYSIS,
@@ -49,15 +47,15 @@ from haptic_accel.kits.study.folder import (
     PROTOCOL,
     UNBLINDING,
     Study,
+    noted,
     templates,
     write_template,
 )
 from haptic_accel.kits.study.log import Log
-from haptic_accel.kits.study.plan import Plan, describe
+from haptic_accel.kits.study.procedures import Plan, describe
 from haptic_accel.kits.study.protocol import Protocol
-from haptic_accel.kits.study.session import Session
-from haptic_accel.kits.study.simulation import power, simulate_study, write_simulated
-from haptic_accel.kits.study.tables import exclusions, titled
+from haptic_accel.kits.study.session import Session, power, simulate_study, write_simulated
+from haptic_accel.kits.study.tables import FORMS, exclusions, export_study, titled
 from haptic_accel.kits.study.trials import COMPLETE, SessionRecord, UndeliveredError
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from haptic_accel.core.control.channel import LARGEST_GAIN
 from haptic_accel.core.document import Document, load_yaml
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError, Specification, checked
-from haptic_accel.kits.study.plan import expected_minutes
+from haptic_accel.kits.study.procedures import expected_minutes
 from haptic_accel.kits.study.protocol import Condition, Protocol, Value
 from haptic_accel.kits.study.reading import ARGUMENTS, GAIN, NETWORK, TEXTS, word
 from haptic_accel.materials.folders import is_recording, preset_file

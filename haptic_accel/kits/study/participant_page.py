@@ -23,11 +23,14 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import secrets
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
+from concurrent.futures import Future
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Protocol
+from threading import Condition
+from typing import Any, Generic, Protocol, TypeVar
 
 from haptic_accel.core.document import read_yaml_document
 from haptic_accel.core.parameters import shown
@@ -40,8 +43,87 @@ from haptic_accel.kits.study.trials import (
 )
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.scope.access import Access
-from haptic_accel.scope.questions import Questions
 from haptic_accel.scope.server import CommandError, ScopeServer, Touched, check_choice
+
+A = TypeVar("A")
+
+HANDLING_TIME = 3.0
+"""Longest time from an answer until the next question, s; then the page has to send it again."""
+
+EVENT_POLL_PERIOD = 0.2
+"""Interval between two looks at other events while a question waits for its answer, s."""
+
+
+class Questions(Generic[A]):
+    """Questions one after the other; the first answer of each counts.
+
+    One thread asks, the server's thread takes answers. An answer is acknowledged when the next
+    question comes, hence after it has been handled and stored; a page that hears nothing sends it
+    again, also after the server was restarted.
+
+    Attributes
+    ----------
+    changed : Condition
+        Held for access to the present question; notified of answers.
+    answer : A or None
+        Answer of the present question.
+    """
+
+    def __init__(self) -> None:
+        self.changed = Condition()
+        self.answer: A | None = None
+        self._run, self._count = secrets.token_hex(4), 0
+        self._choices: Collection[str] = ()
+        self._handled: Future[None] = Future()
+        self._answered: set[str] = set()
+
+    @property
+    def id(self) -> str:
+        """Name of the present question, different for each question of each server."""
+        return f"{self._run}-{self._count}"
+
+    def put(self, choices: Collection[str]) -> None:
+        """Begin the next question, with its answers; the answer before it has been handled."""
+        with self.changed:
+            if not self._handled.done():
+                self._handled.set_result(None)
+            self._handled = Future()
+            self._count += 1
+            self.answer, self._choices = None, choices
+
+    def wait(self, reached: Callable[[], bool]) -> None:
+        """Wait until a condition is met."""
+        with self.changed:
+            while not reached():
+                self.changed.wait(EVENT_POLL_PERIOD)
+
+    async def take(self, question: str, choice: str, answer: A) -> None:
+        """Take the answer of a page, and return when it is handled.
+
+        Raises
+        ------
+        CommandError
+            The question is not asked, the choice is none of its own, or it is not handled in time.
+        """
+        with self.changed:
+            handled = self._handled
+            current = question == self.id
+            if question not in self._answered:
+                if not current:
+                    raise CommandError(f"question {shown(question)}: is not asked now", 400)
+                check_choice("answer", choice, self._choices)
+                self.answer = answer
+                self._answered.add(question)
+                self.changed.notify_all()
+        if not current:
+            return
+        try:
+            # Another attempt waits for the same.
+            waiting = asyncio.shield(asyncio.wrap_future(handled))
+            await asyncio.wait_for(waiting, HANDLING_TIME)
+        except asyncio.TimeoutError:
+            raise CommandError(f"answer {shown(choice)}: is not handled yet") from None
+
 
 HOST = "127.0.0.1"
 """Address of the page: this machine alone."""

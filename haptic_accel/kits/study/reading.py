@@ -32,8 +32,7 @@ from typing import Any
 
 from haptic_accel.core.document import Document, read_yaml_document
 from haptic_accel.core.parameters import Checked, ParameterError, Specification, own_schema, schema
-from haptic_accel.kits.study.plan import Plan
-from haptic_accel.kits.study.procedures import TASKS, rows, written
+from haptic_accel.kits.study.procedures import TASKS, Plan, rows, written
 from haptic_accel.kits.study.protocol import (
     Condition,
     Consent,

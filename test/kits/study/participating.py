@@ -26,10 +26,9 @@ from kits.study.studies import TEXT, write_study
 
 from haptic_accel.kits.study.log import Log
 from haptic_accel.kits.study.participant_page import ParticipantPage, read_texts
-from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.procedures import Plan
 from haptic_accel.kits.study.protocol import Condition
-from haptic_accel.kits.study.session import Session
-from haptic_accel.kits.study.simulation import SimulatedRig
+from haptic_accel.kits.study.session import Session, SimulatedRig
 from haptic_accel.kits.study.trials import Answer, PresentedStimulus, Screen, StoppedError
 from haptic_accel.scope.windows import Windows
 

@@ -26,10 +26,9 @@ from typing import Any, TypeAlias
 from haptic_accel.kits.study import trials
 from haptic_accel.kits.study.folder import PROTOCOL, Study
 from haptic_accel.kits.study.log import Log
-from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.procedures import Plan
 from haptic_accel.kits.study.protocol import Condition, Protocol
-from haptic_accel.kits.study.session import Session
-from haptic_accel.kits.study.simulation import SimulatedParticipant, SimulatedRig
+from haptic_accel.kits.study.session import Session, SimulatedParticipant, SimulatedRig
 
 TEXT = """\
 title: Compensated or not

@@ -19,8 +19,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from haptic_accel.kits.study.plan import Plan
-from haptic_accel.kits.study.simulation import SimulatedParticipant
+from haptic_accel.kits.study.procedures import Plan
+from haptic_accel.kits.study.session import SimulatedParticipant
 from haptic_accel.kits.study.trials import Answer, PlannedTrial, Screen, TrialRecord
 
 Answerer = Callable[[PlannedTrial], Answer | None]

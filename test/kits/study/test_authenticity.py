@@ -26,10 +26,9 @@ import pytest
 from kits.study.studies import run_session, write_study
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.kits.study.authenticity import noted
-from haptic_accel.kits.study.folder import JOURNAL, Study
+from haptic_accel.kits.study.folder import JOURNAL, Study, noted
 from haptic_accel.kits.study.log import LOG, RUNNING, Log
-from haptic_accel.kits.study.simulation import write_simulated
+from haptic_accel.kits.study.session import write_simulated
 
 LOST = "1 sessions of the journal have no log, and were not deleted"
 

@@ -26,8 +26,8 @@ import pandas as pd
 import pytest
 from kits.study.studies import TEXT, Scripted, run_session, write_study
 
-from haptic_accel.kits.study.export import FORMS
 from haptic_accel.kits.study.folder import Study, templates
+from haptic_accel.kits.study.tables import FORMS
 from haptic_accel.kits.study.trials import COMPLETE
 from page_content import Page
 from refusals import assert_refused, rows

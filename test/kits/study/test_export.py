@@ -34,8 +34,8 @@ from kits.study.study_sessions import condition, often_right, paired, protocol, 
 from markdown_it import MarkdownIt
 
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.kits.study.export import FORMS, export_study
 from haptic_accel.kits.study.protocol import Protocol
+from haptic_accel.kits.study.tables import FORMS, export_study
 from haptic_accel.kits.study.trials import SessionRecord
 
 VALIDATORS = Path(__file__).resolve().parents[3] / ".validators"

@@ -34,7 +34,7 @@ from haptic_accel.kits.study.folder import (
     write_template,
 )
 from haptic_accel.kits.study.log import LOG
-from haptic_accel.kits.study.plan import expected_minutes, expected_trials
+from haptic_accel.kits.study.procedures import expected_minutes, expected_trials
 from haptic_accel.kits.study.reading import read_protocol
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.scenes import read_scene

@@ -37,7 +37,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study.folder import JOURNAL, PARTICIPANTS, PROTOCOL, Study
 from haptic_accel.kits.study.log import LOG
 from haptic_accel.kits.study.planned_tests import planned_tests
-from haptic_accel.kits.study.simulation import write_simulated
+from haptic_accel.kits.study.session import write_simulated
 from haptic_accel.kits.study.tables import exclusions, tables
 
 Change = Callable[[Path], object]

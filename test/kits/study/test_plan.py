@@ -29,11 +29,17 @@ from kits.study.protocol_maker import make_levels, make_protocol
 from kits.study.study_runs import always_right, asking, record, run
 
 from haptic_accel.kits.study.folder import templates
-from haptic_accel.kits.study.plan import ANSWERING, CHANGING, Plan, describe, expected_trials
-from haptic_accel.kits.study.procedures import TASKS
+from haptic_accel.kits.study.procedures import (
+    ANSWERING,
+    CHANGING,
+    TASKS,
+    Plan,
+    describe,
+    expected_trials,
+)
 from haptic_accel.kits.study.protocol import Bounds, Extras, Order, Procedure, Protocol
 from haptic_accel.kits.study.reading import read_protocol
-from haptic_accel.kits.study.simulation import SimulatedParticipant
+from haptic_accel.kits.study.session import SimulatedParticipant
 from haptic_accel.kits.study.trials import CATCH, MAIN, PRACTICE, Answer, PlannedTrial
 
 NOTHING_ELSE = Extras(practice=0, break_every=0)

@@ -49,7 +49,7 @@ from haptic_accel.kits.study.planned_tests import (
 from haptic_accel.kits.study.protocol import PlannedTest, Protocol, Rules
 from haptic_accel.kits.study.psychophysics.detection import d_prime
 from haptic_accel.kits.study.reading import read_protocol
-from haptic_accel.kits.study.simulation import simulate_study
+from haptic_accel.kits.study.session import simulate_study
 from haptic_accel.kits.study.trials import CATCH, PlannedTrial, SessionRecord
 
 # Student 1908: hours of sleep gained by ten patients from two drugs (R's data set "sleep").

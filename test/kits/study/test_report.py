@@ -43,7 +43,7 @@ from haptic_accel.kits.study.protocol import Levels, Pair, PlannedTest, Protocol
 from haptic_accel.kits.study.reading import read_protocol
 from haptic_accel.kits.study.report import StudyResult, analyse_study, write_report
 from haptic_accel.kits.study.results import EXPLORATORY, PLANNED, Result
-from haptic_accel.kits.study.simulation import simulate_study
+from haptic_accel.kits.study.session import simulate_study
 from haptic_accel.kits.study.trials import PlannedTrial, SessionRecord
 from page_content import Page
 

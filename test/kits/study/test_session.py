@@ -34,9 +34,8 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.kits.study import trials
 from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.log import LOG, read_session
-from haptic_accel.kits.study.plan import Plan
-from haptic_accel.kits.study.session import MOST_BROKEN_OFF, NO_CONSENT, Session
-from haptic_accel.kits.study.simulation import SimulatedRig
+from haptic_accel.kits.study.procedures import Plan
+from haptic_accel.kits.study.session import MOST_BROKEN_OFF, NO_CONSENT, Session, SimulatedRig
 
 STOPPED = "stopped by the participant"
 

@@ -29,9 +29,9 @@ from kits.study.study_runs import asking, run
 from scipy.integrate import trapezoid
 from scipy.stats import norm
 
-from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.procedures import Plan
 from haptic_accel.kits.study.protocol import Bounds, Extras, Observer, Procedure, Protocol
-from haptic_accel.kits.study.simulation import (
+from haptic_accel.kits.study.session import (
     SAME_WITHIN,
     SimulatedParticipant,
     SimulatedRig,

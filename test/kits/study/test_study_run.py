@@ -34,7 +34,7 @@ from kits.study.studies import write_study
 
 from haptic_accel.kits.study.folder import Study
 from haptic_accel.kits.study.protocol import Condition, Protocol
-from haptic_accel.kits.study.simulation import SimulatedRig
+from haptic_accel.kits.study.session import SimulatedRig
 from haptic_accel.kits.study.trials import COMPLETE, PresentedStimulus, UndeliveredError
 from verbs import next_command, output_of, status_of
 

@@ -29,7 +29,7 @@ from kits.study.study_runs import asking, run
 from scipy import stats
 
 from haptic_accel.core.model import FloatArray
-from haptic_accel.kits.study.plan import Plan
+from haptic_accel.kits.study.procedures import Plan
 from haptic_accel.kits.study.protocol import Extras, Observer, Procedure
 from haptic_accel.kits.study.psychophysics.detection import CHANCE, proportion_correct
 from haptic_accel.kits.study.psychophysics.psychometric import (
@@ -40,7 +40,7 @@ from haptic_accel.kits.study.psychophysics.psychometric import (
     Psychometric,
     fit_psychometric,
 )
-from haptic_accel.kits.study.simulation import SimulatedParticipant
+from haptic_accel.kits.study.session import SimulatedParticipant
 
 LEVELS: FloatArray = np.array([0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8])
 Curve = Callable[[FloatArray], FloatArray]

@@ -21,8 +21,8 @@ import asyncio
 
 import pytest
 
-from haptic_accel.scope import questions
-from haptic_accel.scope.questions import Questions
+from haptic_accel.kits.study import participant_page
+from haptic_accel.kits.study.participant_page import Questions
 from haptic_accel.scope.server import CommandError
 
 
@@ -48,7 +48,7 @@ def test_an_answer_is_acknowledged_when_the_next_question_comes() -> None:
 def test_an_attempt_that_was_given_up_does_not_harm_the_next(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(questions, "HANDLING_TIME", 0.05)
+    monkeypatch.setattr(participant_page, "HANDLING_TIME", 0.05)
 
     async def run() -> None:
         asked = Questions[str]()
