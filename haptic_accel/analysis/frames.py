@@ -39,13 +39,8 @@ from haptic_accel.analysis.loading import Analysis, analyse
 from haptic_accel.analysis.metrics import METRICS, MILLI, VECTOR_METRICS, AnalysedTrial, Shift
 from haptic_accel.analysis.segments import Segment, read_segment
 from haptic_accel.analysis.traces import named_components
+from haptic_accel.core.evaluation import statistics
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II
-from haptic_accel.core.evaluation.statistics import (
-    Interval,
-    PairedDifference,
-    mean_interval,
-    paired_difference,
-)
 from haptic_accel.core.parameters import ParameterError
 
 STARTS = (
@@ -232,10 +227,10 @@ def groups(analysis: Analysis) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=None if rows else _CONDITION)
 
 
-def _mean(name: str, values: Sequence[float]) -> Interval:
+def _mean(name: str, values: Sequence[float]) -> statistics.Interval:
     """Return the mean of a metric, or of the error in a band, within its range."""
     column = {**METRICS, **VECTOR_METRICS}.get(name, METRICS["nrmse_percent"])
-    return mean_interval(values, within=(column.low, column.high))
+    return statistics.mean_interval(values, within=(column.low, column.high))
 
 
 # Table II
@@ -431,7 +426,7 @@ class Comparison:
     second: str
     pairs: pd.DataFrame
     unpaired: list[str]
-    differences: dict[str, PairedDifference]
+    differences: dict[str, statistics.PairedDifference]
 
     @property
     def frame(self) -> pd.DataFrame:
@@ -513,7 +508,7 @@ def compared(analysis: Analysis, comparison: str, paths: Sequence[Path] = ()) ->
     parts = {"all": pairs} | {surface: pairs[pairs.surface == surface] for surface in surfaces}
     unpaired = [name for side in sides for name in side.trial if name not in paired]
     differences = {
-        surface: paired_difference(part["first"].tolist(), part["second"].tolist())
+        surface: statistics.paired_difference(part["first"].tolist(), part["second"].tolist())
         for surface, part in parts.items()
     }
     return Comparison(names[0], names[1], pairs, unpaired, differences)

@@ -22,17 +22,9 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
-from haptic_accel.analysis import frames
+from haptic_accel.analysis import frames, metrics
 from haptic_accel.analysis.frames import Comparison
 from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.metrics import (
-    BEYOND_STOPS,
-    CONTACT,
-    KEPT,
-    METRICS,
-    MILLI,
-    VECTOR_METRICS,
-)
 from haptic_accel.analysis.plots import percent
 from haptic_accel.analysis.segments import Segment
 from haptic_accel.core.control.supervision import DEVIATES
@@ -100,8 +92,8 @@ def _without_contact(frame: pd.DataFrame) -> list[str]:
     return [
         f"{count} of {_many(len(frame), 'trial')} had no contact and"
         f" {'counts' if count == 1 else 'count'} in no error or mean:"
-        f" the desired acceleration has an RMS below {CONTACT:.2g} m/s², three times the noise of"
-        " an accelerometer. Check that the tool touched the surface while the arms were engaged,"
+        f" the desired acceleration has an RMS below {metrics.CONTACT:.2g} m/s², three times the noise"
+        " of an accelerometer. Check that the tool touched the surface while the arms were engaged,"
         " and that its accelerometer works."
     ]
 
@@ -187,7 +179,7 @@ def _reduced(frame: pd.DataFrame) -> list[str]:
     touching = frame[frame.contact]
     kept = [
         f"{key} {number(touching[name].mean(), 0, ' %')}"
-        for key in KEPT.values()
+        for key in metrics.KEPT.values()
         if (name := f"kept_{key}_percent") in frame and touching[name].notna().any()
     ]
     return kept and [
@@ -228,7 +220,7 @@ def _delays(frame: pd.DataFrame, analysis: Analysis) -> str:
 
 
 def _ages(frame: pd.DataFrame) -> list[str]:
-    slowest = frame.max(numeric_only=True) / MILLI
+    slowest = frame.max(numeric_only=True) / metrics.MILLI
     if not math.isfinite(slowest.age_p50_us):
         return []
     return [
@@ -266,7 +258,7 @@ def _deadlines(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
         )
         sentences.append(
             f"{missed} of {due} forces took effect more than {IN_TIME:g} periods after their due"
-            f" time, the latest by {number(longest / MILLI, 1)} ms{felt}."
+            f" time, the latest by {number(longest / metrics.MILLI, 1)} ms{felt}."
         )
         still = [segment for segment in new if segment.waits]
         hidden = _sum("missed", still) - _sum("past_tick", still)
@@ -277,7 +269,9 @@ def _deadlines(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
             )
     if old:
         latest = max(segment.delivery.ticks_late_us for segment in old)
-        began = f"; ticks began up to {number(latest / MILLI, 1)} ms late" * math.isfinite(latest)
+        began = f"; ticks began up to {number(latest / metrics.MILLI, 1)} ms late" * math.isfinite(
+            latest
+        )
         sentences.append(
             f"{_sum('missed', old)} of {_sum('due', old)} forces came after the tick at which they"
             " were due, as older bags count them: where a device stood still itself, no force was"
@@ -296,8 +290,8 @@ def _forces(frame: pd.DataFrame, analysis: Analysis) -> list[str]:
     if not math.isfinite(peak):
         return []
     sentence = f"The actuator gave {number(peak, 1)} N at most"
-    free = MILLI * min(trial.segment.actuator.travel for trial in analysis.trials)
-    beyond = sum(BEYOND_STOPS in trial.notes for trial in analysis.trials)
+    free = metrics.MILLI * min(trial.segment.actuator.travel for trial in analysis.trials)
+    beyond = sum(metrics.BEYOND_STOPS in trial.notes for trial in analysis.trials)
     if beyond:
         sentence += (
             f" and reached its stops, {number(free, 1)} mm either way, in {beyond} of"
@@ -394,7 +388,7 @@ def _means(
     paper = frames.PAPER_REGRESSION if set(frame.surface) == frames.PAPER_SURFACES else {}
     shown = [*of_vectors, *SHOWN]
     means = frame.groupby("controller")[shown].mean()
-    columns = {**METRICS, **VECTOR_METRICS}
+    columns = {**metrics.METRICS, **metrics.VECTOR_METRICS}
     for name in shown:
         published = paper.get(name, {})
         yield [columns[name].heading] + [

@@ -35,34 +35,18 @@ from typing import Any, TypeVar
 import numpy as np
 
 from haptic_accel.bags import file_order
+from haptic_accel.bags import folder as folders
 from haptic_accel.bags.definitions import types_store
 from haptic_accel.bags.expanding import ZSTD, Allowance, decompressed_file, decompressed_message
 from haptic_accel.bags.facts import PARAMETERS, facts_of, read_description
-from haptic_accel.bags.folder import (
-    COMPRESSED,
-    MCAP,
-    METADATA,
-    MUST_BE,
-    is_being_written,
-    is_storage,
-    storage_files,
-)
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, MOST_PROBLEMS, Block, McapFile
 from haptic_accel.bags.metadata import Metadata, MetadataError, read_metadata
 from haptic_accel.bags.timeline import Arrivals, Timeline, timeline
-from haptic_accel.core import topics
+from haptic_accel.core import sampling, topics
 from haptic_accel.core.axes import ACTUATOR_AXES, NAMES, Axes
 from haptic_accel.core.cdr import unpack_stamped_vectors
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, one_line, warn_once
-from haptic_accel.core.sampling import (
-    HIGHEST_LATENCY,
-    BoolArray,
-    IntArray,
-    coupled_stretches,
-    grid_indices,
-    on_grid,
-)
 
 MOST_MESSAGES = 500_000
 """Number of messages of a part of a bag: 30 MB, and three times as much while it is sorted."""
@@ -92,22 +76,22 @@ class Signal:
         Vectors in SI units.
     """
 
-    stamps: IntArray
-    received: IntArray
+    stamps: sampling.IntArray
+    received: sampling.IntArray
     values: FloatArray
 
     def on_grid(
         self, start: int, rate: float, length: int, axes: Axes = ACTUATOR_AXES
-    ) -> tuple[FloatArray, BoolArray]:
+    ) -> tuple[FloatArray, sampling.BoolArray]:
         """Return the components along some axes on a grid, and a mask of samples.
 
         The components have shape (n,) for one axis, and (n, k) for several. Parameters as for
         `core.sampling.grid_indices` and `core.sampling.on_grid`.
         """
-        where = grid_indices(self.stamps, start, rate)
+        where = sampling.grid_indices(self.stamps, start, rate)
         first, *others = axes.indices
         along = self.values[:, [first, *others] if others else first]
-        return on_grid(where, along, length)
+        return sampling.on_grid(where, along, length)
 
 
 @dataclass(frozen=True)
@@ -211,7 +195,7 @@ class Bag:
         own = [nodes.get(name) for name in _APPLIED] if isinstance(nodes, dict) else []
         for stated in (arguments, *own):
             found = stated.get("latency") if isinstance(stated, dict) else None
-            if isinstance(found, int) and 0 <= found <= HIGHEST_LATENCY:
+            if isinstance(found, int) and 0 <= found <= sampling.HIGHEST_LATENCY:
                 return found
         return 0 if isinstance(arguments, dict) else None
 
@@ -245,7 +229,7 @@ class Bag:
         if forces is None:
             return []
         stamps = np.array([], np.int64) if samples is None else np.sort(samples.stamps)
-        return coupled_stretches(forces.stamps, forces.values, stamps)
+        return sampling.coupled_stretches(forces.stamps, forces.values, stamps)
 
 
 def read_bag(path: Path | str, vectors: Collection[str] | None = None) -> Bag:
@@ -382,10 +366,12 @@ def _metadata(bag: Bag) -> Metadata:
     try:
         return read_metadata(bag.path)
     except MetadataError as error:
-        is_there = (bag.path / METADATA).exists()
-        reason = str(error).removeprefix(f"{bag.path / METADATA}: ")
+        is_there = (bag.path / folders.METADATA).exists()
+        reason = str(error).removeprefix(f"{bag.path / folders.METADATA}: ")
         missing = "is missing: its files are read without it"
-        bag.problems.append(f"{METADATA} {f'is not read: {reason}' if is_there else missing}")
+        bag.problems.append(
+            f"{folders.METADATA} {f'is not read: {reason}' if is_there else missing}"
+        )
         return Metadata(())
 
 
@@ -394,13 +380,13 @@ def _sources(bag: Bag, metadata: Metadata) -> list[Path]:
     path = bag.path
     if not os.path.isdir(path):
         path.stat()
-        if not (is_storage(path) and os.path.isfile(path)):
+        if not (folders.is_storage(path) and os.path.isfile(path)):
             raise ParameterError(f"{path}: must be a bag's folder, or a .mcap or .db3 file")
         return [path]
     # After an interruption, the metadata lack some files of a recording.
-    found = storage_files(path)
+    found = folders.storage_files(path)
     if not found:
-        raise ParameterError(f"{path}: {MUST_BE}")
+        raise ParameterError(f"{path}: {folders.MUST_BE}")
     missing = (file.name for file in metadata.files if not os.path.isfile(path / file.name))
     bag.problems.extend(f"{name} is missing" for name in missing)
     return found
@@ -415,12 +401,12 @@ def _blocks(source: Path, problems: list[str], custom: dict[str, str]) -> Iterat
 
 
 def _stored_blocks(source: Path, problems: list[str], custom: dict[str, str]) -> Iterator[Block]:
-    if source.suffix == COMPRESSED:
+    if source.suffix == folders.COMPRESSED:
         with TemporaryDirectory(prefix="haptic_accel-") as folder:
             whole = decompressed_file(source, Path(folder))
             yield from _blocks(whole, problems, custom)
         return
-    if source.suffix == MCAP:
+    if source.suffix == folders.MCAP:
         mcap = McapFile(source)
         blocks = mcap.blocks()
     else:
@@ -435,12 +421,12 @@ def _stored_blocks(source: Path, problems: list[str], custom: dict[str, str]) ->
     allowance = Allowance(source)
     for block in blocks:
         yield _decompressed(block, allowance) if _is_compressed(block) else block
-    if source.suffix != MCAP:
+    if source.suffix != folders.MCAP:
         return
     custom |= mcap.custom_data
     problems += mcap.problems
     if mcap.unfinished:
-        is_open = is_being_written(source)
+        is_open = folders.is_being_written(source)
         still = f"{source.name} is still being written: read as far as it is there"
         problems.append(still if is_open else mcap.unfinished)
 
@@ -499,7 +485,11 @@ def _decompressed(block: Block, allowance: Allowance) -> Block:
 
 
 def _joined(
-    topic: str, kind: str, received: IntArray, offsets: IntArray, contents: Sequence[bytes]
+    topic: str,
+    kind: str,
+    received: sampling.IntArray,
+    offsets: sampling.IntArray,
+    contents: Sequence[bytes],
 ) -> Block:
     lengths = np.array([len(content) for content in contents], dtype=np.int64)
     ends, joined = np.cumsum(lengths), np.frombuffer(b"".join(contents), np.uint8)
@@ -613,7 +603,7 @@ class _Collected:
 
     def _of_graph(
         self, items: Sequence[tuple[str, int, _Kind]], used: file_order.Recording
-    ) -> tuple[list[_Kind], IntArray]:
+    ) -> tuple[list[_Kind], sampling.IntArray]:
         """Return the graph's items of the used files in order of arrival, and their offsets."""
         ours = [rest for below, *rest in items if self.namespace in (None, below)]
         offsets = used.moved(np.array([offset for offset, _ in ours], np.int64))

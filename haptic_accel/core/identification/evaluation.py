@@ -28,6 +28,7 @@ import numpy as np
 from haptic_accel.core.handle.plant import DiscreteModel
 from haptic_accel.core.handle.response import approximate_model
 from haptic_accel.core.identification import estimate
+from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification.estimate import identify_discrete
 from haptic_accel.core.identification.fit import DEFAULT_FREE as OF_RESPONSES
 from haptic_accel.core.identification.fit import (
@@ -39,12 +40,6 @@ from haptic_accel.core.identification.fit import (
     fit_handle,
 )
 from haptic_accel.core.identification.motion import fit_motion
-from haptic_accel.core.identification.sweep import (
-    OUTLIERS,
-    IdentificationTrial,
-    SweepParameters,
-    kept_repeats,
-)
 from haptic_accel.core.model import ApproximateModel, FloatArray, HandleParameters, MountParameters
 from haptic_accel.core.parameters import ParameterError
 
@@ -108,7 +103,7 @@ class GripIdentification:
         Reasons to doubt the choice of the model.
     """
 
-    trials: list[IdentificationTrial]
+    trials: list[sweeps.IdentificationTrial]
     responses: list[estimate.FrequencyResponse]
     averaged_h1: estimate.FrequencyResponse
     averaged_h2: estimate.FrequencyResponse
@@ -161,8 +156,8 @@ class Identification:
 
 
 def identify_handle(
-    recorded: Mapping[str, Sequence[IdentificationTrial]],
-    sweep: SweepParameters,
+    recorded: Mapping[str, Sequence[sweeps.IdentificationTrial]],
+    sweep: sweeps.SweepParameters,
     acceleration_range: float,
     bandwidth: float,
     *,
@@ -242,10 +237,10 @@ def telling(tell: Tell, grip: str) -> Tell:
     return lambda stage: tell(_stage(grip, stage))
 
 
-def outliers(trials: Sequence[IdentificationTrial]) -> list[str]:
+def outliers(trials: Sequence[sweeps.IdentificationTrial]) -> list[str]:
     """Return a line on the outliers in the acceleration; empty if there are none."""
     samples = sum(trial.handle_acceleration.size for trial in trials)
-    count = sum(trial.counters[OUTLIERS] for trial in trials)
+    count = sum(trial.counters[sweeps.OUTLIERS] for trial in trials)
     line = f"{count} of {samples} samples of handle_acceleration are outliers: replaced by"
     return [f"{line} interpolation"] * bool(count)
 
@@ -256,8 +251,8 @@ def centred(values: FloatArray) -> FloatArray:
 
 
 def _identify_grip(
-    trials: list[IdentificationTrial],
-    sweep: SweepParameters,
+    trials: list[sweeps.IdentificationTrial],
+    sweep: sweeps.SweepParameters,
     acceleration_range: float,
     fit: Fit,
     free: Sequence[str],
@@ -266,8 +261,8 @@ def _identify_grip(
     tell(GRIP_STAGES[0])
     forces, accelerations, responses = [], [], []
     for trial in trials:
-        force = kept_repeats(trial.actuator_force, sweep, trial.rate)
-        acceleration = kept_repeats(trial.handle_acceleration, sweep, trial.rate)
+        force = sweeps.kept_repeats(trial.actuator_force, sweep, trial.rate)
+        acceleration = sweeps.kept_repeats(trial.handle_acceleration, sweep, trial.rate)
         estimate.check_recording(force, acceleration, trial.rate, sweep.band, acceleration_range)
         responses.append(
             estimate.dft_ratio(force, acceleration, trial.rate, sweep.band, sweep.repeats - 1)
@@ -282,9 +277,9 @@ def _identify_grip(
 
 
 def choose_fit(
-    trials: Sequence[IdentificationTrial],
+    trials: Sequence[sweeps.IdentificationTrial],
     responses: Sequence[estimate.FrequencyResponse],
-    sweep: SweepParameters,
+    sweep: sweeps.SweepParameters,
     fit: Fit,
     free: Sequence[str],
     tell: Tell = lambda _: None,

@@ -29,14 +29,9 @@ from dataclasses import replace
 import numpy as np
 
 from haptic_accel.core.handle.mechanics import axial_mechanics, zero_order_hold
+from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification.estimate import smoothed
 from haptic_accel.core.identification.fit import FRICTION, INTERVAL, Coordinates, HandleFit, Point
-from haptic_accel.core.identification.sweep import (
-    DROPPED_REPEATS,
-    IdentificationTrial,
-    SweepParameters,
-    repeat_samples,
-)
 from haptic_accel.core.model import ComplexArray, FloatArray
 
 # scipy.optimize is slow to import: only a fit needs it.
@@ -73,7 +68,7 @@ _LEAST_NOISE = 1e-6  # relative to the strongest line: rounding errors without n
 
 
 def fit_motion(
-    trials: Sequence[IdentificationTrial], sweep: SweepParameters, start: HandleFit
+    trials: Sequence[sweeps.IdentificationTrial], sweep: sweeps.SweepParameters, start: HandleFit
 ) -> HandleFit:
     """Refine a fit to responses, and fit dry friction, to the mean of all repeats.
 
@@ -235,13 +230,13 @@ class _Problem:
 
     def __init__(
         self,
-        trials: Sequence[IdentificationTrial],
-        sweep: SweepParameters,
+        trials: Sequence[sweeps.IdentificationTrial],
+        sweep: sweeps.SweepParameters,
         coordinates: Coordinates,
         step: float,
     ) -> None:
         self._rate, self._coordinates, self._step = trials[0].rate, coordinates, step
-        self._repeat = repeat_samples(sweep, self._rate)
+        self._repeat = sweeps.repeat_samples(sweep, self._rate)
         frequency = np.fft.rfftfreq(self._repeat, 1.0 / self._rate)
         highest = min(HIGHEST_HARMONIC * sweep.end_frequency, LARGEST_SHARE * self._rate)
         self._used = (frequency >= sweep.start_frequency) & (frequency <= highest)
@@ -251,7 +246,7 @@ class _Problem:
         self._shares = counts / len(trials)
         repeated = np.tile(self._forces[:, : self._repeat], sweep.repeats)
         if np.array_equal(self._forces, repeated):
-            self._forces = self._forces[:, : (DROPPED_REPEATS + 1) * self._repeat]
+            self._forces = self._forces[:, : (sweeps.DROPPED_REPEATS + 1) * self._repeat]
         spectra = np.array([self._spectra(trial.handle_acceleration) for trial in trials])
         self._measured = spectra.mean(axis=(0, 1))
         scatter = np.abs(spectra - spectra.mean(axis=1, keepdims=True)) ** 2
@@ -447,7 +442,7 @@ class _Problem:
 
     def _spectra(self, values: FloatArray) -> ComplexArray:
         """Return the lines of each evaluated repeat, shape (repeats, lines)."""
-        kept = values[DROPPED_REPEATS * self._repeat :]
+        kept = values[sweeps.DROPPED_REPEATS * self._repeat :]
         kept = kept[: len(kept) // self._repeat * self._repeat].reshape(-1, self._repeat)
         return np.asarray(np.fft.rfft(kept)[:, self._used])
 

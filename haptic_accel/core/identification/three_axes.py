@@ -25,27 +25,11 @@ import numpy as np
 from haptic_accel.core.axes import HIGHEST_CONDITION, NAMES
 from haptic_accel.core.handle.plant import MatrixPlant, Plant
 from haptic_accel.core.identification import evaluation
+from haptic_accel.core.identification import matrix_response as matrices
+from haptic_accel.core.identification import sweep as sweeps
 from haptic_accel.core.identification.estimate import NOISE_LINES, RecordingError, smoothed
 from haptic_accel.core.identification.fit import HandleFit, fit_handle
-from haptic_accel.core.identification.matrix_response import (
-    COILS,
-    Coupling,
-    MatrixResponse,
-    above,
-    check_matrix_response,
-    fit_coupling,
-    matrix_response,
-)
 from haptic_accel.core.identification.motion import simulated
-from haptic_accel.core.identification.sweep import (
-    DROPPED_REPEATS,
-    SIGNS,
-    IdentificationTrial,
-    SweepParameters,
-    by_axis,
-    kept_periods,
-    multisine,
-)
 from haptic_accel.core.model import ComplexArray, FloatArray, HandleParameters
 from haptic_accel.core.parameters import ParameterError
 
@@ -67,8 +51,8 @@ class ThreeAxisIdentification:
         Reasons to doubt the choice of a model.
     """
 
-    trials: list[IdentificationTrial]
-    response: MatrixResponse
+    trials: list[sweeps.IdentificationTrial]
+    response: matrices.MatrixResponse
     fits: dict[str, HandleFit]
     plant: MatrixPlant
     undecided: tuple[str, ...] = ()
@@ -90,8 +74,8 @@ class ThreeAxisIdentification:
 
 
 def identify_three_axes(
-    recorded: Sequence[IdentificationTrial],
-    sweep: SweepParameters,
+    recorded: Sequence[sweeps.IdentificationTrial],
+    sweep: sweeps.SweepParameters,
     acceleration_range: float,
     bandwidth: float,
     *,
@@ -114,14 +98,14 @@ def identify_three_axes(
     if not recorded:
         raise ParameterError("recorded: must hold at least one trial")
     for trial in recorded:
-        for axis, values in by_axis(trial.handle_acceleration):
+        for axis, values in sweeps.by_axis(trial.handle_acceleration):
             if not np.isfinite(values).all():
                 raise RecordingError(
                     f"{axis}handle_acceleration: holds NaN or infinity, must be finite"
                 )
     trials = [trial.aligned.cleaned for trial in recorded]
-    response = matrix_response(trials, sweep)
-    check_matrix_response(response, trials, acceleration_range)
+    response = matrices.matrix_response(trials, sweep)
+    matrices.check_matrix_response(response, trials, acceleration_range)
     fit = partial(fit_handle, known=known, low_pass_frequency=bandwidth)
     fits, undecided = {}, []
     for coil, name in enumerate(NAMES):
@@ -136,10 +120,12 @@ def identify_three_axes(
     tell(LAST_STAGE)
     own = [
         _as_recorded(found, force, sweep, response)
-        for found, force in zip(fits.values(), multisine(sweep, response.rate).T, strict=True)
+        for found, force in zip(
+            fits.values(), sweeps.multisine(sweep, response.rate).T, strict=True
+        )
     ]
     recorded_own = np.stack(own, axis=1)
-    coupling = fit_coupling(response, recorded_own, _passed(fits, response))
+    coupling = matrices.fit_coupling(response, recorded_own, _passed(fits, response))
     x, y, z = map(_plant, fits.values())
     plant = MatrixPlant((x, y, z), coupling.taps, response.rate)
     _check_condition(plant)
@@ -171,8 +157,11 @@ def stages() -> list[str]:
 
 
 def _alone(
-    trials: Sequence[IdentificationTrial], found: MatrixResponse, sweep: SweepParameters, axis: int
-) -> list[IdentificationTrial]:
+    trials: Sequence[sweeps.IdentificationTrial],
+    found: matrices.MatrixResponse,
+    sweep: sweeps.SweepParameters,
+    axis: int,
+) -> list[sweeps.IdentificationTrial]:
     """Return each realisation as a trial of one axis, without the response to other coils.
 
     Signs are removed, so that all have the same force.
@@ -182,36 +171,39 @@ def _alone(
     cut = []
     for trial in trials:
         forces, accelerations = (
-            kept_periods(values, sweep, trial.rate)
+            sweeps.kept_periods(values, sweep, trial.rate)
             for values in (trial.actuator_force, trial.handle_acceleration)
         )
         spectra = np.fft.rfft(forces, axis=2)
         caused = np.zeros(spectra.shape[:3], dtype=np.complex128)
         caused[:, :, found.lines] = np.einsum("fc,rpfc->rpf", others, spectra[:, :, found.lines])
         alone = accelerations[..., axis] - np.fft.irfft(caused, forces.shape[2], axis=2)
-        signals = zip(SIGNS[:, axis], forces[..., axis], alone, strict=True)
+        signals = zip(sweeps.SIGNS[:, axis], forces[..., axis], alone, strict=True)
         for sign, *pair in signals:
             force, moved = (sign * np.concatenate([each[0], *each]) for each in pair)
-            cut.append(IdentificationTrial(trial.rate, force, moved, trial.counters))
+            cut.append(sweeps.IdentificationTrial(trial.rate, force, moved, trial.counters))
     return cut
 
 
 def _as_recorded(
-    fit: HandleFit, force: FloatArray, sweep: SweepParameters, found: MatrixResponse
+    fit: HandleFit,
+    force: FloatArray,
+    sweep: sweeps.SweepParameters,
+    found: matrices.MatrixResponse,
 ) -> ComplexArray:
     """Return a fitted axis' response to a periodic force, which dry friction may change."""
     if not fit.certain_friction:
         return _causal(fit).response(found.frequency, found.rate)
-    repeats = DROPPED_REPEATS + 1
+    repeats = sweeps.DROPPED_REPEATS + 1
     (moved,) = simulated([_causal(fit)], np.tile(force, repeats), found.rate)
-    settled = moved[DROPPED_REPEATS * len(force) :]
+    settled = moved[sweeps.DROPPED_REPEATS * len(force) :]
     return np.asarray(np.fft.rfft(settled)[found.lines] / np.fft.rfft(force)[found.lines])
 
 
-def _passed(fits: Mapping[str, HandleFit], found: MatrixResponse) -> ComplexArray:
+def _passed(fits: Mapping[str, HandleFit], found: matrices.MatrixResponse) -> ComplexArray:
     """Return the ratios of each coil's response with the mount of each axis for `fit_coupling`."""
-    frequency = np.append(found.frequency, above(found))
-    ratios = np.zeros((len(frequency), COILS, COILS), dtype=np.complex128)
+    frequency = np.append(found.frequency, matrices.above(found))
+    ratios = np.zeros((len(frequency), matrices.COILS, matrices.COILS), dtype=np.complex128)
     for coil, fit in enumerate(map(_causal, fits.values())):
         own = fit.response(frequency, found.rate)
         for axis, other in enumerate(fits.values()):
@@ -220,7 +212,9 @@ def _passed(fits: Mapping[str, HandleFit], found: MatrixResponse) -> ComplexArra
     return ratios
 
 
-def coupling_doubts(found: MatrixResponse, coupling: Coupling, own: ComplexArray) -> list[str]:
+def coupling_doubts(
+    found: matrices.MatrixResponse, coupling: matrices.Coupling, own: ComplexArray
+) -> list[str]:
     """Return a line for each element that its model does not explain, or that is too uncertain.
 
     Parameters
@@ -241,7 +235,7 @@ def coupling_doubts(found: MatrixResponse, coupling: Coupling, own: ComplexArray
     relative = found.response / own[:, np.newaxis, :] / modelled - 1.0
     scatter = found.deviation / np.abs(own)[:, np.newaxis, :] / size
     lines = []
-    for axis, coil in np.ndindex(COILS, COILS):
+    for axis, coil in np.ndindex(matrices.COILS, matrices.COILS):
         used = counts[:, axis, coil]
         if not used.any():
             continue

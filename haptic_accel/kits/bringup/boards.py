@@ -38,16 +38,7 @@ from haptic_accel.devices.observed import Force
 from haptic_accel.devices.serial.calibration import CalibrationError, calibrate, rest, vertical
 from haptic_accel.devices.serial.device import PortParameters
 from haptic_accel.devices.sound_calibration import by_gravity, check_level
-from haptic_accel.kits.bringup.bench import (
-    ARMS_ALONE,
-    HELD,
-    MASTER,
-    RESPONSE_SETTLING,
-    SERIAL,
-    SKIPPED,
-    SLAVE,
-    Bench,
-)
+from haptic_accel.kits.bringup import bench as benches
 from haptic_accel.setup.files import EVERY_NODE, SEPARATOR, parameter_paths, read_parameter_file
 from haptic_accel.setup.node_parameters import SAFETY
 from haptic_accel.setup.rig_file import update_parameter_file
@@ -72,7 +63,7 @@ CARD_TIME = 0.012
 card that needs more says so, and keeps what a given file has."""
 
 
-def connect(bench: Bench) -> None:
+def connect(bench: benches.Bench) -> None:
     """Find the boards, write the rig's file, and look at the signals."""
     _take_over(bench)
     a = bench.arguments
@@ -82,36 +73,36 @@ def connect(bench: Bench) -> None:
         "slave_device": {"device": a.slave},
     }
     if a.accelerometers == AUDIO:
-        given = bench.parameters(MASTER)[0].latency if bench.path.exists() else 0
+        given = bench.parameters(benches.MASTER)[0].latency if bench.path.exists() else 0
         nodes[EVERY_NODE]["latency"] = max(given, round(CARD_TIME * a.rate))
         for side in ARMS:
             nodes[f"{side}_device"]["accelerometer_device"] = AUDIO
-    boards = [side for side in ARMS if getattr(a, side).endswith(SERIAL)]
+    boards = [side for side in ARMS if getattr(a, side).endswith(benches.SERIAL)]
     if boards:
         for side, port in _found(bench, boards).items():
-            nodes[f"{side}_device"][SERIAL] = port
+            nodes[f"{side}_device"][benches.SERIAL] = port
     update_parameter_file(bench.path, nodes)
     for side in ARMS:
         _look_at(bench, side)
 
 
-def calibrate_boards(bench: Bench) -> None:
+def calibrate_boards(bench: benches.Bench) -> None:
     """Measure axis, gain and offset of each accelerometer."""
     for side in ARMS:
         if bench.is_on_card(side):
             bench.settle(lambda side=side: _scaled(bench, side))  # type: ignore[misc]
-        elif bench.device_name(side).endswith(SERIAL):
+        elif bench.device_name(side).endswith(benches.SERIAL):
             bench.settle(lambda side=side: _turned_over(bench, side))  # type: ignore[misc]
 
 
-def _take_over(bench: Bench) -> None:
+def _take_over(bench: benches.Bench) -> None:
     """Copy the values of the given parameter files into the rig's."""
     for path in parameter_paths(bench.arguments.params_file):
         values = read_parameter_file(path)
         update_parameter_file(bench.path, {node: own for node, own in values.items() if own})
 
 
-def _found(bench: Bench, sides: Sequence[str]) -> dict[str, dict[str, str]]:
+def _found(bench: benches.Bench, sides: Sequence[str]) -> dict[str, dict[str, str]]:
     """Return the port of each side's board: the one with an actuator is the handle's."""
     found: dict[str, dict[str, str]] = {}
 
@@ -131,12 +122,12 @@ def _found(bench: Bench, sides: Sequence[str]) -> dict[str, dict[str, str]]:
             except DeviceError as error:
                 results.append(Check(False, str(error), "flash the board: firmware/README.md"))
                 continue
-            side = MASTER if identity.coils else SLAVE
+            side = benches.MASTER if identity.coils else benches.SLAVE
             key = "port" if port.port else "usb_serial"
             found.setdefault(side, {key: getattr(port, key)})
-            text = f"{name}: board {identity.serial_number} of the {HELD[side]}"
+            text = f"{name}: board {identity.serial_number} of the {benches.HELD[side]}"
             results.append(Check(True, text))
-        missing = [HELD[side] for side in sides if side not in found]
+        missing = [benches.HELD[side] for side in sides if side not in found]
         if missing:
             advice = "plug it in; the board with an actuator's amplifier is the handle's"
             results.append(Check(False, f"no board of the {' and '.join(missing)}", advice))
@@ -146,7 +137,7 @@ def _found(bench: Bench, sides: Sequence[str]) -> dict[str, dict[str, str]]:
     return {side: found[side] for side in sides}
 
 
-def _ports(bench: Bench) -> dict[str, PortParameters]:
+def _ports(bench: benches.Bench) -> dict[str, PortParameters]:
     """Return the given ports, or this machine's, by name."""
     given = [port for port in bench.arguments.ports.split(SEPARATOR) if port]
     if given:
@@ -160,9 +151,9 @@ def _ports(bench: Bench) -> dict[str, PortParameters]:
     }
 
 
-def _look_at(bench: Bench, side: str) -> None:
+def _look_at(bench: benches.Bench, side: str) -> None:
     """Check a side's signal at rest, and that the sensor belongs to this side."""
-    held = HELD[side]
+    held = benches.HELD[side]
     if bench.is_on_card(side):
         bench.goes_on(f"let go of the {held}, so that it lies still, then press Enter")
         bench.settle(lambda: _heard(bench, side))
@@ -170,7 +161,7 @@ def _look_at(bench: Bench, side: str) -> None:
     is_simulated = bench.is_simulated(side)
     if is_simulated:
         bench.settle(lambda: [Check(True, f"{held}: simulated")])
-        if side == SLAVE or not bench.has_actuator():
+        if side == benches.SLAVE or not bench.has_actuator():
             return
     with bench.observed(side) as device:
         bench.person.show(device)
@@ -185,7 +176,7 @@ def _look_at(bench: Bench, side: str) -> None:
                 " left and up, where x, y and z grow; press Enter, or correct direction and"
                 " offset of its joints and begin again"
             )
-        if bench.device_name(side) in ARMS_ALONE:
+        if bench.device_name(side) in benches.ARMS_ALONE:
             return
         bench.goes_on(f"let go of the {held}, so that it lies still, then press Enter")
         bench.settle(lambda: checks.rest_checks(device.observe(REST).acceleration))
@@ -204,11 +195,11 @@ def _look_at(bench: Bench, side: str) -> None:
         )
 
 
-def _heard(bench: Bench, side: str) -> list[Check]:
+def _heard(bench: benches.Bench, side: str) -> list[Check]:
     """Check the level of a card's input, and that taps on this side are in it."""
     quiet = _recorded(bench, side, REST)
     try:
-        check_level(quiet, f"{HELD[side]}: input")
+        check_level(quiet, f"{benches.HELD[side]}: input")
     except CalibrationError as error:
         return [Check(False, str(error), "check sensor, cable, input and its gain")]
     noise = float(quiet.std())
@@ -218,14 +209,14 @@ def _heard(bench: Bench, side: str) -> list[Check]:
 
     return [
         Check(
-            bench.awaits(f"tap the {HELD[side]} a few times", is_tapped),
-            f"taps on the {HELD[side]} are in its input, noise {noise:.2g} of full scale",
+            bench.awaits(f"tap the {benches.HELD[side]} a few times", is_tapped),
+            f"taps on the {benches.HELD[side]} are in its input, noise {noise:.2g} of full scale",
             "is this the other sensor's input? Correct audio.inputs; is the sensor fixed to it?",
         )
     ]
 
 
-def _recorded(bench: Bench, side: str, seconds: float) -> FloatArray:
+def _recorded(bench: benches.Bench, side: str, seconds: float) -> FloatArray:
     """Return what the card's first input of a side has from now on, full scale 1."""
     _, options = bench.parameters(side)
     own = options[AUDIO]
@@ -233,9 +224,9 @@ def _recorded(bench: Bench, side: str, seconds: float) -> FloatArray:
     return recorded(own.device, seconds, channel)[0][:, channel - 1]
 
 
-def _scaled(bench: Bench, side: str) -> list[Check]:
+def _scaled(bench: benches.Bench, side: str) -> list[Check]:
     """Measure the scale of a card's input by gravity, unless it is known."""
-    held = HELD[side]
+    held = benches.HELD[side]
     _, options = bench.parameters(side)
     if known := options[AUDIO].scales:
         return [Check(True, f"{held}: full scale {known} m/s^2, as in {bench.path.name}")]
@@ -254,17 +245,17 @@ def _scaled(bench: Bench, side: str) -> list[Check]:
     return [Check(True, f"{held}: {found.text}")]
 
 
-def _turned_over(bench: Bench, side: str) -> list[Check]:
+def _turned_over(bench: benches.Bench, side: str) -> list[Check]:
     from haptic_accel.devices.serial.board_samples import BoardSamples
 
     own, options = bench.parameters(side)
     poses = []
-    with BoardSamples(options[SERIAL], round(own.rate), AXES) as board:
+    with BoardSamples(options[benches.SERIAL], round(own.rate), AXES) as board:
         bench.person.show(board)
         gain = board.identity.nominal_gain
         for pose in ("upwards", "downwards"):
             pose_text = f"with the coil's axis {pose}, firm and still"
-            bench.goes_on(f"hold the {HELD[side]} {pose_text}, then press Enter")
+            bench.goes_on(f"hold the {benches.HELD[side]} {pose_text}, then press Enter")
             poses.append(board.collect(POSE))
         number = board.identity.serial_number
     axis = vertical(*poses)
@@ -274,14 +265,14 @@ def _turned_over(bench: Bench, side: str) -> list[Check]:
     except CalibrationError as error:
         return [Check(False, str(error), "hold it again, the other way up the second time")]
     calibration = found.parameters(AXES[axis], number)
-    nodes = {f"{side}_device": {SERIAL: {"calibration": calibration}}}
+    nodes = {f"{side}_device": {benches.SERIAL: {"calibration": calibration}}}
     update_parameter_file(bench.path, nodes)
     within = f"{found.gain_error / abs(found.gain):.2%}"
     return [
         Check(
             True,
-            f"{HELD[side]}: axis {AXES[axis]}, gain {found.gain:.5g} m/s^2 per count within"
-            f" {within}, noise {found.noise:.3f} m/s^2",
+            f"{benches.HELD[side]}: axis {AXES[axis]}, gain {found.gain:.5g} m/s^2 per count"
+            f" within {within}, noise {found.noise:.3f} m/s^2",
         )
     ]
 
@@ -293,40 +284,40 @@ METER_CURRENT = 0.1
 """Current through the resistor in the coil's place, A: a volt at ten ohms."""
 
 
-def make_safe(bench: Bench) -> None:
+def make_safe(bench: benches.Bench) -> None:
     """Check force and polarity of the actuator, and its silence after each kind of end."""
     if not bench.has_actuator():
         return
-    if bench.device_name(MASTER).endswith(SERIAL):
+    if bench.device_name(benches.MASTER).endswith(benches.SERIAL):
         _measure_current(bench)
     bench.goes_on("hold the handle as in use, with the coil connected, then press Enter")
     bench.settle(lambda: _probed(bench))
     bench.settle(lambda: _stopped(bench))
-    if bench.device_name(MASTER).endswith(SERIAL):
+    if bench.device_name(benches.MASTER).endswith(benches.SERIAL):
         bench.settle(lambda: _unplugged(bench))
 
 
-def _measure_current(bench: Bench) -> None:
+def _measure_current(bench: benches.Bench) -> None:
     """Compare the amplifier's current through a resistor with the commanded current."""
     if not bench.goes_on(
         "disconnect the coil; put a resistor of 4 to 10 ohms and a meter for current in its"
         " place, then press Enter",
         skip="skip",
     ):
-        bench.notes.append(f"{SKIPPED}current not measured")
+        bench.notes.append(f"{benches.SKIPPED}current not measured")
         bench.person.tell(bench.notes[-1])
         return
-    _, options = bench.parameters(MASTER)
-    constant = options[SERIAL].actuator.force_constant
+    _, options = bench.parameters(benches.MASTER)
+    constant = options[benches.SERIAL].actuator.force_constant
 
     def measure() -> list[Check]:
-        with bench.observed(MASTER) as device:
+        with bench.observed(benches.MASTER) as device:
             bench.person.show(device)
             device.drive(lambda _: METER_CURRENT * constant)
-            time.sleep(RESPONSE_SETTLING)
+            time.sleep(benches.RESPONSE_SETTLING)
             driven = bench.number("type the current that the meter shows now, A")
             device.drive(None)
-            time.sleep(RESPONSE_SETTLING)
+            time.sleep(benches.RESPONSE_SETTLING)
             silent = bench.number("the commands have ended: type the current now, A")
         zero = Check(
             abs(silent) < checks.CURRENT_ERROR * METER_CURRENT,
@@ -338,23 +329,23 @@ def _measure_current(bench: Bench) -> None:
     bench.settle(measure)
 
 
-def _probed(bench: Bench) -> list[Check]:
+def _probed(bench: benches.Bench) -> list[Check]:
     """Check the response to forces; correct the polarity."""
-    with bench.observed(MASTER) as device:
+    with bench.observed(benches.MASTER) as device:
         bench.person.show(device)
         at_rest = device.observe(REST).acceleration
         noise = float(np.nanstd(at_rest)) * math.sqrt(2 / len(at_rest))
         responses = []
         for amplitude in checks.PROBE_FORCES:
             device.drive(_probe(amplitude))
-            time.sleep(RESPONSE_SETTLING)
+            time.sleep(benches.RESPONSE_SETTLING)
             seen = device.observe(PROBE)
             responses.append(checks.response(seen.force, seen.acceleration, seen.rate))
         device.drive(None)
     small, large = responses
     found = checks.probe_checks(small, large, noise)
     if len(found) > 1 and not found[1].passed:
-        _, options = bench.parameters(MASTER)
+        _, options = bench.parameters(benches.MASTER)
         turned = -options[SAFETY].hardware.force_constant
         update_parameter_file(bench.path, {EVERY_NODE: {ACTUATOR: {"force_constant": turned}}})
         text = f"the coil pushes backwards: force constant made {turned:g} N/A"
@@ -362,10 +353,10 @@ def _probed(bench: Bench) -> list[Check]:
     return found
 
 
-def _stopped(bench: Bench) -> list[Check]:
+def _stopped(bench: benches.Bench) -> list[Check]:
     """Check that the handle is quiet after an emergency stop, and after the last command."""
     found = []
-    with bench.observed(MASTER) as device:
+    with bench.observed(benches.MASTER) as device:
         bench.person.show(device)
         noise = float(np.nanstd(device.observe(REST).acceleration))
         for name, end in (
@@ -374,10 +365,10 @@ def _stopped(bench: Bench) -> list[Check]:
         ):
             device.arm()
             device.drive(_probe(checks.PROBE_FORCES[1]))
-            time.sleep(RESPONSE_SETTLING)
+            time.sleep(benches.RESPONSE_SETTLING)
             end()
-            time.sleep(RESPONSE_SETTLING)
-            seen = device.last(RESPONSE_SETTLING + REST)
+            time.sleep(benches.RESPONSE_SETTLING)
+            seen = device.last(benches.RESPONSE_SETTLING + REST)
             last = int(np.flatnonzero(seen.force)[-1])
             taken = checks.quiet_after(
                 seen.acceleration - np.nanmean(seen.acceleration), seen.rate, last, noise
@@ -393,9 +384,9 @@ def _stopped(bench: Bench) -> list[Check]:
     return found
 
 
-def _unplugged(bench: Bench) -> list[Check]:
+def _unplugged(bench: benches.Bench) -> list[Check]:
     """Check that a pulled plug is named, and that no force comes back by itself."""
-    with bench.observed(MASTER) as device:
+    with bench.observed(benches.MASTER) as device:
         bench.person.show(device)
         noise = float(np.nanstd(device.observe(REST).acceleration))
         device.drive(_probe(checks.PROBE_FORCES[1]))
@@ -410,7 +401,7 @@ def _unplugged(bench: Bench) -> list[Check]:
         )
 
         def is_gone() -> bool:
-            return bool(np.isnan(device.last(RESPONSE_SETTLING).acceleration).all())
+            return bool(np.isnan(device.last(benches.RESPONSE_SETTLING).acceleration).all())
 
         def is_back() -> bool:
             return bool(np.isfinite(device.last(REST).acceleration).all())

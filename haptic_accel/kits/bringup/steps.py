@@ -29,15 +29,7 @@ from haptic_accel.core.process import FULL_SCALE, UNUSABLE
 from haptic_accel.core.signal_checks import Check
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import DeviceError
-from haptic_accel.kits.bringup.bench import (
-    ARMS_ALONE,
-    MASTER,
-    STEPS,
-    Bench,
-    BringUpArguments,
-    BringUpError,
-    Person,
-)
+from haptic_accel.kits.bringup import bench as benches
 from haptic_accel.kits.bringup.boards import calibrate_boards, connect, make_safe
 from haptic_accel.setup import rig_file
 
@@ -55,9 +47,9 @@ MOST_LATE = 100.0 * LOST_SHARE
 """Share of late forces above which a graph needs more time, %, as an experiment warns."""
 
 
-def identify(bench: Bench) -> None:
+def identify(bench: benches.Bench) -> None:
     """Identify the handle; scale the force of a sound card by its mass."""
-    if bench.device_name(MASTER) in ARMS_ALONE:
+    if bench.device_name(benches.MASTER) in benches.ARMS_ALONE:
         return
     if scale := _identified(bench).get(FULL_SCALE):
         mass = bench.number("type the mass of all that moves with the handle, without m_a, kg")
@@ -68,7 +60,7 @@ def identify(bench: Bench) -> None:
     bench.notes.append("the model is in this file")
 
 
-def _identified(bench: Bench) -> Mapping[str, Mapping[str, Any]]:
+def _identified(bench: benches.Bench) -> Mapping[str, Mapping[str, Any]]:
     """Identify the handle; return the events."""
     bench.goes_on("hold the handle as in use, without moving it, then press Enter")
     words = ["params_file:=" + str(bench.path), "--update", str(bench.path)]
@@ -80,12 +72,12 @@ def _identified(bench: Bench) -> Mapping[str, Mapping[str, Any]]:
             return ran.events
         reason = ran.events.get(UNUSABLE, {}).get("reason", ran.last)
         if not bench.goes_on(f"{reason}; press Enter to try again", skip="stop"):
-            raise BringUpError(reason)
+            raise benches.BringUpError(reason)
 
 
-def prove(bench: Bench) -> None:
+def prove(bench: benches.Bench) -> None:
     """Compare the errors without and with compensation on a surface."""
-    if not {bench.device_name(side) for side in ARMS}.isdisjoint(ARMS_ALONE):
+    if not {bench.device_name(side) for side in ARMS}.isdisjoint(benches.ARMS_ALONE):
         bench.settle(lambda: [Check(True, "no accelerometer on both arms: not compared")])
         return
     bench.goes_on(
@@ -95,7 +87,7 @@ def prove(bench: Bench) -> None:
     bench.settle(lambda: _compared(bench))
 
 
-def _compared(bench: Bench) -> list[Check]:
+def _compared(bench: benches.Bench) -> list[Check]:
     """Run the graph without compensation and with `adaptive`, and compare the errors."""
     out = bench.report_folder("prove")
     results = out.with_suffix(".json")
@@ -131,16 +123,16 @@ def _late_percent(condition: Mapping[str, Any]) -> float:
     return 100.0 * late
 
 
-def _more_time(bench: Bench) -> str:
+def _more_time(bench: benches.Bench) -> str:
     """Give the forces a sample more time, as far as that is useful; return what was done."""
-    latency = bench.parameters(MASTER)[0].latency + 1
+    latency = bench.parameters(benches.MASTER)[0].latency + 1
     if latency > MOST_LATENCY:
         return "close other programs, and run haptic-accel doctor"
     rig_file.update_parameter_file(bench.path, {node: {"latency": latency} for node in TIMED})
     return f"forces have {latency} samples of time from now on; measure again"
 
 
-_FUNCTIONS: dict[str, Callable[[Bench], None]] = {
+_FUNCTIONS: dict[str, Callable[[benches.Bench], None]] = {
     "connect": connect,
     "calibrate": calibrate_boards,
     "make_safe": make_safe,
@@ -163,11 +155,11 @@ class BringUp:
         The rig's file cannot be read or written, or an argument does not go with it.
     """
 
-    def __init__(self, arguments: BringUpArguments, person: Person) -> None:
-        self._bench = Bench(arguments, person)
+    def __init__(self, arguments: benches.BringUpArguments, person: benches.Person) -> None:
+        self._bench = benches.Bench(arguments, person)
         noted = rig_file.noted_steps(self._bench.path)
         self._done = dict[str, str]()
-        for step in STEPS:
+        for step in benches.STEPS:
             if step not in noted or step == arguments.redo:
                 break
             self._done[step] = noted[step]
@@ -183,7 +175,7 @@ class BringUp:
             Nobody answers; the same command goes on at the unfinished step.
         """
         bench = self._bench
-        for number, (step, purpose) in enumerate(STEPS.items(), start=1):
+        for number, (step, purpose) in enumerate(benches.STEPS.items(), start=1):
             bench.person.begin(number, step.replace("_", " "), purpose)
             if step in self._done:
                 bench.person.tell(f"done {self._done[step]}")
@@ -192,7 +184,7 @@ class BringUp:
             try:
                 _FUNCTIONS[step](bench)
             except DeviceError as error:
-                raise BringUpError(str(error)) from None
+                raise benches.BringUpError(str(error)) from None
             bench.person.show(None)
             text = "; ".join(bench.notes) or "nothing to do"
             rig_file.note_step(bench.path, step, f"{datetime.now():%Y-%m-%d %H:%M}: {text}")

@@ -29,19 +29,11 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 
+from haptic_accel.core import tick as ticks
 from haptic_accel.core.control.compensation import Compensation
 from haptic_accel.core.parameters import ParameterError, one_line
 from haptic_accel.core.process import DONE, ENDING, FAILED
 from haptic_accel.core.simulated_rig import build_loop
-from haptic_accel.core.tick import (
-    ACTUATOR,
-    ARM,
-    MASTER,
-    SLAVE,
-    CompensationPart,
-    DeviceSide,
-    SafetyLayer,
-)
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import Device, DeviceError
 from haptic_accel.graph.stop_signal import PendingStop, own_domain
@@ -84,7 +76,7 @@ class FeltLoop:
         latency, longest = arguments.latency, round(timing.CATCH_UP * self._rate)
         around, options = setup.node("compensator")
         self._compensation = Compensation(around, self._rate, options, latency=latency)
-        part = CompensationPart(self._compensation, self._rate, latency, longest)
+        part = ticks.CompensationPart(self._compensation, self._rate, latency, longest)
         built = {arm: _built(setup, arm) for arm in ARMS}
         self._devices = [device for device, _ in built.values()]
         self._sides = {arm: side for arm, (_, side) in built.items()}
@@ -95,7 +87,7 @@ class FeltLoop:
         """Open the devices, with a silent coil; return their remarks."""
         for device in self._devices:
             device.open()
-        self._sides[SLAVE].safety.enable(time.monotonic(), True)
+        self._sides[ticks.SLAVE].safety.enable(time.monotonic(), True)
         self._feel(False)
         return "; ".join(device.remark for device in self._devices if device.remark)
 
@@ -139,26 +131,26 @@ class FeltLoop:
     def _feel(self, felt: bool) -> None:
         """Let the coil move, or silence it."""
         self._felt = felt
-        self._sides[MASTER].safety.enable(time.monotonic(), felt)
+        self._sides[ticks.MASTER].safety.enable(time.monotonic(), felt)
         self._compensation.mute(not felt)
         if not felt:
-            self._sides[MASTER].take_off()
+            self._sides[ticks.MASTER].take_off()
 
     def _pass_on(self) -> None:
         for sample in self._loop.samples:
-            if sample.arm == ARMS.index(SLAVE):
+            if sample.arm == ARMS.index(ticks.SLAVE):
                 self._ring.put(sample.tick, sample.acceleration)
 
 
-def _built(setup: Setup[GraphArguments], arm: str) -> tuple[Device, DeviceSide]:
+def _built(setup: Setup[GraphArguments], arm: str) -> tuple[Device, ticks.DeviceSide]:
     """Return an arm's device, and the same behind its safety layer."""
     own, options = setup.node(f"{arm}_device")
     device = build_device(f"{arm}_device", own, options)
-    safety = SafetyLayer(options[SAFETY], own.rate, device.axes)
-    kinds = (ARM, ACTUATOR) if arm == MASTER else (ARM,)
-    ahead = (ACTUATOR,) if device.description.ahead else ()
+    safety = ticks.SafetyLayer(options[SAFETY], own.rate, device.axes)
+    kinds = (ticks.ARM, ticks.ACTUATOR) if arm == ticks.MASTER else (ticks.ARM,)
+    ahead = (ticks.ACTUATOR,) if device.description.ahead else ()
     given = {"kinds": kinds, "ahead": ahead, "framed": own.frame > 1}
-    return device, DeviceSide(device, safety, own.rate, own.latency, time.monotonic, **given)
+    return device, ticks.DeviceSide(device, safety, own.rate, own.latency, time.monotonic, **given)
 
 
 def run(loop: FeltLoop, ring: Ring, parent: int) -> None:

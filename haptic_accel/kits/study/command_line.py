@@ -39,18 +39,9 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import FAILED, INTERRUPTED
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tables import Column, ResultTable, Row
+from haptic_accel.kits.study import folder as folders
 from haptic_accel.kits.study.conditions import check_blanks, check_deliverable
 from haptic_accel.kits.study.exposure import daily_exposure
-from haptic_accel.kits.study.folder import (
-    ANALYSIS,
-    EXPORT,
-    PROTOCOL,
-    UNBLINDING,
-    Study,
-    noted,
-    templates,
-    write_template,
-)
 from haptic_accel.kits.study.log import Log
 from haptic_accel.kits.study.procedures import Plan, describe
 from haptic_accel.kits.study.protocol import Protocol
@@ -75,7 +66,7 @@ def study_argument(verb: F) -> F:
 
     @wraps(verb)
     def with_study(*given: Any, study: Path, **settings: Any) -> Any:
-        return verb(*given, study=Study(study), **settings)
+        return verb(*given, study=folders.Study(study), **settings)
 
     argument = click.argument("study", metavar="[STUDY]", type=FILE, default=".")
     return cast("F", argument(with_study))
@@ -97,20 +88,20 @@ open_option = click.option(
 @click.option(
     "--template",
     required=True,
-    type=one_of(templates()),
+    type=one_of(folders.templates()),
     metavar="NAME",
-    help=f"One of {', '.join(templates())}.",
+    help=f"One of {', '.join(folders.templates())}.",
 )
 @click.argument("folder", metavar="FOLDER", type=FILE)
 def new(template: str, folder: Path) -> None:
     """Write a study from a template: one file to read, and to change."""
-    print(write_template(template, folder))
+    print(folders.write_template(template, folder))
     print(next_command("study", "check", str(folder)))
 
 
 @verb("haptic-accel study check my_study")
 @study_argument
-def check(study: Study) -> None:
+def check(study: folders.Study) -> None:
     """Check that a study can be run as it is written, and describe what it asks.
 
     Reads all its files, and checks each condition against the arguments of the graph. Refuses
@@ -148,7 +139,7 @@ def check(study: Study) -> None:
 @workers_options
 @json_option
 def simulate(
-    study: Study,
+    study: folders.Study,
     *,
     studies: int,
     participants: int | None,
@@ -193,7 +184,7 @@ def simulate(
 @participant_option
 @port_option
 @open_option
-def run(study: Study, *, participant: str, port: int, opened: bool) -> None:
+def run(study: folders.Study, *, participant: str, port: int, opened: bool) -> None:
     """Run the session of a new participant, who answers on a page of their own.
 
     A run that is refused, or whose graph does not start, leaves no participant. At the end, the
@@ -214,7 +205,7 @@ def run(study: Study, *, participant: str, port: int, opened: bool) -> None:
 @participant_option
 @port_option
 @open_option
-def resume(study: Study, *, participant: str, port: int, opened: bool) -> None:
+def resume(study: folders.Study, *, participant: str, port: int, opened: bool) -> None:
     """Go on with a session at the trial at which it was stopped or interrupted.
 
     The version of the protocol is that with which the participant began.
@@ -225,7 +216,7 @@ def resume(study: Study, *, participant: str, port: int, opened: bool) -> None:
 @verb("haptic-accel study status my_study")
 @study_argument
 @json_option
-def status(study: Study, json_file: Path | None) -> None:
+def status(study: folders.Study, json_file: Path | None) -> None:
     """Show the participants' progress and exposure, without conditions and answers."""
     sessions = study.sessions
     rows = [_status(study, session) for session in sessions]
@@ -241,7 +232,7 @@ def status(study: Study, json_file: Path | None) -> None:
 
 @verb("haptic-accel study verify my_study")
 @study_argument
-def verify(study: Study) -> None:
+def verify(study: folders.Study) -> None:
     """Compare all logs with the journal, and print their heads to compare with the notebook.
 
     A log that contradicts the journal is refused, and what one of them has alone is named. Who can
@@ -259,7 +250,7 @@ def verify(study: Study) -> None:
 @study_argument
 @click.option("--reason", required=True, metavar="TEXT", help="Reason, kept in the journal.")
 @yes_option
-def unblind(study: Study, *, reason: str, yes: bool) -> None:
+def unblind(study: folders.Study, *, reason: str, yes: bool) -> None:
     """Let conditions be analysed and exported, once and for all.
 
     Asks before all planned participants have completed the study. The journal of the study keeps
@@ -277,7 +268,7 @@ def unblind(study: Study, *, reason: str, yes: bool) -> None:
 
 @verb("haptic-accel study analyze my_study")
 @study_argument
-def analyze(study: Study) -> None:
+def analyze(study: folders.Study) -> None:
     """Write the report of an unblinded study to its folder analysis: page, figures and tables.
 
     The planned tests come first; participants who are excluded are named with the rule.
@@ -287,7 +278,7 @@ def analyze(study: Study) -> None:
     from haptic_accel.kits.study.report import analyse_study, write_report
 
     result = analyse_study(study.protocol, sessions)
-    page = write_report(result, _emptied(study.folder / ANALYSIS), _unblinded(study))
+    page = write_report(result, _emptied(study.folder / folders.ANALYSIS), _unblinded(study))
     for participant, rule in result.excluded.items():
         print(f"{participant} is excluded: {rule}")
     if result.planned:
@@ -304,9 +295,9 @@ def analyze(study: Study) -> None:
     metavar="FORM",
     help=f"One of {', '.join(FORMS)}.",
 )
-def export(study: Study, form: str) -> None:
+def export(study: folders.Study, form: str) -> None:
     """Write the data of an unblinded study to its folder export, without dates or names."""
-    folder, sessions = study.folder / EXPORT / form, _unsealed(study)
+    folder, sessions = study.folder / folders.EXPORT / form, _unsealed(study)
     _print_doubts(study)
     export_study(study.protocol, sessions, _emptied(folder), form, unblinded=True)
     print(f"{form}: {folder}")
@@ -318,7 +309,7 @@ def export(study: Study, form: str) -> None:
 @study_argument
 @participant_option
 @yes_option
-def delete_participant(study: Study, *, participant: str, yes: bool) -> None:
+def delete_participant(study: folders.Study, *, participant: str, yes: bool) -> None:
     """Delete a participant's log and bags, and all results in the study's folder.
 
     Lists all that is deleted, and asks. No link is followed but bags in the participant's folder;
@@ -377,7 +368,7 @@ ENDS = (
 """Columns of the heads of logs."""
 
 
-def _status(study: Study, session: SessionRecord) -> Row:
+def _status(study: folders.Study, session: SessionRecord) -> Row:
     plan = Plan(study.version(session.digest), session.seed, session.row)
     for record in session.records:
         plan.record(record)
@@ -403,16 +394,16 @@ def _date(time: int) -> str:
     return f"{datetime.fromtimestamp(time / NANOSECONDS):%Y-%m-%d %H:%M}"
 
 
-def _unblinded(study: Study) -> str:
+def _unblinded(study: folders.Study) -> str:
     """Return time and reason of the unblinding; empty while the study is sealed."""
     return "; ".join(
         f"{_date(entry['at'])}: {entry['reason']}"
         for entry in study.journal
-        if entry["kind"] == UNBLINDING
+        if entry["kind"] == folders.UNBLINDING
     )
 
 
-def _unsealed(study: Study) -> list[SessionRecord]:
+def _unsealed(study: folders.Study) -> list[SessionRecord]:
     """Return the sessions of a study that is unblinded."""
     if study.sealed:
         raise ParameterError(
@@ -424,7 +415,7 @@ def _unsealed(study: Study) -> list[SessionRecord]:
     return sessions
 
 
-def _check_stopping_rule(study: Study) -> None:
+def _check_stopping_rule(study: folders.Study) -> None:
     """Refuse a participant after the last one that the protocol plans."""
     planned = study.protocol.rules.participants
     if _included(study) >= planned:
@@ -433,13 +424,13 @@ def _check_stopping_rule(study: Study) -> None:
         )
 
 
-def _included(study: Study) -> int:
+def _included(study: folders.Study) -> int:
     """Return the number of participants who are complete and not excluded."""
     sessions = study.sessions
     return len(sessions) - len(exclusions(study.protocol, sessions))
 
 
-def _print_doubts(study: Study) -> None:
+def _print_doubts(study: folders.Study) -> None:
     """Print the sittings that only the journal or only the logs have."""
     for line in study.doubts:
         print(line)
@@ -448,7 +439,7 @@ def _print_doubts(study: Study) -> None:
 def _emptied(folder: Path) -> Path:
     """Return a folder of results, without those of before."""
     for each in (folder, folder.parent):
-        if each.name in (ANALYSIS, EXPORT, *FORMS) and each.is_symlink():
+        if each.name in (folders.ANALYSIS, folders.EXPORT, *FORMS) and each.is_symlink():
             raise ParameterError(f"{each}: is a link: must be a folder, or nothing")
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
@@ -463,11 +454,11 @@ def _significant(protocol: Protocol, participants: int, seed: int) -> list[bool]
     return [each.outcome.significant for each in found]
 
 
-def _write_simulated(study: Study, folder: Path, participants: int, seed: int) -> None:
+def _write_simulated(study: folders.Study, folder: Path, participants: int, seed: int) -> None:
     """Write a simulated study, whose journal says that it is one."""
     make_folder(folder)
-    (folder / PROTOCOL).write_text(study.protocol.content, encoding="utf-8")
-    simulated = Study(folder)
+    (folder / folders.PROTOCOL).write_text(study.protocol.content, encoding="utf-8")
+    simulated = folders.Study(folder)
     with progress_bar() as progress:
         bar = progress.add_task("observers", total=participants)
         for _ in write_simulated(simulated, participants, seed):
@@ -476,7 +467,7 @@ def _write_simulated(study: Study, folder: Path, participants: int, seed: int) -
     print(next_command("study", "analyze", str(folder)))
 
 
-def _run_session(study: Study, log: Log, port: int, *, opened: bool) -> None:
+def _run_session(study: folders.Study, log: Log, port: int, *, opened: bool) -> None:
     """Run a session on the live graph with a participant at a page, and show how it ended."""
     with log:
         begun = log.record
@@ -487,14 +478,16 @@ def _run_session(study: Study, log: Log, port: int, *, opened: bool) -> None:
             raise
         head = study.note_end(log)
     print(f"{begun.participant}: {ended}")
-    print(f"for the notebook: {begun.participant}, line {len(log.heads)}, {noted(head)}")
+    print(f"for the notebook: {begun.participant}, line {len(log.heads)}, {folders.noted(head)}")
     if ended != COMPLETE:
         again = ("study", "resume", str(study.folder), "--participant", begun.participant)
         print(next_command(*again))
         raise StoppedError(status=INTERRUPTED if ended == OPERATOR else FAILED)
 
 
-def _ended(study: Study, log: Log, begun: SessionRecord, port: int, *, opened: bool) -> str:
+def _ended(
+    study: folders.Study, log: Log, begun: SessionRecord, port: int, *, opened: bool
+) -> str:
     """Run a session, with its progress on the terminal; return how it ended."""
     from haptic_accel.kits.study.live import LiveRig
     from haptic_accel.kits.study.participant_page import ParticipantPage, read_texts

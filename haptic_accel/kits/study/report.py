@@ -31,16 +31,9 @@ from haptic_accel.analysis.identification_result import pictures
 from haptic_accel.analysis.provenance import provenance
 from haptic_accel.core.decimals import defined
 from haptic_accel.core.evaluation.statistics import CONFIDENCE
+from haptic_accel.kits.study import results as findings
 from haptic_accel.kits.study.planned_tests import PlannedResult, counted, planned_tests
 from haptic_accel.kits.study.protocol import Protocol
-from haptic_accel.kits.study.results import (
-    Result,
-    delivered_results,
-    exploratory_results,
-    frame_rows,
-    planned_results,
-    reading_table,
-)
 from haptic_accel.kits.study.tables import SIMULATED, Tables, exclusions, tables, titled
 from haptic_accel.kits.study.trials import SessionRecord
 from haptic_accel.pages import write
@@ -74,7 +67,7 @@ class StudyResult:
     tables: Tables
     excluded: Mapping[str, str]
     planned: tuple[PlannedResult, ...]
-    results: tuple[Result, ...]
+    results: tuple[findings.Result, ...]
 
 
 def analyse_study(protocol: Protocol, sessions: Sequence[SessionRecord]) -> StudyResult:
@@ -83,9 +76,9 @@ def analyse_study(protocol: Protocol, sessions: Sequence[SessionRecord]) -> Stud
     found, trials = tables(protocol, sessions), counted(protocol, sessions)
     planned = tuple(planned_tests(protocol, sessions))
     results = (
-        *planned_results(planned),
-        *exploratory_results(protocol, trials),
-        *delivered_results(found),
+        *findings.planned_results(planned),
+        *findings.exploratory_results(protocol, trials),
+        *findings.delivered_results(found),
     )
     if any(each.simulated for each in sessions):
         results = tuple(
@@ -133,7 +126,9 @@ def write_report(result: StudyResult, folder: Path, unblinded: str = "") -> Path
         protocol=result.protocol,
         pictures=shown,
         unblinded=unblinded,
-        people=reading_table(frame_rows(result.tables.sessions[list(PEOPLE)]), "Sessions"),
+        people=findings.reading_table(
+            findings.frame_rows(result.tables.sessions[list(PEOPLE)]), "Sessions"
+        ),
         files=files,
         settings={**_settings(result.protocol), **provenance()},
     )
