@@ -30,7 +30,7 @@ from matplotlib import pyplot
 
 from haptic_accel.core.surfaces.texture import Provenance, Texture
 from haptic_accel.kits.textures.building import Recording, build
-from haptic_accel.kits.textures.report import described
+from haptic_accel.kits.textures.command_line import described
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.texture_files import read_texture
 

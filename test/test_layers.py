@@ -90,7 +90,7 @@ ROS_USERS: dict[str, set[str]] = {
     # Launch files.
     "haptic_accel.graph.launching": {"launch", "launch_ros", "ament_index_python"},
     # Folders of an installed ROS 2, which does without where there is none.
-    "haptic_accel.bags.definitions": {"ament_index_python"},
+    "haptic_accel.bags.metadata": {"ament_index_python"},
 }
 """Modules outside ``nodes`` that import something of ROS 2, and what."""
 

@@ -92,9 +92,9 @@ def _without_contact(frame: pd.DataFrame) -> list[str]:
     return [
         f"{count} of {_many(len(frame), 'trial')} had no contact and"
         f" {'counts' if count == 1 else 'count'} in no error or mean:"
-        f" the desired acceleration has an RMS below {metrics.CONTACT:.2g} m/s², three times the noise"
-        " of an accelerometer. Check that the tool touched the surface while the arms were engaged,"
-        " and that its accelerometer works."
+        f" the desired acceleration has an RMS below {metrics.CONTACT:.2g} m/s², three times the"
+        " noise of an accelerometer. Check that the tool touched the surface while the arms were"
+        " engaged, and that its accelerometer works."
     ]
 
 

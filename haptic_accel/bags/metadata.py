@@ -13,21 +13,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Metadata of a bag (metadata.yaml), which rosbag2 reads before the bag's files."""
+"""Metadata of a bag (metadata.yaml), which rosbag2 reads before the bag's files.
+
+Type definitions are stored in a bag, so that it can be read without the types installed.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 from zlib import crc32
 
 import yaml
+from rosbags import interfaces
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
 from rosbags.rosbag2 import ReaderError
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from haptic_accel.bags.folder import METADATA
 from haptic_accel.bags.mcap import DAMAGE_ERRORS, McapFile
@@ -38,6 +45,83 @@ from haptic_accel.core.document import Document, load_yaml, texts_of
 from haptic_accel.core.parameters import Specification, one_line
 from haptic_accel.core.safe_writing import replace_file
 from haptic_accel.core.sampling import NANOSECONDS
+
+
+class UndefinedTypeError(LookupError):
+    """Error: a message type has no definition; the message is one line."""
+
+
+def connection(number: int, topic: str, kind: str, offered: Sequence[Qos]) -> Connection:
+    """Return a topic as rosbags connection, with the type's definition and hash.
+
+    Parameters
+    ----------
+    number : int
+        Number from 1, unique in the bag.
+    topic : str
+        Full name.
+    kind : str
+        Message type, for example ``std_msgs/msg/String``.
+    offered : sequence of Qos
+        Quality of service offered by its publishers.
+
+    Raises
+    ------
+    UndefinedTypeError
+        The type is unknown to rosbags, and not found in any installed package.
+    """
+    definition, digest = _definition(kind)
+    stored = interfaces.MessageDefinition(interfaces.MessageDefinitionFormat.MSG, definition)
+    form = interfaces.ConnectionExtRosbag2("cdr", list(offered))
+    return Connection(number, topic, kind, stored, digest, 0, form, None)
+
+
+@cache
+def _definition(kind: str) -> tuple[str, str]:
+    """Return the text of a type, with nested types, and its hash (REP 2016)."""
+    types = types_store()
+    try:
+        _add_installed(types, kind)
+        text, _ = types.generate_msgdef(kind, ros_version=2)
+        return text, types.hash_rihs01(kind)
+    except (ImportError, OSError, LookupError, ValueError, TypesysError) as error:
+        raise UndefinedTypeError(f"{kind}: no definition: {error}") from None
+
+
+@cache
+def types_store() -> Typestore:
+    """Return the known types, whose readers are compiled once."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def _add_installed(types: Typestore, kind: str) -> None:
+    """Register a type and nested types from the .msg files of installed packages."""
+    if kind in types.fielddefs:
+        return
+    found = get_types_from_msg(_message_file(kind).read_text(encoding="utf-8"), kind)
+    for _, fields in found.values():
+        for name in _names(fields):
+            if "/msg/" in name:
+                _add_installed(types, name)
+    types.register(found)
+
+
+def _message_file(kind: str) -> Path:
+    # Imported for types unknown to rosbags only, as it needs an installed ROS 2.
+    from ament_index_python.packages import get_package_share_directory
+
+    package, _, name = kind.split("/")
+    return Path(get_package_share_directory(package)) / "msg" / f"{name}.msg"
+
+
+def _names(parsed: object) -> Iterator[str]:
+    """Yield all texts in nested tuples and lists; these include type names."""
+    if isinstance(parsed, str):
+        yield parsed
+    elif isinstance(parsed, (tuple, list)):
+        for part in parsed:
+            yield from _names(part)
+
 
 VERSION = 9
 """Version of metadata.yaml, written by Jazzy and later."""

@@ -23,10 +23,10 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.facts import PARAMETERS, description, facts_of
-from haptic_accel.bags.files import BagFiles
+from haptic_accel.bags.metadata import connection
 from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.bags.writing import BagFiles
 from haptic_accel.core import topics
 from haptic_accel.core.cdr import StampedVector, pack_text
 from haptic_accel.core.model import FloatArray

@@ -20,8 +20,7 @@ from dataclasses import dataclass
 from lerobot.robots import Robot, RobotConfig, make_robot_from_config
 
 from haptic_accel.core.parameters import one_line
-from haptic_accel.kits.lerobot.robot import VibrationRobot
-from haptic_accel.kits.lerobot.wrapping import others
+from haptic_accel.kits.lerobot.wrapping import VibrationRobot, others
 
 NAME = "haptic_accel"
 """Type in LeRobot's configuration."""

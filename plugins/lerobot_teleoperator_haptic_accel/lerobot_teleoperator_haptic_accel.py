@@ -20,8 +20,7 @@ from dataclasses import dataclass
 from lerobot.teleoperators import Teleoperator, TeleoperatorConfig, make_teleoperator_from_config
 
 from haptic_accel.core.parameters import one_line
-from haptic_accel.kits.lerobot.teleoperator import FeltTeleoperator
-from haptic_accel.kits.lerobot.wrapping import others
+from haptic_accel.kits.lerobot.wrapping import FeltTeleoperator, others
 
 NAME = "haptic_accel"
 """Type in LeRobot's configuration."""

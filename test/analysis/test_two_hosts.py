@@ -26,10 +26,9 @@ import numpy as np
 import pytest
 
 from bag_maker import START, BagContent, facts, write_bag
-from haptic_accel.analysis.loading import analyse
+from haptic_accel.analysis.loading import BOUND, OFFSET, Across, analyse
 from haptic_accel.analysis.segments import high_passed
 from haptic_accel.analysis.summary import summary
-from haptic_accel.analysis.two_hosts import BOUND, OFFSET, Across
 from haptic_accel.analysis.writing import as_json
 from haptic_accel.core import topics
 from haptic_accel.core.model import FloatArray

@@ -25,7 +25,7 @@ from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from haptic_accel.bags.chunked_writer import ChunkedWriter
-from haptic_accel.bags.definitions import connection
+from haptic_accel.bags.metadata import connection
 
 TOPICS = [connection(number, f"/{number}", "std_msgs/msg/String", []) for number in (1, 2, 3)]
 ACTIONS = ["topic", "message", "flush"]

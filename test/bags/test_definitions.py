@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from haptic_accel.bags.definitions import UndefinedTypeError, connection
+from haptic_accel.bags.metadata import UndefinedTypeError, connection
 
 
 def test_a_known_type_comes_with_those_it_is_made_of_and_its_hash() -> None:

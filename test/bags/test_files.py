@@ -28,10 +28,9 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.interfaces import Connection
 
-from haptic_accel.bags.definitions import connection
-from haptic_accel.bags.files import BagFiles
-from haptic_accel.bags.metadata import read_metadata
+from haptic_accel.bags.metadata import connection, read_metadata
 from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.bags.writing import BagFiles
 from haptic_accel.core.parameters import ParameterError
 from reading import with_mcap, with_rosbags
 

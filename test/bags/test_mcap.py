@@ -28,11 +28,11 @@ from mcap.stream_reader import StreamReader
 
 import damaged
 from bag_maker import START, STRING
-from haptic_accel.bags.definitions import connection
 from haptic_accel.bags.expanding import LARGEST_RECORD
-from haptic_accel.bags.files import BagFiles
+from haptic_accel.bags.metadata import connection
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.bags.recording_options import RecordingOptions
+from haptic_accel.bags.writing import BagFiles
 from haptic_accel.core.cdr import pack_text
 from haptic_accel.core.topics import SIGNALS
 from reading import with_mcap

@@ -43,8 +43,7 @@ from damaged import (
     write_cut_off_bag,
     write_small_bag,
 )
-from haptic_accel.bags.definitions import connection
-from haptic_accel.bags.metadata import read_metadata
+from haptic_accel.bags.metadata import connection, read_metadata
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.repair import repair
@@ -365,8 +364,8 @@ def test_after_kill_9_at_most_the_last_second_is_lost(tmp_path: Path) -> None:
 RECORDER = """
 import sys
 from pathlib import Path
-from haptic_accel.bags.definitions import connection
-from haptic_accel.bags.files import BagFiles
+from haptic_accel.bags.metadata import connection
+from haptic_accel.bags.writing import BagFiles
 from haptic_accel.bags.recording_options import RecordingOptions
 
 files = BagFiles(Path(sys.argv[1]), RecordingOptions(), {})

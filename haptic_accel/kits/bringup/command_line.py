@@ -13,26 +13,197 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``haptic-accel bringup``: five steps from unknown boards to a compensated handle."""
+"""``haptic-accel bringup``: five steps from unknown boards to a compensated handle.
+
+Each step measures, judges and advises.
+"""
 
 from __future__ import annotations
 
+import json
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
+from haptic_accel.analysis.experiment import LOST_SHARE
+from haptic_accel.bags.delivery import AGE_OF
 from haptic_accel.cli.options import arguments, verb
 from haptic_accel.cli.output import StoppedError, next_command
 from haptic_accel.cli.running import HOST, interrupted_by_signals, print_line, show_page
+from haptic_accel.core import signal_checks as checks
 from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE, WRONG_ARGUMENTS
+from haptic_accel.core.process import DONE, FULL_SCALE, UNUSABLE, WRONG_ARGUMENTS
+from haptic_accel.core.signal_checks import Check
+from haptic_accel.core.topics import ARMS
+from haptic_accel.devices import DeviceError
+from haptic_accel.kits.bringup import bench as benches
 from haptic_accel.kits.bringup.bench import STEPS, BringUpArguments, BringUpError, Watched
-from haptic_accel.kits.bringup.steps import BringUp
+from haptic_accel.kits.bringup.boards import calibrate_boards, connect, make_safe
+from haptic_accel.setup import rig_file
+
+TRIAL = 10
+"""Duration of a trial with a controller, s, as the paper's."""
+
+TIMED = "master_device", "slave_device", "coupler", "compensator"
+"""Nodes that share the latency of the graph."""
+
+MOST_LATENCY = 4
+"""Largest latency that the proof sets, samples. Each adds to the least possible error (`bound`);
+beyond, the machine is not fit for the rate."""
+
+MOST_LATE = 100.0 * LOST_SHARE
+"""Share of late forces above which a graph needs more time, %, as an experiment warns."""
+
+
+def identify(bench: benches.Bench) -> None:
+    """Identify the handle; scale the force of a sound card by its mass."""
+    if bench.device_name(benches.MASTER) in benches.ARMS_ALONE:
+        return
+    if scale := _identified(bench).get(FULL_SCALE):
+        mass = bench.number("type the mass of all that moves with the handle, without m_a, kg")
+        full_scale = {"audio": {"full_scale": float(f"{scale['value'] * mass:.4g}")}}
+        rig_file.update_parameter_file(bench.path, {"master_device": full_scale})
+        bench.person.tell("force scale found: repeat the identification with forces in N")
+        _identified(bench)
+    bench.notes.append("the model is in this file")
+
+
+def _identified(bench: benches.Bench) -> Mapping[str, Mapping[str, Any]]:
+    """Identify the handle; return the events."""
+    bench.goes_on("hold the handle as in use, without moving it, then press Enter")
+    words = ["params_file:=" + str(bench.path), "--update", str(bench.path)]
+    while True:
+        out = bench.report_folder("identify")
+        ran = bench.command("identify", *words, "--out", str(out))
+        if ran.status == 0:
+            bench.keep(out)
+            return ran.events
+        reason = ran.events.get(UNUSABLE, {}).get("reason", ran.last)
+        if not bench.goes_on(f"{reason}; press Enter to try again", skip="stop"):
+            raise benches.BringUpError(reason)
+
+
+def prove(bench: benches.Bench) -> None:
+    """Compare the errors without and with compensation on a surface."""
+    if not {bench.device_name(side) for side in ARMS}.isdisjoint(benches.ARMS_ALONE):
+        bench.settle(lambda: [Check(True, "no accelerometer on both arms: not compared")])
+        return
+    bench.goes_on(
+        f"take the handle, and stroke the surface once the arms engage, {TRIAL} s without"
+        f" and {TRIAL} s with compensation; press Enter to begin"
+    )
+    bench.settle(lambda: _compared(bench))
+
+
+def _compared(bench: benches.Bench) -> list[Check]:
+    """Run the graph without compensation and with `adaptive`, and compare the errors."""
+    out = bench.report_folder("prove")
+    results = out.with_suffix(".json")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    ran = bench.command(
+        *("experiment", "--controllers", "none,adaptive"),
+        *(f"params_file:={bench.path}", "surface:=plywood", f"duration:={TRIAL}"),
+        *("--out", str(out), "--json", str(results)),
+    )
+    if ran.status:
+        return [Check(False, ran.last, "haptic-accel doctor checks the machine")]
+    bench.keep(out)
+    conditions = json.loads(results.read_text(encoding="utf-8"))["conditions"]
+    none, adaptive = sorted(conditions, key=lambda each: each["controller"], reverse=True)
+    without, error = none["nrmse_percent"], adaptive["nrmse_percent"]
+    if without is None or error is None:
+        advice = "press the tool on the surface, and stroke along it during both trials"
+        return [Check(False, "the tool touched nothing", advice)]
+    least = adaptive["limited_bound_percent"]
+    late = max(_late_percent(each) for each in conditions)
+    if late > MOST_LATE:
+        told = f"{late:.1f} % of the actuator forces took effect late"
+        in_time = Check(False, told, _more_time(bench))
+    else:
+        in_time = Check(True, "forces in time")
+    return [in_time, checks.proof_check(without, error, least or 0.0)]
+
+
+def _late_percent(condition: Mapping[str, Any]) -> float:
+    """Return the share of a condition's actuator forces that took effect late, %."""
+    counts = condition["missed_deadlines"].get(AGE_OF, {"due": 0, "missed": 0})
+    late: float = counts["missed"] / max(1, counts["due"])
+    return 100.0 * late
+
+
+def _more_time(bench: benches.Bench) -> str:
+    """Give the forces a sample more time, as far as that is useful; return what was done."""
+    latency = bench.parameters(benches.MASTER)[0].latency + 1
+    if latency > MOST_LATENCY:
+        return "close other programs, and run haptic-accel doctor"
+    rig_file.update_parameter_file(bench.path, {node: {"latency": latency} for node in TIMED})
+    return f"forces have {latency} samples of time from now on; measure again"
+
+
+_FUNCTIONS: dict[str, Callable[[benches.Bench], None]] = {
+    "connect": connect,
+    "calibrate": calibrate_boards,
+    "make_safe": make_safe,
+    "identify": identify,
+    "prove": prove,
+}
+
+
+class BringUp:
+    """Bring-up of a rig.
+
+    Parameters
+    ----------
+    arguments : BringUpArguments
+    person : Person
+
+    Raises
+    ------
+    ParameterError
+        The rig's file cannot be read or written, or an argument does not go with it.
+    """
+
+    def __init__(self, arguments: benches.BringUpArguments, person: benches.Person) -> None:
+        self._bench = benches.Bench(arguments, person)
+        noted = rig_file.noted_steps(self._bench.path)
+        self._done = dict[str, str]()
+        for step in benches.STEPS:
+            if step not in noted or step == arguments.redo:
+                break
+            self._done[step] = noted[step]
+
+    def run(self) -> list[str]:
+        """Take the steps that are left; return verb and words of the next command.
+
+        Raises
+        ------
+        BringUpError
+            A step cannot be taken.
+        EOFError
+            Nobody answers; the same command goes on at the unfinished step.
+        """
+        bench = self._bench
+        for number, (step, purpose) in enumerate(benches.STEPS.items(), start=1):
+            bench.person.begin(number, step.replace("_", " "), purpose)
+            if step in self._done:
+                bench.person.tell(f"done {self._done[step]}")
+                continue
+            bench.notes.clear()
+            try:
+                _FUNCTIONS[step](bench)
+            except DeviceError as error:
+                raise benches.BringUpError(str(error)) from None
+            bench.person.show(None)
+            text = "; ".join(bench.notes) or "nothing to do"
+            rig_file.note_step(bench.path, step, f"{datetime.now():%Y-%m-%d %H:%M}: {text}")
+        return rig_file.teleoperation_words("", bench.path, "controller:=adaptive")
+
 
 if TYPE_CHECKING:
     from haptic_accel.kits.bringup.guide import Guide

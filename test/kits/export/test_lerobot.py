@@ -33,7 +33,7 @@ from bag_maker import CHANGED, Message, change_bytes, write_messages
 from haptic_accel import __version__
 from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.core.axes import ACTUATOR_AXES
-from haptic_accel.kits.export.images import combined, statistics
+from haptic_accel.kits.export.lerobot import combined, statistics
 from reading import with_types
 from verbs import refusal, status_of
 
