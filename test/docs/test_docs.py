@@ -109,8 +109,8 @@ def test_the_table_of_parameters_has_each_parameter_of_each_node() -> None:
 
 
 def test_the_table_of_topics_is_that_of_the_code() -> None:
-    text = (SOURCE / "docs" / "topics.md").read_text()
-    section = text.split("## Topics\n")[1].split("\n## ")[0]
+    text = (SOURCE / "docs" / "ros2.md").read_text()
+    section = text.split("### Topics\n")[1].split("\n### ")[0]
     listed = {
         (name, kind.replace("/", "/msg/"), "latched" in line)
         for line in section.splitlines()
@@ -241,8 +241,8 @@ def test_a_graph_runs_with_the_controller_and_the_driver_of_packages(
     assert took_over(here / "bag") == "none"
 
 
-def test_the_notebook_of_the_tutorial_runs() -> None:
-    text = (SOURCE / "docs" / "notebook.md").read_text()
+def test_the_notebook_of_the_page_runs() -> None:
+    text = (SOURCE / "docs" / "api.md").read_text()
     (code,) = PYTHON.findall(text)
     names: dict[str, Any] = {}
     pyplot.switch_backend("agg")
