@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 import os
+import re
 
 # Before numpy is loaded: threads of BLAS that spin for each other on a busy machine take ten times
 # as long as one thread alone.
@@ -49,8 +50,13 @@ if TICK != COMPILED:
 SAFETY = ("core/tick", "core/actuator", "core/coupling")
 """Folders of tests of what keeps forces within limits."""
 
-PLAIN_PART = "safety or plain"
-"""What the marks asked for begin with in the part of the suite that runs in plain Python."""
+PARTS = {
+    "safety or plain": re.compile(r"mark\.plain\b"),
+    "live": re.compile(
+        r"mark\.live\b|\b(domain|observer|LookAtOneGraph)\b|\b(ask|haptic_accel|start): "
+    ),
+}
+"""Text in a file with tests of a part of the suite, by the marks with which the part begins."""
 
 # The machine's speed is not what a property is about, and the same tree gives the same result.
 settings.register_profile("project", deadline=None, derandomize=True)
@@ -99,11 +105,17 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Read only files with tests of that part in the plain part: each process saves 12 s."""
-    if PLAIN_PART not in config.getoption("-m") or collection_path.suffix != ".py":
+    """Read only files with tests of that part in a part of the suite: a process saves 12 s."""
+    asked = config.getoption("-m").removeprefix("(")
+    part = next((part for part in PARTS if asked.startswith(part)), "")
+    if not part or collection_path.suffix != ".py":
         return None
-    wanted = _is_safety(collection_path) or "mark.plain" in collection_path.read_text("utf-8")
-    return None if wanted else True
+    safety = part != "live" and _is_safety(collection_path)
+    return None if safety or _has_part(collection_path, part) else True
+
+
+def _has_part(path: Path, part: str) -> bool:
+    return bool(PARTS[part].search(path.read_text(encoding="utf-8")))
 
 
 def pytest_collectstart(collector: pytest.Collector) -> None:
@@ -125,6 +137,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.timeout(SLOW_TIME))
         if "domain" in getattr(item, "fixturenames", ()) and not item.get_closest_marker("quiet"):
             item.add_marker("live")
+        for mark, part in zip(("plain", "live"), PARTS, strict=True):
+            if item.get_closest_marker(mark) and not _has_part(item.path, part):
+                raise pytest.UsageError(f"{item.nodeid}: is {mark}, which PARTS does not find")
         if item.get_closest_marker("live") and config.pluginmanager.hasplugin("rerunfailures"):
             item.add_marker(pytest.mark.flaky(reruns=1, only_rerun=list(RERUN_REASONS)))
     if TICK == COMPILED:
