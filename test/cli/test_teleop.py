@@ -39,7 +39,7 @@ from haptic_accel.core.topics import DIAGNOSTICS, MASTER_STOPPED, SIGNALS, TOPIC
 from haptic_accel.nodes.device_node import STALL
 from observing import Observer
 from reading import deserialised
-from running import Command, nodes_of, realtime_is_allowed, wait_until
+from running import Command, ended_one_by_one, nodes_of, realtime_is_allowed, wait_until
 from sharing import LookAtOneGraph, SharedGraph
 from verbs import tells
 
@@ -426,16 +426,13 @@ REFUSED_BY_NODES = {
 """Line of each node for its arguments, in which ... stands for any text."""
 
 
-@pytest.mark.parametrize(("words", "said"), REFUSED_BY_NODES.items(), ids=[*REFUSED_BY_NODES])
 @pytest.mark.quiet
-def test_a_node_by_itself_refuses_wrong_arguments(
-    start: Start, tmp_path: Path, words: str, said: str
-) -> None:
+def test_a_node_by_itself_refuses_wrong_arguments(start: Start, tmp_path: Path) -> None:
     (tmp_path / "broken.yaml").write_text("compensator: {ros__parameters: [")
     right = "/right/compensator: {ros__parameters: {controller: none}}"
     (tmp_path / "right.yaml").write_text(right)
-    node, *arguments = words.split()
-    command = start("-m", f"haptic_accel.nodes.{node}", *arguments)
-    assert command.end() == 2, command.text
-    (line,) = command.lines
-    assert tells(line, f"{node}: {said}"), line
+    programs = [f"haptic_accel.nodes.{words}".split() for words in REFUSED_BY_NODES]
+    found = ended_one_by_one(start, programs)
+    for (words, said), (status, lines) in zip(REFUSED_BY_NODES.items(), found, strict=True):
+        assert (status, len(lines)) == (2, 1), (words, lines)
+        assert tells(lines[0], f"{words.split()[0]}: {said}"), lines

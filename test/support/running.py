@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import ctypes
 import fcntl
+import json
 import os
 import random
 import re
@@ -31,7 +32,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from glob import glob
 from pathlib import Path
@@ -156,6 +157,44 @@ class Command:
         with self._news:
             self._ended = True
             self._news.notify_all()
+
+
+ONE_BY_ONE = """
+import json, os, runpy, sys
+from importlib import import_module
+programs = json.loads(sys.argv[1])
+sys.path[:0] = [os.path.dirname(program) for program, *_ in programs]
+for program, *_ in programs:
+    import_module(os.path.basename(program).removesuffix(".py"))
+for program, *words in programs:
+    child = os.fork()
+    if not child:
+        sys.argv = [program, *words]
+        (runpy.run_path if os.path.isabs(program) else runpy.run_module)(program, {}, "__main__")
+        sys.exit()
+    print("ended with", os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+"""Runs programs each in a process that has loaded what they import."""
+
+
+def ended_one_by_one(
+    start: Callable[..., Command], programs: Iterable[Sequence[str]]
+) -> list[tuple[int, list[str]]]:
+    """Return exit status and lines of ``python PROGRAM WORDS`` for modules, or paths, and words.
+
+    What they import is loaded once, which takes longer than a program that ends soon.
+    """
+    command = start("-W", "ignore", "-c", ONE_BY_ONE, json.dumps([*map(list, programs)]))
+    assert command.end() == 0, command.text
+    found: list[tuple[int, list[str]]] = []
+    lines: list[str] = []
+    for line in command.lines:
+        if status := re.fullmatch(r"ended with (-?\d+)", line):
+            found.append((int(status[1]), lines))
+            lines = []
+        else:
+            lines.append(line)
+    return found
 
 
 def use_domain(environment: pytest.MonkeyPatch, domain: int) -> None:

@@ -26,6 +26,7 @@ import struct
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import redirect_stderr
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -104,12 +105,18 @@ LATE = [START + round(n * 1e9 / 30) for n in range(30, 90)]
 
 def with_images(path: Path, recorded: Recorded, images: Iterable[Message]) -> Path:
     """Write the messages of a bag with images of a camera."""
+    return write_messages(path, [*signals_of(recorded.path), *images])
+
+
+@cache
+def signals_of(bag: Path) -> list[Message]:
+    """Return the messages of a bag's signals."""
     kinds = {topic.type for topic in SIGNALS}
     rows = []
-    for topic, received, message in messages_of(recorded.path, kinds):
+    for topic, received, message in messages_of(bag, kinds):
         data = bytes(STORE.serialize_cdr(message, message.__msgtype__))
         rows.append(Message(topic, message.__msgtype__, received, data))
-    return write_messages(path, [*rows, *images])
+    return rows
 
 
 def export(bag: Path, *cameras: str, form: str = "lerobot") -> Sequence[object]:

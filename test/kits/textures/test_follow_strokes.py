@@ -25,7 +25,9 @@ from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.texture_files import read_texture
 
 
-@pytest.mark.parametrize("name", TEXTURES)
+@pytest.mark.parametrize(
+    "name", [TEXTURES[0], *(pytest.param(each, marks=pytest.mark.slow) for each in TEXTURES[1:])]
+)
 def test_a_texture_learnt_from_strokes_follows_speed_and_force_within_windows(name: str) -> None:
     known = read_texture(preset_file("texture", name))
     built = learnt(known, seed=7)
