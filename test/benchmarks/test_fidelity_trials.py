@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from fidelity_trials import (
     Case,
@@ -28,7 +29,7 @@ from fidelity_trials import (
     tables,
 )
 from handle_family import SPREAD, hand
-from input_family import member
+from input_family import band_noise, member
 
 from haptic_accel.core.model import HandleParameters
 from haptic_accel.setup.arguments import GraphArguments
@@ -77,6 +78,21 @@ def test_slow_motion_of_the_hand_is_learnt_as_such() -> None:
     assert row["limited_bound_percent"] < 3.0
     assert row["nrmse_percent"] < 8.0
     assert row["nrmse_by_2_s_percent"][-1] < 6.0
+
+
+# The noise of the paper's rig hides the handle's response outside the band.
+def test_of_a_narrow_band_nothing_is_learnt_that_is_worse_than_what_was_known() -> None:
+    random, time = np.random.default_rng(2), np.arange(8000) / 1000.0
+    line = band_noise(random, len(time), 197.0, 259.0, 1000.0)
+    line *= 0.7 / np.std(line) * np.minimum(time / 0.2, 1.0)
+    inverse, adaptive = (
+        run_case(Case("lines", "beam", "user 0", arguments, recording=line))
+        for arguments in (
+            GraphArguments(rig="paper", controller=name) for name in ("inverse", "adaptive")
+        )
+    )
+    pairs = zip(adaptive["nrmse_by_2_s_percent"], inverse["nrmse_by_2_s_percent"], strict=True)
+    assert max(learnt - known for learnt, known in pairs) < 1.0
 
 
 # On the ideal rig dynamic leaves nothing to tell either.

@@ -176,9 +176,10 @@ CAUTION = 4.0
 """Ratio of a squared deviation to the variance of the estimated response at which half of the
 deviation is accepted."""
 
-MOTION = 1e-5
-"""Density of the handle's motion with the arm, (m/s^2)^2/Hz: 0.02 m/s^2 RMS over 40 Hz. A line on
-which less is expected shows no response."""
+MOTION = 6e-5
+"""Density of what the force does not move, (m/s^2)^2/Hz: 0.02 to 0.04 m/s^2 RMS over 40 Hz with
+the arm, and as much by dry friction. A line on which less is expected shows no response: by chance
+the ratio of a few of many lines would be small, and the filter there large."""
 
 UNRESOLVED = 0.1
 """Incoherence that few evaluations cannot show."""

@@ -248,7 +248,7 @@ def test_a_resonance_is_learnt_from_a_force_that_hardly_shows_in_the_noise() -> 
     trial = lockstep_trial(Setup.of(given).changed({"master_device": master}), recording=tool)
     errors = [trial.evaluate(1000 * second, 1000 * second + 1000) for second in range(9)]
     # A reduced force that is seen, but not above what is accepted, comes first.
-    assert max(each.nrmse_percent for each in errors[:6]) < 112.0
+    assert max(each.nrmse_percent for each in errors[:6]) < 115.0
     assert errors[8].nrmse_percent < 75.0
 
 
