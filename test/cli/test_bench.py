@@ -95,6 +95,7 @@ def test_of_several_runs_counts_are_added_and_the_longest_lateness_stays_if_all_
     )
 
 
+@pytest.mark.quiet
 def test_without_its_library_it_says_what_to_install(
     haptic_accel: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

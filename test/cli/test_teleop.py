@@ -304,6 +304,7 @@ run("coupler", Aborting)
 
 
 @pytest.mark.parametrize("end", ["os.abort()", "take(lock), take(lock)"])
+@pytest.mark.quiet
 def test_middleware_that_does_not_end_when_all_is_done_is_told_from_a_fault(
     start: Callable[..., Command], end: str
 ) -> None:
@@ -312,6 +313,7 @@ def test_middleware_that_does_not_end_when_all_is_done_is_told_from_a_fault(
     assert command.end(signal.SIGINT) in CUT_SHORT, command.text
 
 
+@pytest.mark.quiet
 def test_middleware_that_aborts_after_a_failure_hides_none(
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
