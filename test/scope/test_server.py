@@ -520,27 +520,6 @@ def test_other_pages_can_neither_command_nor_look(
     assert acting.done == []
 
 
-@pytest.mark.parametrize(
-    ("address", "bearer"),
-    [
-        *((f"/?token={each}", TOKEN) for each in ("%", "%ff", "%zz", "\xff")),
-        ("/%zz", TOKEN),
-        *(
-            ("/", each)
-            for each in ("\xff\xfe", "schl\xc3\xbcssel", "schl\xfcssel", f"\xff{TOKEN}")
-        ),
-    ],
-)
-def test_a_malformed_address_or_token_is_the_clients_fault(
-    started: Started, caplog: pytest.LogCaptureFixture, address: str, bearer: str
-) -> None:
-    _, url = started(token=TOKEN)
-    fields = f"Host: {url.authority}\r\nAuthorization: Bearer {bearer}"
-    asked = f"GET {address} HTTP/1.1\r\n{fields}\r\n\r\n".encode("latin-1")
-    assert status(url, asked) == (400 if TOKEN in bearer else 403)
-    assert caplog.records == []
-
-
 def test_who_has_access_and_does_not_finish_a_request_is_disconnected(
     started: Started, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -843,15 +822,33 @@ def controlled(started: Started) -> Controlled:
     return server, acting, url
 
 
+KEYS = ("MDEyMzQ1Njc4OWFiY2RlZg=\xff", "MDEyMzQ1Njc4OWFiY2R\xe2\x82\xac==")
+
+
 @pytest.mark.parametrize(
-    "key", [b"MDEyMzQ1Njc4OWFiY2RlZg=\xff", "MDEyMzQ1Njc4OWFiY2R\u20ac==".encode()]
+    ("address", "bearer", "fields"),
+    [
+        *((f"/?token={each}", TOKEN, ()) for each in ("%", "%ff", "%zz", "\xff")),
+        ("/%zz", TOKEN, ()),
+        *(
+            ("/", each, ())
+            for each in ("\xff\xfe", "schl\xc3\xbcssel", "schl\xfcssel", f"\xff{TOKEN}")
+        ),
+        *(("/live", TOKEN, (LIVE[2], *LIVE[4:-1], f"Sec-WebSocket-Key: {key}")) for key in KEYS),
+    ],
 )
-def test_a_handshake_that_is_no_text_is_the_clients_fault(
-    controlled: Controlled, caplog: pytest.LogCaptureFixture, key: bytes
+def test_what_is_no_text_in_a_request_is_the_clients_fault(
+    controlled: Controlled,
+    caplog: pytest.LogCaptureFixture,
+    address: str,
+    bearer: str,
+    fields: tuple[str, ...],
 ) -> None:
     *_, url = controlled
-    wire = "\r\n".join((*LIVE[:-1], "")).encode() + b"Sec-WebSocket-Key: " + key + b"\r\n\r\n"
-    assert status(url, wire.replace(b"{host}", url.authority.encode())) == 400
+    shown = "Host: {host}", f"Authorization: Bearer {bearer}", *fields
+    asked = "\r\n".join((f"GET {address} HTTP/1.1", *shown, "", ""))
+    wire = asked.replace("{host}", url.authority).encode("latin-1")
+    assert status(url, wire) == (400 if TOKEN in bearer else 403)
     assert caplog.records == []
 
 

@@ -151,11 +151,12 @@ def test_a_pose_of_another_time_or_of_no_place_is_no_sample(pose: dict[str, floa
 
 def test_a_pose_that_waited_for_its_reader_is_not_refused(pose: dict[str, float]) -> None:
     arm = built(start_timeout=60.0, timeout=10.0)
-    arm.open()
+    arm.open()  # with the first pose
     refused = arm.counters()["poses refused"]
-    time.sleep(0.1)
     pose["silent"] = 1.0
-    time.sleep(0.2)  # longer than the stamp of a pose may differ from its reception
+    # Longer than the stamp of a pose may differ from its reception.
+    late = time.monotonic() + 0.2
+    wait_until(lambda: time.monotonic() > late, "the last pose is old")
     assert arm.read(0.0) is not None
     assert (arm.counters()["poses refused"], arm.problem) == (refused, "")
     arm.close()
