@@ -35,7 +35,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from input_family import log_uniform
 
-from haptic_accel.analysis.identification_three_axes import plant_error
+from haptic_accel.analysis.identification_result import plant_error
 from haptic_accel.cli.identify import LESS, SMALLEST_SHARE
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.axes import NAMES

@@ -23,13 +23,10 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from statistics import fmean
-from typing import Any
 
 import numpy as np
 
-from haptic_accel.analysis.identification_one_axis import OneAxisResult
-from haptic_accel.analysis.identification_result import Result
-from haptic_accel.analysis.identification_three_axes import ThreeAxisResult
+from haptic_accel.analysis.identification_result import OneAxisResult, Result, ThreeAxisResult
 from haptic_accel.bags.delivery import AGE_OF, count, durations
 from haptic_accel.bags.reading import Bag, read_bag_with_warnings
 from haptic_accel.core import topics
@@ -66,7 +63,7 @@ def evaluate(
     setup: Setup[IdentifyArguments],
     free: Sequence[str],
     tell: Tell = lambda _: None,
-) -> Result[Any]:
+) -> Result:
     """Fit the model to recordings, of three axes if they have three.
 
     Parameters

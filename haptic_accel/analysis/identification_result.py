@@ -19,24 +19,45 @@ from __future__ import annotations
 
 import base64
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
 
+import numpy as np
 from matplotlib.figure import Figure
 
+from haptic_accel.analysis.identification_plots import (
+    ANISOTROPY,
+    coherence_plot,
+    condition_plot,
+    model_plot,
+    multiple_coherence_plot,
+    response_plot,
+    sweep_plot,
+)
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.identification.evaluation import Identification
-from haptic_accel.core.identification.fit import HandleFit
-from haptic_accel.core.identification.sweep import SweepParameters
-from haptic_accel.core.identification.three_axes import ThreeAxisIdentification
-from haptic_accel.core.model import HandleParameters, MountParameters
+from haptic_accel.core.axes import ALL_AXES, NAMES
+from haptic_accel.core.handle.plant import THREE_AXES
+from haptic_accel.core.identification import sweep as sweeps
+from haptic_accel.core.identification.estimate import dft_ratio
+from haptic_accel.core.identification.evaluation import Identification, centred
+from haptic_accel.core.identification.fit import INTERVAL, HandleFit
+from haptic_accel.core.identification.sweep import OUTLIERS, SweepParameters
+from haptic_accel.core.identification.three_axes import COMPARED, WEAKEST, ThreeAxisIdentification
+from haptic_accel.core.model import (
+    ACTUATOR,
+    ComplexArray,
+    HandleParameters,
+    MountParameters,
+    Suspension,
+)
 from haptic_accel.core.parameters import own_schema
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.tables import DASH, ResultTable, number
+from haptic_accel.core.trial import master_response, run_identification
 from haptic_accel.pages import write
+from haptic_accel.setup.files import EVERY_NODE
 
 PARAMETER_FILE = "handle.yaml"
 """Name of the parameter file to which the page refers."""
@@ -66,12 +87,34 @@ class ModelError:
     magnitude_db: float
     phase_deg: float
 
+    @classmethod
+    def of(cls, ratio: ComplexArray) -> ModelError:
+        """Return the largest errors of ratios of a modelled to a true response."""
+        magnitude, phase = 20 * np.log10(np.abs(ratio)), np.angle(ratio, deg=True)
+        return cls(float(np.max(np.abs(magnitude))), float(np.max(np.abs(phase))))
+
+
+LOWEST_COMPARED = 15.0
+"""Frequency below which the compensator's high-pass passes nothing (paper), Hz."""
+
+HIGHEST_COMPARED = 400.0
+"""Frequency above which the true response lies in the accelerometer's noise, Hz."""
+
+POOLED = "all grips"
+"""Heading of the fit to all trials of several grips."""
+
+POOLED_NOTE = (
+    "models of all grips pooled are a compromise between them, the discrete model most of all; for"
+    " the best model of one grip, identify that grip alone"
+)
+"""Note on several grips."""
+
 
 Found = TypeVar("Found", Identification, ThreeAxisIdentification)
 
 
 @dataclass(frozen=True)
-class Result(ABC, Generic[Found]):
+class _Result(Generic[Found]):
     """Result of an identification.
 
     Attributes
@@ -108,30 +151,77 @@ class Result(ABC, Generic[Found]):
         return [*self.doubts, *self.found.outliers]
 
     @property
-    @abstractmethod
-    def fits(self) -> Mapping[str, HandleFit]:
-        """Fits by column of a table."""
-
-    @property
-    @abstractmethod
-    def explained(self) -> str:
-        """Sentence on the residual of the fit."""
-
-    @property
-    @abstractmethod
-    def heading(self) -> str:
-        """First lines of a parameter file."""
-
-    @property
     def moving_mass(self) -> float | None:
         """Mass of the handle without the actuator, kg; None for several axes."""
         return None
 
-    @abstractmethod
+
+@dataclass(frozen=True)
+class OneAxisResult(_Result[Identification]):
+    """Result of the identification of a handle with one coil, held with one or several grips.
+
+    Errors are those of the models ``discrete`` and ``physical``.
+    """
+
+    template = "identification.html.j2"
+
+    @property
+    def order(self) -> int:
+        """Number of poles of the discrete model."""
+        sections = self.found.discrete.sections
+        # A first-order section has no z^-2 in its denominator.
+        return int(2 * len(sections) - np.count_nonzero(sections[:, 5] == 0.0))
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Lowest and highest frequency of a comparison with the true response, Hz."""
+        lowest, highest = self.found.band
+        return max(LOWEST_COMPARED, lowest), min(0.9 * highest, HIGHEST_COMPARED)
+
+    @property
+    def notes(self) -> list[str]:
+        """Warnings to the reader of the metrics."""
+        return super().notes + [POOLED_NOTE] * (len(self.found.grips) > 1)
+
+    @property
+    def fits(self) -> dict[str, HandleFit]:
+        """Fit of each grip and, if there are several, of all together."""
+        fits = {name: grip.fit for name, grip in self.found.grips.items()}
+        return fits if len(fits) == 1 else {**fits, POOLED: self.found.fit}
+
+    @property
+    def explained(self) -> str:
+        """Sentence on the residual of the fit."""
+        fit = self.found.fit
+        relative = f"{100 * fit.relative_residual:.2g} % of the response (root mean square)"
+        if len(self.found.grips) > 1:
+            return (
+                f"The pooled fit is a compromise between the grips. Its residual is {relative},"
+                " and its standard errors show the difference between the grips, not the noise."
+            )
+        sentence = (
+            f"The residual of the fit is {fit.residual:.3g} times the scatter of the data, or"
+            f" {relative}."
+        )
+        if not fit.deviates:
+            return (
+                f"{sentence} Noise alone gives about 1: the data shows no significant deviation"
+                " from the model."
+            )
+        sentence += " Noise alone gives about 1, so the handle deviates from the model"
+        if "friction" in fit.standard_errors:
+            return f"{sentence}. The standard errors include that."
+        return f"{sentence}, for example by dry friction. The standard errors do not include that."
+
+    @property
+    def moving_mass(self) -> float:
+        """Mass of the handle without the actuator, kg."""
+        return self.found.fit.handle.m_h
+
     def beside_truth(
         self, rig: RigParameters, sweep: SweepParameters, on_arrival: bool
-    ) -> Result[Found]:
-        """Return the result with its errors against the simulated rig that was identified.
+    ) -> OneAxisResult:
+        """Return the result with the errors of its models against the simulated rig.
 
         Parameters
         ----------
@@ -142,14 +232,23 @@ class Result(ABC, Generic[Found]):
             True if forces took effect on arrival. Their age adds to the rig's own delay and is
             part of the models, so the identified delay is used as the true one.
         """
+        errors = model_errors(self.found, rig, sweep, self.band, on_arrival)
+        return replace(self, truth=rig.master.handle, errors=errors)
 
-    @abstractmethod
     def sentences(self) -> Iterator[str]:
         """Yield errors against the true response, and the delay of the hardware."""
+        for name, error in self.errors.items():
+            yield (
+                f"{name} model against the true response, {self.band[0]:g} to {self.band[1]:g} Hz:"
+                f" at most {error.magnitude_db:.2f} dB and {error.phase_deg:.1f} degrees"
+            )
+        yield (
+            f"delay of the hardware: {self.found.fit.delay * 1e6:.0f} us, in addition to the"
+            f" graph's latency of {self.latency} samples"
+        )
 
-    @abstractmethod
     def parameters(self, age: float, model: Path) -> dict[str, dict[str, Any]]:
-        """Return the parameters of each node that describe the handle.
+        """Return the parameters of each node that describe the handle, and its controllers.
 
         The compensator reports the doubts as a warning.
 
@@ -161,46 +260,313 @@ class Result(ABC, Generic[Found]):
         model : Path
             File of the metrics, of which the compensator of several axes reads its plant.
         """
+        del model  # the parameters hold all models
+        found, fit = self.found, self.found.fit
+        friction = float(f"{fit.certain_friction:.4f}")
+        handle = plain({name: getattr(fit.handle, name) for name in ("m_h", "k_u", "b_u")})
+        mount = plain(asdict(fit.mount))
+        suspension = {name: getattr(fit.handle, name) for name in own_schema(Suspension)}
+        return {
+            EVERY_NODE: {ACTUATOR: plain(asdict(self.actuator) | suspension)},
+            "master_device": {
+                "simulated": {
+                    "handle": handle,
+                    "mount": mount,
+                    "drive": {
+                        "delay": float(f"{max(0.0, fit.delay - age):.6f}"),
+                        "coulomb_friction": friction,
+                    },
+                }
+            },
+            "compensator": {
+                "constant": plain({"mass": fit.handle.m_h}),
+                "dynamic": plain(asdict(found.approximate)),
+                "plant": {
+                    "handle": handle,
+                    "mount": mount,
+                    "delay": float(f"{max(0.0, fit.delay):.6f}"),
+                    "bandwidth": fit.low_pass_frequency,
+                    "friction": friction,
+                    "doubt": "; ".join(self.doubts),
+                },
+            },
+        }
 
-    @abstractmethod
-    def metrics(self) -> dict[str, Any]:
-        """Return the metrics for a JSON file."""
-
-    @abstractmethod
-    def figures(self, sweep: SweepParameters) -> dict[str, Figure]:
-        """Return the figures of the page by the names of their files."""
-
-    def write_report(
-        self, folder: Path, sweep: SweepParameters, settings: Mapping[str, str]
-    ) -> Path:
-        """Write a self-contained page with parameters, models and plots; return its path.
-
-        Parameters
-        ----------
-        folder : Path
-            Folder, created if necessary. The page refers to a file ``handle.yaml`` in it. The
-            plots are also saved beside it.
-        sweep : SweepParameters
-            Excitation of the handle.
-        settings : mapping of str to str
-            Arguments of the run, shown as a table.
-        """
-        folder.mkdir(parents=True, exist_ok=True)
-        index = folder / "index.html"
-        write(
-            index,
-            self.template,
-            result=self,
-            found=self.found,
-            settings=settings,
-            columns=list(self.fits),
-            parameters=parameter_rows(self.fits, self.truth),
-            simulated=self.truth is not None,
-            number=number,
-            parameter_file=PARAMETER_FILE,
-            pictures=pictures(self.figures(sweep), folder),
+    @property
+    def heading(self) -> str:
+        """First lines of a parameter file."""
+        fit = self.found.fit
+        return (
+            "# A handle as identified; use with params_file:=FILE. SI units.\n"
+            f"# Band {fit.band[0]:.4g} to {fit.band[1]:.4g} Hz, delay of the hardware"
+            f" {fit.delay * 1e6:.0f} us, beside the latency\n# and the loop's own sample, residual"
+            f" {fit.residual:.2f} (1: noise alone).\n"
         )
-        return index
+
+    def metrics(self) -> dict[str, Any]:
+        """Return the metrics of an identification for a JSON file.
+
+        Keys without a model's name refer to the discrete model.
+        """
+        found, errors = self.found, self.errors
+        discrete = errors.get("discrete")
+        return {
+            **fit_metrics(found.fit),
+            "latency_samples": self.latency,
+            "max_magnitude_error_db": discrete.magnitude_db if discrete else None,
+            "max_phase_error_deg": discrete.phase_deg if discrete else None,
+            "band_hz": list(self.band),
+            "doubts": list(self.doubts),
+            "outliers": {
+                name: sum(trial.counters[sweeps.OUTLIERS] for trial in grip.trials)
+                for name, grip in found.grips.items()
+            },
+            "physical_model": asdict(errors["physical"]) if errors else None,
+            "grips": {name: fit_metrics(grip.fit) for name, grip in found.grips.items()},
+            "approximate_model": asdict(found.approximate),
+            "discrete_model": {
+                "sections": found.discrete.sections.tolist(),
+                "delay_samples": found.discrete.delay_samples,
+                "rate_hz": found.discrete.rate,
+            },
+        }
+
+    def figures(self, sweep: SweepParameters) -> dict[str, Figure]:
+        """Return the paper's Figs. 4 and 5, and the coherence."""
+        identified = next(iter(self.found.grips.values()))
+        return {
+            "fig4_sweep.png": sweep_plot(identified.trials[0], sweep),
+            "fig5_models.png": model_plot(self.found),
+            "coherence.png": coherence_plot(self.found),
+        }
+
+
+def model_errors(
+    found: Identification,
+    rig: RigParameters,
+    sweep: sweeps.SweepParameters,
+    band: tuple[float, float],
+    on_arrival: bool,
+) -> dict[str, ModelError]:
+    """Compare the models with the response of the rig without noise, friction and converters.
+
+    Parameters
+    ----------
+    found : Identification
+    rig : RigParameters
+        Simulated rig that was identified.
+    sweep : SweepParameters
+        Excitation of the comparison.
+    band : tuple of float
+        Lowest and highest frequency compared, Hz.
+    on_arrival : bool
+        True if forces took effect on arrival. Their age adds to the rig's own delay and is part of
+        the models, so the identified delay is used as the true one.
+
+    Returns
+    -------
+    dict of ModelError
+        Largest errors of the models ``discrete`` and ``physical``.
+    """
+    master, rate = rig.master, found.discrete.rate
+    delay = max(0.0, found.fit.delay) if on_arrival else master.drive.delay
+    clean = replace(
+        master,
+        drive=replace(master.drive, coulomb_friction=0.0, bits=32, delay=delay),
+        accelerometer=replace(master.accelerometer, noise_density=0.0, bits=32),
+    )
+    (trial,) = run_identification(clean, sweep, rate, latency=0)
+    force, acceleration = (
+        sweeps.kept_repeats(values, sweep, rate)
+        for values in (trial.actuator_force, centred(trial.handle_acceleration))
+    )
+    true = dft_ratio(force, acceleration, rate, band, sweep.repeats - 1)
+    return {
+        "discrete": ModelError.of(found.discrete.response(true.frequency) / true.response),
+        "physical": ModelError.of(found.fit.response(true.frequency, rate) / true.response),
+    }
+
+
+@dataclass(frozen=True)
+class ThreeAxisResult(_Result[ThreeAxisIdentification]):
+    """Result of the identification of a handle with three coils.
+
+    The error is that of the model ``plant``.
+    """
+
+    template = "identification_three_axes.html.j2"
+    model_file = MODEL_FILE
+    names = NAMES
+
+    @property
+    def fits(self) -> Mapping[str, HandleFit]:
+        """Fits by axis."""
+        return self.found.fits
+
+    @property
+    def explained(self) -> str:
+        """Sentence on the residuals of the fits."""
+        residuals = ", ".join(f"{fit.residual:.3g} ({name})" for name, fit in self.fits.items())
+        return (
+            f"The residuals of the fits are {residuals} times the scatter of the data; noise alone"
+            " gives about 1."
+        )
+
+    def beside_truth(
+        self, rig: RigParameters, sweep: SweepParameters, on_arrival: bool
+    ) -> ThreeAxisResult:
+        """Return the result with the error of its plant."""
+        del sweep  # the true response is known at each line
+        plant = self.found.plant
+        low, high = COMPARED
+        lines = self.found.response.frequency
+        frequency = lines[(lines >= low) & (lines <= high)]
+        delay = float(np.mean([each.delay for each in plant.axes])) if on_arrival else None
+        true = master_response(rig.master, frequency, plant.rate, delay)
+        modelled = plant.response(frequency, plant.rate)
+        return replace(self, errors={"plant": plant_error(modelled, true)})
+
+    def sentences(self) -> Iterator[str]:
+        """Yield the error against the true response, coherence, coupling and delays."""
+        response = self.found.response
+        for error in self.errors.values():
+            yield (
+                f"plant against the true response, {COMPARED[0]:g} to {COMPARED[1]:g} Hz, elements"
+                f" within {-20 * math.log10(WEAKEST):g} dB of the coil's own: at most"
+                f" {error.magnitude_db:.2f} dB and {error.phase_deg:.1f} degrees"
+            )
+        means = response.coherence.mean(axis=0)
+        yield "multiple coherence: " + ", ".join(
+            f"{name} {mean:.4f} on average" for name, mean in zip(NAMES, means, strict=True)
+        )
+        levels = response.cross_coupling
+        axis, coil = np.unravel_index(np.argmax(levels - 1e9 * np.eye(3)), levels.shape)
+        yield (
+            f"cross-coupling: {levels[axis, coil]:.1f} dB at most, of coil {NAMES[coil]} with axis"
+            f" {NAMES[axis]}; {ANISOTROPY}: {response.condition.max():.1f} at most; condition"
+            f" number of the coils' directions: {self.found.plant.condition:.2g}"
+        )
+        delays = ", ".join(f"{fit.delay * 1e6:.0f} us ({name})" for name, fit in self.fits.items())
+        yield (
+            f"delay of the hardware: {delays}, in addition to the graph's latency of"
+            f" {self.latency} samples"
+        )
+
+    @property
+    def heading(self) -> str:
+        """First lines of a parameter file."""
+        response = self.found.response
+        low, high = response.frequency[0], response.frequency[-1]
+        return (
+            "# A handle with three coils as identified; use with params_file:=FILE. SI units.\n"
+            f"# Band {low:.4g} to {high:.4g} Hz, coupling of {self.found.plant.coupling.shape[2]}"
+            f" samples at {response.rate:g} Hz.\n"
+        )
+
+    def parameters(self, age: float, model: Path) -> dict[str, dict[str, Any]]:
+        """Return the parameters of each node that describe the handle."""
+        del age  # nothing is told to a simulated device
+        damping = float(np.mean([fit.handle.b_s for fit in self.fits.values()]))
+        actuator = vars(self.actuator) | {"b_s": damping}
+        plant = {"model": str(model), "doubt": "; ".join(self.doubts)}
+        return {
+            EVERY_NODE: {ACTUATOR: plain(actuator)},
+            "compensator": {"axes": ", ".join(ALL_AXES.names), "plant": plant},
+        }
+
+    def metrics(self) -> dict[str, Any]:
+        """Return the metrics for a JSON file, whose key `THREE_AXES` the compensator reads."""
+        response, plant = self.found.response, self.found.plant
+        error = self.errors.get("plant")
+        return {
+            THREE_AXES: plant.as_document(),
+            "axes": {name: _with_intervals(fit) for name, fit in self.fits.items()},
+            "latency_samples": self.latency,
+            "max_magnitude_error_db": error.magnitude_db if error else None,
+            "max_phase_error_deg": error.phase_deg if error else None,
+            "doubts": list(self.doubts),
+            "outliers": sum(trial.counters[OUTLIERS] for trial in self.found.trials),
+            "cross_coupling_db": response.cross_coupling.tolist(),
+            "mean_coherence": response.coherence.mean(axis=0).tolist(),
+            "response": {
+                "frequency_hz": response.frequency.tolist(),
+                "real": response.response.real.tolist(),
+                "imaginary": response.response.imag.tolist(),
+                "interval_half_width": (INTERVAL * response.deviation).tolist(),
+                "coherence": response.coherence.tolist(),
+                "condition": response.condition.tolist(),
+            },
+        }
+
+    def figures(self, sweep: SweepParameters) -> dict[str, Figure]:
+        """Return response, coherence and anisotropy."""
+        del sweep
+        return {
+            "response.png": response_plot(self.found),
+            "coherence.png": multiple_coherence_plot(self.found),
+            "condition.png": condition_plot(self.found),
+        }
+
+
+def _with_intervals(fit: HandleFit) -> dict[str, Any]:
+    """Return the metrics of a fit with 95 % intervals by parameter."""
+    intervals = {
+        name: [fit.value(name) - INTERVAL * error, fit.value(name) + INTERVAL * error]
+        for name, error in fit.standard_errors.items()
+    }
+    return {**fit_metrics(fit), "intervals": intervals}
+
+
+def plant_error(modelled: ComplexArray, true: ComplexArray) -> ModelError:
+    """Return the largest errors of a plant's response, of the elements that are not too weak.
+
+    Parameters
+    ----------
+    modelled, true : ndarray, shape (n, 3, 3)
+        Responses at frequencies of `COMPARED`, m/s^2 per N.
+    """
+    own = np.abs(np.diagonal(true, axis1=1, axis2=2))[:, np.newaxis, :]
+    return ModelError.of((modelled / true)[np.abs(true) > WEAKEST * own])
+
+
+# Figures
+
+
+Result: TypeAlias = OneAxisResult | ThreeAxisResult
+"""Result of an identification with one coil, or with three."""
+
+
+def write_report(
+    result: Result, folder: Path, sweep: SweepParameters, settings: Mapping[str, str]
+) -> Path:
+    """Write a self-contained page with parameters, models and plots; return its path.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder, created if necessary. The page refers to a file ``handle.yaml`` in it. The
+        plots are also saved beside it.
+    sweep : SweepParameters
+        Excitation of the handle.
+    settings : mapping of str to str
+        Arguments of the run, shown as a table.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    index = folder / "index.html"
+    write(
+        index,
+        result.template,
+        result=result,
+        found=result.found,
+        settings=settings,
+        columns=list(result.fits),
+        parameters=parameter_rows(result.fits, result.truth),
+        simulated=result.truth is not None,
+        number=number,
+        parameter_file=PARAMETER_FILE,
+        pictures=pictures(result.figures(sweep), folder),
+    )
+    return index
 
 
 # Tables

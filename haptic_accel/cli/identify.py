@@ -40,7 +40,12 @@ from haptic_accel.analysis.identification import (
     rig_as_held,
     run_lockstep,
 )
-from haptic_accel.analysis.identification_result import PARAMETER_FILE, Result, parameter_table
+from haptic_accel.analysis.identification_result import (
+    PARAMETER_FILE,
+    Result,
+    parameter_table,
+    write_report,
+)
 from haptic_accel.cli import options, output
 from haptic_accel.cli.running import run_to_end, shown_stages, stop_on_signal
 from haptic_accel.cli.tables import print_table
@@ -70,7 +75,7 @@ SMALLEST_SHARE = 0.05
 
 _ByGrip: TypeAlias = Mapping[str, IdentifyArguments]
 _Advise: TypeAlias = Callable[[RecordingError], str]
-_Measured: TypeAlias = tuple[Setup[IdentifyArguments], Recordings, Result[Any]]
+_Measured: TypeAlias = tuple[Setup[IdentifyArguments], Recordings, Result]
 
 
 @options.verb(
@@ -182,7 +187,7 @@ def identify(
         output.save(result.metrics(), folder / model)
     nodes = result.parameters(recorded.age, model)
     parameters.write_text(result.heading + parameter_text(nodes), encoding="utf-8")
-    page = result.write_report(folder, arguments.sweep, {"run": run, **settings})
+    page = write_report(result, folder, arguments.sweep, {"run": run, **settings})
     output.save(result.metrics(), json_file)
     print_table(parameter_table(result.fits, result.truth))
     print(*result.sentences(), sep="\n")

@@ -28,8 +28,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from haptic_accel.analysis.identification_one_axis import POOLED, OneAxisResult
-from haptic_accel.analysis.identification_result import KNOWN, ModelError
+from haptic_accel.analysis.identification_result import (
+    KNOWN,
+    POOLED,
+    ModelError,
+    OneAxisResult,
+    write_report,
+)
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.identification.evaluation import Identification, identify_handle
 from haptic_accel.core.identification.sweep import SweepParameters
@@ -76,7 +81,7 @@ def report(
     result = OneAxisResult(found, ActuatorParameters(), 3, doubts)
     if simulated:
         result = replace(result, truth=TRUTH, errors=ERRORS)
-    path = result.write_report(folder, SWEEP, settings or {"seed": "7", "rig": "simulated"})
+    path = write_report(result, folder, SWEEP, settings or {"seed": "7", "rig": "simulated"})
     assert path == folder / "index.html"
     return Page(path)
 

@@ -24,7 +24,12 @@ import numpy as np
 import pytest
 import yaml
 
-from haptic_accel.analysis.identification_three_axes import COMPARED, ThreeAxisResult, plant_error
+from haptic_accel.analysis.identification_result import (
+    COMPARED,
+    ThreeAxisResult,
+    plant_error,
+    write_report,
+)
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.handle.plant import read_matrix_plant
 from haptic_accel.core.identification.fit import DEFAULT_FREE
@@ -76,7 +81,7 @@ def test_the_parameter_file_names_model_and_axes(result: ThreeAxisResult) -> Non
 
 def test_the_page_shows_parameters_and_figures(result: ThreeAxisResult, tmp_path: Path) -> None:
     noted = replace(result, doubts=["axis x: doubtful"])
-    page = Page(noted.write_report(tmp_path / "report", SWEEP, {"seed": "7"}))
+    page = Page(write_report(noted, tmp_path / "report", SWEEP, {"seed": "7"}))
     words = ["axis x: doubtful", "multiple coherence: x 0.99", "axis z", "mount frequency"]
     words += ["value of the response): ", "at most; condition number of the coils' directions: 2"]
     assert [each for each in words if each not in page.text] == [], page.text
