@@ -27,15 +27,7 @@ from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
 import numpy as np
 from matplotlib.figure import Figure
 
-from haptic_accel.analysis.identification_plots import (
-    ANISOTROPY,
-    coherence_plot,
-    condition_plot,
-    model_plot,
-    multiple_coherence_plot,
-    response_plot,
-    sweep_plot,
-)
+from haptic_accel.analysis import identification_plots as plots
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ALL_AXES, NAMES
 from haptic_accel.core.handle.plant import THREE_AXES
@@ -335,9 +327,9 @@ class OneAxisResult(_Result[Identification]):
         """Return the paper's Figs. 4 and 5, and the coherence."""
         identified = next(iter(self.found.grips.values()))
         return {
-            "fig4_sweep.png": sweep_plot(identified.trials[0], sweep),
-            "fig5_models.png": model_plot(self.found),
-            "coherence.png": coherence_plot(self.found),
+            "fig4_sweep.png": plots.sweep_plot(identified.trials[0], sweep),
+            "fig5_models.png": plots.model_plot(self.found),
+            "coherence.png": plots.coherence_plot(self.found),
         }
 
 
@@ -443,8 +435,8 @@ class ThreeAxisResult(_Result[ThreeAxisIdentification]):
         axis, coil = np.unravel_index(np.argmax(levels - 1e9 * np.eye(3)), levels.shape)
         yield (
             f"cross-coupling: {levels[axis, coil]:.1f} dB at most, of coil {NAMES[coil]} with axis"
-            f" {NAMES[axis]}; {ANISOTROPY}: {response.condition.max():.1f} at most; condition"
-            f" number of the coils' directions: {self.found.plant.condition:.2g}"
+            f" {NAMES[axis]}; {plots.ANISOTROPY}: {response.condition.max():.1f} at most;"
+            f" condition number of the coils' directions: {self.found.plant.condition:.2g}"
         )
         delays = ", ".join(f"{fit.delay * 1e6:.0f} us ({name})" for name, fit in self.fits.items())
         yield (
@@ -502,9 +494,9 @@ class ThreeAxisResult(_Result[ThreeAxisIdentification]):
         """Return response, coherence and anisotropy."""
         del sweep
         return {
-            "response.png": response_plot(self.found),
-            "coherence.png": multiple_coherence_plot(self.found),
-            "condition.png": condition_plot(self.found),
+            "response.png": plots.response_plot(self.found),
+            "coherence.png": plots.multiple_coherence_plot(self.found),
+            "condition.png": plots.condition_plot(self.found),
         }
 
 

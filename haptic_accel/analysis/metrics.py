@@ -37,21 +37,7 @@ from haptic_accel.core.control.inversion.bound import bounds
 from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
 from haptic_accel.core.control.supervision import supervise
 from haptic_accel.core.decimals import read_decimal
-from haptic_accel.core.evaluation.metrics import (
-    LIVE_PRINCIPAL,
-    Delay,
-    aligned,
-    band_nrmse,
-    bands,
-    components,
-    direction_error,
-    estimate_delay,
-    evaluate,
-    evaluate_axes,
-    indistinguishable,
-    lengths,
-    reduction_table,
-)
+from haptic_accel.core.evaluation import metrics as measures
 from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
 from haptic_accel.core.handle.plant import MatrixPlant
 from haptic_accel.core.model import AccelerometerParameters, FloatArray
@@ -116,7 +102,7 @@ METRICS: Mapping[str, Column] = {
 KEPT = {
     "axis": "axis",
     "sum": "sum",
-    LIVE_PRINCIPAL: "principal",
+    measures.LIVE_PRINCIPAL: "principal",
     "dft321": "dft321",
     "magnitude": "magnitude",
 }
@@ -175,7 +161,7 @@ class Shift:
             )
         return cls("fixed", milliseconds * 1e-3)
 
-    def of(self, segment: Segment, delay: Delay) -> float:
+    def of(self, segment: Segment, delay: measures.Delay) -> float:
         """Return the shift of a trial in s; the granted one if its delay is unknown.
 
         Raises
@@ -304,7 +290,7 @@ def measure(
     metrics = dict.fromkeys(METRICS, math.nan) | likeness.metrics
     if force is not None:
         metrics["force_rms_N"] = _rms(force)
-        metrics["force_peak_N"] = float(np.max(lengths(force)))
+        metrics["force_peak_N"] = float(np.max(measures.lengths(force)))
     if travel is not None:
         farthest = np.max(np.abs(travel[round(TRAVEL_BEGIN * segment.rate) :]))
         if farthest <= segment.actuator.travel:
@@ -335,7 +321,7 @@ def _with_estimated_latency(
     controllers: errors of phase move it by less than half a sample.
     """
     with suppress(ValueError):  # signals that cannot be compared
-        after = estimate_delay(desired, actual, segment.rate).seconds * segment.rate
+        after = measures.estimate_delay(desired, actual, segment.rate).seconds * segment.rate
         if after >= 0:
             latency = max(0, round(after) - segment.granted_delay)
             notes.append(
@@ -348,7 +334,7 @@ def _with_estimated_latency(
 
 def _rms(values: FloatArray) -> float:
     """Return the root mean square of a signal, of a vector's length."""
-    return float(np.sqrt(np.mean(lengths(values) ** 2)))
+    return float(np.sqrt(np.mean(measures.lengths(values) ** 2)))
 
 
 COMPENSATOR = "compensator"
@@ -413,23 +399,23 @@ def _compared(
     """Compare two accelerations; add the reason to the notes if this is impossible."""
     rate, corner = segment.rate, segment.high_pass_frequency
     try:
-        delay = estimate_delay(*comparable(desired, handle, corner, rate), rate)
+        delay = measures.estimate_delay(*comparable(desired, handle, corner, rate), rate)
         seconds = shift.of(segment, delay)
-        desired, actual = aligned(desired, handle, corner, rate, seconds)
-        evaluation = evaluate(desired, actual, rate, 0.0)
+        desired, actual = measures.aligned(desired, handle, corner, rate, seconds)
+        evaluation = measures.evaluate(desired, actual, rate, 0.0)
         by_axis = {}
         if desired.ndim > 1:
-            evaluations = evaluate_axes(desired, actual, rate)
+            evaluations = measures.evaluate_axes(desired, actual, rate)
             by_axis = dict(zip(segment.axes.names, evaluations, strict=True))
         portrait = Portrait.of(desired, actual, rate, evaluation, begin, by_axis)
-        errors = band_nrmse(desired, actual, rate, bands(rate))
+        errors = measures.band_nrmse(desired, actual, rate, measures.bands(rate))
     except ValueError as error:
         notes.append(f"cannot be compared: {error}")
         return _Comparison()
     if math.isnan(delay.seconds):
         notes.append("no delay: the actual acceleration does not correlate with the desired one")
     metrics = asdict(evaluation) | {
-        "indistinguishable_percent": PERCENT * indistinguishable(desired, actual, rate),
+        "indistinguishable_percent": PERCENT * measures.indistinguishable(desired, actual, rate),
         "delay_ms": MILLI * delay.seconds,
         "delay_correlation": delay.correlation,
         "shift_ms": MILLI * seconds,
@@ -437,12 +423,12 @@ def _compared(
     if not portrait.regressed:
         metrics |= dict.fromkeys(SLOPES, math.nan)
     if by_axis:
-        metrics["direction_error_deg"] = direction_error(desired, actual)
+        metrics["direction_error_deg"] = measures.direction_error(desired, actual)
         metrics |= {f"nrmse_{axis}_percent": own.nrmse_percent for axis, own in by_axis.items()}
     if segment.axes == ALL_AXES:
         metrics |= {
             f"kept_{KEPT[row.name]}_percent": PERCENT * row.power
-            for row in reduction_table(desired, rate)
+            for row in measures.reduction_table(desired, rate)
             if row.name in KEPT
         }
     own = nrmse_interval(desired, actual, rate)
@@ -486,7 +472,7 @@ def _travel(segment: Segment) -> FloatArray | None:
     handle = segment.signals.get(topics.HANDLE_ACCELERATION.name)
     if force is None or handle is None:
         return None
-    pairs = zip(components(force), components(handle), strict=True)
+    pairs = zip(measures.components(force), measures.components(handle), strict=True)
     found = [_travel_along(segment, *pair) for pair in pairs]
     return found[0] if force.ndim == 1 else np.column_stack(found)
 

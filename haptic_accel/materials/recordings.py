@@ -37,16 +37,7 @@ from haptic_accel.core.bounded_files import opened
 from haptic_accel.core.model import FloatArray
 from haptic_accel.core.outliers import without_outliers
 from haptic_accel.core.parameters import ParameterError, shown, warn_once
-from haptic_accel.materials.columns import (
-    COLUMNS,
-    LARGEST_VALUE,
-    MOST_CHANNELS,
-    STANDARD_GRAVITY,
-    Column,
-    Wording,
-    missing,
-    read_csv,
-)
+from haptic_accel.materials import columns as tables
 
 MOST_CHUNKS = 1000
 """Maximum number of chunks in a file; programs write fewer than ten."""
@@ -71,7 +62,7 @@ def is_wav(start: bytes) -> bool:
 
 
 def read_wav(
-    name: str, content: bytes, requested: Sequence[str], wording: Wording
+    name: str, content: bytes, requested: Sequence[str], wording: tables.Wording
 ) -> tuple[float, list[FloatArray]]:
     """Return sampling rate and channels of a WAV file, relative to full scale.
 
@@ -109,7 +100,7 @@ def read_wav(
     numbers = [str(number + 1) for number in range(frames.shape[1])]
     for channel in requested:
         if channel and channel not in numbers:
-            raise missing(name, "channel", (channel,), numbers, wording)
+            raise tables.missing(name, "channel", (channel,), numbers, wording)
     chosen = [numbers.index(each) if each else _heard(name, frames, wording) for each in requested]
     own_rate = sampling.checked_rate(f"{name}: sampling rate", rate)
     return own_rate, [_relative(frames[:, number]) for number in chosen]
@@ -165,10 +156,10 @@ def _decoded(
     if missed:
         raise _not_wav(name, f"it has no chunk {missed[0]!r}")
     count, frame = (int.from_bytes(chunks[FORMAT][at : at + 2], order) for at in (2, 12))
-    if len(chunks[DATA]) > sampling.MOST_SAMPLES * max(frame, 1) or count > MOST_CHANNELS:
+    if len(chunks[DATA]) > sampling.MOST_SAMPLES * max(frame, 1) or count > tables.MOST_CHANNELS:
         raise ParameterError(
             f"{name}: {len(chunks[DATA])} bytes of {count} channels: must be at most"
-            f" {sampling.MOST_SAMPLES} samples of {MOST_CHANNELS}"
+            f" {sampling.MOST_SAMPLES} samples of {tables.MOST_CHANNELS}"
         )
     parts = b"WAVE"
     for kind in (FORMAT, DATA):
@@ -183,7 +174,7 @@ def _decoded(
     return rate, channels
 
 
-def _heard(name: str, frames: npt.NDArray[Any], wording: Wording) -> int:
+def _heard(name: str, frames: npt.NDArray[Any], wording: tables.Wording) -> int:
     """Return the first channel that is not silent, and tell the user if there are others."""
     if frames.shape[1] == 1:
         return 0
@@ -214,7 +205,7 @@ def _not_wav(name: str, reason: str) -> ParameterError:
     )
 
 
-FULL_SCALE = 5 * STANDARD_GRAVITY
+FULL_SCALE = 5 * tables.STANDARD_GRAVITY
 """Acceleration at full scale of a WAV file, m/s^2: the +-5 g of the paper's ADXL320J."""
 
 UNCALIBRATED = "calibration = nothing: must be the acceleration at full scale, m/s^2"
@@ -300,7 +291,7 @@ def read_samples(
     recording_rate: float,
     column: str | None = None,
     full_scale: float | None = None,
-    wording: Wording | None = None,
+    wording: tables.Wording | None = None,
     assumed: float | None = None,
 ) -> tuple[FloatArray, float]:
     """Read a recorded acceleration without resampling; see `read_recording`.
@@ -324,12 +315,12 @@ def read_samples(
     ParameterError
         As for `read_recording`.
     """
-    wording = wording or Wording()
+    wording = wording or tables.Wording()
     recording_rate = _checked(recording_rate, wording)
     names = _listed(column or "")
-    if full_scale is not None and not 0.0 < full_scale <= LARGEST_VALUE:
+    if full_scale is not None and not 0.0 < full_scale <= tables.LARGEST_VALUE:
         raise ParameterError(
-            f"full_scale = {full_scale}: must be above 0 to {LARGEST_VALUE:g} m/s^2"
+            f"full_scale = {full_scale}: must be above 0 to {tables.LARGEST_VALUE:g} m/s^2"
         )
     name = shown(os.fspath(path))
     with _opened(name, path) as file:
@@ -340,8 +331,8 @@ def read_samples(
             check_rate(name, own_rate, recording_rate, wording)
             found = [_scaled(name, each, full_scale, assumed) for each in channels]
         else:
-            columns = [Column((each,) if each else COLUMNS) for each in names]
-            found, own_rate = read_csv(name, file, columns, recording_rate, wording)
+            columns = [tables.Column((each,) if each else tables.COLUMNS) for each in names]
+            found, own_rate = tables.read_csv(name, file, columns, recording_rate, wording)
     labels = [f"{name}: {each}" if each else name for each in names]
     samples, own_rate = _signals(name, labels, found, own_rate, wording)
     tell_unlike(dict(zip(labels, samples.T, strict=True)))
@@ -351,8 +342,8 @@ def read_samples(
 def read_columns(
     path: str | os.PathLike[str],
     recording_rate: float,
-    columns: Sequence[Column],
-    wording: Wording,
+    columns: Sequence[tables.Column],
+    wording: tables.Wording,
     assumed_rate: float = 0.0,
 ) -> tuple[FloatArray, float]:
     """Read columns of a CSV file that were sampled together.
@@ -385,7 +376,7 @@ def read_columns(
         if is_wav(file.peek(4)):
             names = ", ".join(column.names[0] for column in columns)
             raise ParameterError(f"{name}: is a WAV file, must be a CSV file with columns {names}")
-        found, own_rate = read_csv(name, file, columns, recording_rate, wording)
+        found, own_rate = tables.read_csv(name, file, columns, recording_rate, wording)
     labels = [f"{name}: {column.names[0]}" for column in columns]
     return _signals(name, labels, found, own_rate or assumed_rate, wording)
 
@@ -396,7 +387,7 @@ def _listed(column: str) -> list[str]:
     return names if len(names) == AXES and all(names) else [column]
 
 
-def check_rate(name: str, own: float, stated: float, wording: Wording) -> None:
+def check_rate(name: str, own: float, stated: float, wording: tables.Wording) -> None:
     """Reject a stated rate that contradicts that in a file; 0 is not stated."""
     if stated and not math.isclose(stated, own, rel_tol=sampling.RATE_TOLERANCE):
         raise ParameterError(
@@ -404,12 +395,16 @@ def check_rate(name: str, own: float, stated: float, wording: Wording) -> None:
         )
 
 
-def _checked(recording_rate: float, wording: Wording) -> float:
+def _checked(recording_rate: float, wording: tables.Wording) -> float:
     return recording_rate and sampling.checked_rate(wording.rate, recording_rate)
 
 
 def _signals(
-    name: str, labels: Sequence[str], found: Sequence[FloatArray], rate: float, wording: Wording
+    name: str,
+    labels: Sequence[str],
+    found: Sequence[FloatArray],
+    rate: float,
+    wording: tables.Wording,
 ) -> tuple[FloatArray, float]:
     """Return signals that are long enough without outliers, shape (n, signals), and their rate."""
     samples = len(found[0])
@@ -433,11 +428,11 @@ def _scaled(
     """Return the acceleration of samples relative to full scale, m/s^2."""
     scale = full_scale or assumed or 1.0
     acceleration = relative * scale
-    wrong = np.flatnonzero(~(np.abs(acceleration) <= LARGEST_VALUE))
+    wrong = np.flatnonzero(~(np.abs(acceleration) <= tables.LARGEST_VALUE))
     if len(wrong):
         raise ParameterError(
             f"{name}: sample {wrong[0]} = {acceleration[wrong[0]]:g}: "
-            f"must be from {-LARGEST_VALUE:g} to {LARGEST_VALUE:g} m/s^2"
+            f"must be from {-tables.LARGEST_VALUE:g} to {tables.LARGEST_VALUE:g} m/s^2"
         )
     peak = float(np.abs(relative).max(initial=0.0))
     if peak > 1.0:

@@ -28,14 +28,7 @@ import numpy as np
 
 from haptic_accel.core.axes import VIBRATION
 from haptic_accel.core.model import FloatArray
-from haptic_accel.kits.lerobot.fast_path import (
-    FastPath,
-    join,
-    leave,
-    read_arguments,
-    samples_per_frame,
-    tool_axes,
-)
+from haptic_accel.kits.lerobot import fast_path
 from haptic_accel.setup.arguments import SIMULATED
 
 
@@ -127,8 +120,8 @@ class Wrapping(WrappedArm):
 
     def __init__(self, wrapped: Any, arguments: str) -> None:
         self.wrapped = wrapped
-        self._arguments = read_arguments(arguments)
-        self._path: FastPath | None = None
+        self._arguments = fast_path.read_arguments(arguments)
+        self._path: fast_path.FastPath | None = None
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute that only the wrapped device has."""
@@ -151,8 +144,8 @@ class Wrapping(WrappedArm):
         """
         with ExitStack() as opened:
             # First, as an arm that is connected, and let go of again, falls.
-            path = join(self._arguments)
-            opened.callback(leave, path)
+            path = fast_path.join(self._arguments)
+            opened.callback(fast_path.leave, path)
             self.wrapped.connect(calibrate)
             opened.pop_all()
         self._path = path
@@ -166,7 +159,7 @@ class Wrapping(WrappedArm):
         with ExitStack() as closing:
             closing.callback(self.wrapped.disconnect)
             if path:
-                closing.callback(leave, path)
+                closing.callback(fast_path.leave, path)
 
     def tell_problem(self) -> None:
         """Log once that the fast path has failed, if it has: an arm must not stop for it."""
@@ -203,8 +196,8 @@ class VibrationRobot(Wrapping, WrappedRobot):
 
     def __init__(self, wrapped: Any, arguments: str, fps: int) -> None:
         super().__init__(wrapped, arguments)
-        self._size = samples_per_frame(self._arguments.rate, fps)
-        self._axes = tool_axes(self._arguments)
+        self._size = fast_path.samples_per_frame(self._arguments.rate, fps)
+        self._axes = fast_path.tool_axes(self._arguments)
         self._keys = self._axes.sample_names(self._size)
 
     @property

@@ -40,16 +40,9 @@ import haptic_accel
 from haptic_accel.analysis.frames import csv_text
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.tables import Column, Row
+from haptic_accel.kits.study import trials as records
 from haptic_accel.kits.study.exposure import daily_exposure
 from haptic_accel.kits.study.protocol import Protocol
-from haptic_accel.kits.study.trials import (
-    CATCH,
-    COMPLETE,
-    MAIN,
-    PresentedStimulus,
-    SessionRecord,
-    TrialRecord,
-)
 
 NANO = 1e-9
 """Seconds per nanosecond."""
@@ -137,7 +130,7 @@ class Tables:
 
 
 def titled(
-    protocol: Protocol, sessions: Sequence[SessionRecord] = (), *, simulated: bool = False
+    protocol: Protocol, sessions: Sequence[records.SessionRecord] = (), *, simulated: bool = False
 ) -> Protocol:
     """Return a protocol whose title says that observers are simulated, if any is."""
     if not (simulated or any(each.simulated for each in sessions)):
@@ -145,12 +138,12 @@ def titled(
     return replace(protocol, title=f"{protocol.title} (simulated observers)")
 
 
-def observer(session: SessionRecord) -> str:
+def observer(session: records.SessionRecord) -> str:
     """Return the kind of the observer of a session."""
     return SIMULATED if session.simulated else PERSON
 
 
-def tables(protocol: Protocol, sessions: Sequence[SessionRecord]) -> Tables:
+def tables(protocol: Protocol, sessions: Sequence[records.SessionRecord]) -> Tables:
     """Return the tables of a study."""
     excluded = exclusions(protocol, sessions)
     attempts = [(session, record) for session in sessions for record in session.records]
@@ -169,18 +162,18 @@ def tables(protocol: Protocol, sessions: Sequence[SessionRecord]) -> Tables:
     return Tables(*frames, factors | {name: COLUMNS[name] for name in names if name in COLUMNS})
 
 
-def exclusions(protocol: Protocol, sessions: Sequence[SessionRecord]) -> dict[str, str]:
+def exclusions(protocol: Protocol, sessions: Sequence[records.SessionRecord]) -> dict[str, str]:
     """Return the broken rules by participant, for those who are excluded from the analysis."""
     broken = {each.participant: "; ".join(_broken(protocol, each)) for each in sessions}
     return {participant: rules for participant, rules in broken.items() if rules}
 
 
-def _broken(protocol: Protocol, session: SessionRecord) -> Iterator[str]:
+def _broken(protocol: Protocol, session: records.SessionRecord) -> Iterator[str]:
     rules = protocol.rules
     catch, left = catch_correct(session), left_out(session)
     if session.digest != protocol.digest:
         yield f"version {session.digest[:8]} of the protocol, not {protocol.digest[:8]}"
-    if session.ended != COMPLETE:
+    if session.ended != records.COMPLETE:
         yield f"session not complete ({session.ended or 'interrupted'})"
     if catch < rules.catch_correct:
         yield f"{catch:.0f} % of catch trials correct, less than {rules.catch_correct:g} %"
@@ -188,24 +181,24 @@ def _broken(protocol: Protocol, session: SessionRecord) -> Iterator[str]:
         yield f"{left:.0f} % of trials left out, more than {rules.left_out:g} %"
 
 
-def catch_correct(session: SessionRecord) -> float:
+def catch_correct(session: records.SessionRecord) -> float:
     """Return the share of right answers to delivered catch trials, %; NaN without any."""
-    found = [r.correct for r in session.records if r.trial.kind == CATCH and not r.flaw]
+    found = [r.correct for r in session.records if r.trial.kind == records.CATCH and not r.flaw]
     answered = [correct for correct in found if correct is not None]
     return _PERCENT * sum(answered) / len(answered) if answered else math.nan
 
 
-def left_out(session: SessionRecord) -> float:
+def left_out(session: records.SessionRecord) -> float:
     """Return the share of main trials without an answer to delivered stimuli, %."""
     begun, counted = _main(session), len(session.counted)
     return _PERCENT * (1 - counted / begun) if begun else 0.0
 
 
-def _main(session: SessionRecord) -> int:
-    return len({each.trial.number for each in session.records if each.trial.kind == MAIN})
+def _main(session: records.SessionRecord) -> int:
+    return len({each.trial.number for each in session.records if each.trial.kind == records.MAIN})
 
 
-def _session(session: SessionRecord, excluded: dict[str, str]) -> Row:
+def _session(session: records.SessionRecord, excluded: dict[str, str]) -> Row:
     return {
         "participant": session.participant,
         "observer": observer(session),
@@ -223,7 +216,7 @@ def _session(session: SessionRecord, excluded: dict[str, str]) -> Row:
     }
 
 
-def _trial(session: SessionRecord, record: TrialRecord) -> Row:
+def _trial(session: records.SessionRecord, record: records.TrialRecord) -> Row:
     trial, answer = record.trial, record.answer
     return {
         "participant": session.participant,
@@ -240,13 +233,16 @@ def _trial(session: SessionRecord, record: TrialRecord) -> Row:
         "correct": record.correct,
         "response_time_s": answer.response_time if answer else None,
         "asked_s": (record.asked - session.begun) * NANO,
-        "counted": trial.kind == MAIN and answer is not None and not record.flaw,
+        "counted": trial.kind == records.MAIN and answer is not None and not record.flaw,
         "flaw": record.flaw,
     }
 
 
 def _stimulus(
-    session: SessionRecord, record: TrialRecord, interval: int, presented: PresentedStimulus
+    session: records.SessionRecord,
+    record: records.TrialRecord,
+    interval: int,
+    presented: records.PresentedStimulus,
 ) -> Row:
     condition = record.trial.stimuli[interval - 1]
     return {
@@ -281,7 +277,7 @@ _BIDS_NAMES = {"begin_s": "onset", "duration_s": "duration", "participant": "par
 
 def export_study(
     protocol: Protocol,
-    sessions: Sequence[SessionRecord],
+    sessions: Sequence[records.SessionRecord],
     folder: Path,
     form: str,
     *,
