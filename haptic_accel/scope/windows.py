@@ -269,8 +269,8 @@ class Windows:
     ----------
     axis : str
         Axis of the signals.
-    others : dict of Windows
-        Signals along the further axes of the rig, by axis.
+    by_axis : dict of Windows
+        Signals of all axes of the rig, in order.
     desired, handle, force, age : Ring
         Received signals: desired acceleration, measured handle acceleration (m/s^2), actuator
         force (N) and its age on arrival (s).
@@ -288,7 +288,7 @@ class Windows:
 
     def __init__(self, axis: str = NAMES[ACTUATOR_AXIS]) -> None:
         self.axis = axis
-        self.others: dict[str, Windows] = {}
+        self.by_axis: dict[str, Windows] = {axis: self}
         self.desired, self.handle, self.force, self.age = Ring(), Ring(), Ring(), Ring()
         self.actual, self.travel = Ring(), Ring()
         self.arm_force, self.position = Ring(), Ring()
@@ -299,20 +299,11 @@ class Windows:
         self._compared_from = 0
         self._lowest = LowestError()
 
-    @property
-    def by_axis(self) -> dict[str, Windows]:
-        """Signals of all axes of the rig, in order."""
-        found = {self.axis: self, **self.others}
-        return {axis: found[axis] for axis in sorted(found)}
-
     def show_axes(self, axes: Axes) -> None:
         """Store the signals along some axes; without the actuator's, the last stands for it."""
         self.axis = self.axis if self.axis in axes.names else axes.names[-1]
-        self.others = {
-            name: self.others.get(name) or Windows(name)
-            for name in axes.names
-            if name != self.axis
-        }
+        known = {**self.by_axis, self.axis: self}
+        self.by_axis = {name: known.get(name) or Windows(name) for name in axes.names}
 
     def compare_anew(self) -> None:
         """Restrict the comparison to samples after a change that begins now."""

@@ -27,10 +27,10 @@ import numpy as np
 import pytest
 
 from browsing import QuietGraph
+from haptic_accel.core.axes import Axes
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
-from haptic_accel.scope.windows import Windows
 from running import wait_until
 
 if TYPE_CHECKING:
@@ -114,9 +114,8 @@ def test_a_rig_with_several_axes_has_a_choice_of_the_one_shown(
     page: Page, graph: Stroking
 ) -> None:
     assert page.locator("#axes").is_hidden()
-    across = Windows("x")
-    graph.windows.others["x"] = across
-    across.force.put(time.time_ns(), -2.5)
+    graph.windows.show_axes(Axes(("x", "z")))
+    graph.windows.by_axis["x"].force.put(time.time_ns(), -2.5)
     choices = page.locator("#axes button:visible")
     wait_until(lambda: choices.all_inner_texts() == ["x", "z"], "the axes are offered")
     choices.first.click()

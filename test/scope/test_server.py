@@ -38,6 +38,7 @@ from hypothesis import strategies as st
 from yarl import URL
 
 from fuzzing import fuzz, mutated
+from haptic_accel.core.axes import Axes
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.scope import connections
 from haptic_accel.scope import server as served
@@ -586,8 +587,8 @@ def test_a_page_asks_for_further_signals(started: Started) -> None:
 
 def test_a_page_chooses_among_the_axes_of_the_rig(started: Started, source: Source) -> None:
     _, url = started()
-    source.windows.others["y"] = Windows("y")
-    source.windows.others["y"].force.put(START, 0.5)
+    source.windows.show_axes(Axes(("y", "z")))
+    source.windows.by_axis["y"].force.put(START, 0.5)
 
     async def use(live: aiohttp.ClientWebSocketResponse) -> None:
         await live.send_json(["axis_y"])

@@ -28,6 +28,7 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from fuzzing import fuzz
+from haptic_accel.core.axes import Axes
 from haptic_accel.core.control.filters import high_pass, without_hand_motion
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.model import Suspension
@@ -350,7 +351,7 @@ def test_a_signal_is_sent_from_when_it_is_chosen_until_it_is_not() -> None:
 
 def test_another_axis_comes_with_all_of_the_longest_window() -> None:
     made = windows.Windows()
-    made.others["x"] = windows.Windows("x")
+    made.show_axes(Axes(("x", "z")))
     for index in range(100):
         for place, one in enumerate(made.by_axis.values()):
             one.desired.put(START + index * MILLISECOND, 1000.0 * place + index)
