@@ -427,9 +427,9 @@ def _compared(
         metrics |= {f"nrmse_{axis}_percent": own.nrmse_percent for axis, own in by_axis.items()}
     if segment.axes == ALL_AXES:
         metrics |= {
-            f"kept_{KEPT[row.name]}_percent": PERCENT * row.power
-            for row in measures.reduction_table(desired, rate)
-            if row.name in KEPT
+            f"kept_{KEPT[name]}_percent": PERCENT * power
+            for name, power in measures.kept_powers(desired, rate).items()
+            if name in KEPT
         }
     own = nrmse_interval(desired, actual, rate)
     low, high = PERCENT * own.low, PERCENT * own.high
