@@ -266,9 +266,7 @@ _PULL = 0.01  # towards the paper's values; matters only where the response leav
 _FREE = tuple(field.name for field in fields(ApproximateModel) if field.name != "gain")
 
 
-def approximate_model(
-    handle: HandleParameters, band: tuple[float, float] = (LOWEST_FREQUENCY, HIGHEST_FREQUENCY)
-) -> ApproximateModel:
+def approximate_model(handle: HandleParameters) -> ApproximateModel:
     """Choose the zero and pole pairs of the paper's model for a handle.
 
     Fit the logarithm of the magnitude, starting from the paper's values. The gain at zero
@@ -278,8 +276,6 @@ def approximate_model(
     ----------
     handle : HandleParameters
         Handle to approximate.
-    band : tuple of float
-        Band of the approximation, Hz.
 
     Returns
     -------
@@ -288,19 +284,16 @@ def approximate_model(
     Raises
     ------
     ParameterError
-        The band is out of range, or the response of the handle vanishes in it, so that the handle
-        is no mass on a spring.
+        The response of the handle vanishes in the band, so that it is no mass on a spring.
     """
     from scipy.optimize import least_squares
 
-    low, high = band
-    if not 0 < low < high < np.inf:
-        raise ParameterError(f"band = {low:g} to {high:g} Hz: must satisfy 0 < low < high")
-    frequency = np.geomspace(low, high, _LINES)
+    frequency = np.geomspace(LOWEST_FREQUENCY, HIGHEST_FREQUENCY, _LINES)
     exact = handle_model(handle).response(frequency)
     if not np.isfinite(exact).all() or (exact == 0).any():
         raise ParameterError(
-            f"handle = {handle}: has no finite response from {low:g} to {high:g} Hz"
+            f"handle = {handle}: has no finite response from {LOWEST_FREQUENCY:g} to"
+            f" {HIGHEST_FREQUENCY:g} Hz"
         )
     paper = np.log([getattr(ApproximateModel(), name) for name in _FREE])
     bounds = np.log([_FREQUENCIES if name.endswith("frequency") else _DAMPING for name in _FREE])

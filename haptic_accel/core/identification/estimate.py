@@ -376,8 +376,9 @@ def check_pair(force: FloatArray, acceleration: FloatArray) -> None:
 HIGHEST_ORDER = 40
 """Maximum number of poles."""
 
-LONGEST_DELAY_SAMPLES = 100
-"""Maximum delay in samples."""
+DELAY = 1
+"""Samples from a force to the first acceleration that shows it, in a loop that applies its force
+after the measurement."""
 
 ITERATIONS = 30
 """Maximum number of pole relocations; five to ten suffice."""
@@ -388,7 +389,7 @@ _FARTHEST_ZERO = 1e4  # a zero farther away is a zero at infinity with rounding 
 
 
 def identify_discrete(
-    force: FloatArray, acceleration: FloatArray, order: int, rate: float, delay_samples: int = 1
+    force: FloatArray, acceleration: FloatArray, order: int, rate: float
 ) -> DiscreteModel:
     """Identify a discrete model from a recording that starts at rest.
 
@@ -407,24 +408,21 @@ def identify_discrete(
         Number of poles, and of zeros.
     rate : float
         Samples per second.
-    delay_samples : int
-        Number of whole samples from a force to the first acceleration that shows it. It is 1 in a
-        loop that applies its force after the measurement.
 
     Returns
     -------
     DiscreteModel
-        Stable model. Its delay exceeds `delay_samples` if it has fewer zeros than poles.
+        Stable model. Its delay exceeds `DELAY` if it has fewer zeros than poles.
 
     Raises
     ------
     ParameterError
-        Order, rate or delay is out of range.
+        Order or rate is out of range.
     RecordingError
         Signals differ in length, are too short, not finite, or constant.
     """
-    _check(order, rate, delay_samples, force, acceleration)
-    force = np.concatenate([np.zeros(delay_samples), force])[: len(force)]
+    _check(order, rate, force, acceleration)
+    force = np.concatenate([np.zeros(DELAY), force])[: len(force)]
     acceleration = np.asarray(acceleration, dtype=np.float64) - float(np.mean(acceleration))
     poles = _starting_poles(order, rate)
     for _ in range(ITERATIONS):
@@ -436,7 +434,7 @@ def identify_discrete(
     columns = np.column_stack([_fractions(poles, force), force])
     terms = np.asarray(np.linalg.lstsq(columns, acceleration)[0], dtype=np.float64)
     sections, missing = _sections(poles, terms[:-1], float(terms[-1]))
-    return DiscreteModel(sections, rate, delay_samples + missing)
+    return DiscreteModel(sections, rate, DELAY + missing)
 
 
 def _starting_poles(order: int, rate: float) -> ComplexArray:
@@ -553,18 +551,12 @@ def _paired(roots: ComplexArray) -> ComplexArray:
     return np.concatenate([upper, upper.conj(), roots[real].real.astype(np.complex128)])
 
 
-def _check(
-    order: int, rate: float, delay_samples: int, force: FloatArray, acceleration: FloatArray
-) -> None:
+def _check(order: int, rate: float, force: FloatArray, acceleration: FloatArray) -> None:
     if not 1 <= order <= HIGHEST_ORDER:
         raise ParameterError(f"order = {order}: must be from 1 to {HIGHEST_ORDER}")
     check_positive_rate(rate)
-    if not 0 <= delay_samples <= LONGEST_DELAY_SAMPLES:
-        raise ParameterError(
-            f"delay_samples = {delay_samples}: must be from 0 to {LONGEST_DELAY_SAMPLES}"
-        )
     check_pair(force, acceleration)
-    fewest = 10 * (2 * order + 1) + delay_samples
+    fewest = 10 * (2 * order + 1) + DELAY
     if len(force) < fewest:
         raise RecordingError(
             f"recording: {len(force)} samples, must be at least {fewest} for order {order}"
