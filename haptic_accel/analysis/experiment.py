@@ -28,8 +28,7 @@ from typing import Any
 from haptic_accel.analysis.latency import latest_words
 from haptic_accel.analysis.loading import Analysis
 from haptic_accel.analysis.metrics import MILLI, AnalysedTrial
-from haptic_accel.analysis.page import Setting
-from haptic_accel.analysis.writing import signal_table, write_analysis
+from haptic_accel.analysis.writing import Setting, signal_table, write_analysis
 from haptic_accel.bags.delivery import Delivery
 from haptic_accel.bags.folder import free_name
 from haptic_accel.core.network.channel import ChannelParameters

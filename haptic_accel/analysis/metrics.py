@@ -36,12 +36,11 @@ from haptic_accel.core.control.filters import comparable, without_hand_motion
 from haptic_accel.core.control.inversion.bound import bounds
 from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
 from haptic_accel.core.control.supervision import supervise
-from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.evaluation import metrics as measures
 from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
 from haptic_accel.core.handle.plant import MatrixPlant
 from haptic_accel.core.model import AccelerometerParameters, FloatArray
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import ParameterError, read_decimal
 from haptic_accel.core.tables import Column
 from haptic_accel.core.tick import TravelEstimator
 

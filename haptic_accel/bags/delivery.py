@@ -29,9 +29,8 @@ import numpy as np
 
 from haptic_accel.bags.reading import Bag, Diagnosis, read_bag
 from haptic_accel.core import topics
-from haptic_accel.core.decimals import read_decimal, read_whole
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import ParameterError, read_decimal, read_whole
 from haptic_accel.core.sampling import NANOSECONDS, RELEASED, SAME_RATE, grid_indices, on_grid
 from haptic_accel.core.tick.device_side import LATE_TIME, LONGEST, PAST_TICK
 from haptic_accel.core.tick.histogram import QUANTILES

@@ -29,8 +29,7 @@ from click.shell_completion import CompletionItem
 
 from haptic_accel.cli.lazy import write_examples
 from haptic_accel.cli.output import StoppedError, check_writable
-from haptic_accel.core.decimals import read_decimal
-from haptic_accel.core.parameters import Checked, schema, suggestion
+from haptic_accel.core.parameters import Checked, read_decimal, schema, suggestion
 from haptic_accel.graph.middleware import NEEDS_ROS, ROS_PACKAGES
 from haptic_accel.setup.words import described, group, parse_words
 

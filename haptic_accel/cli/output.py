@@ -30,8 +30,7 @@ from pathlib import Path
 from typing import Any
 
 from haptic_accel.core.bounded_files import located
-from haptic_accel.core.decimals import defined
-from haptic_accel.core.parameters import ParameterError, printable
+from haptic_accel.core.parameters import ParameterError, defined, printable
 from haptic_accel.core.process import FAILED
 
 

@@ -23,9 +23,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.model import Vector
-from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel.core.parameters import ParameterError, read_decimal, shown
 
 NAMES = ("x", "y", "z")
 """Components of a vector, in order."""

@@ -32,8 +32,8 @@ import numpy as np
 import yaml
 
 from haptic_accel.core import bounded_files, parameters
-from haptic_accel.core.decimals import read_decimal, read_whole
 from haptic_accel.core.model import FloatArray, Vector
+from haptic_accel.core.parameters import read_decimal, read_whole
 
 # With libyaml, if PyYAML includes it, ten times faster.
 _FASTEST: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

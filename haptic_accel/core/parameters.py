@@ -13,7 +13,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parameters with unit and range, and checks with one-line error messages."""
+"""Parameters with unit and range, and checks with one-line error messages.
+
+Numbers in files and on command lines are plain ASCII decimals: Python's `float` and `int` also
+accept digits of other scripts, underscores, ``nan`` and ``inf``. In JSON, null is for undefined
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +26,7 @@ import dataclasses
 import difflib
 import logging
 import math
+import re
 from collections.abc import Iterable, Mapping
 from functools import cache
 from types import MappingProxyType
@@ -327,3 +333,47 @@ def _nested(field: dataclasses.Field[Any]) -> type:
 def warn_once(line: str) -> None:
     """Log a warning once, however often its cause is read."""
     logging.getLogger(__name__).warning("%s", line)
+
+
+_BLANKS = " \t"
+_WHOLE = re.compile(r"[-+]?[0-9]{1,300}")  # fits into a float
+_DECIMAL = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+
+
+def read_decimal(text: str) -> float:
+    """Return a decimal number, with or without exponent; infinity if it is too large.
+
+    Raises
+    ------
+    ValueError
+        The text is no decimal number.
+    """
+    return float(_matched(_DECIMAL, text))
+
+
+def read_whole(text: str) -> int:
+    """Return a whole number written as decimal digits.
+
+    Raises
+    ------
+    ValueError
+        The text is no whole number, or has more than 300 digits.
+    """
+    return int(_matched(_WHOLE, text))
+
+
+def defined(value: Any) -> Any:
+    """Return a value for JSON: None instead of a number that is not finite."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: defined(inner) for key, inner in value.items()}
+    return [defined(inner) for inner in value] if isinstance(value, (list, tuple)) else value
+
+
+def _matched(pattern: re.Pattern[str], text: str) -> str:
+    """Return a text without surrounding blanks; raise `ValueError` if it has another form."""
+    bare = text.strip(_BLANKS)
+    if not pattern.fullmatch(bare):
+        raise ValueError(f"{text[:40]!r}: must be a number")
+    return bare

@@ -141,7 +141,7 @@ def own_domain() -> int:
     ParameterError
         It is not a valid domain.
     """
-    from haptic_accel.core.decimals import read_whole
+    from haptic_accel.core.parameters import read_whole
 
     text = os.environ.get(DOMAIN) or "0"
     try:

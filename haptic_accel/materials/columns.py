@@ -36,9 +36,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, shown, warn_once
+from haptic_accel.core.parameters import ParameterError, read_decimal, shown, warn_once
 from haptic_accel.core.sampling import MOST_SAMPLES, RATE_TOLERANCE, checked_rate
 
 STANDARD_GRAVITY = 9.80665

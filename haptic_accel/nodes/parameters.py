@@ -34,12 +34,12 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.parameters import (
     ParameterError,
     Specification,
     allowed_values,
     checked,
+    read_decimal,
     shown,
 )
 from haptic_accel.setup.files import check_reached

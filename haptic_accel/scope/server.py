@@ -40,8 +40,7 @@ from urllib.parse import urlsplit
 from aiohttp import WSCloseCode, http, web
 from aiohttp.typedefs import Handler
 
-from haptic_accel.core.decimals import defined
-from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel.core.parameters import ParameterError, defined, shown
 from haptic_accel.pages import template
 from haptic_accel.scope.access import TOKEN_LETTERS, Access, is_token
 from haptic_accel.scope.connections import STOP, Connections, parsed

@@ -23,7 +23,6 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from haptic_accel.core.axes import ALL_AXES, Axes
-from haptic_accel.core.decimals import read_decimal
 from haptic_accel.core.identification.sweep import SweepParameters
 from haptic_accel.core.parameters import (
     Checked,
@@ -31,6 +30,7 @@ from haptic_accel.core.parameters import (
     checked,
     like,
     parameter,
+    read_decimal,
     schema,
     specified,
 )

@@ -26,11 +26,12 @@ from dataclasses import dataclass
 from inspect import get_annotations
 from typing import Any, TypeVar
 
-from haptic_accel.core.decimals import read_decimal, read_whole
 from haptic_accel.core.parameters import (
     Checked,
     ParameterError,
     parameter,
+    read_decimal,
+    read_whole,
     schema,
     shown,
     suggestion,

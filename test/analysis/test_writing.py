@@ -38,8 +38,7 @@ from haptic_accel import __version__
 from haptic_accel.analysis import load
 from haptic_accel.analysis.frames import csv_text
 from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.page import Setting
-from haptic_accel.analysis.writing import PICTURES, signal_table, write_analysis
+from haptic_accel.analysis.writing import PICTURES, Setting, signal_table, write_analysis
 from haptic_accel.core.trial import Trial
 from page_content import Page
 

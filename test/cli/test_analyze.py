@@ -30,7 +30,7 @@ from PIL import Image
 
 from bag_maker import BagContent, of_trial, write_bag
 from haptic_accel.analysis import load
-from haptic_accel.analysis.page import write_page
+from haptic_accel.analysis.writing import write_page
 from haptic_accel.core import topics
 from haptic_accel.core.trial import Trial
 from verbs import refusal, status_of

@@ -22,7 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fuzzing import ODD_NUMBERS
-from haptic_accel.core.decimals import defined, read_decimal, read_whole
+from haptic_accel.core.parameters import defined, read_decimal, read_whole
 
 
 @pytest.mark.parametrize(

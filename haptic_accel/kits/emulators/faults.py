@@ -22,8 +22,7 @@ import random
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from haptic_accel.core.decimals import read_decimal
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.parameters import ParameterError, read_decimal
 
 DROP, GARBAGE, UNPLUG, STALL = "drop", "garbage", "unplug", "stall"
 AXIS_ERROR, HEARTBEAT, ESTIMATES, BUS_OFF = "error", "heartbeat", "estimates", "bus_off"

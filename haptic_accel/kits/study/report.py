@@ -29,8 +29,8 @@ from haptic_accel.analysis import plots
 from haptic_accel.analysis.frames import csv_text
 from haptic_accel.analysis.identification_result import pictures
 from haptic_accel.analysis.provenance import provenance
-from haptic_accel.core.decimals import defined
 from haptic_accel.core.evaluation.statistics import CONFIDENCE
+from haptic_accel.core.parameters import defined
 from haptic_accel.kits.study import results as findings
 from haptic_accel.kits.study.planned_tests import PlannedResult, counted, planned_tests
 from haptic_accel.kits.study.protocol import Protocol
