@@ -59,6 +59,7 @@ include_patterns = [
     "docs/*.md",
     "firmware/*.md",
     "haptic_accel/**/*.md",
+    "test/chaos/*.md",
     f"{GALLERY}/*.rst",
     REFERENCE,
 ]
@@ -70,7 +71,6 @@ exclude_patterns = [
     "install",
     "log",
     "results",
-    "test",
 ]
 
 extensions = [

@@ -42,7 +42,11 @@ from verbs import status_of
 SOURCE = Path(__file__).resolve().parents[2]
 DATA = SOURCE / "test" / "data"
 PAGES = sorted(
-    path for part in ("*.md", "docs/*.md", "haptic_accel/**/*.md") for path in SOURCE.glob(part)
+    [
+        *SOURCE.glob("*.md"),
+        *(SOURCE / "docs").rglob("*.md"),
+        *(SOURCE / "haptic_accel").rglob("*.md"),
+    ]
 )
 
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)

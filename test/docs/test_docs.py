@@ -39,7 +39,8 @@ from haptic_accel.setup.node_parameters import NODES, node_schema
 from running import Command
 
 SOURCE = Path(__file__).resolve().parents[2]
-DOCS = sorted([*SOURCE.glob("docs/*.md"), *SOURCE.glob("haptic_accel/**/*.md")])
+FOLDERS = "docs", "haptic_accel", "test/chaos"
+DOCS = sorted(page for folder in FOLDERS for page in (SOURCE / folder).rglob("*.md"))
 PAGES = [*DOCS, *sorted(SOURCE.glob("*.md"))]
 
 READERS = re.compile(r"^\*For: [^*]+\.\*$", re.MULTILINE)
