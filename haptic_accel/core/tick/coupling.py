@@ -119,23 +119,38 @@ class CountObserver:
             self.restart()
             return
         largest = kept * self._s_x
-        size = step_x if step_x > 0.0 else -step_x
-        self._s_x = largest = largest if largest > size else size
-        left = (self.x + step_x) * self._left if v_x and largest > FINEST else 0.0
-        left = left if left < largest else largest
-        self.x = left if left > -largest else -largest
+        if step_x > largest:
+            largest = step_x
+        elif -step_x > largest:
+            largest = -step_x
+        self._s_x = largest
+        if v_x and largest > FINEST:
+            left = (self.x + step_x) * self._left
+            self.x = left if -largest < left < largest else math.copysign(largest, left)
+        else:
+            self.x = 0.0
         largest = kept * self._s_y
-        size = step_y if step_y > 0.0 else -step_y
-        self._s_y = largest = largest if largest > size else size
-        left = (self.y + step_y) * self._left if v_y and largest > FINEST else 0.0
-        left = left if left < largest else largest
-        self.y = left if left > -largest else -largest
+        if step_y > largest:
+            largest = step_y
+        elif -step_y > largest:
+            largest = -step_y
+        self._s_y = largest
+        if v_y and largest > FINEST:
+            left = (self.y + step_y) * self._left
+            self.y = left if -largest < left < largest else math.copysign(largest, left)
+        else:
+            self.y = 0.0
         largest = kept * self._s_z
-        size = step_z if step_z > 0.0 else -step_z
-        self._s_z = largest = largest if largest > size else size
-        left = (self.z + step_z) * self._left if v_z and largest > FINEST else 0.0
-        left = left if left < largest else largest
-        self.z = left if left > -largest else -largest
+        if step_z > largest:
+            largest = step_z
+        elif -step_z > largest:
+            largest = -step_z
+        self._s_z = largest
+        if v_z and largest > FINEST:
+            left = (self.z + step_z) * self._left
+            self.z = left if -largest < left < largest else math.copysign(largest, left)
+        else:
+            self.z = 0.0
 
 
 class PairCoupling:
@@ -469,8 +484,7 @@ class CouplingPart(ArmCoupling):
 
     def put(self, sample: ArmSample, now: float) -> None:
         """Add a sample of the arm that it names, at a time in s."""
-        watch = self._slave_watch if sample.arm else self._master_watch
-        watch.take(now, sample)
+        (self._slave_watch if sample.arm else self._master_watch).take(now, sample)
         self._pairing.put(sample)
 
     def is_due(self, now: float) -> bool:

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any
 from haptic_accel.core.actuator.safety import MAX_AGE
 from haptic_accel.core.model import LATER, ZERO
 from haptic_accel.core.tick.histogram import DurationHistogram
+from haptic_accel.core.tick.kernels import INFINITE
 from haptic_accel.core.tick.limits import ActuatorLimit, ArmLimit, SafetyLayer
 from haptic_accel.core.tick.rigs import SimulatedArm
 from haptic_accel.core.tick.samples import ArmSample, ArmWork, TimedForce
@@ -125,6 +126,7 @@ class DueForces:
         self.latency: int = latency
         self.lag: int = 0 if self.ahead else latency
         self.period: float = period
+        self.tolerance: float = IN_TIME * period if latency else INFINITE
         self.waiting: list[TimedForce] = []  # in the order of the ticks at which they are due
         self.spare: list[TimedForce] = []
         self.last: int = NO_TICK
@@ -144,24 +146,25 @@ class DueForces:
         due: int = sample + self.latency
         if self.latency:
             self.due += 1
-            self.past_tick += due <= self.carried_out
+            if due <= self.carried_out:
+                self.past_tick += 1
         if sample > self.newest:
             self.newest = sample
         # A much older force was not overtaken: the safety layer rejects and reports it.
-        behind: int = self.last - due
-        if 0 <= behind <= STRAGGLING:
+        if due <= self.last <= due + STRAGGLING:
             self.taken.append(due)
             return
-        force: TimedForce = self.spare.pop() if self.spare else TimedForce()
+        spare, waiting = self.spare, self.waiting
+        force: TimedForce = spare.pop() if spare else TimedForce()
         force.due, force.stamp, force.x, force.y, force.z = due, stamp, x, y, z
-        waiting = self.waiting
-        at: int = len(waiting)
+        waiting.append(force)
+        at: int = len(waiting) - 1
         while at > 0:
             before: TimedForce = waiting[at - 1]
             if before.due <= due:
                 break
+            waiting[at], waiting[at - 1] = before, force
             at -= 1
-        waiting.insert(at, force)
 
     def pass_on(self, stamp: int, x: float, y: float, z: float) -> None:
         """Pass an outdated force to the next `pop`, so that the safety layer rejects it.
@@ -184,14 +187,14 @@ class DueForces:
         waiting = self.waiting
         while waiting:
             force: TimedForce = waiting[0]
-            if force.due > tick:
+            due: int = force.due
+            if due > tick:
                 break
-            del waiting[0]
-            self.spare.append(force)
+            self.spare.append(waiting.pop(0))
             # The last one of two for the same tick is taken.
-            if force.due != self.last:
-                self.last = force.due
-                self.taken.append(force.due)
+            if due != self.last:
+                self.last = due
+                self.taken.append(due)
             self.stamp, self.x, self.y, self.z = force.stamp, force.x, force.y, force.z
             found = True
         return found
@@ -205,25 +208,21 @@ class DueForces:
         if is_written:
             self.age.add(now - self.stamp * NANOSECOND)
         taken = self.taken
-        if not taken:
-            return
-        if self.latency:
-            if len(taken) > 1:
-                taken.sort()
-            for index in range(len(taken)):
-                number: int = taken[index]
-                time = number * self.period
-                lateness = now - time
-                if lateness > self.longest:
-                    self.longest = lateness
-                if lateness > IN_TIME * self.period:
-                    self.missed += 1
-                    # Time in which several forces waited counts once.
-                    since = time if time > self.late_until else self.late_until
-                    if now > since:
-                        self.late_time += now - since
-                    self.late_until = now
-        taken.clear()
+        if len(taken) > 1:
+            taken.sort()
+        while taken:
+            number: int = taken.pop(0)
+            time = number * self.period
+            lateness = now - time
+            if lateness > self.longest and self.latency:
+                self.longest = lateness
+            if lateness > self.tolerance:
+                self.missed += 1
+                # Time in which several forces waited counts once.
+                since = time if time > self.late_until else self.late_until
+                if now > since:
+                    self.late_time += now - since
+                self.late_until = now
 
     def is_missing(self, tick: int) -> bool:
         """Return whether commands arrive, but the command needed after a tick is missing."""
@@ -336,6 +335,7 @@ class DeviceSide:
         self.sampling = True
         self.clock: Callable[[], float] | None = clock
         self.tick = self.unread = 0
+        self.time = 0.0  # of the tick, s
         self.now: float = clock() if clock else 0.0
         self.forces: dict[str, DueForces] = {
             kind: DueForces(latency, 1 / rate, framed or kind in ahead) for kind in kinds
@@ -350,7 +350,8 @@ class DeviceSide:
         self.timeout: int = max(1, round(SAMPLE_TIMEOUT * rate))
         self.waiting: list[int] = []
         self.work: ArmWork = ArmWork()
-        self.ring: list[ArmSample] = [ArmSample() for _ in range(round(MEMORY * rate) + 64)]
+        self.ring: list[ArmSample] = []
+        self.last: int = round(MEMORY * rate) + 63
         self.used = self.index = 0
         self.start(device)
         self.samples: list[ArmSample] = []
@@ -362,15 +363,16 @@ class DeviceSide:
     def start(self, device: Any) -> None:
         """Restart with a device that has just been opened."""
         self.device, self.sampling = device, True
-        # A simulated device is called without tuples.
+        # A simulated device is called without tuples, and writes to the samples what it measures.
         self.motion = getattr(device, "flat", None)
+        self.ring, self.used = [], 0
         self.waiting.clear()
         before, self.work = self.work, ArmWork()
         self.work.unknown = before.unknown
 
     def begin(self, tick: int) -> None:
         """Begin a tick, whose sample is due."""
-        self.tick = tick
+        self.tick, self.time = tick, tick / self.rate
         self.waiting.append(tick)
 
     def read(self) -> None:
@@ -381,43 +383,36 @@ class DeviceSide:
         while waiting:
             tick: int = waiting[0]
             time = tick / self.rate
+            used: int = self.used
+            if used == len(self.ring):
+                self.ring.append(ArmSample())
+            sample: ArmSample = self.ring[used]
             motion = self.motion
-            reading: Any = None
             if motion is not None:
+                motion.reading = sample
                 motion.measure(time)
+                del waiting[0]
             else:
-                reading = self.device.read(time)
-                if reading is LATER:
-                    if tick > self.tick - self.timeout:
-                        return
-                    reading = None
-            del waiting[0]
-            if motion is None and reading is None:
-                self.unread += 1
-                continue
-            sample: ArmSample = self.ring[self.used]
-            self.used = self.used + 1 if self.used + 1 < len(self.ring) else 0
-            sample.arm, sample.tick = self.index, tick
-            sample.stamp = math.floor(tick * 1e9 / self.rate + 0.5)
-            if motion is not None:
-                at: ArmSample = motion.reading
-                sample.x, sample.y, sample.z = at.x, at.y, at.z
-                sample.v_x, sample.v_y, sample.v_z = at.v_x, at.v_y, at.v_z
-                sample.a_x, sample.a_y, sample.a_z = at.a_x, at.a_y, at.a_z
-            else:
+                reading: Any = self.device.read(time)
+                if reading is LATER and tick > self.tick - self.timeout:
+                    return
+                del waiting[0]
+                if reading is LATER or reading is None:
+                    self.unread += 1
+                    continue
                 sample.x, sample.y, sample.z = reading[0]
                 sample.v_x, sample.v_y, sample.v_z = reading[1]
                 sample.a_x, sample.a_y, sample.a_z = reading[2]
                 sample.orientation = reading[3]
+            self.used = used + 1 if used < self.last else 0
+            sample.arm, sample.tick = self.index, tick
+            sample.stamp = math.floor(tick * 1e9 / self.rate + 0.5)
             # None otherwise: the object had another sample before.
             sample.contact = self.device.contact_force if self.wants_contact else None
             self.newest, self.is_measured = sample, True
             if self.servo is not None and self.servo.set_point:
                 self.hold(tick, sample)
-            work = self.work
-            work.until(time, sample.x, sample.y, sample.z)
-            sample.has_work = True
-            sample.work_x, sample.work_y, sample.work_z = work.x, work.y, work.z
+            self.work.until(time, sample)
             samples.append(sample)
 
     @property
@@ -446,14 +441,13 @@ class DeviceSide:
         forces = self.arm if is_arm else self.actuator
         if forces is None:
             return
-        if is_arm and forces.newest == NO_TICK:
+        if forces.newest == NO_TICK and is_arm:
             # The arms engage: late forces during start-up are not counted.
             for each in self.forces.values():
                 each.count_anew(self.device.late)
         sample: int = math.floor(stamp * self.rate * NANOSECOND + 0.5)
-        now: float = self.tick / self.rate if self.clock is None else self.clock()
-        age = now - stamp * NANOSECOND
-        if age > OLDEST or age < -OLDEST:
+        now: float = self.time if self.clock is None else self.clock()
+        if not -OLDEST <= now - stamp * NANOSECOND <= OLDEST:
             sample = self.tick - self.latency
             forces.pass_on(stamp, x, y, z)
         else:
@@ -466,7 +460,7 @@ class DeviceSide:
             forces.past_tick += due <= self.tick
             time = due / self.rate
             if not forces.is_clocked:
-                now = self.clock() if self.clock else self.tick / self.rate
+                now = self.clock() if self.clock else self.time
                 time = time if time > now else now
             self.write_due(time, due, is_arm, not is_arm)
 
@@ -476,18 +470,17 @@ class DeviceSide:
 
     def apply(self, is_late: bool = False) -> None:
         """Apply the forces that are due at the newest tick, or that arrived after their tick."""
-        time = self.tick / self.rate
-        if is_late and self.clock:
-            time = self.clock()
+        time = self.clock() if is_late and self.clock else self.time
         self.write_due(time, self.tick, self.is_arm_at_tick, self.is_coil_at_tick)
 
     def watch(self) -> None:
         """End forces without a new command for too long; call once per tick after `apply`."""
-        time = self.tick / self.rate
+        time = self.time
         begun: float = time if self.clock is None else self.clock()
-        earlier = time if time < begun else begun
         # For the safety layer, whose time never decreases.
-        now = self.now = earlier if earlier > self.now else self.now
+        earlier, now = time if time < begun else begun, self.now
+        if earlier > now:
+            self.now = now = earlier
         if self.arm_limit.expires(now):
             self.write(time, begun, True, False)
         coils, sample = self.actuator_limit, self.newest
@@ -502,7 +495,7 @@ class DeviceSide:
 
     def take_off(self) -> None:
         """Set all forces to zero."""
-        now = self.clock() if self.clock else self.tick / self.rate
+        now = self.clock() if self.clock else self.time
         self.device.write(now, arm_force=ZERO, actuator_force=ZERO)
         self.work.apply(now, 0.0, 0.0, 0.0)
 
@@ -516,23 +509,31 @@ class DeviceSide:
 
     def write_due(self, time: float, tick: int, is_arm: bool, is_actuator: bool) -> None:
         """Write the newest forces due at a tick, limited by the safety layer."""
-        begun: float = self.tick / self.rate if self.clock is None else self.clock()
-        earlier = time if time < begun else begun
-        now = self.now = earlier if earlier > self.now else self.now
-        arm, actuator, coils = self.arm, self.actuator, self.actuator_limit
+        begun: float = self.time if self.clock is None else self.clock()
+        # For the safety layer, whose time never decreases.
+        earlier, now = time if time < begun else begun, self.now
+        if earlier > now:
+            self.now = now = earlier
+        arm = self.arm if is_arm else None
+        actuator = self.actuator if is_actuator else None
         writes_arm = writes_actuator = False
-        if is_arm and arm is not None and arm.pop(tick, arm.ahead):
+        if arm is not None and arm.pop(tick, arm.ahead):
             age = begun - arm.stamp * NANOSECOND
             writes_arm = self.arm_limit.command(now, age, arm.x, arm.y, arm.z)
-        if is_actuator and actuator is not None and actuator.pop(tick, actuator.ahead) and coils:
-            age = begun - actuator.stamp * NANOSECOND
-            writes_actuator = coils.command(now, age, actuator.x, actuator.y, actuator.z)
+        if actuator is not None and actuator.pop(tick, actuator.ahead):
+            coils = self.actuator_limit
+            if coils is not None:
+                age = begun - actuator.stamp * NANOSECOND
+                writes_actuator = coils.command(now, age, actuator.x, actuator.y, actuator.z)
         if writes_arm or writes_actuator:
             self.write(time, begun, writes_arm, writes_actuator)
-        done: float = begun if self.clock is None else self.clock()
-        if is_arm and arm is not None:
+        if self.clock is None:  # and thus no age
+            done, writes_arm, writes_actuator = begun, False, False
+        else:
+            done = self.clock()
+        if arm is not None:
             arm.took_effect(done, writes_arm)
-        if is_actuator and actuator is not None:
+        if actuator is not None:
             actuator.took_effect(done, writes_actuator)
 
     def write(self, time: float, judged: float, writes_arm: bool, writes_actuator: bool) -> None:
@@ -540,13 +541,13 @@ class DeviceSide:
 
         No force if the process was stopped since (SIGSTOP) for longer than samples are waited for.
         """
-        arm, coils, motion = self.arm_limit, self.actuator_limit, self.motion
-        m_x, m_y, m_z = arm.x, arm.y, arm.z
-        f_x = f_y = f_z = 0.0
-        if writes_actuator and coils is not None:
-            f_x, f_y, f_z = coils.x, coils.y, coils.z
-        if self.clock is not None and self.clock() - judged > SAMPLE_TIMEOUT:
-            m_x = m_y = m_z = f_x = f_y = f_z = 0.0
+        coils, motion = self.actuator_limit, self.motion
+        m_x = m_y = m_z = f_x = f_y = f_z = 0.0
+        if self.clock is None or self.clock() - judged <= SAMPLE_TIMEOUT:
+            arm = self.arm_limit
+            m_x, m_y, m_z = arm.x, arm.y, arm.z
+            if writes_actuator and coils is not None:
+                f_x, f_y, f_z = coils.x, coils.y, coils.z
         if motion is not None:
             if writes_arm:
                 motion.drive_at(time, True, m_x, m_y, m_z)

@@ -278,10 +278,13 @@ class ArmLimit(ForceLimit):
         if not math.isfinite(magnitude):
             self.rejected += 1
             return False
-        share = self._peak / magnitude if magnitude > self._peak else 1.0
-        if not self.accepts(now, age, x * share, y * share, z * share):
+        peak = self._peak
+        if magnitude > peak:
+            share = peak / magnitude
+            x, y, z = x * share, y * share, z * share
+        if not self.accepts(now, age, x, y, z):
             return self.end(now)
-        if magnitude > self._peak * (1.0 + FORCE_ROUNDING):
+        if magnitude > peak and magnitude > peak * (1.0 + FORCE_ROUNDING):
             self.limited += 1
         return True
 

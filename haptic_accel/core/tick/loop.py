@@ -346,8 +346,7 @@ class HostLoop:
             played = self.coupling.begin(tick / self.rate, stamp)
         for side in self.each:
             if side.sampling:
-                side.tick = tick
-                side.waiting.append(tick)
+                side.begin(tick)
         self.serve(played, False)
         if self.width:
             self.note(tick * self.width)
@@ -414,7 +413,7 @@ class HostLoop:
         if coupling is None:
             return
         one: DeviceSide = self.each[0]
-        now: float = one.tick / self.rate if one.clock is None else one.clock()
+        now: float = one.time if one.clock is None else one.clock()
         coupling.passed = len(coupling.forces)
         sample: ArmSample
         # The samples of this step, which are the last of the frame's.

@@ -140,7 +140,7 @@ class SimulatedArm:
     Attributes
     ----------
     reading : ArmSample
-        Newest sample.
+        Newest sample; the loop puts an object in its place that was another sample of this arm.
     contact_x, contact_y, contact_z : float
         Force of a surface on the tool, N, as of the last `feel`.
     """
@@ -1116,8 +1116,7 @@ class ReplayArm(SimulatedArm):
         self.now = self.since = 0.0
         self.playing, self.position = False, -1
         self.lost = self.skipped = self.arm_forces = self.actuator_forces = 0
-        at: ArmSample = self.reading
-        at.x, at.y, at.z, at.a_z = table[0, 0], table[0, 1], table[0, 2], rest
+        self.rest: float = rest
 
     def advance(self, time: float) -> None:
         """Advance to a time, s, or go back to a late tick from the time of a force."""
@@ -1125,7 +1124,10 @@ class ReplayArm(SimulatedArm):
 
     def observe(self) -> None:
         """Take the recorded sample of the present time."""
+        table: FloatMatrix = self.table
+        at: ArmSample = self.reading
         if not self.started:
+            at.x, at.y, at.z, at.a_z = table[0, 0], table[0, 1], table[0, 2], self.rest
             return
         if not self.playing:
             self.playing, self.since = True, self.now
@@ -1133,13 +1135,11 @@ class ReplayArm(SimulatedArm):
         if not self.loop:
             position = min(position, self.count - 1)
         row: int = position % self.count
-        table: FloatMatrix = self.table
         if position != self.position:
             self.skipped += position - self.position - 1
             self.position = position
             if table[row, 7] != 0.0:
                 self.lost += 1
-        at: ArmSample = self.reading
         at.x, at.y, at.z = table[row, 0], table[row, 1], table[row, 2]
         at.v_x, at.v_y, at.v_z, at.a_z = table[row, 3], table[row, 4], table[row, 5], table[row, 6]
 

@@ -145,9 +145,9 @@ class ArmWork:
     Examples
     --------
     >>> work = ArmWork()
-    >>> work.until(0.0, 0.0, 0.0, 0.0)
+    >>> work.until(0.0, ArmSample(0))
     >>> work.apply(0.0, 2.0, 0.0, -1.0)
-    >>> work.until(0.001, 0.5, 7.0, 0.25)
+    >>> work.until(0.001, ArmSample(1_000_000, (0.5, 7.0, 0.25)))
     >>> work.x, work.y, work.z
     (1.0, 0.0, -0.25)
     """
@@ -174,18 +174,21 @@ class ArmWork:
         change.time, change.x, change.y, change.z = time, x, y, z
         self._count += 1
 
-    def until(self, time: float, x: float, y: float, z: float) -> None:
-        """Add the work up to a sample.
+    def until(self, time: float, sample: ArmSample) -> None:
+        """Add the work up to a sample, and note it there.
 
         Parameters
         ----------
         time : float
             Time of the sample, s; it may precede the last forces.
-        x, y, z : float
-            Position at the sample, m; counts as lost if not finite.
+        sample : ArmSample
+            It counts as lost if its position is not finite.
         """
+        x, y, z = sample.x, sample.y, sample.z
+        sample.has_work = True
         if not math.isfinite(x + y + z):
             self.unknown += 1
+            sample.work_x, sample.work_y, sample.work_z = self.x, self.y, self.z
             return
         since, changes = self._time, self._changes
         f_x, f_y, f_z = self._f_x, self._f_y, self._f_z
@@ -194,14 +197,13 @@ class ArmWork:
         used: int = 0
         while used < self._count:
             change: TimedForce = changes[used]
-            moment, n_x, n_y, n_z = change.time, change.x, change.y, change.z
+            moment = change.time
             if moment > time:
                 break
             used += 1
-            left = 0.0
+            n_x, n_y, n_z = change.x, change.y, change.z
             if time > since:
                 left = (time - (moment if moment > since else since)) / (time - since)
-            if left:
                 f_x += (n_x - held_x) * left
                 f_y += (n_y - held_y) * left
                 f_z += (n_z - held_z) * left
@@ -217,6 +219,7 @@ class ArmWork:
             self.y += f_y * (y - self._p_y)
             self.z += f_z * (z - self._p_z)
         self._p_x, self._p_y, self._p_z = x, y, z
+        sample.work_x, sample.work_y, sample.work_z = self.x, self.y, self.z
 
 
 class Pairing:

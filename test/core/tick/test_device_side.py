@@ -270,7 +270,7 @@ def along_x(value: float) -> Vector:
 
 
 def after(work: ArmWork, time: float, position: Vector) -> Vector:
-    work.until(time, *position)
+    work.until(time, ArmSample(0, position))
     return work.x, work.y, work.z
 
 
@@ -288,7 +288,7 @@ def test_the_work_on_a_body_is_its_kinetic_energy() -> None:
 
 def test_a_late_force_counts_for_what_is_left_of_the_period() -> None:
     work = ArmWork()
-    work.until(0.0, *ZERO)
+    work.until(0.0, ArmSample(0))
     work.apply(0.0, *(1.0, 2.0, 0.0))
     work.apply(0.75 * PERIOD, *(5.0, 0.0, 4.0))
     assert after(work, PERIOD, (8.0, 4.0, -1.0)) == pytest.approx((16.0, 6.0, -1.0))
@@ -297,7 +297,7 @@ def test_a_late_force_counts_for_what_is_left_of_the_period() -> None:
 
 def test_a_sample_may_be_read_after_the_next_forces() -> None:
     work = ArmWork()
-    work.until(0.0, *ZERO)
+    work.until(0.0, ArmSample(0))
     work.apply(0.0, *along_x(1.0))
     work.apply(PERIOD, *along_x(2.0))
     assert after(work, PERIOD, along_x(1.0)) == along_x(1.0)
@@ -306,16 +306,16 @@ def test_a_sample_may_be_read_after_the_next_forces() -> None:
 
 def test_a_lost_sample_divides_the_way_by_time() -> None:
     work = ArmWork()
-    work.until(0.0, *ZERO)
+    work.until(0.0, ArmSample(0))
     for tick, force in enumerate((1.0, 2.0)):
         work.apply(tick * PERIOD, *along_x(force))
-    work.until(PERIOD, *along_x(math.nan))
+    work.until(PERIOD, ArmSample(0, along_x(math.nan)))
     assert after(work, 2 * PERIOD, along_x(2.0)) == pytest.approx(along_x(3.0))
 
 
 def test_forces_without_samples_take_no_memory_without_end() -> None:
     work = ArmWork()
-    work.until(0.0, *ZERO)
+    work.until(0.0, ArmSample(0))
     for tick in range(3 * KEPT):
         work.apply(tick * PERIOD, *along_x(1.0))
     kept_of_the_way = after(work, 3 * KEPT * PERIOD, along_x(3.0))
