@@ -110,13 +110,19 @@ def handle_model(handle: HandleParameters) -> RationalModel:
     RationalModel
         In m/s^2 per N; four zeros at the origin, 1/m_h at high frequency.
     """
+    denominator = grip_denominator(handle, handle.m_h, handle.b_u, handle.k_u)
+    return RationalModel(np.array([handle.m_a, 0.0, 0.0, 0.0, 0.0]), denominator)
+
+
+def grip_denominator(handle: HandleParameters, m_h: float, b_u: float, k_u: float) -> FloatArray:
+    """Return the denominator of `handle_model` for another grip."""
     actuator = np.array([handle.m_a, handle.b_s, handle.k_s])
-    grip = np.array([handle.m_h, handle.b_s + handle.b_u, handle.k_s + handle.k_u])
+    grip = np.array([m_h, handle.b_s + b_u, handle.k_s + k_u])
     bearing = np.array([handle.b_s, handle.k_s])
     # numpy.polymul and polysub take ten times longer, and a controller waits for the result.
     denominator: FloatArray = np.convolve(actuator, grip)
     denominator[2:] -= np.convolve(bearing, bearing)
-    return RationalModel(np.array([handle.m_a, 0.0, 0.0, 0.0, 0.0]), denominator)
+    return denominator
 
 
 def _frequency(default: float, pair: str) -> Any:

@@ -205,8 +205,9 @@ class Fallback(Substitution):
         done = turn < len(parts) and parts[turn].update()
         if done and turn:
             self._reconsider() if turn == 2 else self._judge()
-        lefts = enumerate(each.left for each in self._parts)
-        self.due = count + min(left + (place - count - left) % TURNS for place, left in lefts)
+            parts = self._parts
+        dues = [count + each.left for each in parts]
+        self.due = min([due + (place - due) % TURNS for place, due in enumerate(dues)])
         return done and turn == 0
 
     @property

@@ -97,6 +97,8 @@ class ResponseSupervisor:
     trace : Trace
     taps : ndarray, shape (n,)
         Impulse response of the model from force to acceleration, m/s^2 per N.
+    described : bool
+        True if the handle fits the model in all evaluated bands.
     """
 
     def __init__(self, plant: Plant, rate: float, trace: Trace) -> None:
@@ -128,19 +130,14 @@ class ResponseSupervisor:
         return np.where(known, self._estimator.response, 1.0)
 
     @property
-    def described(self) -> bool:
-        """True if the handle fits the model in all evaluated bands."""
-        return not self._bad.any()
-
-    @property
     def warning(self) -> str:
         """Deviating bands, the recommended action, and what differs; empty if nothing does."""
         return ", ".join(filter(None, (self._deviating_bands(), self._diagnosis.difference)))
 
     def _deviating_bands(self) -> str:
-        bad = np.flatnonzero(self._bad)
-        if not len(bad):
+        if self.described:
             return ""
+        bad = np.flatnonzero(self._bad)
         low, high = self._edges[bad[0]][0], self._edges[bad[-1]][1]
         fits_above = (self._judged_once & ~self._bad)[bad[-1] + 1 :].any()
         low, high = (round(frequency, -1) for frequency in (low, high))
@@ -206,6 +203,7 @@ class ResponseSupervisor:
         bands = len(self._edges)
         self._over, self._under = np.zeros(bands), np.zeros(bands)
         self._bad, self._judged_once = np.zeros(bands, dtype=bool), np.zeros(bands, dtype=bool)
+        self.described = True
         self._fitting, self._fitted_from = 0.0, 0
 
     def _judge(self) -> None:
@@ -218,6 +216,7 @@ class ResponseSupervisor:
         fits = deviation < RELEASE * tolerated
         self._under = _counted(self._under, judged, judged & fits, interval)
         self._bad = (self._bad | (self._over >= RAISING)) & (self._under < FITTING)
+        self.described = not self._bad.any()
         self._judged_once |= judged
         self._fitting = 0.0 if over.any() else self.fitting + interval
         self._fitted_from = self.trace.count

@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from haptic_accel.core.control.grip_estimation import GRIP, AdaptationParameters
 from haptic_accel.core.control.inversion import design
 from haptic_accel.core.control.inversion.toeplitz import improved
 from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
+from haptic_accel.core.model import ComplexArray, FloatArray, grip_denominator, handle_model
 from haptic_accel.core.parameters import parameter
 from haptic_accel.core.tick import AdaptiveForce, Trace
 
@@ -249,7 +249,10 @@ class Learner:
         # The tool's spectrum has a multiple of the ratio's lines.
         every = lags // (len(self._ratio.frequency) - 1)
         self._every = slice(every, None, every)
-        self._known = plant.response(lines, rate) / handle_model(plant.handle).response(lines)
+        model = handle_model(plant.handle)
+        self._known = plant.response(lines, rate) / model.response(lines)
+        self._s = 2j * np.pi * lines
+        self._numerator = np.polyval(model.numerator, self._s)
         self._equations = design.NormalEquations(plant.handle, lines, rate, goal)
         self._expected, self._unexpected = map(_spectrum, design.expected_input(rate, goal, lags))
         self._above = _rising(lines, *LEARNT)
@@ -361,9 +364,8 @@ class Learner:
 
     def _model(self, grip: FloatArray) -> ComplexArray:
         """Return the response of the plant with a grip, m/s^2 per N, on the lines."""
-        m_h, b_u, k_u = grip.tolist()
-        handle = replace(self._handle, m_h=m_h, b_u=b_u, k_u=k_u)
-        return np.asarray(self._known * handle_model(handle).response(self._lines))
+        denominator = grip_denominator(self._handle, *grip.tolist())
+        return np.asarray(self._known * (self._numerator / np.polyval(denominator, self._s)))
 
     def _driven(self) -> FloatArray:
         """Return the spectrum of the convolution's input, with the expected spectrum's scale."""
