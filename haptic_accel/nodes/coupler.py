@@ -324,7 +324,7 @@ class Coupler(CouplingNode):
 
     def start_anew(self) -> None:
         """Discard the waiting samples."""
-        self.part.clear()
+        self.part.pairing.clear()
         for motions in self._motions.values():
             motions.clear()
 
@@ -344,7 +344,7 @@ class Coupler(CouplingNode):
         """Return whether the arms are coupled, and the energy in the tanks."""
         values = {
             "engaged": str(self.part.engaged).lower(),
-            "positions held": str(self.part.held),
+            "positions held": str(self.part.pairing.held),
             "positions refused": str(self.engagement.refused),
         }
         for arm, half in zip(ARMS, self._passive.halves, strict=True) if self._passive else ():
@@ -367,7 +367,7 @@ class Coupler(CouplingNode):
         self.part.couple()
         self.publish([], self.part.forces, offset=0)
         self.part.forces.clear()
-        return came and not self.part.waiting
+        return came and not self.part.pairing.waiting
 
     def publish(self, tools: list[ArmSample], commands: list[CoupledForces], offset: int) -> None:
         """Publish forces; the slave device publishes the tool's samples."""

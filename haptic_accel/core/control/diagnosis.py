@@ -48,9 +48,6 @@ accelerometer."""
 DELAYS = np.arange(-10, 31) * 50e-6
 """Delays that are tried, s."""
 
-UNIT = np.eye(3)
-"""Unit matrix of the grip's parameters."""
-
 UNEXPLAINED = 0.12
 """Relative deviation from the best grip and delay above which a mode is assumed; friction and
 noise of the paper's rig leave half of it."""
@@ -247,7 +244,7 @@ class Diagnosis:
         powers = (np.abs(targets) ** 2) @ weights
         # A texture without low frequencies does not show spring and damper: pull them to 1.
         pull = PULL * matrix.trace()
-        factors = np.linalg.solve(matrix + pull * UNIT, vectors + pull)
+        factors = np.linalg.solve(matrix + pull * np.eye(3), vectors + pull)
         explained = (factors * (2.0 * vectors - matrix @ factors)).sum(axis=0)
         return np.asarray(np.sqrt(np.maximum(0.0, powers - explained)))
 

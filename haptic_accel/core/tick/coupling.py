@@ -118,39 +118,18 @@ class CountObserver:
         ):  # or no number
             self.restart()
             return
-        largest = kept * self._s_x
-        if step_x > largest:
-            largest = step_x
-        elif -step_x > largest:
-            largest = -step_x
-        self._s_x = largest
-        if v_x and largest > FINEST:
-            left = (self.x + step_x) * self._left
-            self.x = left if -largest < left < largest else math.copysign(largest, left)
-        else:
-            self.x = 0.0
-        largest = kept * self._s_y
-        if step_y > largest:
-            largest = step_y
-        elif -step_y > largest:
-            largest = -step_y
-        self._s_y = largest
-        if v_y and largest > FINEST:
-            left = (self.y + step_y) * self._left
-            self.y = left if -largest < left < largest else math.copysign(largest, left)
-        else:
-            self.y = 0.0
-        largest = kept * self._s_z
-        if step_z > largest:
-            largest = step_z
-        elif -step_z > largest:
-            largest = -step_z
-        self._s_z = largest
-        if v_z and largest > FINEST:
-            left = (self.z + step_z) * self._left
-            self.z = left if -largest < left < largest else math.copysign(largest, left)
-        else:
-            self.z = 0.0
+        largest, size = kept * self._s_x, math.fabs(step_x)
+        self._s_x = largest = size if size > largest else largest
+        left = (self.x + step_x) * self._left if v_x and largest > FINEST else 0.0
+        self.x = left if -largest <= left <= largest else math.copysign(largest, left)
+        largest, size = kept * self._s_y, math.fabs(step_y)
+        self._s_y = largest = size if size > largest else largest
+        left = (self.y + step_y) * self._left if v_y and largest > FINEST else 0.0
+        self.y = left if -largest <= left <= largest else math.copysign(largest, left)
+        largest, size = kept * self._s_z, math.fabs(step_z)
+        self._s_z = largest = size if size > largest else largest
+        left = (self.z + step_z) * self._left if v_z and largest > FINEST else 0.0
+        self.z = left if -largest <= left <= largest else math.copysign(largest, left)
 
 
 class PairCoupling:
@@ -443,6 +422,11 @@ class CouplingPart(ArmCoupling):
         Maximum number of waiting samples of an arm.
     counted : bool
         True if the compensation in this process uses the count force, which is zero otherwise.
+
+    Attributes
+    ----------
+    pairing : Pairing
+        Samples of both arms that wait for each other.
     """
 
     def __init__(
@@ -457,7 +441,7 @@ class CouplingPart(ArmCoupling):
         ArmCoupling.__init__(self, engagement)
         self._coupling: PairCoupling = coupling
         self._counted: bool = counted
-        self._pairing: Pairing = Pairing(rate, longest)
+        self.pairing: Pairing = Pairing(rate, longest)
         self._on_master: CountObserver = CountObserver(rate)
         self._on_slave: CountObserver = CountObserver(rate)
         watches = [engagement.watches[arm] for arm in engagement.arms]
@@ -472,20 +456,10 @@ class CouplingPart(ArmCoupling):
         """True while the arms are coupled."""
         return self._coupling.engaged
 
-    @property
-    def held(self) -> int:
-        """Number of ticks with an earlier sample in place of a missing one."""
-        return self._pairing.held
-
-    @property
-    def waiting(self) -> bool:
-        """True while a sample of one arm waits for the other arm's."""
-        return self._pairing.waiting
-
     def put(self, sample: ArmSample, now: float) -> None:
         """Add a sample of the arm that it names, at a time in s."""
         (self._slave_watch if sample.arm else self._master_watch).take(now, sample)
-        self._pairing.put(sample)
+        self.pairing.put(sample)
 
     def is_due(self, now: float) -> bool:
         """Return whether the next `poll` is due."""
@@ -507,13 +481,9 @@ class CouplingPart(ArmCoupling):
             self._engaging = True
         return decision
 
-    def clear(self) -> None:
-        """Discard the waiting samples."""
-        self._pairing.clear()
-
     def couple(self) -> None:
         """Compute the forces of each tick with samples of both arms, while engaged."""
-        pairing, coupling = self._pairing, self._coupling
+        pairing, coupling = self.pairing, self._coupling
         while pairing.advance():
             master: ArmSample = pairing.master
             slave: ArmSample = pairing.slave

@@ -157,14 +157,13 @@ class DueForces:
         spare, waiting = self.spare, self.waiting
         force: TimedForce = spare.pop() if spare else TimedForce()
         force.due, force.stamp, force.x, force.y, force.z = due, stamp, x, y, z
-        waiting.append(force)
-        at: int = len(waiting) - 1
+        at: int = len(waiting)
         while at > 0:
             before: TimedForce = waiting[at - 1]
             if before.due <= due:
                 break
-            waiting[at], waiting[at - 1] = before, force
             at -= 1
+        waiting.insert(at, force)
 
     def pass_on(self, stamp: int, x: float, y: float, z: float) -> None:
         """Pass an outdated force to the next `pop`, so that the safety layer rejects it.
@@ -527,14 +526,13 @@ class DeviceSide:
                 writes_actuator = coils.command(now, age, actuator.x, actuator.y, actuator.z)
         if writes_arm or writes_actuator:
             self.write(time, begun, writes_arm, writes_actuator)
-        if self.clock is None:  # and thus no age
-            done, writes_arm, writes_actuator = begun, False, False
-        else:
-            done = self.clock()
+        # Without a clock a force has no age.
+        is_aged: bool = self.clock is not None
+        done: float = begun if self.clock is None else self.clock()
         if arm is not None:
-            arm.took_effect(done, writes_arm)
+            arm.took_effect(done, writes_arm and is_aged)
         if actuator is not None:
-            actuator.took_effect(done, writes_actuator)
+            actuator.took_effect(done, writes_actuator and is_aged)
 
     def write(self, time: float, judged: float, writes_arm: bool, writes_actuator: bool) -> None:
         """Write the forces that the safety layer holds since a clock time, s.

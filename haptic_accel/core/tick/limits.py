@@ -278,13 +278,12 @@ class ArmLimit(ForceLimit):
         if not math.isfinite(magnitude):
             self.rejected += 1
             return False
-        peak = self._peak
-        if magnitude > peak:
-            share = peak / magnitude
+        if magnitude > self._peak:
+            share = self._peak / magnitude
             x, y, z = x * share, y * share, z * share
         if not self.accepts(now, age, x, y, z):
             return self.end(now)
-        if magnitude > peak and magnitude > peak * (1.0 + FORCE_ROUNDING):
+        if magnitude > self._peak * (1.0 + FORCE_ROUNDING):
             self.limited += 1
         return True
 

@@ -84,10 +84,10 @@ def test_a_sample_waits_for_that_of_the_other_arm(part: CouplingPart) -> None:
     commands(part)
     put(part, 2, MASTER, 0.0)
     assert commands(part) == []
-    assert part.waiting
+    assert part.pairing.waiting
     put(part, 2, SLAVE, 0.0)
     assert len(commands(part)) == 2
-    assert not part.waiting
+    assert not part.pairing.waiting
 
 
 def test_arms_are_free_again_when_one_falls_silent(part: CouplingPart) -> None:
