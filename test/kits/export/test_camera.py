@@ -13,7 +13,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A camera beside touch, with the commands and the program of the page."""
+"""A camera with touch, with the commands and the program of the page."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from haptic_accel.bags.reading import messages_of
 from running import Command
 
 PAGE = Path(__file__).resolve().parents[3] / "haptic_accel" / "kits" / "export" / "README.md"
-SECTION = PAGE.read_text(encoding="utf-8").partition("## A camera beside touch")[2]
+SECTION = PAGE.read_text(encoding="utf-8").partition("## A camera with touch")[2]
 PROGRAM = re.findall(r"^```python\n(.*?)^```", SECTION, re.MULTILINE | re.DOTALL)[0]
 TELEOP, EXPORT = re.findall(r"^haptic-accel (.*)$", SECTION, re.MULTILINE)
 TOPIC, RAW = "/camera/image_raw", "sensor_msgs/msg/Image"
