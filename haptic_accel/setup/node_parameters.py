@@ -191,11 +191,7 @@ class IdentifierNodeParameters(SweepParameters):
         4, "number of trials, each of all repeats (paper: four a user)", low=1, high=1000
     )
     rest: float = parameter(
-        1.0,
-        "time without force before each trial, for the handle to settle",
-        unit="s",
-        low=0.1,
-        high=600.0,
+        1.0, "time without force before each trial, for the handle to settle", "s", 0.1, 600.0
     )
     listeners: int = parameter(
         1,

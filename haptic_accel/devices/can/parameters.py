@@ -46,11 +46,7 @@ class StageParameters(Checked):
 
     axis: str = parameter("z", "axis along which a stage moves", choices=("x", "y", "z"))
     travel: float = parameter(
-        0.04,
-        "travel of a stage per turn of its joint: lead or circumference",
-        unit="m",
-        low=1e-5,
-        high=10.0,
+        0.04, "travel of a stage per turn of its joint: lead or circumference", "m", 1e-5, 10.0
     )
 
 
@@ -59,18 +55,10 @@ class LinkParameters(Checked):
     """Links of an arm."""
 
     upper: float = parameter(
-        OMNI_LINK,
-        "length of the link from shoulder to elbow (Phantom Omni)",
-        unit="m",
-        low=0.01,
-        high=10.0,
+        OMNI_LINK, "length of the link from shoulder to elbow (Phantom Omni)", "m", 0.01, 10.0
     )
     fore: float = parameter(
-        OMNI_LINK,
-        "length of the link from elbow to tip (Phantom Omni)",
-        unit="m",
-        low=0.01,
-        high=10.0,
+        OMNI_LINK, "length of the link from elbow to tip (Phantom Omni)", "m", 0.01, 10.0
     )
     elbow: str = parameter(
         "base",
@@ -201,11 +189,7 @@ class CanParameters(Checked):
         high=10.0,
     )
     estimates_timeout: float = parameter(
-        0.05,
-        "age of an axis' estimates above which all torques go to zero",
-        unit="s",
-        low=0.002,
-        high=10.0,
+        0.05, "age of an axis' estimates above which all torques go to zero", "s", 0.002, 10.0
     )
     kinematics: str = parameter(
         "arm",

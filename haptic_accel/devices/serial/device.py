@@ -104,11 +104,7 @@ class PortParameters(Checked):
     port: str = parameter("", "path of the serial port, such as /dev/ttyACM0")
     usb_serial: str = parameter("", "USB serial number of the board, in place of a path")
     baud: int = parameter(
-        BAUD,
-        "bit rate of a real serial line; USB has none",
-        unit="bit/s",
-        low=9600,
-        high=12_000_000,
+        BAUD, "bit rate of a real serial line; USB has none", "bit/s", 9600, 12_000_000
     )
 
 
