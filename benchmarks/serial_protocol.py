@@ -44,7 +44,7 @@ from haptic_accel.devices.serial.protocol import (
     encode,
     read_message,
 )
-from haptic_accel.kits.emulators.serial_board import Board
+from haptic_accel.kits.emulators.serial_line import Board
 
 COILS = 3
 """Number of the board's coils."""

@@ -16,7 +16,7 @@
 // The device's side of the protocol: obeys the host, sends samples, takes the current off.
 //
 // Nothing here knows the time, a port or a pin: all are given, so that the host compiles it too.
-// The same as haptic_accel/kits/emulators/serial_board.py, with which a test compares it. Times are us of
+// The same as haptic_accel/kits/emulators/serial_line.py, with which a test compares it. Times are us of
 // the device's clock and may begin anew; periods are ns, so that none is rounded noticeably.
 #pragma once
 

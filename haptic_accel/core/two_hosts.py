@@ -36,8 +36,7 @@ from haptic_accel.core.coupling.engagement import Decision, EngagementParameters
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.network import endpoint
 from haptic_accel.core.network.channel import Channel, ChannelParameters
-from haptic_accel.core.network.endpoint import Endpoint, Motion, State
-from haptic_accel.core.network.packet import Packet
+from haptic_accel.core.network.endpoint import Endpoint, Motion, Packet, State
 from haptic_accel.core.network.playout import WAITING, Played
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import ARMS

@@ -41,13 +41,15 @@ from haptic_accel.setup.files import (
     SEPARATOR,
     Unused,
     Values,
+    current_arguments,
+    current_values,
     parameter_paths,
+    present_values,
     read_parameter_file,
     read_parameter_files,
     surface_file,
     warn_of,
 )
-from haptic_accel.setup.former_names import current_arguments, current_values, present_values
 from haptic_accel.setup.node_parameters import NODES, PASSIVE, SAFETY, node_parameters, node_schema
 
 RECORDER = "recorder"

@@ -23,8 +23,7 @@ from hypothesis import strategies as st
 
 from haptic_accel.core.parameters import ParameterError, schema
 from haptic_accel.setup.arguments import GraphArguments, parse_arguments, stated_words
-from haptic_accel.setup.files import parameter_text
-from haptic_accel.setup.former_names import current_arguments
+from haptic_accel.setup.files import current_arguments, parameter_text
 from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import described
 

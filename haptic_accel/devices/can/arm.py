@@ -17,20 +17,148 @@
 
 from __future__ import annotations
 
+import cmath
 import logging
 import math
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import TypeAlias
+
+import numpy as np
 
 from haptic_accel.core.model import ZERO, FloatArray, Vector, vector
 from haptic_accel.devices.can import protocol
-from haptic_accel.devices.can.kinematics import Angles, kinematics_of
-from haptic_accel.devices.can.parameters import REQUESTED, CanParameters, JointParameters
+from haptic_accel.devices.can.parameters import (
+    REQUESTED,
+    CanParameters,
+    JointParameters,
+    LinkParameters,
+    StageParameters,
+)
 from haptic_accel.devices.can.protocol import AxisState, Frame, SetState, SetTorque
 from haptic_accel.devices.connection import AUTO
 from haptic_accel.devices.interface import Joints, Sample
+
+SHORTEST = 1e-9
+"""Shortest distance to divide by, m."""
+
+Angles: TypeAlias = tuple[float, ...]
+"""One value per joint: rad, rad/s or N m."""
+
+
+class LinearStage:
+    """Motor that moves the tip along an axis.
+
+    Attributes
+    ----------
+    home : tuple of float
+        Angles in the middle of the workspace, rad.
+    """
+
+    home: Angles = (0.0,)
+
+    def __init__(self, parameters: StageParameters) -> None:
+        self._axis = "xyz".index(parameters.axis)
+        self._jacobian = np.zeros((3, 1))
+        self._jacobian[self._axis] = parameters.travel / math.tau
+
+    def position(self, angles: Sequence[float]) -> Vector:
+        """Return the tip's position, m, for an angle in rad."""
+        return vector(self._jacobian @ angles)
+
+    def jacobian(self, angles: Sequence[float]) -> FloatArray:
+        """Return the Jacobian, shape (3, 1), m/rad: the travel per angle."""
+        return self._jacobian
+
+    def angles(self, position: Vector) -> Angles:
+        """Return the angle for a position along the axis, rad."""
+        return (position[self._axis] / float(self._jacobian[self._axis, 0]),)
+
+
+class ArticulatedArm:
+    """Waist, shoulder and elbow.
+
+    Attributes
+    ----------
+    home : tuple of float
+        Angles in the middle of the workspace, far from singularities, rad.
+    """
+
+    # Upper link horizontal, forearm hanging: the links are at right angles.
+    home: Angles = (0.0, 0.0, 0.0)
+
+    def __init__(self, parameters: LinkParameters) -> None:
+        self._upper, self._fore = parameters.upper, parameters.fore
+        self._relative = parameters.elbow == "shoulder"
+
+    def _pose(self, angles: Sequence[float]) -> tuple[float, complex, complex]:
+        """Return the waist's angle, and both links as outwards + j upwards, m."""
+        waist, shoulder, elbow = (0.0, *angles)[-3:]
+        if self._relative:
+            elbow += shoulder
+        return waist, cmath.rect(self._upper, shoulder), -1j * cmath.rect(self._fore, elbow)
+
+    def position(self, angles: Sequence[float]) -> Vector:
+        """Return the tip's position from the shoulder, m, for angles in rad."""
+        waist, upper, fore = self._pose(angles)
+        tip = upper + fore
+        return tip.real * math.cos(waist), tip.real * math.sin(waist), tip.imag
+
+    def jacobian(self, angles: Sequence[float]) -> FloatArray:
+        """Return the Jacobian, shape (3, joints), m/rad, at angles in rad.
+
+        It is singular where the links are in line, or the tip is above or below the waist.
+        """
+        waist, upper, fore = self._pose(angles)
+        tip = upper + fore
+        cos_waist, sin_waist = math.cos(waist), math.sin(waist)
+        columns = [(-tip.real * sin_waist, tip.real * cos_waist, 0.0)]
+        for turned in (tip if self._relative else upper, fore):
+            by_angle = 1j * turned
+            columns.append((by_angle.real * cos_waist, by_angle.real * sin_waist, by_angle.imag))
+        return np.array(columns[-len(self.home) :]).T
+
+    def angles(self, position: Vector) -> Angles:
+        """Return the angles, rad, that bring the tip to a position, m, or as near as possible.
+
+        The elbow is above the line from shoulder to tip.
+        """
+        x, y, z = position
+        out = math.hypot(x, y)
+        distance = math.hypot(out, z)
+        # Law of cosines; out of reach, the arm stretches towards the position.
+        cosine = (self._upper**2 + distance**2 - self._fore**2) / (
+            2 * self._upper * max(distance, SHORTEST)
+        )
+        shoulder = math.atan2(z, out) + math.acos(min(1.0, max(-1.0, cosine)))
+        fore = complex(out, z) - cmath.rect(self._upper, shoulder)
+        elbow = math.atan2(fore.real, -fore.imag) - self._relative * shoulder
+        return (math.atan2(y, x), shoulder, elbow)[-len(self.home) :]
+
+
+class PlanarArm(ArticulatedArm):
+    """Shoulder and elbow of the articulated arm, in the plane of x and z."""
+
+    home: Angles = ArticulatedArm.home[1:]
+
+    def angles(self, position: Vector) -> Angles:
+        """Return the angles with the elbow above the line from shoulder to tip, rad."""
+        return super().angles((position[0], 0.0, position[2]))
+
+
+Kinematics: TypeAlias = LinearStage | ArticulatedArm
+"""Relation between the angles of the joints and the position of the tip."""
+
+
+def kinematics_of(parameters: CanParameters) -> Kinematics:
+    """Return the kinematics with the parameters of stage or links."""
+    if parameters.kinematics == "stage":
+        return LinearStage(parameters.stage)
+    kind = PlanarArm if parameters.kinematics == "planar" else ArticulatedArm
+    return kind(parameters.links)
+
 
 REPEAT_PERIOD = 5e-3
 """Time after which torques are sent again, s. The time-out of an axis' watchdog should be several

@@ -33,8 +33,8 @@ import numpy as np
 
 from haptic_accel.core.model import FloatArray, vector
 from haptic_accel.devices.can import protocol
+from haptic_accel.devices.can.arm import kinematics_of
 from haptic_accel.devices.can.device import frame_of, message_of
-from haptic_accel.devices.can.kinematics import kinematics_of
 from haptic_accel.devices.can.parameters import STREAMED, CanParameters
 from haptic_accel.devices.can.protocol import HEARTBEAT_RATE, HIGHEST_ID, AxisState, Command, Frame
 from haptic_accel.devices.simulated import SimulatedDevice

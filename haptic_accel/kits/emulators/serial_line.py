@@ -31,11 +31,301 @@ from haptic_accel.core.actuator.safety import SafetyParameters
 from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.topics import ARMS
-from haptic_accel.devices.serial.protocol import CLOCKS, FULL_SCALE, Identity
+from haptic_accel.devices.serial import protocol
+from haptic_accel.devices.serial.protocol import (
+    CLOCKS,
+    FULL_SCALE,
+    Configuration,
+    ErrorCode,
+    Frame,
+    FrameType,
+    Identity,
+    ScheduleCurrent,
+    SetCurrent,
+    State,
+)
 from haptic_accel.devices.simulated import SimulatedDevice
 from haptic_accel.kits.emulators.faults import DROP, GARBAGE, STALL, UNPLUG, Faults
 from haptic_accel.kits.emulators.pseudo_terminal import BUFFER, PseudoTerminal
-from haptic_accel.kits.emulators.serial_board import Board
+
+TIMEOUT = 5_000
+"""Maximum time without a set-point while a current may flow, us."""
+
+STATUS_PERIOD = 100_000
+"""Interval of unrequested status messages, us."""
+
+LOWEST_RATE = 50
+"""Minimum sampling rate, Hz."""
+
+ROOM = 32
+"""Maximum number of scheduled set-points; the maximum latency is 20 samples."""
+
+LONGEST_LEAD = 500_000
+"""Maximum time from a scheduled set-point's arrival to its due time, us: slightly more than 20
+samples at the minimum rate."""
+
+SECOND, MICROSECOND = 1_000_000_000, 1_000
+"""Nanoseconds in a second and in a microsecond."""
+
+TOLERANCE = 64
+"""Inverse of the maximum relative deviation of a grid's period from the nominal."""
+
+LARGEST_STEP = 32
+"""Inverse of the maximum relative deviation of a sampling interval from the grid's period."""
+
+SMOOTHING = 4
+"""Number of ticks in which a distance from the grid is removed. As a timer uses a new interval one
+tick later, a quarter per tick is the fastest correction without overshoot."""
+
+DRIVING = FrameType.ARM, FrameType.SET_CURRENT, FrameType.SCHEDULE_CURRENT
+"""Types of frames for an actuator."""
+
+SILENT = Configuration(0, 0, 0)
+"""Configuration before the host has sent one."""
+
+
+class Board:
+    """Board with input of bytes and accelerometer samples, and output of frames and currents.
+
+    The board sends nothing until an intact frame arrives.
+
+    Parameters
+    ----------
+    identity : Identity
+        Identity of the board; without a full-scale current it has no actuator.
+    send : callable
+        Function that sends a frame's bytes; returns False if there was no room.
+
+    Attributes
+    ----------
+    configuration : Configuration
+    state : State
+    currents : tuple of int
+        Set-points of the coils' currents, counts of `FULL_SCALE`; 0 unless armed.
+    period : int
+        Time from this sampling tick to the next, ns; 0 without samples.
+    """
+
+    def __init__(self, identity: protocol.Identity, send: Callable[[bytes], bool]) -> None:
+        self._identity = identity
+        self._coils = len(identity.coils)
+        self._send_bytes = send
+        self._decoder = protocol.Decoder()
+        self._encoder = protocol.Encoder()
+        self.state = State.DISARMED
+        self._switch_off()
+        self._scheduled: list[ScheduleCurrent] = []
+        self._last_tick: int | None = None
+        self._index = 0
+        self._pending: list[int] = []
+        self._pending_clock = 0
+        self._last_set = 0
+        self._last_status = 0
+        self._contacted = False
+        self._faulty = False
+        self._refused = self._timeouts = self._unsent = self._late = self._overflowed = 0
+        self._configure(SILENT)
+
+    def receive(self, data: bytes, now: int) -> None:
+        """Process bytes from the host."""
+        for frame in self._decoder.feed(data):
+            if not self._contacted:
+                self._contacted = True
+                self._last_status = now
+            self._execute(frame, now)
+
+    def send_sample(self, values: Sequence[int], now: int) -> None:
+        """Process a tick's sample, counts by axis x, y, z, then apply set-points that are due."""
+        configuration = self.configuration
+        if not configuration.rate:
+            return
+        self._follow_grid(now)
+        self._last_tick = now
+        while self._scheduled and self._passed(self._scheduled[0].due):
+            self._apply(self._scheduled.pop(0))
+        if not self._pending:
+            self._pending_clock = now
+        self._pending += [v for axis, v in enumerate(values) if configuration.axes >> axis & 1]
+        taken = len(self._pending) // configuration.axes.bit_count()
+        if taken == configuration.samples_per_frame:
+            frame = protocol.Samples(self._index, configuration.axes, tuple(self._pending))
+            self._send(frame, self._pending_clock)
+            self._index = (self._index + taken) % CLOCKS
+            self._pending.clear()
+
+    def tick(self, now: int) -> None:
+        """Check timeouts and periods; call it at least every ms."""
+        if self.state is State.ARMED and (now - self._last_set) % CLOCKS > TIMEOUT:
+            self._timeouts += 1
+            self._enter(State.TIMED_OUT, now)
+        if self._contacted and (now - self._last_status) % CLOCKS >= STATUS_PERIOD:
+            self._report(now)
+
+    def fault(self, present: bool, now: int) -> None:
+        """Process the amplifier's fault signal; a fault stays until the host disarms."""
+        appeared = present and not self._faulty
+        self._faulty = present
+        if appeared:
+            self._enter(State.FAULT, now)
+
+    def disconnect(self) -> None:
+        """Forget a host that has closed the port; counts remain."""
+        self._decoder.restart()
+        self._configure(SILENT)
+        self._contacted = False
+        self._switch_off()
+        if self.state is not State.FAULT:
+            self.state = State.DISARMED
+
+    def _execute(self, frame: Frame, now: int) -> None:
+        refusal = self._refusal(frame)
+        if refusal:
+            self._send(protocol.Error(refusal, frame.type, frame.sequence), now)
+            return
+        match protocol.read_message(frame):
+            case protocol.Identify():
+                self._send(self._identity, now)
+            case protocol.Configure() as asked:
+                # For a rate of 0, axes and number are meaningless.
+                self._configure(Configuration(**vars(asked)) if asked.rate else SILENT)
+                self._send(self.configuration, now)
+            case protocol.Align(tick, period):
+                self._grid, self._grid_fraction, self._grid_period = tick, 0, period
+            case protocol.ArmRequest():
+                if self.state is State.ARMED:
+                    self._report(now)
+                else:
+                    self._last_set = now
+                    self._enter(State.ARMED, now)
+            case protocol.DisarmRequest():
+                self._enter(State.DISARMED, now)
+            case SetCurrent() | ScheduleCurrent() as set_point:
+                self._receive_set_point(set_point, now)
+
+    def _refusal(self, frame: Frame) -> ErrorCode | None:
+        """Return the reason for rejecting a frame; None to accept it."""
+        if frame.version != protocol.VERSION:
+            return ErrorCode.VERSION
+        if frame.type not in protocol.REQUESTS:
+            return ErrorCode.TYPE
+        if frame.type in DRIVING and not self._coils:
+            return ErrorCode.NO_ACTUATOR
+        if len(frame.payload) != protocol.REQUESTS[frame.type].size(self._coils):
+            return ErrorCode.LENGTH
+        match protocol.read_message(frame):
+            case protocol.ArmRequest() if self.state is State.FAULT:
+                return ErrorCode.FAULT
+            case protocol.DisarmRequest() if self._faulty:
+                return ErrorCode.FAULT
+            case protocol.Configure() as asked if asked.rate and not self._can(asked):
+                return ErrorCode.VALUE
+            case protocol.Align(_, period) if not self._can_follow(period):
+                return ErrorCode.VALUE
+        return None
+
+    def _can(self, asked: protocol.Configure) -> bool:
+        return (
+            LOWEST_RATE <= asked.rate <= self._identity.highest_rate
+            and asked.axes != 0
+            and asked.axes & ~self._identity.axes == 0
+            and 1 <= asked.samples_per_frame <= protocol.most_samples(asked.axes)
+        )
+
+    def _can_follow(self, period: int) -> bool:
+        rate = self.configuration.rate
+        return rate > 0 and abs(period * rate - SECOND) <= SECOND // TOLERANCE
+
+    def _configure(self, configuration: Configuration) -> None:
+        """Restart sampling, with ticks that do not follow a grid yet."""
+        rate = configuration.rate
+        self.configuration = configuration
+        self.period = (SECOND + rate // 2) // rate if rate else 0
+        self._grid = self._grid_fraction = self._grid_period = 0
+        self._last_tick = None
+        self._index = 0
+        self._pending.clear()
+        self._scheduled.clear()
+
+    def _follow_grid(self, now: int) -> None:
+        """Move to the grid point nearest to a tick, and schedule the next tick at the next point.
+
+        A point is stored as whole us and the remaining ns.
+        """
+        period = self._grid_period
+        if not period:
+            return
+        distance = difference(now, self._grid) * MICROSECOND - self._grid_fraction
+        points = (distance + period // 2) // period
+        fraction = self._grid_fraction + points * period
+        self._grid = (self._grid + fraction // MICROSECOND) % CLOCKS
+        self._grid_fraction = fraction % MICROSECOND
+        step = math.trunc((distance - points * period) / SMOOTHING)
+        largest = period // LARGEST_STEP
+        self.period = period - min(max(step, -largest), largest)
+
+    def _passed(self, due: int) -> bool:
+        """Return True if a set-point is due at the last tick or earlier."""
+        assert self._last_tick is not None
+        return 2 * MICROSECOND * difference(due, self._last_tick) <= self.period
+
+    def _receive_set_point(self, set_point: SetCurrent | ScheduleCurrent, now: int) -> None:
+        scheduled = set_point if isinstance(set_point, ScheduleCurrent) else None
+        too_early = scheduled and difference(scheduled.due, now) > LONGEST_LEAD
+        if too_early or self.state not in (State.ARMED, State.TIMED_OUT):
+            self._refused += 1
+            return
+        self.state = State.ARMED
+        self._last_set = now
+        if scheduled and self._last_tick is not None:
+            self._schedule(scheduled)
+        else:
+            self._scheduled.clear()
+            self._apply(set_point)
+
+    def _schedule(self, set_point: ScheduleCurrent) -> None:
+        """Store a set-point until its tick, in order of due times."""
+        if self._passed(set_point.due):
+            self._late += 1
+            self._apply(set_point)
+        elif len(self._scheduled) == ROOM:
+            self._overflowed += 1
+        else:
+            index = len(self._scheduled)
+            while index and difference(self._scheduled[index - 1].due, set_point.due) > 0:
+                index -= 1
+            self._scheduled.insert(index, set_point)
+
+    def _apply(self, set_point: SetCurrent | ScheduleCurrent) -> None:
+        self.currents = tuple(max(-protocol.FULL_SCALE, counts) for counts in set_point.counts)
+
+    def _switch_off(self) -> None:
+        self.currents = (0,) * self._coils
+
+    def _enter(self, state: State, now: int) -> None:
+        """Change the state; no current flows until the next set-point."""
+        self.state = state
+        self._switch_off()
+        self._scheduled.clear()
+        self._report(now)
+
+    def _report(self, now: int) -> None:
+        self._last_status = now
+        decoder = self._decoder
+        counts = (
+            *(decoder.received, decoder.damaged, decoder.lost),
+            *(self._refused, self._timeouts, self._unsent, self._late, self._overflowed),
+        )
+        self._send(protocol.Status(self.state, self.currents, *(n % CLOCKS for n in counts)), now)
+
+    def _send(self, message: protocol.Message, now: int) -> None:
+        if self._contacted and not self._send_bytes(self._encoder.encode(message, now)):
+            self._unsent += 1
+
+
+def difference(later: int, earlier: int) -> int:
+    """Return the signed difference of two times, us, modulo the clock's range."""
+    return (later - earlier + CLOCKS // 2) % CLOCKS - CLOCKS // 2
+
 
 STEP = 1e-3
 """Period of the coupling and of the boards' timeouts, s (paper's servo loop)."""

@@ -32,6 +32,7 @@ from haptic_accel.core.network.endpoint import (
     DUPLICATE_WINDOW,
     LARGEST_JUMP,
     LIFETIME,
+    MOST_SAMPLES,
     PACKET_PERIOD,
     PROBLEM_TIME,
     REFUSED,
@@ -40,10 +41,11 @@ from haptic_accel.core.network.endpoint import (
     ClockOffset,
     Endpoint,
     Motion,
+    Packet,
     Session,
     State,
+    unpack,
 )
-from haptic_accel.core.network.packet import MOST_SAMPLES, Packet, unpack
 
 SECOND = 1_000_000_000
 

@@ -24,7 +24,13 @@ from hypothesis import strategies as st
 
 from fuzzing import fuzz
 from haptic_accel.core.axes import ALL_AXES, NAMES, Axes
-from haptic_accel.core.network.packet import LARGEST_SAMPLE, MOST_SAMPLES, VERSION, Packet, unpack
+from haptic_accel.core.network.endpoint import (
+    LARGEST_SAMPLE,
+    MOST_SAMPLES,
+    VERSION,
+    Packet,
+    unpack,
+)
 from haptic_accel.core.topics import ARMS
 
 WORD = st.integers(-(2**63), 2**63 - 1)

@@ -24,7 +24,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_accel.devices.can.kinematics import ArticulatedArm, Kinematics, LinearStage, PlanarArm
+from haptic_accel.devices.can.arm import ArticulatedArm, Kinematics, LinearStage, PlanarArm
 from haptic_accel.devices.can.parameters import JointParameters, LinkParameters, StageParameters
 
 KINEMATICS: dict[str, Kinematics] = {

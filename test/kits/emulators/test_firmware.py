@@ -25,7 +25,7 @@ import pytest
 
 from haptic_accel.core.axes import NAMES
 from haptic_accel.devices.serial import protocol
-from haptic_accel.kits.emulators.serial_board import Board
+from haptic_accel.kits.emulators.serial_line import Board
 from host_firmware import PROCESSORS, Processor, compiled, garbled, random_frames, record, run
 
 HANDLE = protocol.Identity((1, 2, 3), 0b101, 10_000, 84.6, (0.0, 0.0, 2.75), "7654321")

@@ -51,7 +51,7 @@ from haptic_accel.devices.serial.protocol import (
     encode,
     read_message,
 )
-from haptic_accel.kits.emulators import serial_board
+from haptic_accel.kits.emulators import serial_line
 
 HANDLE = Identity((1, 0, 0), 0b111, 10_000, 49.0, (0.0, 0.0, 2.75), "handle")
 THREE = replace(HANDLE, full_scale_currents=(2.75, 1.0, 0.5))
@@ -68,7 +68,7 @@ class Host:
         self.clocks: list[int] = []
         self.room = True
         self._encoder, self._decoder = Encoder(), Decoder()
-        self.board = serial_board.Board(identity, self._take)
+        self.board = serial_line.Board(identity, self._take)
 
     def _take(self, data: bytes) -> bool:
         if self.room:
@@ -105,7 +105,7 @@ class Host:
 
     def status(self) -> Status:
         """Return a new status."""
-        self.wait(serial_board.STATUS_PERIOD)
+        self.wait(serial_line.STATUS_PERIOD)
         return self.all(Status)[-1]
 
     def all(self, kind: type[M]) -> list[M]:
@@ -122,11 +122,11 @@ def armed() -> Host:
 def test_it_says_nothing_before_it_is_spoken_to() -> None:
     host = Host()
     host.board.receive(b"AT\r\n\0", host.now)
-    host.wait(5 * serial_board.STATUS_PERIOD)
+    host.wait(5 * serial_line.STATUS_PERIOD)
     assert host.heard == []
     host.say(Identify())
     assert host.heard == [HANDLE]
-    host.wait(2 * serial_board.STATUS_PERIOD)
+    host.wait(2 * serial_line.STATUS_PERIOD)
     assert len(host.all(Status)) == 2
 
 
@@ -141,7 +141,7 @@ def test_set_points_are_refused_until_it_is_armed() -> None:
 
 def test_the_current_is_zero_after_5_ms_of_silence_and_comes_back() -> None:
     host = armed()
-    host.wait(serial_board.TIMEOUT)
+    host.wait(serial_line.TIMEOUT)
     assert host.current == 1000
     host.wait(1000)
     assert (host.current, host.board.state) == (0, State.TIMED_OUT)
@@ -186,8 +186,8 @@ def test_before_the_first_tick_a_scheduled_set_point_acts_at_once() -> None:
 
 def test_what_is_due_too_far_ahead_or_has_no_room_is_refused_and_counted() -> None:
     host = scheduling()
-    host.say(ScheduleCurrent((1,), (host.now + serial_board.LONGEST_LEAD + 1) % CLOCKS))
-    for place in range(serial_board.ROOM + 3):
+    host.say(ScheduleCurrent((1,), (host.now + serial_line.LONGEST_LEAD + 1) % CLOCKS))
+    for place in range(serial_line.ROOM + 3):
         host.say(ScheduleCurrent((place,), (host.now + 1000 * (place + 1)) % CLOCKS))
     host.say(SetCurrent((0,)))
     status = host.status()
@@ -205,7 +205,7 @@ def test_a_latency_of_20_samples_trips_no_time_out_and_silence_does() -> None:
     assert flowing[:20] == [0] * 20
     assert flowing[20:] == list(range(1, 80))
     # Counted from the last that came: what was scheduled before the silence is not applied.
-    host.wait(serial_board.TIMEOUT + 1000)
+    host.wait(serial_line.TIMEOUT + 1000)
     assert (host.current, host.board.state) == (0, State.TIMED_OUT)
     assert host.tick_at(start + 106_000) == 0
 
@@ -213,7 +213,7 @@ def test_a_latency_of_20_samples_trips_no_time_out_and_silence_does() -> None:
 @settings(max_examples=40)
 @given(
     st.integers(0, CLOCKS - 1),
-    st.lists(st.integers(-4000, 20_000), min_size=1, max_size=serial_board.ROOM),
+    st.lists(st.integers(-4000, 20_000), min_size=1, max_size=serial_line.ROOM),
 )
 def test_at_each_tick_the_newest_that_is_due_acts(start: int, leads: Sequence[int]) -> None:
     host = scheduling(start=start)
@@ -296,7 +296,7 @@ def test_a_grid_of_another_rate_is_refused() -> None:
 
 @given(st.integers(0, CLOCKS - 1), st.integers(-(2**31), 2**31 - 1))
 def test_differences_of_times_hold_where_the_clock_begins_anew(time: int, ahead: int) -> None:
-    assert serial_board.difference((time + ahead) % CLOCKS, time) == ahead
+    assert serial_line.difference((time + ahead) % CLOCKS, time) == ahead
 
 
 # Safety
@@ -322,7 +322,7 @@ def test_a_host_that_goes_leaves_no_current_and_no_samples() -> None:
     assert (host.current, host.board.state) == (0, State.DISARMED)
     heard = len(host.heard)
     host.sample(10)
-    host.wait(serial_board.STATUS_PERIOD)
+    host.wait(serial_line.STATUS_PERIOD)
     assert len(host.heard) == heard
 
 
@@ -360,7 +360,7 @@ def test_what_the_port_has_no_room_for_is_counted_and_missing_by_its_numbers() -
     host.room = True
     host.sample(1)
     assert host.all(Samples)[-1].index == 5
-    host.wait(serial_board.STATUS_PERIOD)
+    host.wait(serial_line.STATUS_PERIOD)
     assert host.all(Status)[-1].unsent == 5
 
 
@@ -434,4 +434,4 @@ def test_whatever_comes_the_currents_are_lawful(
         assert all(abs(current) <= FULL_SCALE for current in currents)
         if any(currents):
             assert host.board.state is State.ARMED
-            assert milliseconds * 1000 <= serial_board.TIMEOUT
+            assert milliseconds * 1000 <= serial_line.TIMEOUT

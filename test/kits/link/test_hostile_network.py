@@ -27,8 +27,15 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from haptic_accel.core.axes import along_actuator
-from haptic_accel.core.network.endpoint import ANEW, LIFETIME, Endpoint, Motion, State
-from haptic_accel.core.network.packet import MOST_SAMPLES, unpack
+from haptic_accel.core.network.endpoint import (
+    ANEW,
+    LIFETIME,
+    MOST_SAMPLES,
+    Endpoint,
+    Motion,
+    State,
+    unpack,
+)
 from haptic_accel.kits.link.authentication import KEY_LENGTH, Authenticator
 
 RATE = 1000.0

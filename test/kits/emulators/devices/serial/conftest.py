@@ -37,8 +37,7 @@ from haptic_accel.devices.serial.protocol import (
     encode,
 )
 from haptic_accel.kits.emulators.pseudo_terminal import run
-from haptic_accel.kits.emulators.serial_board import Board
-from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
+from haptic_accel.kits.emulators.serial_line import Board, EmulatedBoard, SerialLines
 
 HANDLE = Identity((1, 2, 3), 0b100, 5000, 49.0, (0.0, 0.0, 2.75), "handle-1")
 
