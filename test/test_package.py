@@ -37,7 +37,7 @@ from packaging.specifiers import SpecifierSet
 
 from haptic_accel import __version__
 from haptic_accel.bags import NO_ROSBAGS, OF_ROSBAGS
-from haptic_accel.setup.executables import node_module
+from haptic_accel.core.outside import node_module
 
 SOURCE = Path(__file__).resolve().parents[1]
 NODES = (

@@ -22,9 +22,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from importlib.metadata import Distribution, EntryPoint, distributions
+from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from haptic_accel.core.parameters import (
@@ -233,3 +234,26 @@ def _unusable(base: Any, reason: OutsideError) -> Any:
     kind: Any = type("Unusable", (base,), {"__init__": refuse})
     kind.__abstractmethods__ = frozenset()  # none of its methods is ever called
     return kind
+
+
+NODES_GROUP = "haptic_accel.nodes"
+"""Group of entry points for executables outside the folder of the nodes."""
+
+
+def node_module(executable: str) -> str:
+    """Return the module with the function `main` of an executable; empty for a missing one.
+
+    Raises
+    ------
+    OutsideError
+        Another package declares the executable, and its folder cannot be searched.
+    """
+    own = f"haptic_accel.nodes.{executable}"
+    if find_spec(own):
+        declared(NODES_GROUP, [executable])  # says which package tries to take the name
+        return own
+    with guard(), suppress(ModuleNotFoundError):  # a folder may have been taken away
+        entry = declared(NODES_GROUP).get(executable)
+        if entry and find_spec(entry.value):
+            return entry.value
+    return ""

@@ -23,15 +23,17 @@ from __future__ import annotations
 from haptic_accel.core.outside import with_outside
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.devices.can.device import CanMaster, CanSlave
-from haptic_accel.devices.combined import CombinedDevice, CombinedTool, combined
 from haptic_accel.devices.crtk.device import CrtkMaster, CrtkSlave
 from haptic_accel.devices.interface import (
     MASTERS_GROUP,
     SLAVES_GROUP,
+    CombinedDevice,
+    CombinedTool,
     Device,
     DeviceDescription,
     DeviceError,
     Sample,
+    combined,
     driver_problem,
 )
 from haptic_accel.devices.playback import ReplayMaster, ReplaySlave

@@ -13,17 +13,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Interface of all devices: parameters, open, read, write, close."""
+"""Interface of all devices: parameters, open, read, write, close; devices of two parts."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 from haptic_accel.core.axes import ACTUATOR_AXES, Axes
 from haptic_accel.core.model import LATER, Reading, Sample, Vector
+from haptic_accel.core.orientation import is_turned, to_base
 from haptic_accel.core.outside import OutsideError, guard, parameters_problem
 from haptic_accel.core.parameters import Checked, ParameterError, schema
 
@@ -327,3 +329,107 @@ class Device(ABC):
 def _joined(lines: Iterable[str]) -> str:
     """Return the non-empty lines, joined into one line."""
     return "; ".join(filter(None, lines))
+
+
+class CombinedDevice(Device):
+    """Arm that measures position and velocity, with a handle or tool for acceleration.
+
+    A subclass names both classes. `open` opens both or neither; `close` closes both even on
+    errors.
+
+    Parameters
+    ----------
+    arm, handle
+        Parameters of both.
+    rate : float
+    seed : int
+    """
+
+    ArmDevice: ClassVar[type[Device]]
+    HandleDevice: ClassVar[type[Device]]
+
+    def __init__(self, arm: Any, handle: Any, rate: float, seed: int) -> None:
+        self._arm = self.ArmDevice(arm, rate, seed)
+        self._handle = self.HandleDevice(handle, rate, seed)
+        self.parts = self._arm, self._handle
+        self.axes = self._handle.axes
+
+    def open(self) -> None:
+        """Open both, or leave both closed."""
+        with ExitStack() as opened:
+            for device in self.parts:
+                opened.callback(device.close)
+                device.open()
+            opened.pop_all()
+
+    def read(self, time: float) -> Reading:
+        """Return the arm's motion and the handle's acceleration; None if either is missing."""
+        motion = self._arm.read(time)
+        if motion is LATER:
+            return LATER
+        # Read after the arm, as a handle gives each sample once.
+        vibration = self._handle.read(time)
+        if vibration is LATER:
+            return LATER
+        if motion is None or vibration is None:
+            return None
+        return motion._replace(acceleration=vibration.acceleration)
+
+    def write(
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
+    ) -> None:
+        """Write each force to its device, the actuator's first."""
+        if actuator_force is not None:
+            self._handle.write(time, actuator_force=actuator_force)
+        if arm_force is not None:
+            self._arm.write(time, arm_force=arm_force)
+
+    def close(self) -> None:
+        """Leave both without force, even if either fails."""
+        with ExitStack() as closing:
+            for device in self.parts:
+                closing.callback(device.close)
+
+    def counters(self) -> dict[str, int]:
+        """Return the counts of both, with the part as prefix."""
+        return {
+            f"{part}_{name}": count
+            for part, device in zip(("arm", "handle"), self.parts, strict=True)
+            for name, count in device.counters().items()
+        }
+
+
+class CombinedTool(CombinedDevice):
+    """Arm with a tool, whose acceleration is turned to the axes of the arm's base."""
+
+    def read(self, time: float) -> Reading:
+        """Return the arm's motion and the tool's acceleration in the axes of the arm's base."""
+        sample = super().read(time)
+        if isinstance(sample, Sample) and is_turned(sample.orientation, sample.acceleration):
+            return sample._replace(acceleration=to_base(sample.orientation, sample.acceleration))
+        return sample
+
+
+def combined(
+    devices: Mapping[str, type[Device]],
+    arm: str,
+    handle: str,
+    kind: type[CombinedDevice] = CombinedDevice,
+) -> type[CombinedDevice]:
+    """Return a device class with one device's arm, and another's handle or tool.
+
+    The class has both devices' parameters.
+
+    Parameters
+    ----------
+    devices : mapping
+        Device classes by name.
+    arm, handle : str
+        Device names.
+    kind : type
+        `CombinedTool` for a slave.
+    """
+    parts = {"ArmDevice": devices[arm], "HandleDevice": devices[handle]}
+    name = "".join(part.__name__ for part in parts.values())
+    described = DeviceDescription((arm, handle), ahead=devices[handle].description.ahead)
+    return type(name, (kind,), {**parts, "description": described})

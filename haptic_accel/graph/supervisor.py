@@ -34,6 +34,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from haptic_accel.core.outside import node_module
 from haptic_accel.core.process import (
     EMERGENCY,
     SUPERVISOR,
@@ -44,7 +45,6 @@ from haptic_accel.core.process import (
 )
 from haptic_accel.graph.middleware import check_ros
 from haptic_accel.graph.stop_signal import DOMAIN
-from haptic_accel.setup.executables import node_module
 from haptic_accel.setup.processes import RESPAWN_DELAY, Process
 
 LAST_LINES = 20

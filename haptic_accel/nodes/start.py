@@ -23,10 +23,9 @@ import sys
 from collections.abc import Callable
 from functools import partial
 
-from haptic_accel.core.outside import OutsideError, main_of
+from haptic_accel.core.outside import OutsideError, main_of, node_module
 from haptic_accel.core.process import DONE
 from haptic_accel.graph.middleware import NEEDS_ROS, has_ros
-from haptic_accel.setup.executables import node_module
 
 
 def __getattr__(node: str) -> Callable[[], None]:

@@ -32,6 +32,7 @@ from haptic_accel.core.bounded_files import located
 from haptic_accel.core.control.channel import check_controller
 from haptic_accel.core.control.compensation import check_axes
 from haptic_accel.core.identification.sweep import repeat_samples
+from haptic_accel.core.outside import node_module
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.process import WELL, WRONG_ARGUMENTS
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
@@ -39,7 +40,6 @@ from haptic_accel.devices.audio import AUDIO
 from haptic_accel.devices.simulated import played
 from haptic_accel.setup import arguments as names
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.setup.executables import node_module
 from haptic_accel.setup.files import Values, parameter_text
 from haptic_accel.setup.node_parameters import NODES, build_device
 from haptic_accel.setup.setup import LINK, RECORDER, SCOPE, Arguments, Parameters, Setup

@@ -32,10 +32,10 @@ from typing import Any
 
 from haptic_accel.cli.main import main
 from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.outside import node_module
 from haptic_accel.devices import MASTERS, SLAVES, Sample
 from haptic_accel.devices.simulated import SimulatedDevice
 from haptic_accel.graph import supervisor
-from haptic_accel.setup.executables import node_module
 
 OPENED, TICK, ARM, ACTUATOR = range(4)
 """Kinds of records: the device was opened or closed, was sampled, or was given a force."""

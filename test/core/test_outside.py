@@ -44,12 +44,17 @@ from haptic_accel.core.control.controllers import (
     Controller,
     Loop,
 )
-from haptic_accel.core.outside import OutsideError, guard, parameters_problem, with_outside
+from haptic_accel.core.outside import (
+    OutsideError,
+    guard,
+    node_module,
+    parameters_problem,
+    with_outside,
+)
 from haptic_accel.core.parameters import ParameterError, warn_once
 from haptic_accel.devices import Device, DeviceError
 from haptic_accel.devices.interface import MASTERS_GROUP, driver_problem
 from haptic_accel.devices.simulated import SimulatedMaster
-from haptic_accel.setup.executables import node_module
 
 OBJECTS = """
 from haptic_accel.cli.lazy import KitVerb, LazyGroup
@@ -207,7 +212,7 @@ def test_no_package_takes_a_name_of_this_one(site: Path) -> None:
     status, shown, (line,) = run(*MAIN, "study", "--help")
     assert (status, "participant" in shown) == (0, True)
     assert line.startswith("haptic_accel.commands: 'study' of package evil_commands: not used")
-    find = "from haptic_accel.setup.executables import node_module; print(node_module('link'))"
+    find = "from haptic_accel.core.outside import node_module; print(node_module('link'))"
     status, shown, (line,) = run("-c", find)
     assert shown == "haptic_accel.kits.link.link\n"
     assert "'link' of package evil_nodes: not used" in line

@@ -27,8 +27,7 @@ from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, from_flat, parameter
 from haptic_accel.devices import MASTERS, SLAVES, Device, DeviceError, Sample
-from haptic_accel.devices.combined import CombinedDevice, CombinedTool, combined
-from haptic_accel.devices.interface import LATER
+from haptic_accel.devices.interface import LATER, CombinedDevice, CombinedTool, combined
 from haptic_accel.setup.node_parameters import node_parameters
 
 

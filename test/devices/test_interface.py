@@ -44,7 +44,7 @@ from dataclasses import dataclass
 from haptic_accel.core.parameters import Checked, parameter
 from haptic_accel.core.model import ZERO
 from haptic_accel.devices import Device, DeviceDescription, Sample
-from haptic_accel.devices.combined import CombinedTool
+from haptic_accel.devices.interface import CombinedTool
 from haptic_accel.devices.interface import NoParameters
 from haptic_accel.devices.simulated import SimulatedMaster, SimulatedSlave
 

@@ -38,10 +38,10 @@ from rclpy.serialization import serialize_message
 from std_srvs.srv import SetBool, Trigger
 
 from fuzzing import ODD_TEXTS, mutated
+from haptic_accel.core.outside import node_module
 from haptic_accel.core.topics import ACTUATOR_FORCE, MASTER_ARM_FORCE, SLAVE_ARM_FORCE
 from haptic_accel.nodes.scheduling import EventsExecutor
 from haptic_accel.nodes.supervised_node import message_type, quality
-from haptic_accel.setup.executables import node_module
 from haptic_accel.setup.node_parameters import NODES, node_schema
 from observing import Observer
 from running import PATIENCE, Command

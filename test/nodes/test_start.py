@@ -27,7 +27,7 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.setup.executables import node_module
+from haptic_accel.core.outside import node_module
 from running import PATIENCE
 
 SETUP = Path(__file__).resolve().parents[2] / "setup.py"

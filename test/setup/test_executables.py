@@ -22,7 +22,7 @@ from pathlib import Path
 import pytest
 
 from foreign_packages import declare
-from haptic_accel.setup.executables import node_module
+from haptic_accel.core.outside import node_module
 from haptic_accel.setup.node_parameters import NODES
 
 
