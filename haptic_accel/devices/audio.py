@@ -25,7 +25,7 @@ import time as clocks
 from bisect import insort
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -35,7 +35,14 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import read_mounting
 from haptic_accel.core.model import ZERO, AccelerometerParameters, FloatArray, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, like, one_line, parameter, shown
-from haptic_accel.devices.interface import LATER, Device, DeviceDescription, DeviceError, Reading
+from haptic_accel.devices.interface import (
+    LATER,
+    CompositeDevice,
+    Device,
+    DeviceDescription,
+    DeviceError,
+    Reading,
+)
 from haptic_accel.devices.serial.device import SerialMasterParameters
 from haptic_accel.devices.simulated import SimulatedDevice
 
@@ -551,7 +558,7 @@ class SoundCard:
             end_stream(self._library, stream)
 
 
-class AudioActuator(Device):
+class AudioActuator(CompositeDevice):
     """Master with its actuator on a sound card; another device provides the rest.
 
     Each tick writes samples to the card, `SoundCard.lead` before they sound: a force known by then
@@ -603,24 +610,17 @@ class AudioActuator(Device):
         self._counts: Counter[str] = Counter(audio_underruns=0, audio_clipped=0)
         self._late = 0
 
-    def open(self) -> None:
-        """Open device and card, or leave both closed.
+    def _open_own(self) -> None:
+        """Open the card.
 
         Raises
         ------
         ParameterError
             The block is too small for the ticks, or the latency for the block.
         DeviceError
-            Device or card fails to open.
+            The card fails to open.
         """
-        with ExitStack() as opened:
-            opened.callback(self.close)
-            self._device.open()
-            self._card.open()
-            self._check_times()
-            opened.pop_all()
-
-    def _check_times(self) -> None:
+        self._card.open()
         card, least = self._card, math.ceil(self._card.rate / self._rate)
         if card.block < least:  # the card frees one block at a time
             raise ParameterError(
@@ -701,11 +701,9 @@ class AudioActuator(Device):
         self._next += error if far else SHARE * error
         self._errors.clear()
 
-    def close(self) -> None:
-        """Silence the card at once, and close the device."""
-        with ExitStack() as closing:
-            closing.callback(self._device.close)
-            closing.callback(self._card.close)
+    def _close_own(self) -> None:
+        """Silence the card at once."""
+        self._card.close()
 
     @property
     def remark(self) -> str:

@@ -331,11 +331,45 @@ def _joined(lines: Iterable[str]) -> str:
     return "; ".join(filter(None, lines))
 
 
-class CombinedDevice(Device):
+class CompositeDevice(Device):
+    """Device with `parts`, which are opened and closed with it: all or none.
+
+    A subclass has what is no part in `_open_own` and `_close_own`.
+    """
+
+    def open(self) -> None:
+        """Open the parts in order, then the rest; or leave all closed."""
+        with ExitStack() as opened:
+            opened.callback(self.close)
+            for part in self.parts:
+                part.open()
+            self._open_own()
+            opened.pop_all()
+
+    def write(
+        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
+    ) -> None:
+        """Pass forces to the arm."""
+        self.parts[0].write(time, arm_force=arm_force, actuator_force=actuator_force)
+
+    def close(self) -> None:
+        """Leave the rest, then the parts, without force, even if any fails."""
+        with ExitStack() as closing:
+            for part in self.parts:
+                closing.callback(part.close)
+            closing.callback(self._close_own)
+
+    def _open_own(self) -> None:
+        """Open what is no part."""
+
+    def _close_own(self) -> None:
+        """Close what is no part, even if never opened."""
+
+
+class CombinedDevice(CompositeDevice):
     """Arm that measures position and velocity, with a handle or tool for acceleration.
 
-    A subclass names both classes. `open` opens both or neither; `close` closes both even on
-    errors.
+    A subclass names both classes.
 
     Parameters
     ----------
@@ -353,14 +387,6 @@ class CombinedDevice(Device):
         self._handle = self.HandleDevice(handle, rate, seed)
         self.parts = self._arm, self._handle
         self.axes = self._handle.axes
-
-    def open(self) -> None:
-        """Open both, or leave both closed."""
-        with ExitStack() as opened:
-            for device in self.parts:
-                opened.callback(device.close)
-                device.open()
-            opened.pop_all()
 
     def read(self, time: float) -> Reading:
         """Return the arm's motion and the handle's acceleration; None if either is missing."""
@@ -383,12 +409,6 @@ class CombinedDevice(Device):
             self._handle.write(time, actuator_force=actuator_force)
         if arm_force is not None:
             self._arm.write(time, arm_force=arm_force)
-
-    def close(self) -> None:
-        """Leave both without force, even if either fails."""
-        with ExitStack() as closing:
-            for device in self.parts:
-                closing.callback(device.close)
 
     def counters(self) -> dict[str, int]:
         """Return the counts of both, with the part as prefix."""

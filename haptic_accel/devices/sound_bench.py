@@ -27,7 +27,6 @@ from __future__ import annotations
 import math
 import time as clocks
 from collections.abc import Callable
-from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
@@ -39,6 +38,7 @@ from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import audio
 from haptic_accel.devices.interface import (
     LATER,
+    CompositeDevice,
     Device,
     DeviceError,
     NoParameters,
@@ -425,7 +425,7 @@ def likest(noise: FloatArray, answer: FloatArray) -> int:
     return delay
 
 
-class CardAccelerometer(Device):
+class CardAccelerometer(CompositeDevice):
     """Accelerometer of handle or tool on a sound card, in place of the device's own.
 
     Parameters
@@ -474,23 +474,16 @@ class CardAccelerometer(Device):
         self._wrong = 0
         self.hearing = math.nan
 
-    def open(self) -> None:
-        """Open device and card, or leave both closed.
+    def _open_own(self) -> None:
+        """Open the card.
 
         Raises
         ------
         ParameterError
             The card has no such channel, or its rate is too low.
         DeviceError
-            Device or card fails to open.
+            The card fails to open.
         """
-        with ExitStack() as opened:
-            opened.callback(self.close)
-            self._device.open()
-            self._open_card()
-            opened.pop_all()
-
-    def _open_card(self) -> None:
         # Imported here, as scipy.signal is slow to import, and most nodes have no card.
         from scipy.signal import sosfilt
 
@@ -572,19 +565,11 @@ class CardAccelerometer(Device):
             ]
         self._known = card.received
 
-    def write(
-        self, time: float, *, arm_force: Vector | None = None, actuator_force: Vector | None = None
-    ) -> None:
-        """Pass forces to the device."""
-        self._device.write(time, arm_force=arm_force, actuator_force=actuator_force)
-
-    def close(self) -> None:
-        """Close the device, and the card once the last device has closed it."""
-        with ExitStack() as closing:
-            closing.callback(self._device.close)
-            card, self.card = self.card, None
-            if card is not None:
-                closing.callback(_release, card)
+    def _close_own(self) -> None:
+        """Close the card once the last device has closed it."""
+        card, self.card = self.card, None
+        if card is not None:
+            _release(card)
 
     @property
     def remark(self) -> str:
