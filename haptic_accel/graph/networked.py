@@ -97,7 +97,7 @@ class RelayProcess:
             raise
 
     def change(self, network: ChannelParameters) -> None:
-        """Change the network; the delay increases at the rate `links.relay.RISE`.
+        """Change the network; the delay increases at the rate `RISE` of the relay.
 
         The played vibration follows a longer delay at once, but a shorter one within seconds, as
         it waits for the next late datagram: see `begin_anew`.
