@@ -29,14 +29,7 @@ from typing import Any
 
 import click
 
-from haptic_accel.analysis.latency import (
-    RATES,
-    draw,
-    latency_table,
-    merged,
-    pair_metrics,
-    rate_held,
-)
+from haptic_accel.analysis import latency as measured
 from haptic_accel.bags.delivery import read_delivery
 from haptic_accel.cli.options import FILE, json_option, listed_numbers, verb, words
 from haptic_accel.cli.output import StoppedError, save
@@ -158,7 +151,7 @@ def latency(
         if rates:
             metrics = _compared(runs, pairs, stop)
             if plot:
-                draw(metrics["rows"]).savefig(plot, dpi=120)
+                measured.draw(metrics["rows"]).savefig(plot, dpi=120)
         else:
             metrics = _in_turns(runs[0], pairs, stop)
     save({"seconds": seconds, **metrics}, json_file)
@@ -171,11 +164,11 @@ def _in_turns(arguments: GraphArguments, pairs: int, stop: Callable[[], bool]) -
     ticks = list(dict.fromkeys((TICK, PLAIN)))
     rounds = [[_round(arguments, pairs, stop, tick) for tick in ticks] for _ in range(ROUNDS)]
     first, *others = (
-        {"rate_hz": arguments.rate, "pairs": pairs, "tick": tick, **merged(each, fmean)}
+        {"rate_hz": arguments.rate, "pairs": pairs, "tick": tick, **measured.merged(each, fmean)}
         for tick, each in zip(ticks, zip(*rounds, strict=True), strict=True)
     )
-    print_table(latency_table(first))
-    print_table(ResultTable.of(RATES, [first, *others], left=2))
+    print_table(measured.latency_table(first))
+    print_table(ResultTable.of(measured.RATES, [first, *others], left=2))
     if not others:
         print("no compiled tick: see haptic-accel doctor")
     return {"composed": arguments.composed, **first, "plain": others[0] if others else None}
@@ -208,9 +201,9 @@ def _compared(runs: Sequence[GraphArguments], pairs: int, stop: Callable[[], boo
                 raise
             # A rate beyond the machine's limits is a result too; the next may be lower.
             not_run.append(arguments.rate)
-    held = rate_held(rows)
+    held = measured.rate_held(rows)
     title = f"highest rate held: {f'{held:g} Hz' if held else 'none'}"
-    print_table(ResultTable.of(RATES, rows, left=0, title=title))
+    print_table(ResultTable.of(measured.RATES, rows, left=0, title=title))
     for rate in not_run:
         print(f"could not be run: {pairs} x {rate:g} Hz")
     return {"rate_held_hz": held, "rows": rows, "not_run": not_run}
@@ -239,10 +232,10 @@ def measure(arguments: GraphArguments, pairs: int, stop: Callable[[], bool], tic
         supervisor = Supervisor(graph(replace(arguments, bag=str(bag))), environment=environment)
         supervisor.on_event = lambda _, event: usage.watch(supervisor, event)
         run_to_end(supervisor, stop)
-        return pair_metrics(read_delivery(bag, arguments.rate))
+        return measured.pair_metrics(read_delivery(bag, arguments.rate))
 
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(pairs) as pool:
-        metrics = merged(list(pool.map(run_pair, range(pairs))), max)
+        metrics = measured.merged(list(pool.map(run_pair, range(pairs))), max)
     if not usage.cpu_cores:
         raise StoppedError("the graphs never ran at the same time: use more --seconds")
     return {**metrics, "cpu_cores": usage.cpu_cores, "peak_mb": usage.peak_mb}

@@ -28,17 +28,11 @@ from pathlib import Path
 
 import click
 
+from haptic_accel.analysis import experiment as table
 from haptic_accel.analysis.experiment import (
-    RecordedCondition,
     Run,
-    beside_lockstep,
-    condition_line,
-    experiment_metrics,
-    experiment_warnings,
-    lockstep_error,
     recorded_conditions,
     run_lockstep,
-    set_aside,
     write_experiment,
 )
 from haptic_accel.analysis.loading import analyse
@@ -55,16 +49,7 @@ from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.supervisor import Supervisor
-from haptic_accel.setup.arguments import (
-    POINTER,
-    SIMULATED,
-    SURFACES,
-    VIRTUAL,
-    GraphArguments,
-    check_both_arms,
-    check_lockstep,
-    parse_arguments,
-)
+from haptic_accel.setup import arguments as names
 from haptic_accel.setup.processes import arrangement, graph
 from haptic_accel.setup.words import given_keys
 
@@ -90,7 +75,7 @@ AROUND = 4.0
     "haptic-accel experiment --lockstep --delay 20 --jitter 10 --loss 0.1",
     "haptic-accel experiment surface:=text duration:=5",
 )
-@options.words(GraphArguments)
+@options.words(names.GraphArguments)
 @options.lockstep_option
 @options.controllers_option(CONTROLLERS, default=COMPARED)
 @options.word_options(["rig", "rate", "grip", "recording", "recording_rate"])
@@ -135,13 +120,15 @@ def experiment(
     default. surface:=FILE.csv puts a recording in place of the surfaces.
     """
     given = given_keys(words)
-    arguments = _checked(parse_arguments(words), given, seeds, lockstep)
+    arguments = _checked(names.parse_arguments(words), given, seeds, lockstep)
     channel = _channel(delay, jitter, loss, lockstep)
     plan = [
         replace(arguments, surface=surface, controller=controller, seed=arguments.seed + seed)
         for seed in range(seeds)
         for surface in (
-            [arguments.surface] if "surface" in given or arguments.slave == VIRTUAL else SURFACES
+            [arguments.surface]
+            if "surface" in given or arguments.slave == names.VIRTUAL
+            else names.SURFACES
         )
         for controller in ([arguments.controller] if "controller" in given else controllers)
     ]
@@ -167,12 +154,12 @@ def experiment(
 
 
 def _checked(
-    arguments: GraphArguments, given: Sequence[str], seeds: int, lockstep: bool
-) -> GraphArguments:
+    arguments: names.GraphArguments, given: Sequence[str], seeds: int, lockstep: bool
+) -> names.GraphArguments:
     """Return the arguments with the duration of a condition; refuse those that cannot be run."""
-    check_both_arms(arguments)
-    if arguments.master == POINTER:
-        raise ParameterError(f"master = '{POINTER}': an experiment has no user to move it")
+    names.check_both_arms(arguments)
+    if arguments.master == names.POINTER:
+        raise ParameterError(f"master = '{names.POINTER}': an experiment has no user to move it")
     if "duration" not in given:
         arguments = replace(arguments, duration=DURATION)
     elif arguments.duration < 1:
@@ -182,7 +169,7 @@ def _checked(
     if seeds > 1 and not lockstep:
         raise ParameterError(f"seeds = {seeds}: must be 1 without --lockstep")
     if lockstep:
-        check_lockstep(arguments, "with --lockstep")
+        names.check_lockstep(arguments, "with --lockstep")
     for key in given:
         if key in ("bag", "record"):
             raise ParameterError(f"{key}: set by an experiment, which records to its own folder")
@@ -201,12 +188,12 @@ def _channel(
 
 
 def _run_live(
-    conditions: Sequence[RecordedCondition], stop: Stop, show: Show
+    conditions: Sequence[table.RecordedCondition], stop: Stop, show: Show
 ) -> Iterator[tuple[int, str]]:
     """Run one condition after the other through the graph; yield indices, lines with errors."""
     for index, condition in enumerate(conditions):
         bag, arguments = condition.bag, condition.arguments
-        set_aside(bag)
+        table.set_aside(bag)
 
         def asked(index: int = index, started: float = time.monotonic()) -> bool:
             part = (time.monotonic() - started) / (arguments.duration + AROUND)  # noqa: B023
@@ -217,7 +204,9 @@ def _run_live(
         trials = analyse([bag]).trials
         yield (
             index,
-            condition_line(arguments, trials[0].metrics["nrmse_percent"] if trials else math.nan),
+            table.condition_line(
+                arguments, trials[0].metrics["nrmse_percent"] if trials else math.nan
+            ),
         )
         if stop():
             return
@@ -229,22 +218,22 @@ def _report(run: Run, folder: Path, json_file: Path | None, workers: Workers) ->
         analysis = analyse(list(run.done), spread=partial(workers.map, stop=stop))
     if not run.lockstep:
         run = replace(run, expected=_in_lockstep(run.done, workers))
-    warnings = list(experiment_warnings(analysis, composed=run.arguments.composed))
+    warnings = list(table.experiment_warnings(analysis, composed=run.arguments.composed))
     page = write_experiment(run, analysis, folder, *warnings)
-    save(experiment_metrics(run, analysis), json_file)
-    if beside := beside_lockstep(analysis, run.expected):
+    save(table.experiment_metrics(run, analysis), json_file)
+    if beside := table.beside_lockstep(analysis, run.expected):
         print_table(beside)
     print_analysis(analysis, None, *warnings, f"report: {page}")
     return {trial.segment.bag for trial in analysis.trials} == set(run.done)
 
 
-def _in_lockstep(done: Mapping[Path, GraphArguments], workers: Workers) -> dict[Path, float]:
+def _in_lockstep(done: Mapping[Path, names.GraphArguments], workers: Workers) -> dict[Path, float]:
     """Return the errors of the same conditions in lockstep, %, by bag; none with real devices."""
     simulated = {
         bag: given
         for bag, given in done.items()
-        if given.master == SIMULATED and given.slave in (SIMULATED, VIRTUAL)
+        if given.master == names.SIMULATED and given.slave in (names.SIMULATED, names.VIRTUAL)
     }
     with stop_on_signal() as stop:
-        errors = workers.map(lockstep_error, list(simulated.values()), stop)
+        errors = workers.map(table.lockstep_error, list(simulated.values()), stop)
         return dict(zip(simulated, errors, strict=False))

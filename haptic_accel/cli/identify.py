@@ -28,18 +28,7 @@ from typing import Any, TypeAlias
 
 import click
 
-from haptic_accel.analysis.identification import (
-    COLUMNS,
-    Recordings,
-    check_one_grip,
-    evaluate,
-    evaluation_stages,
-    identified_axes,
-    named,
-    read_recordings,
-    rig_as_held,
-    run_lockstep,
-)
+from haptic_accel.analysis import identification
 from haptic_accel.analysis.identification_result import (
     PARAMETER_FILE,
     Result,
@@ -75,7 +64,7 @@ SMALLEST_SHARE = 0.05
 
 _ByGrip: TypeAlias = Mapping[str, IdentifyArguments]
 _Advise: TypeAlias = Callable[[RecordingError], str]
-_Measured: TypeAlias = tuple[Setup[IdentifyArguments], Recordings, Result]
+_Measured: TypeAlias = tuple[Setup[IdentifyArguments], identification.Recordings, Result]
 
 
 @options.verb(
@@ -99,7 +88,8 @@ _Measured: TypeAlias = tuple[Setup[IdentifyArguments], Recordings, Result]
     multiple=True,
     metavar="[GRIP=]FILE",
     help="Bag of an identification, or CSV file with columns"
-    f" {' and '.join(COLUMNS)}, to evaluate in place of a run; may be given many times.",
+    f" {' and '.join(identification.COLUMNS)}, to evaluate in place of a run; may be given many"
+    " times.",
 )
 @click.option(
     "--recording-rate",
@@ -139,8 +129,8 @@ def identify(
     """
     by_grip: _ByGrip = _by_grip(arguments, grips)
     setup = Setup.of(next(iter(by_grip.values())))
-    if identified_axes(setup) == ALL_AXES:
-        check_one_grip(by_grip)
+    if identification.identified_axes(setup) == ALL_AXES:
+        identification.check_one_grip(by_grip)
     if lockstep and arguments.master != SIMULATED:
         raise ParameterError(f"master = {arguments.master!r}: with --lockstep must be simulated")
     if lockstep and sources:
@@ -159,15 +149,15 @@ def identify(
         setups = {grip: Setup.of(each) for grip, each in by_grip.items()}
         first = next(iter(setups.values()))
         if lockstep:
-            recorded = Recordings(_run_lockstep(setups, workers))
+            recorded = identification.Recordings(_run_lockstep(setups, workers))
         else:
-            shown = _shown(named(sources, arguments.grip))
+            shown = _shown(identification.named(sources, arguments.grip))
             recordings = shown if sources else _run_live(setups, folder, run)
-            recorded = read_recordings(recordings, first.arguments, recording_rate)
+            recorded = identification.read_recordings(recordings, first.arguments, recording_rate)
         for error in recorded.left_out:
             print(advise(error), file=sys.stderr)
-        with shown_stages(evaluation_stages(recorded.trials)) as tell:
-            return first, recorded, evaluate(recorded.trials, first, free, tell)
+        with shown_stages(identification.evaluation_stages(recorded.trials)) as tell:
+            return first, recorded, identification.evaluate(recorded.trials, first, free, tell)
 
     with nullcontext() if lockstep or sources else sole_graph(arguments.namespace):
         folder = output.results_folder(out, "identify_")
@@ -176,7 +166,9 @@ def identify(
     arguments = replace(arguments, **_amplitudes(setup.arguments))
     if arguments.master == SIMULATED and not sources and len(by_grip) == 1:
         on_arrival = not (lockstep or arguments.latency)
-        result = result.beside_truth(rig_as_held(setup), arguments.sweep, on_arrival)
+        result = result.beside_truth(
+            identification.rig_as_held(setup), arguments.sweep, on_arrival
+        )
     run = "lockstep" if lockstep else "live graph"
     if sources:
         run = "recordings: " + ", ".join(sources)
@@ -313,7 +305,7 @@ def _run_lockstep(
     setups: Mapping[str, Setup[IdentifyArguments]], workers: Workers
 ) -> dict[str, list[sweep.IdentificationTrial]]:
     with stop_on_signal() as stop:
-        runs = workers.map(run_lockstep, list(setups.values()), stop)
+        runs = workers.map(identification.run_lockstep, list(setups.values()), stop)
         trials = dict(zip(setups, runs, strict=False))
     if len(trials) < len(setups):
         raise output.StoppedError("interrupted", process.INTERRUPTED)
@@ -330,7 +322,7 @@ def _run_live(
         bag = bag.with_name(f"{bag.name}_{run}") if run > 1 else bag
         if arguments.master != SIMULATED and len(setups) > 1 and sys.stdin.isatty():
             input(f"hold the handle with the {grip} grip, then press Enter")
-        _run_graph(replace(arguments, bag=str(bag)), identified_axes(setup))
+        _run_graph(replace(arguments, bag=str(bag)), identification.identified_axes(setup))
         yield grip, bag
 
 

@@ -33,17 +33,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from haptic_accel.cli.output import GONE, StoppedError, next_command
+from haptic_accel.core import process
 from haptic_accel.core.parameters import printable
-from haptic_accel.core.process import (
-    ENDING,
-    ENGAGED,
-    FAILED,
-    INTERRUPTED,
-    PROGRESS,
-    RECORDED,
-    WRONG_ARGUMENTS,
-    tell_supervisor,
-)
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.stop_signal import hurry
 from haptic_accel.graph.supervisor import Outcome, Supervisor
@@ -93,7 +84,7 @@ def stop_on_signal(act: Callable[[], None] = lambda: None) -> Iterator[Callable[
 
     before = {
         number: signal.signal(number, handle)
-        for number in ENDING
+        for number in process.ENDING
         # After nohup, ignore a closed terminal.
         if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN
     }
@@ -167,7 +158,7 @@ def run_to_end(supervisor: Supervisor, stop: Callable[[], bool], interrupted: st
     """
     outcome = supervisor.run(stop)
     if not outcome.first:
-        raise StoppedError(interrupted, INTERRUPTED)
+        raise StoppedError(interrupted, process.INTERRUPTED)
     _conclude(outcome)
 
 
@@ -191,7 +182,7 @@ def run_shown(
     StoppedError
         The graph failed, as shown, or its output cannot be written.
     """
-    (namespace,) = {process.namespace for process in processes}
+    (namespace,) = {each.namespace for each in processes}
     progress = progress_bar(sys.stdout)
     progress.disable |= not expected
     bar = progress.add_task("waiting for the arms", total=expected)
@@ -202,9 +193,9 @@ def run_shown(
         print_line(f"[{name}] {line}" if name else line)
 
     def follow(_: str, event: Mapping[str, Any]) -> None:
-        if event["event"] == RECORDED:
+        if event["event"] == process.RECORDED:
             bags.append(event["path"])
-        elif event["event"] == ENGAGED and not engaged:
+        elif event["event"] == process.ENGAGED and not engaged:
             engaged.append(time.monotonic())
             progress.update(bar, description="replaying")
 
@@ -238,7 +229,7 @@ def _hints(processes: Sequence[Process], keys: bool) -> Iterator[str]:
     """Yield hints on viewing, stopping and ending a graph."""
     stop = "space" if keys else "haptic-accel estop in another terminal"
     yield f"emergency stop: {stop}; end: Ctrl-C"
-    if any(process.executable == SCOPE for process in processes):
+    if any(each.executable == SCOPE for each in processes):
         yield "page: open the address that [scope] prints below"
 
 
@@ -249,8 +240,8 @@ def _conclude(outcome: Outcome) -> None:
         for line in outcome.last_lines[name] or ["(none)"]:
             print(f"  {line}", file=sys.stderr)
     if outcome.failed:
-        wrong = outcome.status == WRONG_ARGUMENTS
-        raise StoppedError(status=WRONG_ARGUMENTS if wrong else FAILED)
+        wrong = outcome.status == process.WRONG_ARGUMENTS
+        raise StoppedError(status=process.WRONG_ARGUMENTS if wrong else process.FAILED)
     if isinstance(outcome.unread, OSError) and outcome.unread.errno not in GONE:
         raise StoppedError(f"no output: {outcome.unread.strerror}")
 
@@ -288,7 +279,7 @@ def shown_stages(stages: Sequence[str]) -> Iterator[Callable[[str], None]]:
 
         def begin(stage: str) -> None:
             progress.update(task, description=stage, completed=stages.index(stage))
-            tell_supervisor(PROGRESS, text=stage)
+            process.tell_supervisor(process.PROGRESS, text=stage)
             if not progress.console.is_terminal:
                 print(stage, flush=True)
 

@@ -35,14 +35,8 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import read_mounting
 from haptic_accel.core.model import ZERO, AccelerometerParameters, FloatArray, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, like, one_line, parameter, shown
-from haptic_accel.devices.interface import (
-    LATER,
-    CompositeDevice,
-    Device,
-    DeviceDescription,
-    DeviceError,
-    Reading,
-)
+from haptic_accel.devices import interface
+from haptic_accel.devices.interface import DeviceError
 from haptic_accel.devices.serial.device import SerialMasterParameters
 from haptic_accel.devices.simulated import SimulatedDevice
 
@@ -558,7 +552,7 @@ class SoundCard:
             end_stream(self._library, stream)
 
 
-class AudioActuator(CompositeDevice):
+class AudioActuator(interface.CompositeDevice):
     """Master with its actuator on a sound card; another device provides the rest.
 
     Each tick writes samples to the card, `SoundCard.lead` before they sound: a force known by then
@@ -581,13 +575,13 @@ class AudioActuator(CompositeDevice):
     """
 
     Parameters = AudioParameters
-    description = DeviceDescription(ahead=True)
+    description = interface.DeviceDescription(ahead=True)
 
     def __init__(
         self,
         parameters: AudioParameters,
         rate: float,
-        device: Device,
+        device: interface.Device,
         latency: int,
         clock: Callable[[], float] = clocks.monotonic,
         card: Callable[[AudioParameters, float, int], SoundCard] | None = None,
@@ -635,10 +629,10 @@ class AudioActuator(CompositeDevice):
                 f" block at the sound card's {card.rate:g} Hz (audio.block)"
             )
 
-    def read(self, time: float) -> Reading:
+    def read(self, time: float) -> interface.Reading:
         """Return the device's sample, and supply the card."""
         reading = self._device.read(time)
-        if reading is not LATER:
+        if reading is not interface.LATER:
             while self._waiting and self._waiting[0][0] <= time:
                 self._device.write(time, actuator_force=self._waiting.pop(0)[1])
         self._supply()

@@ -24,21 +24,8 @@ from haptic_accel.core.axes import ALL_AXES, Axes
 from haptic_accel.core.bounded_work import without_bounded_work
 from haptic_accel.core.model import FloatArray, GripParameters, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter, schema, shown
+from haptic_accel.core.rig import master_rig, slave_rig
 from haptic_accel.core.rig.interface import Rig
-from haptic_accel.core.rig.master_rig import (
-    MasterRig,
-    MasterRigParameters,
-    SimulatedMasterParameters,
-    ThreeAxisRig,
-    axes_of,
-    simulated_master,
-)
-from haptic_accel.core.rig.slave_rig import (
-    SlaveRig,
-    SlaveRigParameters,
-    SurfaceParameters,
-    Vibrating,
-)
 from haptic_accel.core.sampling import crossfaded
 from haptic_accel.core.surfaces.texture import Texture
 from haptic_accel.core.surfaces.virtual_rig import VirtualRig, VirtualRigParameters
@@ -80,18 +67,22 @@ class SimulatedDevice(Rig, Device):
 class SimulatedMaster(SimulatedDevice):
     """Hand, handle, voice coil and arm."""
 
-    Parameters = SimulatedMasterParameters
+    Parameters = master_rig.SimulatedMasterParameters
     description = DeviceDescription(changeable=tuple(schema(GripParameters, "grip.")), framed=True)
 
-    _rig: MasterRig | ThreeAxisRig
+    _rig: master_rig.MasterRig | master_rig.ThreeAxisRig
 
     def __init__(
-        self, parameters: MasterRigParameters, rate: float, seed: int, hand: Hand | None = None
+        self,
+        parameters: master_rig.MasterRigParameters,
+        rate: float,
+        seed: int,
+        hand: Hand | None = None,
     ) -> None:
-        self.axes = axes_of(parameters)
-        self._play(simulated_master(parameters, rate, seed, hand))
+        self.axes = master_rig.axes_of(parameters)
+        self._play(master_rig.simulated_master(parameters, rate, seed, hand))
 
-    def change(self, parameters: MasterRigParameters) -> None:
+    def change(self, parameters: master_rig.MasterRigParameters) -> None:
         """Change the user's grip of the handle."""
         self._rig.hold(parameters.grip)
 
@@ -102,7 +93,7 @@ class PointerMaster(SimulatedMaster):
     description = replace(SimulatedMaster.description, parameters_of=("simulated",), pointed=True)
     REACH = HAND_REACH
 
-    def __init__(self, parameters: MasterRigParameters, rate: float, seed: int) -> None:
+    def __init__(self, parameters: master_rig.MasterRigParameters, rate: float, seed: int) -> None:
         self._hand = GuidedHand(parameters.exploration.height)
         super().__init__(parameters, rate, seed, self._hand)
 
@@ -129,7 +120,7 @@ class RecordingParameters(Checked):
 
 
 @dataclass(frozen=True)
-class SimulatedSlaveParameters(SlaveRigParameters):
+class SimulatedSlaveParameters(slave_rig.SlaveRigParameters):
     """All parameters of the simulated slave."""
 
     recording: RecordingParameters = field(default_factory=RecordingParameters)
@@ -140,17 +131,17 @@ class SimulatedSlave(SimulatedDevice):
 
     Parameters = SimulatedSlaveParameters
     description = DeviceDescription(
-        changeable=tuple(schema(SurfaceParameters, "surface.")), framed=True
+        changeable=tuple(schema(slave_rig.SurfaceParameters, "surface.")), framed=True
     )
 
-    _rig: SlaveRig
+    _rig: slave_rig.SlaveRig
 
     def __init__(self, parameters: SimulatedSlaveParameters, rate: float, seed: int) -> None:
         self._grain = rate, seed
         self.axes = Axes.parsed(parameters.tool.axes)
         texture = textured(parameters.surface, rate, seed)
         recording = played(parameters.recording, rate, self.axes)
-        self._play(SlaveRig(parameters, rate, seed, recording, texture=texture))
+        self._play(slave_rig.SlaveRig(parameters, rate, seed, recording, texture=texture))
 
     def change(self, parameters: SimulatedSlaveParameters) -> None:
         """Put another surface under the tip.
@@ -165,7 +156,9 @@ class SimulatedSlave(SimulatedDevice):
         self._rig.change_surface(parameters.surface, textured(parameters.surface, *self._grain))
 
 
-def textured(surface: SurfaceParameters, rate: float, seed: int) -> Vibrating | None:
+def textured(
+    surface: slave_rig.SurfaceParameters, rate: float, seed: int
+) -> slave_rig.Vibrating | None:
     """Return a surface's named texture at a rate in Hz; None without a name.
 
     Raises

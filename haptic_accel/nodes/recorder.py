@@ -33,24 +33,10 @@ from std_srvs.srv import Trigger
 from haptic_accel.bags.facts import PARAMETERS, custom_data, read_description
 from haptic_accel.bags.metadata import UndefinedTypeError
 from haptic_accel.bags.writing import Answer, MessageWriter, RecordingSession
-from haptic_accel.core import cdr
+from haptic_accel.core import cdr, topics
 from haptic_accel.core.bundles import DUPLICATE_MEMORY, BothWays, InOrder, believed, unpack_bundle
 from haptic_accel.core.process import RECORDED, tell_supervisor
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.topics import (
-    ASKED,
-    BUNDLES,
-    DESCRIPTION,
-    DEVICES,
-    DIAGNOSTICS,
-    EMERGENCY_STOP,
-    PARAMETER_EVENTS,
-    SIGNALS,
-    TOPICS,
-    VECTORS,
-    Topic,
-    reporter,
-)
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.scheduling import run
 from haptic_accel.nodes.signals import Inbox, participant
@@ -88,7 +74,7 @@ class _Signal:
         Received messages, while some may come both ways.
     """
 
-    def __init__(self, name: str, topic: Topic) -> None:
+    def __init__(self, name: str, topic: topics.Topic) -> None:
         self.name, self.topic = name, topic
         self.join = cdr.StampedVector(topic).join
         self.inbox: Inbox | None = None
@@ -129,14 +115,14 @@ class SignalReceiver:
     Parameters
     ----------
     node : GraphNode
-    topics : mapping
-        Signals by their full names.
+    signals : mapping
+        Topics of the signals by their full names.
     """
 
-    def __init__(self, node: GraphNode, topics: Mapping[str, Topic]) -> None:
+    def __init__(self, node: GraphNode, signals: Mapping[str, topics.Topic]) -> None:
         self._node = node
-        self._bundles = node.inbox(BUNDLES)
-        self._signals = {name: _Signal(name, topic) for name, topic in topics.items()}
+        self._bundles = node.inbox(topics.BUNDLES)
+        self._signals = {name: _Signal(name, topic) for name, topic in signals.items()}
         self._left: list[tuple[int, str, bytes]] = []
         self._counts: list[int] = []
         self._look_due = 0.0
@@ -216,14 +202,14 @@ MUCH_WAITING = 0.5
 LITTLE_SPACE = 1 << 30
 """Free space below which a warning is given, bytes: ten minutes of the graph at 1 kHz."""
 
-LOGS = Topic("/rosout", "rcl_interfaces/msg/Log", "", "", reliable=True, latched=True)
+LOGS = topics.Topic("/rosout", "rcl_interfaces/msg/Log", "", "", reliable=True, latched=True)
 """Log of all nodes."""
 
 TRANSITIONS = tuple(
-    Topic(
+    topics.Topic(
         f"{device}/transition_event", "lifecycle_msgs/msg/TransitionEvent", "", "", reliable=True
     )
-    for device in DEVICES
+    for device in topics.DEVICES
 )
 """Transitions of the managed nodes."""
 
@@ -235,12 +221,12 @@ def _reporter(diagnostics: bytes) -> str:
     number = cdr.STAMP_BYTES.stop + 4 + (len(frame.encode()) + 4) // 4 * 4
     if diagnostics[number : number + 4] == bytes(4):
         return ""
-    return "/".join(reporter(cdr.unpack_text(diagnostics, number + 8))).lstrip("/")
+    return "/".join(topics.reporter(cdr.unpack_text(diagnostics, number + 8))).lstrip("/")
 
 
-SENDERS: dict[Topic, Callable[[bytes], str]] = {
-    DIAGNOSTICS: _reporter,
-    PARAMETER_EVENTS: lambda data: cdr.unpack_text(data, cdr.STAMP_BYTES.stop).lstrip("/"),
+SENDERS: dict[topics.Topic, Callable[[bytes], str]] = {
+    topics.DIAGNOSTICS: _reporter,
+    topics.PARAMETER_EVENTS: lambda data: cdr.unpack_text(data, cdr.STAMP_BYTES.stop).lstrip("/"),
     LOGS: lambda data: cdr.unpack_text(data, cdr.STAMP_BYTES.stop + 4).replace(".", "/"),
 }
 """Functions that return the node a message is of, "left/node", for topics of all graphs."""
@@ -252,9 +238,9 @@ def _described(message: bytes) -> tuple[str, ...]:
 
 
 UNPACKED: dict[str, Callable[[bytes], object]] = {
-    **dict.fromkeys(VECTORS, cdr.unpack_stamped_vector),
-    EMERGENCY_STOP.type: cdr.unpack_state,
-    DESCRIPTION.type: _described,
+    **dict.fromkeys(topics.VECTORS, cdr.unpack_stamped_vector),
+    topics.EMERGENCY_STOP.type: cdr.unpack_state,
+    topics.DESCRIPTION.type: _described,
     **{topic.type: sender for topic, sender in SENDERS.items()},
 }
 """Functions that unpack messages, by type: what they refuse would make a bag hard to read."""
@@ -276,12 +262,12 @@ class Recorder(GraphNode):
         self._sources: list[tuple[Inbox, MessageWriter, Callable[[bytes], object]]] = []
         self._taken = 0.0
         self._in_order: InOrder[tuple[MessageWriter, bytes]] = InOrder(ROUNDS)
-        signals = {self.resolve_topic_name(topic.name): topic for topic in SIGNALS}
+        signals = {self.resolve_topic_name(topic.name): topic for topic in topics.SIGNALS}
         self._receiver = SignalReceiver(self, signals)
         self._puts: dict[str, MessageWriter] = {}
         self._descriptions: dict[tuple[str, ...], Callable[[], object]] = {}
-        asked = (topic for topic in ASKED if topic.name in p.named_topics)
-        for topic in (*TOPICS, *asked, PARAMETER_EVENTS, LOGS, *TRANSITIONS):
+        asked = (topic for topic in topics.ASKED if topic.name in p.named_topics)
+        for topic in (*topics.TOPICS, *asked, topics.PARAMETER_EVENTS, LOGS, *TRANSITIONS):
             self._record_own(topic)
         session = self._session
         for action in (session.start, session.pause, session.split, session.stop):
@@ -342,18 +328,18 @@ class Recorder(GraphNode):
             "free space (bytes)": str(free),
         }
 
-    def _record_own(self, topic: Topic) -> None:
+    def _record_own(self, topic: topics.Topic) -> None:
         """Subscribe to one of the graph's topics, whose type and quality of service are known."""
         name = self.resolve_topic_name(topic.name)
         self._settled.add(name)
         live = rosbag2.QosLiveliness.AUTOMATIC
         offered = _stored(offered_quality(topic))._replace(liveliness=live)
-        put = self._session.connect(name, topic.type, [offered], sampled=topic in SIGNALS)
+        put = self._session.connect(name, topic.type, [offered], sampled=topic in topics.SIGNALS)
         if topic in SENDERS:
             put = self._own_only(put, SENDERS[topic])
-        if topic is DESCRIPTION:
+        if topic is topics.DESCRIPTION:
             put = self._kept(put)
-        if topic in SIGNALS:
+        if topic in topics.SIGNALS:
             self._puts[name] = put
         else:
             self._sources.append((self.inbox(topic), put, UNPACKED.get(topic.type, bytes)))
@@ -427,7 +413,7 @@ class Recorder(GraphNode):
             return f"it has {len(kinds)} types: {', '.join(kinds)}"
         (kind,) = kinds
         try:
-            message = message_type(Topic(name, kind, "", ""))
+            message = message_type(topics.Topic(name, kind, "", ""))
             put = self._session.connect(name, kind, [_stored(profile) for profile in offered])
         except (ImportError, AttributeError) as error:
             return f"{kind} is not installed: {error}"
@@ -485,7 +471,7 @@ def _requested(offered: Sequence[QoSProfile]) -> QoSProfile:
     """Return the strictest quality that all publishers of a topic offer, as `ros2 bag record`."""
     reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in offered)
     latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in offered)
-    return quality(Topic("", "", "", "", reliable, latched))
+    return quality(topics.Topic("", "", "", "", reliable, latched))
 
 
 def main() -> None:
