@@ -38,7 +38,7 @@ BUDGETS = {
     "setup": 1_600,
     "materials": 1_360,
     "kits/emulators": 1_150,
-    "graph": 1_110,
+    "graph": 1_170,
     "kits/export": 930,
     "kits/link": 830,
     "kits/textures": 1_030,

@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -33,10 +32,8 @@ from haptic_accel.core.control.compensation import CompensationParameters
 from haptic_accel.core.control.controllers import granted_delay
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
 from haptic_accel.core.evaluation import metrics
-from haptic_accel.core.evaluation.metrics import aligned, indistinguishable
 from haptic_accel.core.identification import sweep
-from haptic_accel.core.identification.sweep import IdentificationTrial, SweepParameters
-from haptic_accel.core.model import ComplexArray, FloatArray
+from haptic_accel.core.model import FloatArray
 from haptic_accel.core.network.channel import ChannelParameters
 from haptic_accel.core.network.playout import Played
 from haptic_accel.core.parameters import Checked, ParameterError, check_positive_rate, warn_once
@@ -78,10 +75,10 @@ class Crossing:
         Energy in the tanks of master and slave, J.
     """
 
-    played: model.FloatArray
-    age: model.FloatArray
+    played: FloatArray
+    age: FloatArray
     kinds: tuple[str, ...]
-    energy: model.FloatArray
+    energy: FloatArray
 
 
 @dataclass(frozen=True)
@@ -131,22 +128,22 @@ class Trial:
     surface: str
     controller: str
     rate: float
-    time: model.FloatArray
-    tool_acceleration: model.FloatArray
-    desired_acceleration: model.FloatArray
-    handle_acceleration: model.FloatArray
-    actuator_force: model.FloatArray
+    time: FloatArray
+    tool_acceleration: FloatArray
+    desired_acceleration: FloatArray
+    handle_acceleration: FloatArray
+    actuator_force: FloatArray
     high_pass_frequency: float = filters.HIGH_PASS_FREQUENCY
     latency: int = LATENCY
     granted_delay: int = 1
     warnings: tuple[Warned, ...] = ()
-    arms: dict[str, model.FloatArray] = field(default_factory=dict)
+    arms: dict[str, FloatArray] = field(default_factory=dict)
     crossing: Crossing | None = None
     axes: Axes = ACTUATOR_AXES
     failed: float | None = None
 
     @property
-    def actual_acceleration(self) -> model.FloatArray:
+    def actual_acceleration(self) -> FloatArray:
         """Handle's acceleration without gravity and the hand's own motion, m/s^2.
 
         Only these two are removed, as they must not count as error. A handle that moves exactly as
@@ -186,11 +183,9 @@ class Trial:
         ValueError
             There are too few samples.
         """
-        return indistinguishable(*self.compared(first, end), self.rate)
+        return metrics.indistinguishable(*self.compared(first, end), self.rate)
 
-    def compared(
-        self, first: int = 0, end: int | None = None
-    ) -> tuple[model.FloatArray, model.FloatArray]:
+    def compared(self, first: int = 0, end: int | None = None) -> tuple[FloatArray, FloatArray]:
         """Return desired and actual acceleration, aligned after latency and granted delay, m/s^2.
 
         Raises
@@ -198,7 +193,7 @@ class Trial:
         ValueError
             There are too few samples.
         """
-        desired, actual = aligned(
+        desired, actual = metrics.aligned(
             *(self.desired_acceleration, self.handle_acceleration),
             *(self.high_pass_frequency, self.rate, self.after / self.rate),
         )
@@ -227,7 +222,7 @@ def run_trial(
     rate: float = DEFAULT_RATE,
     latency: int = LATENCY,
     seed: int = 0,
-    recording: model.FloatArray | None = None,
+    recording: FloatArray | None = None,
     replayed: Track | None = None,
     scene: Scene | None = None,
     texture: Vibrating | None = None,
@@ -315,7 +310,7 @@ def run_trial(
         slave = SlaveRig(rig.slave, rate, seed, recording, physics_step, texture)
     time = np.arange(round(duration * rate)) / rate
     warnings: list[Warned] = []
-    crossings: list[PlayedSample] = []
+    crossings: list[_PlayedSample] = []
     rigs = master_rig.simulated_master(rig.master, rate, seed), slave
     devices = dict(zip(topics.ARMS, rigs, strict=True))
     sides, part = build_parts(rig, devices, around, controllers or {}, rate, latency)
@@ -356,35 +351,29 @@ def _failed(reason: str, warnings: Sequence[Warned], duration: float) -> float |
 
 
 def _crossed(
-    crossings: Sequence[PlayedSample], tool: model.FloatArray, rate: float, axes: Axes
-) -> tuple[Crossing, model.FloatArray]:
+    crossings: Sequence[_PlayedSample], tool: FloatArray, rate: float, axes: Axes
+) -> tuple[Crossing, FloatArray]:
     """Return the network's signals, and the tool's acceleration at the played times."""
-    ticks = np.array([each.position for each in crossings])
-    count = np.arange(len(tool))
-    played = along(axes, np.array([each.played.value for each in crossings]))
-    kinds = tuple(each.played.kind for each in crossings)
-    energy = np.array([each.energy for each in crossings])
+    samples, positions, energies = zip(*crossings, strict=True)
+    ticks, count = np.array(positions), np.arange(len(tool))
+    played = along(axes, np.array([each.value for each in samples]))
+    kinds = tuple(each.kind for each in samples)
     followed = np.apply_along_axis(
         lambda component: np.interp(np.nan_to_num(ticks), count, component), 0, tool
     )
     # While waiting nothing is played, and nothing desired.
     desired = np.where(np.isnan(ticks), played.T, followed.T).T
-    return Crossing(played, (count - ticks) / rate, kinds, energy), desired
+    return Crossing(played, (count - ticks) / rate, kinds, np.array(energies)), desired
 
 
-class PlayedSample(NamedTuple):
-    """Sample played at the master, its time in samples, and the energy in both tanks, J."""
-
-    played: Played
-    position: float
-    energy: tuple[float, float]
-
+_PlayedSample = tuple[Played, float, tuple[float, float]]
+"""Sample played at the master, its time in samples, and the energy in both tanks, J."""
 
 _SIGNALS = 10
 """Number of vectors of `HostLoop.record`."""
 
 
-def along(axes: Axes, vectors: model.FloatArray) -> model.FloatArray:
+def along(axes: Axes, vectors: FloatArray) -> FloatArray:
     """Return the components of shape (n, 3) along axes: shape (n,) for one, (n, axes) for more."""
     values = np.ascontiguousarray(vectors[:, axes.indices])
     return values[:, 0] if len(axes.names) == 1 else values
@@ -404,8 +393,8 @@ def _run(
     times: Sequence[float],
     grips: deque[GripChange],
     warnings: list[Warned],
-    crossings: list[PlayedSample],
-    rows: model.FloatArray,
+    crossings: list[_PlayedSample],
+    rows: FloatArray,
 ) -> None:
     """Write the signals of each sample in the order of `HostLoop.record`, then a contact's force.
 
@@ -430,7 +419,7 @@ def _run(
             rows[tick, -1] = touching.contact_force or model.ZERO
         if isinstance(hosts, TwoHosts):
             played = hosts.halves[MASTER].played
-            crossings.append(PlayedSample(played, hosts.position, hosts.energy))
+            crossings.append((played, hosts.position, hosts.energy))
         if time >= looked + WARNING_CHECK_PERIOD:
             looked, now = time, part.slow.warning
             if now != words:
@@ -440,12 +429,12 @@ def _run(
 
 def run_identification(
     rig: master_rig.MasterRigParameters | None = None,
-    parameters: SweepParameters | None = None,
+    parameters: sweep.SweepParameters | None = None,
     rate: float = DEFAULT_RATE,
     seed: int = 0,
     trials: int = 1,
     latency: int = LATENCY,
-) -> list[IdentificationTrial]:
+) -> list[sweep.IdentificationTrial]:
     """Excite the simulated handle in lockstep, without clock, with reproducible results.
 
     In each sample the rig is read, and the force from `latency` samples before is applied, limited
@@ -482,7 +471,7 @@ def run_identification(
     check_latency(latency)
     rig = rig or master_rig.MasterRigParameters()
     axes = master_rig.axes_of(rig)
-    exciting = sweep.trial_forces(axes, parameters or SweepParameters(), rate)
+    exciting = sweep.trial_forces(axes, parameters or sweep.SweepParameters(), rate)
     force = np.squeeze(np.concatenate([exciting, np.zeros((latency, len(axes.names)))]))
     return [
         _excite(rig, _trial_seed(seed, index), force, rate, latency) for index in range(trials)
@@ -494,7 +483,7 @@ def master_response(
     frequency: npt.ArrayLike,
     rate: float,
     delay: float | None = None,
-) -> ComplexArray:
+) -> model.ComplexArray:
     """Return the true response of a simulated master with three coils, m/s^2 per N, (f, 3, 3).
 
     Parameters
@@ -521,7 +510,7 @@ def _trial_seed(seed: int, trial: int) -> int:
 
 def _excite(
     rig: master_rig.MasterRigParameters, seed: int, force: FloatArray, rate: float, latency: int
-) -> IdentificationTrial:
+) -> sweep.IdentificationTrial:
     master, axes = master_rig.simulated_master(rig, rate, seed), master_rig.axes_of(rig)
     limits = MasterSafetyParameters(hardware=rig.actuator)
     side = rig_side(master, limits, rate, latency, (ACTUATOR,), axes)
@@ -535,4 +524,4 @@ def _excite(
         side.watch()
     values: dict[str, str | int] = {**master.counters(), **side.safety.diagnostics()}
     counts = {key: int(values[key]) for key in (*master.counters(), *sweep.LIMITED)}
-    return IdentificationTrial(rate, force, along(axes, acceleration), counts, latency)
+    return sweep.IdentificationTrial(rate, force, along(axes, acceleration), counts, latency)
