@@ -27,15 +27,15 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
 
 BUDGETS = {
-    "core": 14_750,
+    "core": 14_740,
     "analysis": 4_060,
-    "nodes": 3_950,
+    "nodes": 3_940,
     "kits/study": 3_920,
-    "devices": 4_070,
-    "cli": 3_070,
+    "devices": 4_030,
+    "cli": 3_040,
     "bags": 2_740,
     "scope": 1_360,
-    "setup": 1_600,
+    "setup": 1_580,
     "materials": 1_360,
     "kits/emulators": 1_150,
     "graph": 1_170,
@@ -44,7 +44,7 @@ BUDGETS = {
     "kits/textures": 1_030,
     "kits/bringup": 880,
     "kits/lerobot": 370,
-    "links": 170,
+    "links": 110,
     "pages": 40,
 }
 """Most lines of code of each folder and kit. Lower a budget with its code; raise it only in a
