@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 
 # Before numpy is loaded: threads of BLAS that spin for each other on a busy machine take ten times
 # as long as one thread alone.
@@ -300,6 +301,16 @@ def terminals(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
     yield opening
     for terminal in opened:
         terminal.close()
+
+
+@pytest.fixture(autouse=True)
+def quick_pdf(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Embed only drawn glyphs into PDFs: making fonts smaller takes half an analysis' time.
+
+    Fixtures of modules, and commands, embed fonts as for a user. Whoever draws has loaded plots.
+    """
+    if plots := sys.modules.get("haptic_accel.analysis.plots"):
+        monkeypatch.setitem(plots.EMBEDDED, "pdf.fonttype", 3)
 
 
 @pytest.fixture(autouse=True)
