@@ -32,6 +32,7 @@ from haptic_accel.core.control.controllers import PLANT as PLANT
 from haptic_accel.core.control.decoupling import full_decoupling, static_decoupling
 from haptic_accel.core.control.fallback import NONE
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, check_corner, high_pass
+from haptic_accel.core.control.howling import HEARS, HowlingDetector
 from haptic_accel.core.control.reduction_switch import ReductionSwitch
 from haptic_accel.core.handle.plant import MatrixPlant, Plant, read_matrix_plant
 from haptic_accel.core.model import ACTUATOR, GRAVITY, ZERO, Vector
@@ -191,6 +192,7 @@ class Compensation(HandleCompensation):
 
     authority: Authority
     switch: ReductionSwitch
+    _work_due: int
 
     def __init__(
         self,
@@ -240,12 +242,17 @@ class Compensation(HandleCompensation):
         coils = [channel.supervisor for channel in self.channels]
         self.failure = ""
         self.slow_work, self._clock = DurationHistogram(), clock
+        sections = high_pass(corner, rate)
+        self.howling = [
+            HowlingDetector(rate, channel.supervisor, sections, each.handle.m_h)
+            for channel, each in zip(self.channels, plants, strict=True)
+        ]
         self.alignment = None if single else Alignment(rate, coils)
         self.switch = ReductionSwitch(parameters.reduction, rate, self._unreduced)
         # Below the range, not at it.
         handle_range = math.nextafter(AT_RANGE * parameters.handle_range, 0.0)
         per_axis = parameters.saturation == PER_AXIS
-        super().__init__([*self.channels], high_pass(corner, rate), handle_range, per_axis)
+        super().__init__([*self.channels], sections, handle_range, per_axis)
         self._begin_again()
 
     @property
@@ -265,6 +272,8 @@ class Compensation(HandleCompensation):
             channel.select(name)
         if name != NONE:
             self.failure = ""
+            for each in self.howling:
+                each.reset()
 
     def select_reduction(self, name: str) -> None:
         """Change to another reduction, or to all axes, without a jump; see `ReductionSwitch`."""
@@ -305,9 +314,29 @@ class Compensation(HandleCompensation):
 
     def adapt(self) -> None:
         """Execute a part of the slow computations, if any is due; call it when no force is."""
-        if self.first.trace.count < self.due or self.first.asleep:
+        count = self.first.trace.count
+        if count < self.due or self.first.asleep:
             return
         begun = self._clock()
+        self._listen()
+        if count >= self._work_due:
+            self._work_due = count + self._work()
+        self.due = min(self._work_due, count + max(1, self.howling[0].left))
+        self.slow_work.add(self._clock() - begun)
+
+    def _listen(self) -> None:
+        """Hush the force where the tool may hear it, and end it where it does."""
+        for howling in self.howling:
+            howling.update()
+        is_proved = any(each.proved for each in self.howling)
+        if is_proved and self.controller != NONE:
+            self.select(NONE)
+            self.failure = HEARS
+        for channel in self.channels:
+            channel.fallback.hushed = is_proved or any(each.suspects for each in self.howling)
+
+    def _work(self) -> int:
+        """Execute a part of what can wait; return the number of samples to the next."""
         left = [channel.adapt() for channel in self.channels]  # all at the same time
         self._replace_failed()
         if self.alignment:
@@ -320,8 +349,7 @@ class Compensation(HandleCompensation):
             left.append(max(1, self.authority.left))
         if self.switch.name != self.switch.active or 0.0 < self.switch.alone < 1.0:
             left.append(1)  # the coil along z may soon be alone, or no longer
-        self.due = self.first.trace.count + min(left)
-        self.slow_work.add(self._clock() - begun)
+        return min(left)
 
     def mute(self, muted: bool) -> None:
         """Compute no force while the device applies none; see `Channel.mute`."""
@@ -387,7 +415,9 @@ class Compensation(HandleCompensation):
 
     def _begin_again(self) -> None:
         """Enter the idle state, until two samples differ."""
-        self.due = 0
+        self.due = self._work_due = 0
+        for each in self.howling:
+            each.reset()
         self.switch.settle()
         self._judge_anew()
         self.tool_x = self.tool_y = self.tool_z = 0.0

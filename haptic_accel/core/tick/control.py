@@ -796,6 +796,8 @@ class Substitution:
     ----------
     requested : float
         Force of the last sample that the controller asked for, N.
+    hushed : bool
+        True while no force is to act, whoever takes over.
     """
 
     authority: ForceFraction
@@ -803,7 +805,7 @@ class Substitution:
     def __init__(self, dynamic: Force, step: float, settling: int) -> None:
         self.dynamic: Force = dynamic
         self.step, self.pace, self.settling = step, step, settling
-        self.reducible = False
+        self.reducible = self.hushed = False
         self.substitute = ""  # name of what takes over
         self.share = 1.0  # of the controller's force
         self.gain = 0.0  # share of the force of `dynamic`
@@ -816,7 +818,7 @@ class Substitution:
         if self.reducible:
             requested *= self.authority.used
         self.requested = requested
-        if self.share == 1.0 and self.gain == 0.0 and not self.substitute:
+        if self.share == 1.0 and self.gain == 0.0 and not (self.substitute or self.hushed):
             return requested
         self.running += 1
         substituted = self.dynamic.force(desired_acceleration, UNKNOWN)
@@ -825,6 +827,8 @@ class Substitution:
             share = self.part if self.probing else 0.0
             gain = 1.0 if self.substitute == DYNAMIC and self.running > self.settling else 0.0
         pace = self.pace
+        if self.hushed:
+            share, gain, pace = 0.0, 0.0, self.step
         self.share += min(max(share - self.share, -pace), pace)
         self.gain += min(max(gain - self.gain, -pace), pace)
         return self.share * requested + self.gain * substituted

@@ -1,0 +1,162 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Sensors that are connected to the wrong body: the force ends, and its cause is named."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from haptic_accel.core.control.controllers import OWN_CONTROLLERS
+from haptic_accel.core.control.howling import HEARS
+from haptic_accel.core.model import FloatArray, Sample
+from haptic_accel.core.rig.interface import Rig
+from haptic_accel.core.rig.master_rig import simulated_master
+from haptic_accel.core.rig.slave_rig import SlaveRig
+from haptic_accel.core.simulated_rig import build_loop, build_parts
+from haptic_accel.core.tick import MASTER, SLAVE, CompensationPart
+from haptic_accel.setup.arguments import parse_arguments
+from haptic_accel.setup.setup import Setup
+
+RATE, SECONDS = 1000.0, 2.0
+CONTACT = 0.8, 1.4
+"""Begin and end of the tool's contact, s."""
+
+SILENCE = 0.05
+"""Time after the contact from which on there is to be no force, s."""
+
+LEAST = 0.15
+"""Force that counts as none, N: 5 % of the limit of the arm's motors."""
+
+Gains = tuple[tuple[float, float], tuple[float, float]]
+"""What is measured at the handle and at the tool per acceleration of handle and tool."""
+
+WRONG: dict[str, Gains] = {
+    "on the handle": ((1.0, 0.0), (1.0, 0.0)),
+    "on the handle, twice the gain": ((1.0, 0.0), (2.0, 0.0)),
+    "on the handle, wrong sign": ((1.0, 0.0), (-1.0, 0.0)),
+    "swapped": ((0.0, 1.0), (1.0, 0.0)),
+    "hears all of the handle": ((1.0, 0.0), (1.0, 1.0)),
+    "hears half of the handle": ((1.0, 0.0), (0.5, 0.5)),
+    "hears 0.9 of the handle": ((1.0, 0.0), (0.9, 0.1)),
+}
+
+RIGHT: Gains = ((1.0, 0.0), (0.0, 1.0))
+
+
+class Wired(Rig):
+    """Rig whose accelerometer measures a mixture of handle and tool."""
+
+    def __init__(self, own: Rig, both: Sequence[Rig], gains: tuple[float, float]) -> None:
+        super().__init__(own.motion)
+        self._own, self._both, self._gains = own, both, gains
+
+    def read(self, time: float) -> Sample:
+        felt = np.array([each.read(time).acceleration for each in self._both])
+        x, y, z = np.array(self._gains) @ felt
+        return self._own.read(time)._replace(acceleration=(float(x), float(y), float(z)))
+
+
+class Result(NamedTuple):
+    """Force after silence, N, and the last failure; parts for further calls."""
+
+    force: FloatArray
+    failure: str
+    part: CompensationPart
+
+
+def touched(seed: int = 0) -> FloatArray:
+    """Return the tool's acceleration in contact, beside the sensor's noise."""
+    random = np.random.default_rng(seed)
+    time = np.arange(round(RATE * SECONDS)) / RATE
+    band = signal.butter(2, [40.0, 250.0], "band", fs=RATE, output="sos")
+    texture = signal.sosfilt(band, random.standard_normal(len(time)))
+    inside = (time >= CONTACT[0]) & (time < CONTACT[1])
+    found = 2.0 * texture / texture.std() * inside + 0.05 * random.standard_normal(len(time))
+    return np.asarray(found)
+
+
+def run(controller: str, rig_name: str, gains: Gains, tool: FloatArray) -> Result:
+    setup = Setup.of(parse_arguments([f"controller:={controller}", f"rig:={rig_name}"]))
+    rig = setup.rig()
+    around, controllers = setup.node("compensator")
+    rigs = simulated_master(rig.master, RATE), SlaveRig(rig.slave, RATE, 0, tool)
+    devices = {
+        arm: Wired(own, rigs, row)
+        for arm, own, row in zip((MASTER, SLAVE), rigs, gains, strict=True)
+    }
+    around = replace(around, controller=controller)
+    sides, part = build_parts(rig, devices, around, controllers, RATE, 1)
+    loop = build_loop(rig, sides, part)
+    rows = np.zeros((len(tool), 10, 3))
+    loop.record(rows)
+    for tick in range(len(tool)):
+        loop.step(tick)
+    return Result(rows[:, 9, 2], part.slow.failure, part)
+
+
+@pytest.mark.parametrize("rig", ["paper", "ideal"])
+@pytest.mark.parametrize("kind", WRONG)
+@pytest.mark.parametrize("controller", OWN_CONTROLLERS)
+def test_the_force_is_gone_soon_after_the_tool_is_silent(
+    controller: str, kind: str, rig: str
+) -> None:
+    force, failure, _ = run(controller, rig, WRONG[kind], touched())
+    assert np.abs(force[round((CONTACT[1] + SILENCE) * RATE) :]).max() < LEAST
+    assert failure in ("", HEARS)
+
+
+@pytest.mark.parametrize("kind", ["on the handle", "swapped", "hears all of the handle"])
+@pytest.mark.parametrize("controller", set(OWN_CONTROLLERS) - {"none"})
+def test_a_force_that_sustains_itself_is_named_before_any_contact(
+    controller: str, kind: str
+) -> None:
+    tool = touched()[: round(CONTACT[0] * RATE)]
+    force, failure, _ = run(controller, "paper", WRONG[kind], tool)
+    assert failure == HEARS
+    assert not force[-200:].any()
+
+
+@pytest.mark.parametrize("frequency", [20.0, 57.0, 80.0, 173.0, 350.0])
+@pytest.mark.parametrize("controller", ["constant", "dynamic", "inverse"])
+@pytest.mark.parametrize("rig", ["paper", "ideal"])
+def test_a_shaker_is_not_taken_for_the_handle(controller: str, frequency: float, rig: str) -> None:
+    time = np.arange(round(RATE * SECONDS)) / RATE
+    tool = 2.0 * np.sin(2.0 * np.pi * frequency * time)
+    assert not run(controller, rig, RIGHT, tool).failure
+
+
+@pytest.mark.parametrize("rig", ["paper", "ideal"])
+@pytest.mark.parametrize("controller", set(OWN_CONTROLLERS) - {"none"})
+def test_a_texture_is_felt_without_a_break(controller: str, rig: str) -> None:
+    force, failure, part = run(controller, rig, RIGHT, touched())
+    assert not failure
+    contact = force[round((CONTACT[0] + 0.1) * RATE) : round(CONTACT[1] * RATE)]
+    assert np.convolve(np.abs(contact), np.ones(10), "valid").min() > 0.0
+    assert not any(each.suspects for each in part.slow.howling)
+
+
+def test_selecting_a_controller_tries_it_again() -> None:
+    _, failure, part = run("constant", "paper", WRONG["on the handle"], touched())
+    assert failure == HEARS
+    part.slow.select("constant")
+    assert not part.slow.failure
+    assert part.slow.controller == "constant"
