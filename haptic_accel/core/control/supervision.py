@@ -108,6 +108,7 @@ class ResponseSupervisor:
         self.trace = trace
         self._estimator = response_estimation.ResponseEstimator(trace, rate, COMPARISON_MEMORY)
         self._estimator.read = self._pairs
+        self._expected = np.zeros(2 * len(self._estimator.frequency) - 2)  # in the last window
         self._holding = round(response_estimation.EVALUATION_WINDOW * rate)
         trace.kept = max(trace.kept, 2 * self._holding + length)
         self._edges = _edges(rate)
@@ -168,8 +169,12 @@ class ResponseSupervisor:
         return np.convolve(past, self.taps, "valid") if past.any() else np.zeros(length)
 
     def _pairs(self, length: int) -> tuple[FloatArray, FloatArray]:
+        # Most of a window was in the one before: a convolution is the longest part of this work.
+        new = min(length, self.trace.count - self._expected_until)
+        self._expected_until = self.trace.count
+        self._expected = np.concatenate([self._expected[new:], self.expected(new)])
         measured = response_estimation.latest(self.trace, MEASURED, length)
-        return self.expected(length), measured
+        return self._expected.copy(), measured
 
     def update(self) -> bool:
         """Execute a part of pending computations; return True after a new result."""
@@ -197,6 +202,7 @@ class ResponseSupervisor:
         """Discard all samples and results; the trace begins anew."""
         self.trace.reset()
         self._estimator.reset()
+        self._expected_until: int = -len(self._expected)
         self._diagnosis.reset()
         # Power of all windows, and sum of the squared powers of each.
         self._power, self._squares = 0.0, 0.0
