@@ -241,7 +241,7 @@ def conditions(bag: Bag) -> list[dict[str, Any]]:
 def _given(bag: Bag, node: str, begins: tuple[str, ...]) -> dict[str, Any]:
     """Return a node's parameters with some beginnings, if they are not the default."""
     own, known = Parameters.from_metadata(bag.facts).values.get(node, {}), node_schema(node)
-    named = {name: own[name] for name in own.keys() & known if name.startswith(begins)}
+    named = {n: value for n, value in own.items() if n in known and n.startswith(begins)}
     return {name: value for name, value in named.items() if value != known[name][0]}
 
 
