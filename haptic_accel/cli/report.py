@@ -23,10 +23,10 @@ from pathlib import Path
 from rich.console import Console
 
 from haptic_accel.analysis import frames
-from haptic_accel.analysis.divergence import Divergence, find_divergence
 from haptic_accel.analysis.frames import Comparison
 from haptic_accel.analysis.loading import Analysis, Spread
 from haptic_accel.analysis.metrics import AnalysedTrial
+from haptic_accel.analysis.replay import Divergence, find_divergence
 from haptic_accel.analysis.summary import summary, tables
 from haptic_accel.cli.tables import print_table
 from haptic_accel.core.parameters import ParameterError, printable

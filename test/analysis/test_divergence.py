@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 
 from bag_maker import CHANGED, Message, change_bytes, of_trial, write_bag, write_messages
-from haptic_accel.analysis.divergence import find_divergence
+from haptic_accel.analysis.replay import find_divergence
 from haptic_accel.bags.metadata import read_metadata
 from haptic_accel.bags.reading import read_bag
 from haptic_accel.core import topics

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import pytest
 
-from haptic_accel.analysis.divergence import find_divergence
+from haptic_accel.analysis.replay import find_divergence
 from haptic_accel.core.tick.device_side import PAST_TICK
 from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.lockstep import lockstep_trial, record_trial
