@@ -28,7 +28,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "haptic_accel"
 
 BUDGETS = {
     "core": 14_880,
-    "analysis": 4_060,
+    "analysis": 4_050,
     "nodes": 3_940,
     "kits/study": 3_920,
     "devices": 4_030,
