@@ -109,6 +109,7 @@ class ResponseSupervisor:
         self._estimator = response_estimation.ResponseEstimator(trace, rate, COMPARISON_MEMORY)
         self._estimator.read = self._pairs
         self._expected = np.zeros(2 * len(self._estimator.frequency) - 2)  # in the last window
+        self._expected_until: int = 0  # count of the trace
         self._holding = round(response_estimation.EVALUATION_WINDOW * rate)
         trace.kept = max(trace.kept, 2 * self._holding + length)
         self._edges = _edges(rate)
@@ -202,7 +203,7 @@ class ResponseSupervisor:
         """Discard all samples and results; the trace begins anew."""
         self.trace.reset()
         self._estimator.reset()
-        self._expected_until: int = -len(self._expected)
+        self._expected_until = -len(self._expected)
         self._diagnosis.reset()
         # Power of all windows, and sum of the squared powers of each.
         self._power, self._squares = 0.0, 0.0
