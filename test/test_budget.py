@@ -31,7 +31,7 @@ BUDGETS = {
     "analysis": 4_050,
     "nodes": 3_940,
     "kits/study": 3_920,
-    "devices": 4_030,
+    "devices": 4_060,
     "cli": 3_040,
     "bags": 2_740,
     "scope": 1_360,

@@ -90,6 +90,10 @@ plant's delay is not negative."""
 LEAST_LIKENESS = 0.1
 """Smallest correlation of that noise and its answer."""
 
+MOST_HEARD = 0.25
+"""Largest answer of the tool's accelerometer to that noise, relative to the handle's: one that
+hears the handle sustains the force."""
+
 JACK_CHANNELS = 2
 """Number of outputs, and largest of inputs, with which PortAudio 19.6 keeps to its memory on JACK.
 """
@@ -180,6 +184,8 @@ class DuplexCard:
     is_played : bool
         True if a device supplies the output; otherwise it gets silence, as a card whose output ran
         dry may stop its inputs, too.
+    tools : list of CardAccelerometer
+        Open accelerometers of the tool.
     """
 
     def __init__(self, library: Any, index: int, block: int, rate: float) -> None:
@@ -200,6 +206,8 @@ class DuplexCard:
         self.clock = CardClock(rate)
         self.received = self.overruns = self.users = 0
         self.is_played = False
+        self.tools: list[CardAccelerometer] = []
+        self._sounded: tuple[FloatArray, FloatArray, float] | None = None
         self._silence = np.zeros((block, self.outputs), dtype=np.float32)
         self._most = round(KEPT * rate)
         self._buffer = np.zeros((2 * self._most, self.inputs), dtype=np.float32)
@@ -262,6 +270,31 @@ class DuplexCard:
         if self.stream.read_available == before and filled > 0:
             self._lag = written - filled - self.received - before
         return self._lag
+
+    def take_answer(self, noise: FloatArray, answer: FloatArray, heard: float) -> None:
+        """Keep all inputs' answer to a noise, and the handle's, m/s^2; check the tool's.
+
+        Raises
+        ------
+        DeviceError
+            The tool's accelerometer hears the handle.
+        """
+        self._sounded = noise, answer, heard
+        self.check_tools()
+
+    def check_tools(self) -> None:
+        """Refuse an accelerometer of the tool that answers the coil, once it has sounded."""
+        if self._sounded is None:
+            return
+        noise, answer, heard = self._sounded
+        for tool in self.tools:
+            likeness, _, strength = alike(noise, tool.accelerations(answer))
+            if likeness >= LEAST_LIKENESS and strength > MOST_HEARD * heard:
+                raise DeviceError(
+                    f"audio.inputs: the tool's accelerometer answers the coil with"
+                    f" {strength / heard:.0%} of the handle's motion (must be at most"
+                    f" {MOST_HEARD:.0%}); is it on the tool, and is the cable in the right input?"
+                )
 
     def close(self) -> None:
         """Stop, silent."""
@@ -389,40 +422,54 @@ class BenchOutput(audio.SoundCard):
         answer = self._duplex.around(begin - lag, len(noise) + most)
         if answer is None:
             raise DeviceError(f"sound card {self.name}: too slow to measure its round trip")
-        return max(0, likest(noise, self._sensor.channels_of(answer)) - SPARED)
+        trip, heard = likest(noise, self._sensor.accelerations(answer))
+        self._duplex.take_answer(noise, answer, heard)
+        return max(0, trip - SPARED)
 
 
-def likest(noise: FloatArray, answer: FloatArray) -> int:
-    """Return the delay at which one of the answers is most like a noise, samples.
+def likest(noise: FloatArray, answer: FloatArray) -> tuple[int, float]:
+    """Return the delay, samples, and the strength of the answer that is most like a noise.
 
     Parameters
     ----------
-    noise : ndarray, shape (n,)
-    answer : ndarray, shape (m, channels)
-        Longer than the noise.
+    noise, answer
+        As for `alike`.
 
     Raises
     ------
     DeviceError
         None is like it.
     """
-    from scipy import signal
-
-    size = np.linalg.norm(noise)
-    likeness, delay = 0.0, 0
-    for each in answer.T - answer.mean(axis=0)[:, np.newaxis]:
-        found = np.abs(signal.correlate(each, noise, "valid", "fft"))
-        best = int(found.argmax())
-        part = each[best : best + len(noise)]
-        if (alike := float(found[best] / (size * np.linalg.norm(part) + 1e-12))) > likeness:
-            likeness, delay = alike, best
+    likeness, delay, strength = alike(noise, answer)
     if likeness < LEAST_LIKENESS:
         raise DeviceError(
             f"audio.inputs: the handle's accelerometer does not answer the coil (correlation"
             f" {likeness:.2f}, must be at least {LEAST_LIKENESS:g}); are amplifier and sensor on,"
             " and audio.inputs and audio.channels right?"
         )
-    return delay
+    return delay, strength
+
+
+def alike(noise: FloatArray, answer: FloatArray) -> tuple[float, int, float]:
+    """Return correlation, delay in samples, and strength of the answer most like a noise.
+
+    Parameters
+    ----------
+    noise : ndarray, shape (n,)
+    answer : ndarray, shape (m, channels)
+        Longer than the noise.
+    """
+    from scipy import signal
+
+    size = float(np.linalg.norm(noise))
+    likest = 0.0, 0, 0.0
+    for each in answer.T - answer.mean(axis=0)[:, np.newaxis]:
+        found = np.abs(signal.correlate(each, noise, "valid", "fft"))
+        best = int(found.argmax())
+        part = each[best : best + len(noise)]
+        likeness = float(found[best] / (size * np.linalg.norm(part) + 1e-12))
+        likest = max(likest, (likeness, best, float(found[best]) / size**2))
+    return likest
 
 
 class CardAccelerometer(CompositeDevice):
@@ -482,7 +529,7 @@ class CardAccelerometer(CompositeDevice):
         ParameterError
             The card has no such channel, or its rate is too low.
         DeviceError
-            The card fails to open.
+            The card fails to open, or the tool's accelerometer hears the handle.
         """
         # Imported here, as scipy.signal is slow to import, and most nodes have no card.
         from scipy.signal import sosfilt
@@ -507,10 +554,13 @@ class CardAccelerometer(CompositeDevice):
         self._state = np.zeros((len(self._sections), 2, len(self._channels)))
         self._known = card.received
         self._filtered = np.zeros((0, len(self._channels)))
+        if self._to_base:
+            card.tools.append(self)
+            card.check_tools()
 
-    def channels_of(self, samples: FloatArray) -> FloatArray:
-        """Return the accelerometer's columns of the card's inputs."""
-        return bounded(samples[:, self._channels])[0]
+    def accelerations(self, samples: FloatArray) -> FloatArray:
+        """Return the accelerometer's columns of the card's inputs, m/s^2."""
+        return np.asarray(bounded(samples[:, self._channels])[0] * self._scales)
 
     def read(self, time: float) -> Reading:
         """Return the arm's motion, and the acceleration at a time in s."""
@@ -569,6 +619,7 @@ class CardAccelerometer(CompositeDevice):
         """Close the card once the last device has closed it."""
         card, self.card = self.card, None
         if card is not None:
+            card.tools = [each for each in card.tools if each is not self]
             _release(card)
 
     @property

@@ -87,7 +87,9 @@ def test_an_answer_is_found_after_its_delay_and_silence_is_none() -> None:
     silence = np.random.default_rng(1).normal(0, 1, (22_000, 1))
     answer = silence.copy()
     answer[777:20_777, 0] -= noise
-    assert sound_bench.likest(noise, answer) == 777
+    delay, strength = sound_bench.likest(noise, answer)
+    assert delay == 777
+    assert strength == pytest.approx(1.0, abs=0.05)
     with pytest.raises(DeviceError, match="does not answer the coil .correlation 0.0"):
         sound_bench.likest(noise, silence)
 
@@ -119,6 +121,40 @@ def sensor_on(card: PortAudio, patched: pytest.MonkeyPatch, kind: type = InputPa
     patched.setattr("haptic_accel.devices.audio.sound_library", lambda: card)
     arm = sound_bench.NoArm(NoParameters(), 1e3, 0)
     return sound_bench.CardAccelerometer(kind(scales="100"), 1000.0, arm, to_base_axes=False)
+
+
+@pytest.mark.parametrize(
+    ("hears", "is_refused"), [(1.0, True), (-0.4, True), (0.1, False), (0.0, False)]
+)
+@pytest.mark.parametrize("is_first", [True, False])
+def test_a_tool_that_answers_the_coil_is_refused(
+    hears: float, is_refused: bool, is_first: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("haptic_accel.devices.audio.sound_library", PortAudio)
+    arm = sound_bench.NoArm(NoParameters(), 1e3, 0)
+    parameters = InputParameters(inputs="2", scales="50")
+    tool = sound_bench.CardAccelerometer(parameters, 1000.0, arm, to_base_axes=True)
+    handle = sensor_on(PortAudio(), monkeypatch)
+    noise = np.random.default_rng(0).uniform(-1, 1, 20_000)
+    answer = np.random.default_rng(1).normal(0, 0.1, (22_000, 2))
+    answer[500:20_500, 0] += noise
+    answer[500:20_500, 1] += 2.0 * hears * noise  # of half the scale
+    said = "tool's accelerometer answers the coil with"
+    handle.open()
+    try:
+        if is_first:
+            tool.open()
+        refused = False
+        try:
+            handle.card.take_answer(noise, answer, 100.0)
+            if not is_first:
+                tool.open()
+        except DeviceError as error:
+            refused = said in str(error)
+        assert refused == is_refused
+    finally:
+        tool.close()
+        handle.close()
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30, -1.5, 1.0])
