@@ -46,6 +46,7 @@ PAGES = [*DOCS, *sorted(SOURCE.glob("*.md"))]
 READERS = re.compile(r"^\*For: [^*]+\.\*$", re.MULTILINE)
 LINK = re.compile(r"(?<!\\)\[[^\]]*\]\(([^)\s]+)\)")
 PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
+PAGE = re.compile(r"\bdocs/\w+\.md")
 FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 
 
@@ -133,6 +134,15 @@ def test_every_relative_link_leads_somewhere(page: Path) -> None:
         assert target.exists(), link
         if anchor:
             assert anchor in anchors(target), link
+
+
+def test_every_page_that_a_file_names_exists() -> None:
+    patterns = "*.md", "config/**/*.yaml", "haptic_accel/**/*.py", "haptic_accel/**/*.j2"
+    files = [path for pattern in patterns for path in SOURCE.glob(pattern)]
+    texts = ((name_of(path), path.read_text(encoding="utf-8")) for path in files)
+    named = {(name, page) for name, text in texts for page in PAGE.findall(text)}
+    assert named
+    assert [each for each in sorted(named) if not (SOURCE / each[1]).is_file()] == []
 
 
 @pytest.mark.parametrize("page", DOCS, ids=name_of)
