@@ -158,6 +158,7 @@ class Diagnosis:
         density: FloatArray,
         interval: float,
         evaluations: float,
+        rubbing: float = 0.0,
     ) -> None:
         """Process a new estimate.
 
@@ -174,6 +175,8 @@ class Diagnosis:
         evaluations : float
             Number of windows that share the power of the estimate, which overlap by three
             quarters: a single tap is in four.
+        rubbing : float
+            Ratio of dry friction to the force.
         """
         response = response[self._inside]
         coherence, density = coherence[self._inside], density[self._inside]
@@ -188,9 +191,8 @@ class Diagnosis:
             return
         weights /= weights.sum()
         scatter = 1.0 / np.maximum(coherence, LEAST_COHERENCE) - 1.0
-        independent = max(1.0, INDEPENDENCE * evaluations)
-        variance = float(scatter @ weights) / independent
-        found = self._explanation(response, weights, variance)
+        variance = float(scatter @ weights) / max(1.0, INDEPENDENCE * evaluations)
+        found = self._explanation(response, weights, variance, rubbing)
         if found.kind not in ("", MODE, POLARITY) and evaluations < FEWEST_EVALUATIONS:
             return
         self._since = self._since + interval if found.kind == self._kind else 0.0
@@ -205,19 +207,19 @@ class Diagnosis:
             self._named, self.difference = found, found.text
 
     def _explanation(
-        self, response: ComplexArray, weights: FloatArray, variance: float
+        self, response: ComplexArray, weights: FloatArray, variance: float, rubbing: float
     ) -> Difference:
-        """Return the simplest explanation of a response with a relative variance."""
+        """Return the simplest explanation of a response with a relative variance and friction."""
         terms = self._terms * response
         now = float(self._left(terms, weights, self._late[self._undelayed, np.newaxis])[0])
         scale, left_scaled = self._scaled(response, weights)
-        limit = math.sqrt(UNEXPLAINED**2 + CAUTION * variance)
+        limit = math.sqrt(UNEXPLAINED**2 + CAUTION * variance) + rubbing
         if now < limit:
             if scale < 0.0:
                 text = "the force acts in the opposite direction: swap the wires of the coil"
                 return Difference(POLARITY, scale, text)
             alike = left_scaled < max(NEGLIGIBLE, SAME * now)
-            if alike and abs(scale - 1.0) > max(NOTICEABLE_SCALE, left_scaled):
+            if alike and abs(scale - 1.0) > max(NOTICEABLE_SCALE, left_scaled) + rubbing:
                 share = f"{1.0 / scale:.2f} of what is described"
                 text = f"the force per mass is {share} (force constant, or mass)"
                 return Difference("scale", scale, text)

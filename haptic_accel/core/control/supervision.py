@@ -187,7 +187,7 @@ class ResponseSupervisor:
             # No difference is named as long as a window holds a sample in which a limit acts.
             if self.trace.count >= self.trace.limited + self._holding:
                 found = estimator.response, estimator.coherence, estimator.excitation
-                self._diagnosis.judge(*found, estimator.interval, evaluations)
+                self._diagnosis.judge(*found, estimator.interval, evaluations, self._rubbing)
         return done
 
     def _evaluations(self) -> float:
@@ -240,9 +240,11 @@ class ResponseSupervisor:
         judged = (power * step >= LEAST_EXPECTED**2) & (
             self._bands @ coherent >= LEAST_COHERENCE * power
         )
+        # Harmonics of friction on a line below are no response.
+        judged &= self._bands @ (self._per_force * expected) * step >= self._friction**2
         force = math.sqrt(float(self._per_force @ expected) * step)
-        tolerated = self._tolerated + self._friction / max(force, 1e-9)
-        return judged, np.sqrt(self._bands @ off / power), tolerated
+        self._rubbing = self._friction / max(force, 1e-9)  # share of dry friction
+        return judged, np.sqrt(self._bands @ off / power), self._tolerated + self._rubbing
 
 
 def supervise(

@@ -17,6 +17,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -158,3 +159,14 @@ def test_swapped_wires_are_named_though_the_force_is_reduced_at_once(rig: str) -
     swapped = {"master_device": {"simulated.drive.force_scale": -1.0}}
     trial = lockstep_trial(setup.changed(swapped))
     assert any("swap the wires of the coil" in words for _, words in trial.warnings)
+
+
+@pytest.mark.parametrize(("frequency", "level"), [(58.0, 3.0), (82.0, 1.0)])
+def test_dry_friction_under_a_line_is_no_difference(frequency: float, level: float) -> None:
+    # Its third and fifth harmonics are coherent with what compensates it.
+    time = np.arange(5000) / 1000.0
+    line = (
+        np.minimum(time / 0.2, 1.0) * level * math.sqrt(2.0) * np.sin(2 * np.pi * frequency * time)
+    )
+    setup = Setup.of(GraphArguments(rig="paper", controller="inverse", duration=5.0))
+    assert lockstep_trial(setup, recording=line).warnings == ()
