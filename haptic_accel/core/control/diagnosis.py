@@ -66,7 +66,8 @@ NOTICEABLE_SCALE = 0.1
 """Relative deviation of the force that is named."""
 
 NOTICEABLE_DELAY = 0.15e-3
-"""Deviation of the delay that is named, s."""
+"""Delay in addition to the described one that is named, s. Less delay, which no device has by
+itself, is how some hands look in noise, and has no name."""
 
 LOWEST_MODE = 50.0
 """Frequency above which a peak is a mode, Hz; below, the hand's grip has its resonance."""
@@ -227,10 +228,9 @@ class Diagnosis:
         left = self._left(terms, weights, self._late)
         best = int(np.argmin(left))
         late = float(DELAYS[best])
-        if left[best] < limit and abs(late) > NOTICEABLE_DELAY:
-            than = "later" if late > 0.0 else "earlier"
-            text = f"the force acts {1e3 * abs(late):.1f} ms {than} than described"
-            return Difference("delay", late, text)
+        if left[best] < limit:
+            text = f"the force acts {1e3 * late:.1f} ms later than described"
+            return Difference("delay", late, text) if late > NOTICEABLE_DELAY else NOTHING
         peak = np.argmax(np.abs(response * self._mount) * (weights > 0.0))
         frequency = float(self._lines[peak])
         if frequency < LOWEST_MODE:

@@ -321,10 +321,8 @@ class Learner:
         self._used_at = 0  # number of the ratio's estimates
         self._tool.reset()
         self._ratio.reset()
-        handle = self._handle
-        self._ratio.model[1:] = self._model(np.array([handle.m_h, handle.b_u, handle.k_u]))[
-            self._every
-        ]
+        described = self._known * handle_model(self._handle).response(self._lines)
+        self._ratio.model[1:] = described[self._every]
         self._work = None
         self.correction = np.zeros_like(self._family.basis[:, 0])
         self.deviation, self.estimates = 0.0, 0
