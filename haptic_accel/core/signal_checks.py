@@ -50,6 +50,10 @@ LINEAR = 0.7
 """Smallest ratio of the responses to the small and the large probing force, each per newton:
 friction holds a handle against small forces."""
 
+MOST_HEARD = 0.25
+"""Largest response of the tool's accelerometer to the probing force, relative to the handle's: one
+that hears the handle sustains the force."""
+
 QUIET_BLOCK = 0.01
 """Duration over which vibration is averaged to find its end, s."""
 
@@ -192,6 +196,16 @@ def probe_checks(small: complex, large: complex, noise: float) -> list[Check]:
         "friction: free the coil from its housing, and hold the handle more loosely",
     )
     return [heard, polarity, friction]
+
+
+def apart_check(tool: float, handle: float) -> Check:
+    """Check the tool's response to the probing force against the handle's, both m/s^2 per N."""
+    return Check(
+        tool <= MOST_HEARD * handle,
+        f"the tool's accelerometer hears {tool / handle:.0%} of the handle's motion (at most"
+        f" {MOST_HEARD:.0%})",
+        "is each accelerometer on its own side, and in its own input? Do the sides touch?",
+    )
 
 
 def quiet_after(acceleration: FloatArray, rate: float, end: int, noise: float) -> float:

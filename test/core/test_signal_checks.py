@@ -87,6 +87,13 @@ def test_responses_are_judged() -> None:
     assert passed(0.0, 0.01 / signal_checks.PROBE_FORCES[1]) == [False]
 
 
+def test_a_tool_that_hears_the_handle_is_told() -> None:
+    assert signal_checks.apart_check(0.7, 7.0).passed
+    heard = signal_checks.apart_check(7.0, 7.0)
+    assert not heard.passed
+    assert "hears 100% of the handle's motion" in heard.text
+
+
 def test_the_time_until_a_handle_is_quiet_is_that_of_its_decay() -> None:
     # An amplitude that decays with a time constant of 20 ms is a tenth after 20 ms ln 10 = 46 ms.
     time = np.arange(1000) / RATE

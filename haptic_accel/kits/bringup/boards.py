@@ -292,6 +292,8 @@ def make_safe(bench: benches.Bench) -> None:
         _measure_current(bench)
     bench.goes_on("hold the handle as in use, with the coil connected, then press Enter")
     bench.settle(lambda: _probed(bench))
+    if bench.device_name(benches.SLAVE) not in benches.ARMS_ALONE:
+        bench.settle(lambda: _heard_apart(bench))
     bench.settle(lambda: _stopped(bench))
     if bench.device_name(benches.MASTER).endswith(benches.SERIAL):
         bench.settle(lambda: _unplugged(bench))
@@ -351,6 +353,20 @@ def _probed(bench: benches.Bench) -> list[Check]:
         text = f"the coil pushes backwards: force constant made {turned:g} N/A"
         found[1] = Check(True, text)
     return found
+
+
+def _heard_apart(bench: benches.Bench) -> list[Check]:
+    """Check that the tool's accelerometer does not hear the handle."""
+    with bench.observed(benches.MASTER) as device, bench.observed(benches.SLAVE) as tool:
+        device.drive(_probe(checks.PROBE_FORCES[1]))
+        time.sleep(benches.RESPONSE_SETTLING)
+        both = device.observe(PROBE), tool.last(PROBE)
+        device.drive(None)
+    # Samples of two devices do not begin together, but the force is of one frequency.
+    count = min(len(each.acceleration) for each in both)
+    force, rate = both[0].force[:count], both[0].rate
+    handle, heard = (abs(checks.response(force, each.acceleration[:count], rate)) for each in both)
+    return [checks.apart_check(heard, handle)]
 
 
 def _stopped(bench: benches.Bench) -> list[Check]:
