@@ -102,6 +102,9 @@ root mean square."""
 FALSE_NAMES = *handle_family.FALSE_NAMES, "run identify"
 """Parts of warnings that a handle as described must not have."""
 
+MISPLACED = "hears the handle"
+"""Part of the warning that only a tool's sensor on the wrong body must have."""
+
 Wiring: TypeAlias = Callable[[Vector, Vector], tuple[Vector, Vector]]
 """Function from what the sensors of handle and tool feel to what is measured as theirs."""
 
@@ -221,9 +224,9 @@ def _strange(seed: int, count: int) -> Iterator[Member]:
 
 
 SENSORS: dict[str, tuple[Callable[[Random], list[list[float]]], str]] = {
-    "swapped": (lambda random: [[0.0, 1.0], [1.0, 0.0]], "hears the handle"),
-    "mixed": (lambda random: [[1.0, 0.0], [random.uniform(0.3, 1.0), 1.0]], "hears the handle"),
-    "on the handle": (lambda random: [[1.0, 0.0], [1.0, 0.0]], "hears the handle"),
+    "swapped": (lambda random: [[0.0, 1.0], [1.0, 0.0]], MISPLACED),
+    "mixed": (lambda random: [[1.0, 0.0], [random.uniform(0.3, 1.0), 1.0]], MISPLACED),
+    "on the handle": (lambda random: [[1.0, 0.0], [1.0, 0.0]], MISPLACED),
     "handle's sign": (lambda random: [[-1.0, 0.0], [0.0, 1.0]], "opposite direction"),
     "handle's gain": (
         lambda random: [[_wrong_gain(random), 0.0], [0.0, 1.0]],
@@ -426,8 +429,11 @@ def summary(rows: Sequence[Row], controller: str) -> Row:
         if row["named"]
     ]
     false = [
-        row["described"]
-        and any(name in words for _, words in each["warnings"] for name in FALSE_NAMES)
+        any(
+            name in words
+            for _, words in each["warnings"]
+            for name in (MISPLACED, *(FALSE_NAMES if row["described"] else ()))
+        )
         for row, each in zip(rows, found, strict=True)
     ]
     pairs = list(zip(errors, bounds, strict=True))
