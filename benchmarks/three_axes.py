@@ -41,7 +41,7 @@ from pulses import played, pulses
 from haptic_accel.analysis.plots import BLACK, BLUE, VERMILION
 from haptic_accel.core.control.compensation import matrix_plant
 from haptic_accel.core.control.filters import high_passed
-from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
+from haptic_accel.core.control.inversion.bound import bounds
 from haptic_accel.core.evaluation.metrics import (
     aligned,
     direction_error,
@@ -154,7 +154,7 @@ def bound(arguments: GraphArguments, trial: Trial) -> float:
     setup = Setup.of(arguments)
     _, options = setup.node("compensator")
     master = setup.rig().master
-    return matrix_bounds(
+    return bounds(
         matrix_plant(options, trial.rate).coupled().delayed(trial.latency),
         trial.rate,
         trial.tool_acceleration[round(BEGIN * trial.rate) :],

@@ -34,7 +34,6 @@ from haptic_accel.core import topics
 from haptic_accel.core.axes import ALL_AXES, NAMES
 from haptic_accel.core.control.filters import comparable, without_hand_motion
 from haptic_accel.core.control.inversion.bound import bounds
-from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
 from haptic_accel.core.control.supervision import supervise
 from haptic_accel.core.evaluation import metrics as measures
 from haptic_accel.core.evaluation.statistics import Interval, nrmse_interval
@@ -453,12 +452,9 @@ def _bounds(segment: Segment, shift: float, notes: list[str]) -> dict[str, float
         "actuator": segment.actuator,
     }
     try:
-        if isinstance(plant, MatrixPlant):
-            found = matrix_bounds(plant, segment.rate, tool, **around)
-        elif tool.ndim == 1:
-            found = bounds(plant, segment.rate, tool, **around)
-        else:
+        if not isinstance(plant, MatrixPlant) and tool.ndim > 1:
             return {}
+        found = bounds(plant, segment.rate, tool, **around)
     except ParameterError as error:
         notes.append(f"no bound of the error: {error}")
         return {}

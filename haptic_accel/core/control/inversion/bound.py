@@ -13,24 +13,32 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Smallest errors of causal linear filters on a known plant, with and without limits."""
+"""Smallest errors of causal linear filters on a known plant, with and without limits.
+
+A plant with one coil is one with n coils where n = 1: responses have shape (n, n, lines).
+"""
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, high_pass_response
 from haptic_accel.core.control.inversion.design import Goal, nearest
-from haptic_accel.core.control.inversion.spectrum import PRIOR, ToolSpectrum, measured_spectrum
-from haptic_accel.core.handle.plant import Dynamics
+from haptic_accel.core.control.inversion.spectrum import (
+    PRIOR,
+    SEGMENT_SECONDS,
+    SENSOR_DENSITY,
+    ToolSpectrum,
+    measured_spectrum,
+)
+from haptic_accel.core.handle.plant import Dynamics, MatrixPlant
 from haptic_accel.core.handle.response import Grid, grid_for, travel_response
 from haptic_accel.core.model import ComplexArray, FloatArray
 from haptic_accel.core.tick import CUSHION_END
@@ -49,6 +57,12 @@ FORCE_COSTS = [10.0**power for power in range(-6, 9)]
 """Costs of force, (m/s^2 per N)^2: from less than the smallest response of a plant to no force."""
 
 _HALVINGS = 5  # bisections of the log distance of two costs: to 7 %
+
+CONVERGED = 1e-6
+"""Largest change of a spectral factor, relative to 1, that ends its iteration."""
+
+MOST_ITERATIONS = 40
+"""Limit of the iteration: it halves a deviation at first, and squares it at the end."""
 
 
 def causal_bound(
@@ -94,12 +108,13 @@ def causal_bound(
     ParameterError
         A parameter is out of range.
     """
-    problem = _problem(plant, rate, spectrum, granted_delay, noise, high_pass_frequency)
-    return problem.best().error
+    grid = grid_for(rate, step=STEP)
+    tool = minimum_phase(grid, np.sqrt(spectrum(grid.frequency)))[np.newaxis, np.newaxis]
+    return _problem(plant, grid, tool, granted_delay, noise, high_pass_frequency).causal_error()
 
 
 def limited_bound(
-    plant: Dynamics,
+    plant: Dynamics | MatrixPlant,
     rate: float,
     acceleration: FloatArray,
     *,
@@ -123,7 +138,7 @@ def limited_bound(
     ----------
     plant, rate, granted_delay, noise, high_pass_frequency
         As in `causal_bound`; for small inputs both results are equal.
-    acceleration : ndarray, shape (n,)
+    acceleration : ndarray, shape (n,), or (n, 3) with three coils
         Tool's acceleration, m/s^2. It is faded in over `FADING_IN`, as a section of a longer
         signal would otherwise start with a jump that needs travel.
     actuator : ActuatorParameters, optional
@@ -141,14 +156,11 @@ def limited_bound(
     ParameterError
         A parameter is out of range.
     """
-    problem = _problem(
-        *(plant, rate, measured_spectrum(acceleration, rate), granted_delay, noise),
-        high_pass_frequency,
-    )
     actuator = actuator or ActuatorParameters()
     longest = CUSHION_END * actuator.travel if travel_limit is None else travel_limit
-    travel = travel_response(plant.handle, problem.grid.frequency)
-    return problem.limited(travel, faded_in(acceleration, rate), longest, actuator.peak_force)
+    grid, tool = _tool_factor(acceleration, rate)
+    problem = _problem(plant, grid, tool, granted_delay, noise, high_pass_frequency)
+    return problem.limited_error(acceleration, longest, actuator.peak_force)
 
 
 class Bounds(NamedTuple):
@@ -159,34 +171,28 @@ class Bounds(NamedTuple):
 
 
 def bounds(
-    plant: Dynamics,
+    plant: Dynamics | MatrixPlant,
     rate: float,
     acceleration: FloatArray,
     *,
-    granted_delay: int,
-    noise: float,
-    high_pass_frequency: float,
-    actuator: ActuatorParameters,
+    granted_delay: int = 1,
+    noise: float = 0.0,
+    high_pass_frequency: float = HIGH_PASS_FREQUENCY,
+    actuator: ActuatorParameters | None = None,
 ) -> Bounds:
-    """Return both bounds of an input; parameters and errors as for `limited_bound`."""
-    causal = causal_bound(
-        plant,
-        rate,
-        measured_spectrum(acceleration, rate),
-        granted_delay=granted_delay,
-        noise=noise,
-        high_pass_frequency=high_pass_frequency,
-    )
-    limited = limited_bound(
-        plant,
-        rate,
-        acceleration,
-        granted_delay=granted_delay,
-        noise=noise,
-        high_pass_frequency=high_pass_frequency,
-        actuator=actuator,
-    )
-    return Bounds(causal, limited)
+    """Return both bounds of an input; parameters and errors as for `limited_bound`.
+
+    With three coils these are the errors of a vector: the root of the power of its error over
+    that of the desired one. The filters know the components' spectra and cross-spectra. The costs
+    of travel and force are equal for all coils, and just high enough for each coil to stay within
+    its limits.
+    """
+    actuator = actuator or ActuatorParameters()
+    grid, tool = _tool_factor(acceleration, rate)
+    problem = _problem(plant, grid, tool, granted_delay, noise, high_pass_frequency)
+    longest = CUSHION_END * actuator.travel
+    limited = problem.limited_error(acceleration, longest, actuator.peak_force)
+    return Bounds(problem.causal_error(), limited)
 
 
 def least_cost(costs: Sequence[float], keeps: Callable[[float], bool]) -> float:
@@ -215,111 +221,110 @@ class Optimum(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Tracking(ABC):
-    """Tracking of spectra by a plant, on a grid of frequencies.
+class Tracking:
+    """Tracking of the spectra of n axes by a plant with n coils, on a grid of frequencies.
 
     Attributes
     ----------
     grid : Grid
-    response : ndarray, shape (..., n)
-        Response of the plant: (n,) for one axis, (3, 3, n) for three.
-    tool, desired : ndarray, shape (..., n)
-        Spectral factors of the tool's acceleration and of its high-passed version.
-    delay : ndarray, shape (n,)
-        Response of the granted delay.
+    response : ndarray, shape (n, n, lines)
+        Response of the plant.
+    travel : ndarray, shape (n, 1, lines)
+        Travel of each coil over its force, m per N.
+    tool, desired : ndarray, shape (n, n, lines)
+        Spectral factors of the tool's acceleration and of its high-passed version, with the
+        granted delay in the latter.
     noise : float
-        Power of the sensor's noise in the unit of the grid's lines.
+        Power of the sensors' noise in the unit of the grid's lines.
     """
 
     grid: Grid
     response: ComplexArray
+    travel: ComplexArray
     tool: ComplexArray
     desired: ComplexArray
-    delay: ComplexArray
     noise: float
 
-    @abstractmethod
-    def best(self, cost: Any) -> Optimum:
-        """Return the filter of least error for a cost of the forces' power, by frequency."""
+    def causal_error(self) -> float:
+        """Return the least error of a causal filter, %."""
+        return self.best(np.zeros(self.travel.shape)).error
 
-    @abstractmethod
-    def peak(self, response: ComplexArray, acceleration: FloatArray) -> float:
-        """Return the largest magnitude of causal responses to a tool's acceleration."""
-
-    def limited(
-        self, travel: ComplexArray, acceleration: FloatArray, longest: float, peak_force: float
-    ) -> float:
+    def limited_error(self, acceleration: FloatArray, longest: float, peak_force: float) -> float:
         """Return the least error, %, with costs for which an input keeps travel and force.
 
         Parameters
         ----------
-        travel : ndarray
-            Travel over force, m per N, to be multiplied by a filter's response.
-        acceleration : ndarray, shape (n,) or (n, 3)
+        acceleration : ndarray, shape (samples,) or (samples, n)
             Tool's acceleration, m/s^2.
         longest : float
             Maximum travel, m.
         peak_force : float
             Maximum force, N.
         """
+        moved = faded_in(acceleration, self.grid.rate).reshape(len(acceleration), -1)
 
         @cache
         def best(of_travel: float, of_force: float = 0.0) -> Optimum:
-            return self.best(of_travel * np.abs(travel) ** 2 + of_force)
+            return self.best(of_travel * np.abs(self.travel) ** 2 + of_force)
 
         def keeps_travel(of_travel: float) -> bool:
-            return self.peak(best(of_travel).force * travel, acceleration) <= longest
+            return self.peak(best(of_travel).force * self.travel, moved) <= longest
 
         def keeps_force(of_force: float) -> bool:
-            return self.peak(best(of_travel, of_force).force, acceleration) <= peak_force
+            return self.peak(best(of_travel, of_force).force, moved) <= peak_force
 
         of_travel = least_cost(TRAVEL_COSTS, keeps_travel)
         of_force = least_cost(FORCE_COSTS, keeps_force)
         return best(of_travel, of_force).error
 
-
-class _Problem(Tracking):
-    """Tracking along one axis."""
-
-    def best(self, cost: FloatArray | float = 0.0) -> Optimum:
-        """Return the filter of least error for a frequency-dependent cost of the force's power."""
-        desired = self.desired
-        factor = minimum_phase(self.grid, np.sqrt(np.abs(self.response) ** 2 + cost))
-        target = self.grid.sequence(self.delay * desired * (self.response / factor).conj())
-        target[self.grid.points :] = 0.0  # times before zero
-        driven = self.grid.spectrum(target) / factor
-        missed = float(np.sum(np.abs(self.response * driven - self.delay * desired) ** 2))
-        share = (missed + self.noise) / float(np.sum(np.abs(desired) ** 2))
-        return Optimum(driven / self.tool, 100.0 * math.sqrt(share))
+    def best(self, cost: FloatArray) -> Optimum:
+        """Return the filter of least error for costs of each coil's power, shape (n, 1, lines)."""
+        response, target = self.response, self.desired
+        gram = _product(_adjoint(response), response)
+        for coil in range(len(gram)):
+            gram[coil, coil] += cost[coil, 0]
+        factor = _right_factor(self.grid, gram)
+        inverse = _inverse(factor)
+        aimed = _product(_adjoint(inverse), _product(_adjoint(response), target))
+        driven = _product(inverse, _causal(self.grid, aimed))
+        missed = float(np.sum(np.abs(_product(response, driven) - target) ** 2))
+        share = (missed + self.noise) / float(np.sum(np.abs(target) ** 2))
+        return Optimum(_product(driven, _inverse(self.tool)), 100.0 * math.sqrt(share))
 
     def peak(self, response: ComplexArray, acceleration: FloatArray) -> float:
-        """Return the maximum magnitude of a causal response to a tool's acceleration."""
+        """Return the largest magnitude of causal responses to an acceleration (samples, n)."""
         from scipy import signal
 
-        pulse = self.grid.sequence(response)[: self.grid.points]
-        return float(np.abs(signal.oaconvolve(acceleration, pulse)[: len(acceleration)]).max())
+        points, samples = self.grid.points, len(acceleration)
+        pulses = np.array([[self.grid.sequence(each) for each in row] for row in response])
+        moved = signal.oaconvolve(acceleration.T[np.newaxis], pulses[..., :points], axes=-1)
+        return float(np.abs(moved[..., :samples].sum(axis=1)).max())
 
 
 def _problem(
-    plant: Dynamics,
-    rate: float,
-    spectrum: ToolSpectrum,
+    plant: Dynamics | MatrixPlant,
+    grid: Grid,
+    tool: ComplexArray,
     granted_delay: int,
     noise: float,
     high_pass_frequency: float,
-) -> _Problem:
+) -> Tracking:
+    frequency, rate = grid.frequency, grid.rate
     Goal(granted_delay, high_pass_frequency=high_pass_frequency).check(rate)
-    grid = grid_for(rate, step=STEP)
-    frequency = grid.frequency
-    tool = np.sqrt(spectrum(frequency))
-    passed = np.abs(high_pass_response(high_pass_frequency, frequency, rate))
-    return _Problem(
+    passed = minimum_phase(grid, np.abs(high_pass_response(high_pass_frequency, frequency, rate)))
+    axes: Sequence[Dynamics] = plant.axes if isinstance(plant, MatrixPlant) else [plant]
+    response = np.array([each.response(frequency, rate) for each in axes])
+    if isinstance(plant, MatrixPlant):
+        coupling = np.array([[grid.spectrum(each) for each in row] for row in plant.coupling])
+        response = coupling * response
+    travels = np.array([travel_response(each.handle, frequency) for each in axes])
+    return Tracking(
         grid,
-        plant.response(frequency, rate),
-        minimum_phase(grid, tool),
-        minimum_phase(grid, tool * passed),
-        grid.delay(granted_delay),
-        2.0 * noise**2 / rate * len(frequency),
+        response.reshape(len(axes), len(axes), -1),
+        travels[:, np.newaxis],
+        tool,
+        grid.delay(granted_delay) * passed * tool,
+        len(axes) * 2.0 * noise**2 / rate * len(frequency),
     )
 
 
@@ -328,3 +333,72 @@ def minimum_phase(grid: Grid, magnitude: FloatArray) -> ComplexArray:
     cepstrum = grid.sequence(np.log(magnitude))[: grid.points]
     cepstrum[1:] *= 2.0
     return np.asarray(np.exp(grid.spectrum(cepstrum)))
+
+
+def _tool_factor(acceleration: FloatArray, rate: float) -> tuple[Grid, ComplexArray]:
+    """Return a grid, and the spectral factor Q of an acceleration, whose spectrum is Q Q^H."""
+    from scipy import signal
+
+    grid = grid_for(rate, step=STEP)
+    if acceleration.ndim == 1:
+        power = measured_spectrum(acceleration, rate)(grid.frequency)
+        return grid, minimum_phase(grid, np.sqrt(power))[np.newaxis, np.newaxis]
+    segment = min(len(acceleration), round(SEGMENT_SECONDS * grid.rate))
+    x, y = acceleration.T[:, np.newaxis], acceleration.T[np.newaxis, :]
+    lines, cross = signal.csd(y, x, grid.rate, nperseg=segment)
+    # At least the noise of the tool's accelerometer. The mean was removed: no line at 0 Hz.
+    powers, vectors = np.linalg.eigh(np.moveaxis(cross[..., 1:], -1, 0))
+    powers = np.maximum(powers, SENSOR_DENSITY**2)
+    cross = np.moveaxis((vectors * powers[:, np.newaxis]) @ vectors.conj().swapaxes(1, 2), 0, -1)
+    spectrum: ComplexArray = np.array(
+        [[np.interp(grid.frequency, lines[1:], each) for each in row] for row in cross]
+    )
+    # Q Q^H = S where Q^T is the right factor of S^T.
+    return grid, _right_factor(grid, spectrum.swapaxes(0, 1)).swapaxes(0, 1)
+
+
+def _right_factor(grid: Grid, spectrum: ComplexArray) -> ComplexArray:
+    """Return the causal F with a causal inverse for which F^H F is a given spectrum.
+
+    A diagonal factor with the given powers makes most of it (by the cepstrum); Wilson's iteration
+    finds the rest (SIAM J. Appl. Math. 23, 1972).
+    """
+    count = len(spectrum)
+    own = np.array([minimum_phase(grid, np.sqrt(spectrum[j, j].real)) for j in range(count)])
+    if count == 1:
+        return own[np.newaxis]
+    rest = spectrum / (own.conj()[:, np.newaxis] * own)
+    factor = np.zeros_like(rest)
+    unity = np.eye(count)[:, :, np.newaxis]
+    factor += unity
+    for _ in range(MOST_ITERATIONS):
+        inverse = _inverse(factor)
+        change = _product(_adjoint(inverse), _product(rest, inverse)) - unity
+        factor = _product(unity + _causal(grid, change, first=0.5), factor)
+        if float(np.abs(change).max()) < CONVERGED:
+            break
+    return np.asarray(factor * own)
+
+
+def _causal(grid: Grid, spectrum: ComplexArray, first: float = 1.0) -> ComplexArray:
+    """Return the part of a spectrum from time zero on, with a factor of the value at zero."""
+
+    def part(each: ComplexArray) -> ComplexArray:
+        sequence = grid.sequence(each)
+        sequence[grid.points :] = 0.0
+        sequence[0] *= first
+        return grid.spectrum(sequence)
+
+    return np.array([[part(each) for each in row] for row in spectrum])
+
+
+def _product(a: ComplexArray, b: ComplexArray) -> ComplexArray:
+    return np.asarray(np.einsum("ijf,jkf->ikf", a, b))
+
+
+def _adjoint(a: ComplexArray) -> ComplexArray:
+    return a.conj().swapaxes(0, 1)
+
+
+def _inverse(a: ComplexArray) -> ComplexArray:
+    return np.asarray(np.linalg.inv(a.transpose(2, 0, 1)).transpose(1, 2, 0))

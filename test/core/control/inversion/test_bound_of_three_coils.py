@@ -27,7 +27,6 @@ from scipy.spatial.transform import Rotation
 from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.control.inversion.bound import Bounds, bounds
-from haptic_accel.core.control.inversion.matrix_bound import matrix_bounds
 from haptic_accel.core.handle.plant import MatrixPlant, Plant
 from haptic_accel.core.model import FloatArray, HandleParameters, MountParameters
 
@@ -47,7 +46,7 @@ def textures(rms: float) -> FloatArray:
 
 def bound(coupling: FloatArray, tool: FloatArray, *axes: Plant, **given: Any) -> Bounds:
     x, y, z = axes or (LATE, LATE, LATE)
-    return matrix_bounds(MatrixPlant((x, y, z), coupling, RATE), RATE, tool, **given)
+    return bounds(MatrixPlant((x, y, z), coupling, RATE), RATE, tool, **given)
 
 
 def test_without_coupling_it_is_the_mean_of_those_of_the_axes() -> None:
