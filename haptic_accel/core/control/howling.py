@@ -56,7 +56,8 @@ TONAL, STRIDE = 0.1, 3e-3
 
 LASTING, GROWN = 0.5, 4.0
 """Ratio of the power of a window's second half to that of its first, below which the vibration
-ends by itself, and above which it has just begun."""
+ends by itself; and of a window to each of the two before, above which it has just begun, as a tap
+does."""
 
 MUTED, QUIET = 0.03, 0.015
 """Time without force, s, and its end in which the tool is listened to."""
@@ -157,7 +158,8 @@ class HowlingDetector:
         begun, ending = _power(tool[:half]), _power(tool[half:])
         lasting = ending / max(begun, NOISE**2)
         turns = np.count_nonzero(tool[1:] * tool[:-1] < 0.0)
-        if not LASTING <= lasting <= GROWN or turns < TURNS:
+        before = min(_power(latest(trace, DESIRED, length, late * length)) for late in (1, 2))
+        if lasting < LASTING or power > GROWN * max(before, NOISE**2) or turns < TURNS:
             return False
         now = latest(trace, DESIRED, length, 1)
         is_heard = _left(now, moved) < SAME + NOISE**2 / power

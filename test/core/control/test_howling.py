@@ -156,6 +156,18 @@ def test_a_texture_is_felt_without_a_break(controller: str, rig: str) -> None:
     assert not any(each.suspects for each in part.slow.howling)
 
 
+@pytest.mark.parametrize("controller", ["inverse", "adaptive"])
+@pytest.mark.parametrize("frequency", [60.0, 120.0, 200.0])
+def test_a_landing_that_a_deaf_handle_does_not_answer_is_no_sustained_vibration(
+    controller: str, frequency: float
+) -> None:
+    # It lasts as long as the force is faded out, and ends by itself.
+    time = np.arange(round(RATE * SECONDS)) / RATE - CONTACT[0]
+    ring = np.sin(2.0 * np.pi * frequency * time) * np.minimum(1.0, np.exp((0.04 - time) / 5e-3))
+    tool = 8.0 * ring * (time > 0.0) + 0.05 * np.random.default_rng(1).standard_normal(len(time))
+    assert not run(controller, "ideal", ((0.05, 0.0), (0.0, 1.0)), tool).failure
+
+
 def test_selecting_a_controller_tries_it_again() -> None:
     _, failure, part = run("constant", "paper", WRONG["on the handle"], touched())
     assert failure == HEARS
