@@ -141,11 +141,14 @@ def own_domain() -> int:
     ParameterError
         It is not a valid domain.
     """
-    from haptic_accel.core.parameters import read_whole
-
     text = os.environ.get(DOMAIN) or "0"
     try:
-        number = read_whole(text)
+        if text.isascii() and text.isdigit():
+            number = int(text)
+        else:  # which hardly any is: a stop does not wait for the import
+            from haptic_accel.core.parameters import read_whole
+
+            number = read_whole(text)
     except ValueError:
         number = -1
     if not 0 <= number <= HIGHEST_DOMAIN:

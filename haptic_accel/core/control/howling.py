@@ -176,10 +176,12 @@ class HowlingDetector:
     def _is_deaf(self, force: FloatArray, power: float) -> bool:
         """Return whether the handle's sensor answers neither a force nor the tool.
 
-        At its range it is unknown; then only a tone is suspicious, as there are none by chance.
+        At its range, or without a sample, it is unknown; then only a tone is suspicious, as there
+        are none by chance.
         """
         trace, moved = self._trace, _power(self._moved)
-        if any(place >= trace.count - self._length for place in trace.saturated):
+        unknown = (*trace.saturated, *trace.missing)
+        if any(index >= trace.count - self._length for index in unknown):
             return self._is_tonal()
         answer = min(_power(force) / self._mass**2, power)
         return moved < SILENT_SHARE**2 * answer

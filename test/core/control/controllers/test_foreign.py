@@ -62,7 +62,7 @@ def run(made: Compensation, samples: int) -> list[float]:
     """Return the forces of the coil along z while the tool moves."""
     forces = []
     for index in range(samples):
-        forces.append(made.process((0.0, 0.0, index % 2), (0.0, 0.0, 0.0))[1][2])
+        forces.append(made.process((0.0, 0.0, 0.1 * (index % 2)), (0.0, 0.0, 0.0))[1][2])
         made.adapt()
     return forces
 
