@@ -53,6 +53,7 @@ from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.loop_runner import join
 from haptic_accel.nodes.master_device import master_device
 from haptic_accel.nodes.scheduling import StopPoll
+from haptic_accel.nodes.signals import RIVALS_PERIOD
 from haptic_accel.nodes.supervised_node import message_type, quality
 from haptic_accel.nodes.timing import CATCH_UP, system_time
 from running import PATIENCE, wait_until
@@ -358,7 +359,7 @@ def test_no_message_of_a_publisher_that_has_left_is_applied(
         for _ in range(5):
             bench.driven()
             before = len(bench.written)
-            _burst(bench, rival, command, turns=20 if seen else 0)
+            _burst(bench, rival, command, 2.5 * RIVALS_PERIOD if seen else 0.0)
             bench.driven()
             for forces in bench.written[before:]:
                 assert forces.get("arm_force", ZERO) in (ZERO, (0.1, 0.0, 0.2))
@@ -370,11 +371,15 @@ def test_no_message_of_a_publisher_that_has_left_is_applied(
         rival.destroy_node()
 
 
-def _burst(bench: Bench, rival: Node, command: topics.Topic, turns: int) -> None:
-    """Send a few messages from a new publisher, which has left when the device next looks."""
+def _burst(bench: Bench, rival: Node, command: topics.Topic, seen_for: float) -> None:
+    """Send a few messages from a new publisher, which has left when the device next looks.
+
+    The device may have seen it for a time, s, before.
+    """
     publisher = rival.create_publisher(message_type(command), command.name, quality(command))
     wait_until(lambda: publisher.get_subscription_count() > 0, "the device's subscription")
-    for _ in range(turns):
+    until = time.monotonic() + seen_for
+    while time.monotonic() < until:
         bench.turn(0.001)
     for _ in range(3):
         publisher.handle.publish_raw(StampedVector(command).pack(time.time_ns(), RIVAL))
