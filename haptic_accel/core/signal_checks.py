@@ -51,8 +51,8 @@ LINEAR = 0.7
 friction holds a handle against small forces."""
 
 MOST_HEARD = 0.25
-"""Largest response of the tool's accelerometer to the probing force, relative to the handle's: one
-that hears the handle sustains the force."""
+"""Largest response of the tool's accelerometer to a probing force or noise, relative to the
+handle's: one that hears the handle sustains the force."""
 
 QUIET_BLOCK = 0.01
 """Duration over which vibration is averaged to find its end, s."""

@@ -35,6 +35,7 @@ from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes, read_mounting,
 from haptic_accel.core.model import ZERO, FloatArray, Vector
 from haptic_accel.core.orientation import is_turned, to_base
 from haptic_accel.core.parameters import ParameterError
+from haptic_accel.core.signal_checks import MOST_HEARD
 from haptic_accel.devices import audio
 from haptic_accel.devices.interface import (
     LATER,
@@ -89,10 +90,6 @@ plant's delay is not negative."""
 
 LEAST_LIKENESS = 0.1
 """Smallest correlation of that noise and its answer."""
-
-MOST_HEARD = 0.25
-"""Largest answer of the tool's accelerometer to that noise, relative to the handle's: one that
-hears the handle sustains the force."""
 
 JACK_CHANNELS = 2
 """Number of outputs, and largest of inputs, with which PortAudio 19.6 keeps to its memory on JACK.
