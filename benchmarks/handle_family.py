@@ -298,14 +298,18 @@ NAMES = {
     "modes in parallel": "a mode near",
     "resonance and antiresonance": "a mode near",
     "drifting mode": "a mode near",
-    "force constant": "the force per mass is",
     "more delay": "later than described",
     "noise": "of noise",
     "polarity": "in the opposite direction",
 }
 """Part of the warning that names a kind of difference; other kinds have no name."""
 
-FALSE_NAMES = *dict.fromkeys(NAMES.values()), "accelerometer is turned", "axes do not match"
+FALSE_NAMES = (
+    *dict.fromkeys(NAMES.values()),
+    "the force per mass is",
+    "accelerometer is turned",
+    "axes do not match",
+)
 """Parts of warnings of which a handle as described, with one axis or three, should have none."""
 
 KINDS: dict[str, Callable[[Random, Plant, float], Played]] = {

@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from haptic_accel.core.control.feedback_design import GripRange
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import inverse_terms
 from haptic_accel.core.model import ComplexArray, FloatArray, MountParameters, handle_model
@@ -45,16 +46,16 @@ LEAST_EXPECTED = 0.2
 """Minimum expected acceleration over all lines, m/s^2 RMS: three times the noise of the paper's
 accelerometer."""
 
-DELAYS = np.arange(-10, 31) * 50e-6
+DELAYS = np.arange(-10, 61) * 50e-6
 """Delays that are tried, s."""
 
 UNEXPLAINED = 0.12
 """Relative deviation from the best grip and delay above which a mode is assumed; friction and
 noise of the paper's rig leave half of it."""
 
-SAME = 1.3
-"""Ratio of the deviation of a simple explanation to that of the general one below which the
-simple one is accepted."""
+CLEAR = 2.5
+"""Ratio of the deviation without a delay, less the share of dry friction, to that with it from
+which on there is one: 1.8 at most for handles as described (simulated rigs)."""
 
 NEGLIGIBLE = 0.015
 """Deviation that counts as an exact fit."""
@@ -62,8 +63,13 @@ NEGLIGIBLE = 0.015
 PULL = 1e-5
 """Weight of the described grip relative to the excitation."""
 
-NOTICEABLE_SCALE = 0.1
-"""Relative deviation of the force that is named."""
+ORDINARY = GripRange()
+"""Hands within the model's tolerance: m_h within 30 %, k_u and b_u within a factor of two. A force
+per mass that such a hand explains has no name."""
+
+LEAST_ERROR, RUBBED = 0.05, 0.5
+"""Smallest relative error of the fitted mass, and its part per ratio of dry friction to the
+force (simulated rigs)."""
 
 NOTICEABLE_DELAY = 0.15e-3
 """Delay in addition to the described one that is named, s. Less delay, which no device has by
@@ -96,14 +102,14 @@ FITTING = 2.0
 
 
 class Difference(NamedTuple):
-    """Kind of a difference, its number, and a text on both; the kind is empty for none."""
+    """Kind of a difference, its numbers, and a text on both; the kind is empty for none."""
 
     kind: str
-    value: float
+    values: tuple[float, ...]
     text: str
 
 
-NOTHING = Difference("", 0.0, "")
+NOTHING = Difference("", (), "")
 
 
 class Diagnosis:
@@ -113,9 +119,10 @@ class Diagnosis:
 
         R H_0 (m_h T_1 + b_u T_2 + k_u T_3 + T_4) = exp(-j w tau)
 
-    which is linear in the grip; T are the terms of 1/H. A grip explains any hand. If a constant R
-    explains as much, it is the scale of the force per mass: hands rarely change mass, damping and
-    stiffness alike. What neither grip nor delay explains is a mode, at the peak of R.
+    which is linear in the grip; T are the terms of 1/H. A grip explains any hand, and a wrong
+    force or mass as well, as the bearing's term T_4 is small: the force per mass is named if its
+    m_h is not that of an ordinary hand. A delay is named if the deviation is much larger without
+    it. What neither grip nor delay explains is a mode, at the peak of R.
 
     Parameters
     ----------
@@ -141,6 +148,8 @@ class Diagnosis:
         # Relative to the described grip: the sum of all four is 1.
         self._terms: ComplexArray = terms * np.append(self._grip, 1.0)[:, np.newaxis]
         self._mount = _transmission(plant.mount, lines)
+        # Without a low-pass only whole samples of delay show.
+        self._shows_delay = plant.bandwidth <= rate
         self._late = np.exp(-2j * np.pi * np.outer(DELAYS, lines))
         self._undelayed = int(np.argmin(np.abs(DELAYS)))
         self.reset()
@@ -203,44 +212,35 @@ class Diagnosis:
 
     def _name(self, found: Difference) -> None:
         """Name a difference, unless the present name is close enough."""
-        close = CLOSE * abs(self._named.value)
-        if found.kind != self._named.kind or abs(found.value - self._named.value) > close:
+        pairs = zip(found.values, self._named.values, strict=False)
+        is_close = all(abs(value - named) <= CLOSE * abs(named) for value, named in pairs)
+        if found.kind != self._named.kind or not is_close:
             self._named, self.difference = found, found.text
 
     def _explanation(
         self, response: ComplexArray, weights: FloatArray, variance: float, rubbing: float
     ) -> Difference:
         """Return the simplest explanation of a response with a relative variance and friction."""
-        terms = self._terms * response
-        now = float(self._left(terms, weights, self._late[self._undelayed, np.newaxis])[0])
-        scale, left_scaled = self._scaled(response, weights)
-        limit = math.sqrt(UNEXPLAINED**2 + CAUTION * variance) + rubbing
-        if now < limit:
-            if scale < 0.0:
-                text = "the force acts in the opposite direction: swap the wires of the coil"
-                return Difference(POLARITY, scale, text)
-            alike = left_scaled < max(NEGLIGIBLE, SAME * now)
-            if alike and abs(scale - 1.0) > max(NOTICEABLE_SCALE, left_scaled) + rubbing:
-                share = f"{1.0 / scale:.2f} of what is described"
-                text = f"the force per mass is {share} (force constant, or mass)"
-                return Difference("scale", scale, text)
-            return NOTHING
-        left = self._left(terms, weights, self._late)
-        best = int(np.argmin(left))
-        late = float(DELAYS[best])
-        if left[best] < limit:
-            text = f"the force acts {1e3 * late:.1f} ms later than described"
-            return Difference("delay", late, text) if late > NOTICEABLE_DELAY else NOTHING
+        grips, left = self._fitted(self._terms * response, weights)
+        best, limit = int(np.argmin(left)), math.sqrt(UNEXPLAINED**2 + CAUTION * variance)
+        if left[best] < limit + rubbing:
+            if CLEAR * max(left[best], NEGLIGIBLE) + rubbing > left[self._undelayed]:
+                best = self._undelayed
+            if left[best] >= limit + rubbing:
+                return NOTHING  # neither clearly a delay nor a mode
+            error = max(LEAST_ERROR, float(left[best])) + RUBBED * rubbing
+            late = float(DELAYS[best]) * self._shows_delay
+            return _named(float(grips[0, best]), late, error)
         peak = np.argmax(np.abs(response * self._mount) * (weights > 0.0))
         frequency = float(self._lines[peak])
         if frequency < LOWEST_MODE:
             return NOTHING
         text = f"a mode near {frequency:.0f} Hz is not described"
-        return Difference(MODE, frequency, text)
+        return Difference(MODE, (frequency,), text)
 
-    def _left(self, terms: ComplexArray, weights: FloatArray, delayed: ComplexArray) -> FloatArray:
-        """Return the relative deviation that the best grip leaves, for each delay."""
-        grip, targets = terms[:3], delayed - terms[3]
+    def _fitted(self, terms: ComplexArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the best grip for each delay, and the relative deviation that it leaves."""
+        grip, targets = terms[:3], self._late - terms[3]
         weighted = grip.conj() * weights
         matrix, vectors = (weighted @ grip.T).real, (weighted @ targets.T).real
         powers = (np.abs(targets) ** 2) @ weights
@@ -248,13 +248,24 @@ class Diagnosis:
         pull = PULL * matrix.trace()
         factors = np.linalg.solve(matrix + pull * np.eye(3), vectors + pull)
         explained = (factors * (2.0 * vectors - matrix @ factors)).sum(axis=0)
-        return np.asarray(np.sqrt(np.maximum(0.0, powers - explained)))
+        return factors, np.sqrt(np.maximum(0.0, powers - explained))
 
-    def _scaled(self, response: ComplexArray, weights: FloatArray) -> tuple[float, float]:
-        """Return the factor that makes a response 1, and the relative deviation left."""
-        power = float(np.abs(response) ** 2 @ weights)
-        factor = float(response.real @ weights) / power
-        return factor, math.sqrt(max(0.0, 1.0 - factor**2 * power))
+
+def _named(mass: float, late: float, error: float) -> Difference:
+    """Return what a relative mass with a relative error, and a delay, s, differ by."""
+    if mass < 0.0:
+        text = "the force acts in the opposite direction: swap the wires of the coil"
+        return Difference(POLARITY, (), text)
+    least, most = (1.0 - ORDINARY.mass) / (1.0 + error), (1.0 + ORDINARY.mass) * (1.0 + error)
+    found = []
+    if not least <= mass <= most:
+        share = f"{1.0 / mass:.2f} of what is described"
+        found.append(("scale", mass, f"the force per mass is {share} (force constant, or mass)"))
+    if late > NOTICEABLE_DELAY:
+        text = f"the force acts {1e3 * late:.1f} ms later than described"
+        found.append(("delay", late, text))
+    kinds, values, texts = zip(*found, strict=True) if found else ((), (), ())
+    return Difference(" and ".join(kinds), values, ", ".join(texts))
 
 
 def _transmission(mount: MountParameters, frequency: FloatArray) -> ComplexArray:

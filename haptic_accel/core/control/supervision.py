@@ -22,8 +22,8 @@ import math
 import numpy as np
 
 from haptic_accel.core.control import response_estimation
-from haptic_accel.core.control.diagnosis import Diagnosis
-from haptic_accel.core.control.feedback_design import MODEL_MEMORY, GripRange
+from haptic_accel.core.control.diagnosis import ORDINARY, Diagnosis
+from haptic_accel.core.control.feedback_design import MODEL_MEMORY
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import grid_for
 from haptic_accel.core.model import ComplexArray, FloatArray, handle_model
@@ -70,9 +70,6 @@ CONTINUOUS = 15.0
 
 DEVIATES = "the handle is not as described"
 """Beginning of the warning."""
-
-ORDINARY = GripRange()
-"""Hands within the model's tolerance: m_h within 30 %, k_u and b_u within a factor of two."""
 
 
 class ResponseSupervisor:

@@ -73,12 +73,36 @@ def test_ordinary_hands_are_no_difference(described: Plant, number: int) -> None
 
 
 @few
-@given(scale=st.one_of(st.floats(0.5, 0.85), st.floats(1.18, 2.0)))
+@given(
+    scale=st.one_of(st.floats(0.35, 0.5), st.floats(2.2, 3.0)),
+    number=st.integers(0, 8),
+)
 @pytest.mark.parametrize("described", [IDEAL, PAPER])
-def test_the_scale_of_the_force_is_named(described: Plant, scale: float) -> None:
-    text = named(described, scale * response(described))
+def test_a_scale_that_no_hand_explains_is_named(
+    described: Plant, scale: float, number: int
+) -> None:
+    hand = GripRange().grips(described.handle)[number]
+    text = named(described, scale * response(replace(described, handle=hand)))
     assert text.startswith("the force per mass is ")
-    assert float(text.split()[5]) == pytest.approx(scale, rel=0.05)
+    expected = scale * described.handle.m_h / hand.m_h
+    # The bearing's force, which no hand changes, counts as the hand's.
+    assert float(text.split()[5]) == pytest.approx(expected, rel=0.12)
+
+
+@few
+@given(scale=st.floats(0.78, 1.4))
+@pytest.mark.parametrize("described", [IDEAL, PAPER])
+def test_a_scale_that_a_hand_explains_has_no_name(described: Plant, scale: float) -> None:
+    assert named(described, scale * response(described)) == ""
+
+
+@few
+@given(scale=st.sampled_from([0.5, 2.0]), more=st.floats(0.3e-3, 1.2e-3))
+def test_a_scale_and_a_delay_are_named_together(scale: float, more: float) -> None:
+    late = replace(PAPER, delay=PAPER.delay + more)
+    mass, delay = named(PAPER, scale * response(late)).split(", the ")
+    assert float(mass.split()[5]) == pytest.approx(scale, rel=0.1)
+    assert float(delay.split()[2]) == pytest.approx(1e3 * more, abs=0.11)
 
 
 @pytest.mark.parametrize("described", [IDEAL, PAPER])
@@ -87,11 +111,18 @@ def test_swapped_wires_are_named(described: Plant) -> None:
 
 
 @few
-@given(more=st.floats(0.3e-3, 1.2e-3))
-def test_more_delay_is_named(more: float) -> None:
-    text = named(PAPER, response(replace(PAPER, delay=PAPER.delay + more)))
+@given(more=st.floats(0.2e-3, 2.8e-3), number=st.integers(0, 8))
+def test_more_delay_is_named(more: float, number: int) -> None:
+    hand = GripRange().grips(PAPER.handle)[number]
+    text = named(PAPER, response(replace(PAPER, handle=hand, delay=PAPER.delay + more)))
     assert text.endswith("later than described")
     assert float(text.split()[3]) == pytest.approx(1e3 * more, abs=0.11)
+
+
+@pytest.mark.parametrize("more", [0.6e-3, 1.5e-3])
+def test_no_delay_is_named_without_a_low_pass(more: float) -> None:
+    # It shows in whole samples only.
+    assert "later" not in named(IDEAL, response(replace(IDEAL, delay=more)))
 
 
 def test_less_delay_has_no_name() -> None:
