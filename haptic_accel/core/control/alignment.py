@@ -22,6 +22,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from haptic_accel.core.axes import NAMES
+from haptic_accel.core.control.diagnosis import FITTING, RAISING
 from haptic_accel.core.control.response_estimation import latest
 from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.model import FloatArray
@@ -61,11 +62,9 @@ FEWEST_BLOCKS = 8.0
 """Effective number of blocks in the running powers from which on they are judged: a texture has up
 to 37, a single tap one or two, whose directions are equal by chance."""
 
-RAISING = 0.25
-"""Time for which a cross response must be found before it is named, s."""
-
-FITTING = 2.0
-"""Time without cross response after which the name ends, s."""
+CHANCE = 1.25
+"""Share of the unexplained motion that other coils explain by chance, times the blocks: twice the
+two free factors of an axis over three independent samples of a block (100 Hz)."""
 
 CLOSE = 2.0
 """Change of an angle below which its name is kept, degrees."""
@@ -148,18 +147,20 @@ class Alignment:
             own[_EXPECTED, _EXPECTED]
         ) ** 2
         expected, moved = (np.trace(self._powers[part, part]) for part in (_EXPECTED, _MOVED))
-        if expected**2 < FEWEST_BLOCKS * self._squares:
+        blocks = expected**2 / max(self._squares, np.finfo(float).tiny)
+        if blocks < FEWEST_BLOCKS:
             self._over = 0.0
         elif expected >= LEAST_EXPECTED**2 and moved >= LEAST_EXPECTED**2:
-            self._judge(time)
+            self._judge(time, blocks)
 
-    def _judge(self, time: float) -> None:
+    def _judge(self, time: float, blocks: float) -> None:
         powers = self._powers
         total = float(np.trace(powers[_MOVED, _MOVED]))
         own = powers[_MOVED, _EXPECTED]
         gained = float(np.sum(_gains(own, powers) * own.diagonal()))
-        cross = (_explained(own, powers[_EXPECTED, _EXPECTED]) - gained) / total
-        found = cross >= LEAST_CROSS**2
+        explained = _explained(own, powers[_EXPECTED, _EXPECTED])
+        cross = (explained - gained) / total
+        found = cross >= LEAST_CROSS**2 + CHANCE * (1.0 - explained / total) / blocks
         self._over = self._over + time if found else 0.0
         self._under = 0.0 if found else self._under + time
         if self._over >= RAISING:

@@ -31,7 +31,7 @@ LOWEST, HIGHEST = 20.0, 450.0
 """Range of the lines, Hz: from where the hand's own motion ends to where textures end."""
 
 LEAST_COHERENCE = 0.7
-"""Minimum coherence of a line."""
+"""Minimum coherence of a line, or a band; independent noise has 0.2 after a second."""
 
 LEAST_SHARE = 1e-2
 """Minimum density of a line relative to the largest, so that leakage does not count."""
@@ -98,7 +98,7 @@ RAISING = 0.25
 """Time for which the same difference must be found before it is named, s."""
 
 FITTING = 2.0
-"""Time without difference after which the name ends, s."""
+"""Time without difference after which its name or report ends, s."""
 
 
 class Difference(NamedTuple):

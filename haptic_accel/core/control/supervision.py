@@ -22,7 +22,7 @@ import math
 import numpy as np
 
 from haptic_accel.core.control import response_estimation
-from haptic_accel.core.control.diagnosis import ORDINARY, Diagnosis
+from haptic_accel.core.control.diagnosis import FITTING, LEAST_COHERENCE, ORDINARY, Diagnosis
 from haptic_accel.core.control.feedback_design import MODEL_MEMORY
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import grid_for
@@ -47,9 +47,6 @@ LEAST_EXPECTED = 0.05
 """Minimum expected acceleration in a band for an evaluation, m/s^2 RMS: three times the noise of
 the paper's accelerometer in a third-octave."""
 
-LEAST_COHERENCE = 0.7
-"""Minimum coherence of a band for an evaluation; independent noise has 0.2 after a second."""
-
 TOLERANCE = 0.15
 """Accepted relative deviation of the response in addition to ordinary hands: errors of the
 estimate, and changes of the mount between grips (assumed)."""
@@ -57,9 +54,6 @@ estimate, and changes of the mount between grips (assumed)."""
 RAISING = 0.4
 """Time for which a band must deviate before it is reported, s; a single window is always
 coherent."""
-
-FITTING = 2.0
-"""Time for which a band must fit before its report ends, s."""
 
 RELEASE = 0.8
 """Fraction of the tolerance below which a band fits again; the hysteresis avoids repeated

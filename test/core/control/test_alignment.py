@@ -129,6 +129,14 @@ def test_missing_samples_count_as_none() -> None:
     assert set(judged(expected, measured)) == {""}
 
 
+@pytest.mark.parametrize("begin", range(0, 1800, 300))
+def test_noise_as_loud_as_the_motion_tells_nothing(begin: int) -> None:
+    # Other coils explain a part of it by chance, the more the shorter it is.
+    expected = 0.2 * np.roll(textures(), begin, axis=0)
+    other = 0.2 * np.roll(textures(), begin + 900, axis=0)
+    assert set(judged(expected, expected + other)) == {""}
+
+
 def test_a_single_tap_tells_nothing() -> None:
     # Its directions are equal by chance, as of a friction that it overcomes.
     expected = textures()

@@ -24,7 +24,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from haptic_accel.core.control.supervision import FITTING, ORDINARY, ResponseSupervisor
+from haptic_accel.core.control.diagnosis import FITTING, ORDINARY
+from haptic_accel.core.control.supervision import ResponseSupervisor
 from haptic_accel.core.handle.plant import Plant
 from haptic_accel.core.handle.response import grid_for
 from haptic_accel.core.model import FloatArray, MountParameters
