@@ -115,7 +115,8 @@ def link_nodes() -> tuple[str, ...]:
 
 BENCH = ["psutil>=5.9.8"]
 PARQUET = ["pyarrow>=14", "pillow>=10"]
-TEST = ["pytest>=7.4", "pytest-timeout>=2.2", "hypothesis>=6.98", *BENCH]
+# wheel: pip installs small packages with the machine's own setuptools.
+TEST = ["pytest>=7.4", "pytest-timeout>=2.2", "hypothesis>=6.98", "wheel>=0.42", *BENCH]
 
 setup(
     name=NAME,
@@ -141,7 +142,10 @@ setup(
     license="Apache-2.0",
     license_files=["LICENSE", "haptic_accel/pages/assets/uPlot.LICENSE"],
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed"], f"{NAME}.pages": ["templates/*", "assets/*"]},
+    package_data={
+        NAME: ["py.typed", "*.pyi", "*/*/*.pyi"],
+        f"{NAME}.pages": ["templates/*", "assets/*"],
+    },
     data_files=data_files(),
     # What runs in every sample, compiled, where there is a compiler.
     ext_modules=[extension()] if find_spec("Cython") else [],

@@ -25,10 +25,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from haptic_accel import Provenance
 from haptic_accel.core.axes import ACTUATOR_AXIS
 from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.rig.slave_rig import SlaveRig, SlaveRigParameters, SurfaceParameters
-from haptic_accel.core.surfaces.texture import Provenance
 from haptic_accel.kits.textures.building import Recording, build
 from haptic_accel.materials.folders import config_folder
 from haptic_accel.materials.texture_files import write_texture

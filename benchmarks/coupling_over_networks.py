@@ -28,19 +28,28 @@ from pathlib import Path
 
 from two_arms import ENGAGING, RATE, Instant, TwoArms, free, press, stroke, wall
 
-from haptic_accel.cli.main import run
-from haptic_accel.cli.options import json_option, verb, workers_options
-from haptic_accel.cli.output import save
-from haptic_accel.cli.studies import beside, run_side_by_side
-from haptic_accel.cli.tables import print_table
-from haptic_accel.cli.workers import Workers
-from haptic_accel.core.coupling.passive import PassiveParameters
-from haptic_accel.core.model import Vector
-from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.core.tables import Column, ResultTable, Row
-from haptic_accel.setup.arguments import GraphArguments
-from haptic_accel.setup.lockstep import lockstep_trial
-from haptic_accel.setup.setup import Setup
+from haptic_accel import (
+    ChannelParameters,
+    GraphArguments,
+    PassiveParameters,
+    Setup,
+    Vector,
+    lockstep_trial,
+)
+from haptic_accel.cli.studies import beside
+from haptic_accel.commands import (
+    Column,
+    ResultTable,
+    Row,
+    Workers,
+    json_option,
+    print_table,
+    run,
+    run_side_by_side,
+    save,
+    verb,
+    workers_options,
+)
 
 DURATION = 7.0
 """Length of a contact, and of strokes in free space, s."""

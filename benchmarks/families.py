@@ -41,28 +41,44 @@ from handle_family import hand
 from input_family import Random, log_uniform
 from three_axes import bound as bound_of_three
 
-from haptic_accel.cli.main import run
-from haptic_accel.cli.options import controllers_option, json_option, verb, workers_options
-from haptic_accel.cli.output import save
-from haptic_accel.cli.studies import beside, run_side_by_side
-from haptic_accel.cli.tables import print_table
-from haptic_accel.cli.workers import Workers
-from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.model import FloatArray, HandleParameters, Sample, Vector, held, vector
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel import (
+    FloatArray,
+    GraphArguments,
+    HandleParameters,
+    ParameterError,
+    Plant,
+    Setup,
+    Trial,
+    Vector,
+    held,
+    lockstep_trial,
+)
+from haptic_accel.cli.options import controllers_option
+from haptic_accel.cli.studies import beside
+from haptic_accel.commands import (
+    ResultTable,
+    Row,
+    Workers,
+    json_option,
+    print_table,
+    run,
+    run_side_by_side,
+    save,
+    verb,
+    workers_options,
+)
+from haptic_accel.controllers import CONTROLLERS
+from haptic_accel.core.model import vector
 from haptic_accel.core.rig.interface import Rig
 from haptic_accel.core.rig.master_rig import simulated_master
 from haptic_accel.core.rig.slave_rig import SlaveRig
 from haptic_accel.core.sampling import crossfaded
 from haptic_accel.core.simulated_rig import build_loop, build_parts
-from haptic_accel.core.tables import ResultTable, Row
 from haptic_accel.core.tables import number as figure
-from haptic_accel.core.trial import WARNING_CHECK_PERIOD, GripChange, Trial
+from haptic_accel.core.trial import WARNING_CHECK_PERIOD, GripChange
+from haptic_accel.devices import Sample
 from haptic_accel.materials.recordings import read_recording
-from haptic_accel.setup.arguments import SURFACES, GraphArguments
-from haptic_accel.setup.lockstep import lockstep_trial
-from haptic_accel.setup.setup import Setup
+from haptic_accel.setup.arguments import SURFACES
 
 SECONDS = 8.0
 """Duration of a trial, s."""

@@ -37,20 +37,21 @@ from fidelity_trials import (
     with_controllers,
 )
 
-from haptic_accel.cli.main import run
-from haptic_accel.cli.options import (
-    controllers_option,
+from haptic_accel import ParameterError
+from haptic_accel.cli.options import controllers_option
+from haptic_accel.cli.studies import beside
+from haptic_accel.commands import (
+    Workers,
     json_option,
     one_of,
+    print_table,
+    run,
+    run_side_by_side,
+    save,
     verb,
     workers_options,
 )
-from haptic_accel.cli.output import save
-from haptic_accel.cli.studies import beside, run_side_by_side
-from haptic_accel.cli.tables import print_table
-from haptic_accel.cli.workers import Workers
-from haptic_accel.core.control.controllers import CONTROLLERS
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel.controllers import CONTROLLERS
 from haptic_accel.setup.node_parameters import HIGHEST_RATE
 from haptic_accel.setup.processes import graph
 

@@ -29,19 +29,25 @@ import numpy as np
 from handle_family import SPREAD, WIDE, hand
 from input_family import band_noise, ringing
 
-from haptic_accel.core.control.controllers import CONTROLLERS
+from haptic_accel import (
+    FloatArray,
+    GraphArguments,
+    HandleParameters,
+    ParameterError,
+    Setup,
+    Trial,
+    held,
+    lockstep_trial,
+)
+from haptic_accel.commands import ResultTable, Row
+from haptic_accel.controllers import CONTROLLERS
 from haptic_accel.core.evaluation.metrics import Band, band_nrmse
-from haptic_accel.core.model import FloatArray, HandleParameters, held
-from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import DEFAULT_RATE, crossfaded
-from haptic_accel.core.tables import ResultTable, Row
 from haptic_accel.core.tables import number as figure
 from haptic_accel.core.tick import TravelEstimator
-from haptic_accel.core.trial import GripChange, Trial
+from haptic_accel.core.trial import GripChange
 from haptic_accel.materials.recordings import read_recording
-from haptic_accel.setup.arguments import SURFACES, GraphArguments
-from haptic_accel.setup.lockstep import lockstep_trial
-from haptic_accel.setup.setup import Setup
+from haptic_accel.setup.arguments import SURFACES
 
 DURATION = 8.0
 """Duration of a trial with one grip, s."""

@@ -31,12 +31,11 @@ from statistics import fmean
 
 import numpy as np
 
+from haptic_accel import FloatArray, GraphArguments, Setup
 from haptic_accel.core.evaluation.metrics import REGRESSION, TABLE_II, Evaluation
-from haptic_accel.core.model import FloatArray
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.trial import run_trial
-from haptic_accel.setup.arguments import SURFACES, GraphArguments
-from haptic_accel.setup.setup import Setup
+from haptic_accel.setup.arguments import SURFACES
 
 CONTROLLERS = ("constant", "dynamic")
 """Controllers whose results depend on the rig: without one the error is 100 % on any rig."""

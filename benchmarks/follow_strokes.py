@@ -27,11 +27,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
-from haptic_accel.core.model import FloatArray
-from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
+from haptic_accel import FloatArray, Provenance, Texture, TextureModel, preset_file, read_texture
 from haptic_accel.kits.textures.building import BAND, Built, Recording, build
-from haptic_accel.materials.folders import preset_file
-from haptic_accel.materials.texture_files import read_texture
 
 TEXTURES = ("plywood", "text", "vinyl")
 

@@ -47,8 +47,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from input_family import Random, log_uniform
 
-from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.model import AccelerometerParameters, HandleParameters, MountParameters
+from haptic_accel import HandleParameters, MountParameters, Plant
+from haptic_accel.core.model import AccelerometerParameters
 from haptic_accel.core.trial import GripChange
 
 STRANGE = 80

@@ -40,11 +40,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from haptic_accel.cli.main import run
-from haptic_accel.cli.options import Verb, json_option
-from haptic_accel.cli.output import save
-from haptic_accel.core.process import DONE, FAILED
-from haptic_accel.core.tables import Row
+from haptic_accel.commands import DONE, FAILED, Row, Verb, json_option, run, save
 from haptic_accel.scope.access import Access
 from haptic_accel.scope.server import ScopeServer
 from haptic_accel.scope.windows import Windows

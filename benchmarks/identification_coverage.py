@@ -35,26 +35,28 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from input_family import log_uniform
 
+from haptic_accel import (
+    GraphArguments,
+    HandleParameters,
+    MasterRigParameters,
+    MountParameters,
+    Setup,
+    SweepParameters,
+    identify_handle,
+    run_identification,
+)
 from haptic_accel.analysis.identification_result import plant_error
 from haptic_accel.cli.identify import LESS, SMALLEST_SHARE
-from haptic_accel.cli.tables import print_table
+from haptic_accel.commands import ResultTable, print_table
 from haptic_accel.core.axes import NAMES
 from haptic_accel.core.handle.three_axis import CoilMounting, SensorMounts
 from haptic_accel.core.identification.estimate import SMALLER, RecordingError
-from haptic_accel.core.identification.evaluation import identify_handle
 from haptic_accel.core.identification.fit import INTERVAL, HandleFit
-from haptic_accel.core.identification.sweep import (
-    IdentificationTrial,
-    SweepParameters,
-    check_stops,
-)
+from haptic_accel.core.identification.sweep import IdentificationTrial, check_stops
 from haptic_accel.core.identification.three_axes import COMPARED, identify_three_axes
-from haptic_accel.core.model import HandleParameters, MountParameters
-from haptic_accel.core.rig.master_rig import MasterRigParameters, SimulatedMasterParameters
-from haptic_accel.core.tables import ResultTable
-from haptic_accel.core.trial import master_response, run_identification
-from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.setup.setup import Setup
+from haptic_accel.core.rig.master_rig import SimulatedMasterParameters
+from haptic_accel.core.trial import master_response
+from haptic_accel.setup.arguments import IdentifyArguments
 
 KINDS = ("ideal", "paper")
 """Rigs of config/rigs around which the random ones lie."""

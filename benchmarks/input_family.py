@@ -43,7 +43,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from scipy import signal
 
-from haptic_accel.core.model import FloatArray
+from haptic_accel import FloatArray
 
 MEMBERS = 200
 """Number of members."""

@@ -37,19 +37,17 @@ from pathlib import Path
 
 import click
 
-from haptic_accel.core.process import BLAS_THREADS, DONE
+from haptic_accel.commands import DONE
+from haptic_accel.core.process import BLAS_THREADS
 
 # As in a verb, before numpy is loaded: one core, as stated.
 for variable in BLAS_THREADS:
     os.environ.setdefault(variable, "1")
 
-from haptic_accel.cli.main import run  # noqa: E402
-from haptic_accel.cli.options import Verb, json_option, words  # noqa: E402
-from haptic_accel.cli.output import save  # noqa: E402
+from haptic_accel import GraphArguments, Setup, lockstep_trial  # noqa: E402
+from haptic_accel.commands import Verb, json_option, run, save, words  # noqa: E402
 from haptic_accel.core.tick import COMPILED, TICK  # noqa: E402
-from haptic_accel.setup.arguments import GraphArguments, parse_arguments  # noqa: E402
-from haptic_accel.setup.lockstep import lockstep_trial  # noqa: E402
-from haptic_accel.setup.setup import Setup  # noqa: E402
+from haptic_accel.setup.arguments import parse_arguments  # noqa: E402
 
 
 @click.command(cls=Verb)

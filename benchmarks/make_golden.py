@@ -33,15 +33,13 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test/support"))
 from bag_maker import BagContent, write_bag
+from haptic_accel import FloatArray, GraphArguments, Setup, Vector
 from haptic_accel.core import topics
 from haptic_accel.core.control.compensation import Compensation
-from haptic_accel.core.model import FloatArray, Vector
 from haptic_accel.core.rig.master_rig import MasterRig
 from haptic_accel.core.rig.slave_rig import SlaveRig
 from haptic_accel.core.tick import PositionPositionCoupling
 from haptic_accel.core.topics import SLAVE_SIGNALS, Topic
-from haptic_accel.setup.arguments import GraphArguments
-from haptic_accel.setup.setup import Setup
 from verbs import status_of
 
 FOLDER = Path(__file__).resolve().parents[1] / "test/data"

@@ -28,15 +28,23 @@ import psutil
 from rich.console import Console
 from rich.table import Table
 
+from haptic_accel import GraphArguments, ParameterError
 from haptic_accel.cli.bench import MEBI
-from haptic_accel.cli.main import run
-from haptic_accel.cli.options import Verb, json_option, words
-from haptic_accel.cli.output import save
-from haptic_accel.cli.running import progress_bar, run_to_end, stop_on_signal
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE, ENGAGED, FAILED
+from haptic_accel.cli.running import run_to_end
+from haptic_accel.commands import (
+    DONE,
+    FAILED,
+    Verb,
+    json_option,
+    progress_bar,
+    run,
+    save,
+    stop_on_signal,
+    words,
+)
+from haptic_accel.core.process import ENGAGED
 from haptic_accel.graph.supervisor import Supervisor
-from haptic_accel.setup.arguments import GraphArguments, parse_arguments
+from haptic_accel.setup.arguments import parse_arguments
 from haptic_accel.setup.processes import graph
 
 SAMPLE_PERIOD = 1.0

@@ -30,19 +30,18 @@ import rclpy
 
 pytest.importorskip("pytest_benchmark")
 
+from haptic_accel import Plant, Texture, TextureModel, Vector
 from haptic_accel.bags.recording_options import RecordingOptions
 from haptic_accel.bags.writing import BagWriter
+from haptic_accel.controllers import CONTROLLERS
 from haptic_accel.core.axes import along_actuator
 from haptic_accel.core.cdr import StampedVector, unpack_stamped_vector
 from haptic_accel.core.control.compensation import Compensation, CompensationParameters
-from haptic_accel.core.control.controllers import CONTROLLERS
 from haptic_accel.core.coupling.passive import CouplingParameters
-from haptic_accel.core.handle.plant import MatrixPlant, Plant
-from haptic_accel.core.model import Vector
+from haptic_accel.core.handle.plant import MatrixPlant
 from haptic_accel.core.rig.slave_rig import ToolParameters
 from haptic_accel.core.surfaces.scene import Material, Scene, SceneObject
 from haptic_accel.core.surfaces.shapes import Box, Cylinder, Plane, Shape, Sphere
-from haptic_accel.core.surfaces.texture import Texture, TextureModel
 from haptic_accel.core.surfaces.tool import VirtualTool
 from haptic_accel.core.tick import PositionPositionCoupling
 from haptic_accel.core.topics import TOOL_ACCELERATION

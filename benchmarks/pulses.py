@@ -30,8 +30,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from haptic_accel import FloatArray
 from haptic_accel.core.evaluation.metrics import detection_threshold
-from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import check_positive_rate
 
 FELT_BAND = 20.0, 500.0

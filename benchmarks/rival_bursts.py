@@ -41,11 +41,10 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from haptic_accel.cli.options import json_option
-from haptic_accel.cli.output import save
+from haptic_accel import Vector
+from haptic_accel.commands import json_option, save
 from haptic_accel.core import topics
 from haptic_accel.core.cdr import StampedVector
-from haptic_accel.core.model import Vector
 from haptic_accel.core.topics import Topic
 from haptic_accel.devices import MASTERS
 from haptic_accel.devices.simulated import SimulatedMaster

@@ -35,17 +35,13 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from haptic_accel import GraphArguments, ParameterError
 from haptic_accel.bags.delivery import AGE_OF, LABELS, durations, read_delivery
 from haptic_accel.cli.bench import Usage
-from haptic_accel.cli.main import run
-from haptic_accel.cli.options import Verb, json_option, words
-from haptic_accel.cli.output import save
-from haptic_accel.cli.running import run_to_end, stop_on_signal
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE
-from haptic_accel.core.tables import Row
+from haptic_accel.cli.running import run_to_end
+from haptic_accel.commands import DONE, Row, Verb, json_option, run, save, stop_on_signal, words
 from haptic_accel.graph.supervisor import Supervisor
-from haptic_accel.setup.arguments import GraphArguments, parse_arguments
+from haptic_accel.setup.arguments import parse_arguments
 from haptic_accel.setup.processes import graph
 from haptic_accel.setup.setup import SCOPE
 

@@ -24,11 +24,8 @@ from pathlib import Path
 
 import click
 
-from haptic_accel.cli.main import run
-from haptic_accel.cli.options import Verb, json_option
-from haptic_accel.cli.output import save
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE, FAILED
+from haptic_accel import ParameterError
+from haptic_accel.commands import DONE, FAILED, Verb, json_option, run, save
 from haptic_accel.devices.serial.protocol import (
     DELIMITER,
     FULL_SCALE,

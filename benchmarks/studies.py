@@ -29,7 +29,7 @@ from itertools import product
 
 import numpy as np
 
-from haptic_accel.core.model import FloatArray
+from haptic_accel import FloatArray
 from haptic_accel.kits.study.psychophysics.detection import CHANCE, d_prime, proportion_correct
 from haptic_accel.kits.study.psychophysics.psychometric import Psychometric, fit_psychometric
 

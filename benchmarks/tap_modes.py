@@ -22,8 +22,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, check_positive_rate
+from haptic_accel import FloatArray, ParameterError
+from haptic_accel.core.parameters import check_positive_rate
 from haptic_accel.core.surfaces.taps import MOST_MODES, Mode
 
 _PENCIL_SAMPLES = 400  # maximum for finding poles: the effort grows with their cube

@@ -38,21 +38,20 @@ import numpy as np
 from matplotlib.figure import Figure
 from pulses import played, pulses
 
+from haptic_accel import (
+    FloatArray,
+    GraphArguments,
+    Setup,
+    Trial,
+    indistinguishable,
+    lockstep_trial,
+)
 from haptic_accel.analysis.plots import BLACK, BLUE, VERMILION
 from haptic_accel.core.control.compensation import matrix_plant
 from haptic_accel.core.control.filters import high_passed
 from haptic_accel.core.control.inversion.bound import bounds
-from haptic_accel.core.evaluation.metrics import (
-    aligned,
-    direction_error,
-    evaluate,
-    indistinguishable,
-)
-from haptic_accel.core.model import FloatArray
-from haptic_accel.core.trial import Trial
-from haptic_accel.setup.arguments import SURFACES, GraphArguments
-from haptic_accel.setup.lockstep import lockstep_trial
-from haptic_accel.setup.setup import Setup
+from haptic_accel.core.evaluation.metrics import aligned, direction_error, evaluate
+from haptic_accel.setup.arguments import SURFACES
 
 SECONDS = 10.0
 BEGIN = 2.0

@@ -76,9 +76,8 @@ def digests() -> dict[str, str]:
 
     import numpy as np
 
+    from haptic_accel import Setup, lockstep_trial
     from haptic_accel.setup.arguments import parse_arguments
-    from haptic_accel.setup.lockstep import lockstep_trial
-    from haptic_accel.setup.setup import Setup
 
     found = {}
     for words, rate in trials():
@@ -147,8 +146,8 @@ class SafetyPair:
     """
 
     def __init__(self, unit: ModuleType, seed: int, axes: str) -> None:
+        from haptic_accel import Axes
         from haptic_accel.core.actuator import safety
-        from haptic_accel.core.axes import Axes
         from haptic_accel.core.tick import SafetyLayer
 
         self._random = random.Random(seed)

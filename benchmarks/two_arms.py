@@ -21,15 +21,15 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+from haptic_accel import ChannelParameters, PassiveParameters, Vector
 from haptic_accel.core.actuator.safety import SafetyParameters
-from haptic_accel.core.coupling.passive import PassiveParameters
-from haptic_accel.core.model import ZERO, Sample, Vector
-from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel.core.model import ZERO
 from haptic_accel.core.sampling import LATENCY
 from haptic_accel.core.simulated_rig import rig_side
 from haptic_accel.core.tick import ARM
 from haptic_accel.core.topics import ARMS
 from haptic_accel.core.two_hosts import TwoHosts
+from haptic_accel.devices import Sample
 
 RATE = 1000.0
 """Sampling rate of both halves, Hz."""

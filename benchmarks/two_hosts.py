@@ -40,20 +40,15 @@ import psutil
 from rich.console import Console
 from rich.table import Table
 
+from haptic_accel import Bag, ChannelParameters, GraphArguments, ParameterError, read_bag
 from haptic_accel.analysis.loading import analyse
 from haptic_accel.bags.delivery import count
-from haptic_accel.bags.reading import Bag, read_bag
-from haptic_accel.cli.main import run
-from haptic_accel.cli.options import Verb, json_option, words
-from haptic_accel.cli.output import save
+from haptic_accel.commands import DONE, FAILED, Verb, json_option, run, save, words
 from haptic_accel.core import topics
-from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE, FAILED
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.kits.link.keys import FOLDERS
 from haptic_accel.links.addresses import TRANSPORTS
-from haptic_accel.setup.arguments import GraphArguments, parse_arguments
+from haptic_accel.setup.arguments import parse_arguments
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "support"))
 

@@ -17,7 +17,7 @@
 
 The source folder is the repository, so that links between pages hold on the site, too. Pages have
 no syntax of Sphinx: docs/README.md, the index, gives the sections of the site, and a comment
-`<!-- api: NAME -->` marks a line that the docstring of NAME replaces.
+`<!-- api: MODULE -->` marks a line of names that their docstrings replace.
 """
 
 from __future__ import annotations
@@ -77,6 +77,7 @@ extensions = [
     "myst_parser",
     "numpydoc",
     "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
     "sphinx.ext.viewcode",
     "sphinx_gallery.gen_gallery",
 ]
@@ -145,11 +146,17 @@ def write_reference(app: Sphinx, config: object) -> None:
     page.write_text(reference(), encoding="utf-8")
 
 
-def docstring(name: str) -> str:
-    """Return the directive that shows the docstring of a class or function."""
-    is_class = name.rpartition(".")[2][0].isupper()
-    directive = f".. autoclass:: {name}\n   :members:" if is_class else f".. autofunction:: {name}"
-    return f"\n```{{eval-rst}}\n{directive}\n```\n"
+def docstrings(line: re.Match[str]) -> str:
+    """Return the directives that show a line of names: a table of first lines, and docstrings."""
+    names = [f"{line[2]}.{name}" for name in re.findall(r"`(\w+)`", line[1])]
+    table = [".. autosummary::", "   :nosignatures:", "", *(f"   {name}" for name in names), ""]
+    texts = [
+        f".. autoclass:: {name}\n   :members:"
+        if name.rpartition(".")[2][0].isupper()
+        else f".. autofunction:: {name}"
+        for name in names
+    ]
+    return "\n".join(["", "```{eval-rst}", *table, *texts, "```", ""])
 
 
 def without_folders(page: str, text: str) -> str:
@@ -163,9 +170,7 @@ def without_folders(page: str, text: str) -> str:
 
 def read(app: Sphinx, page: str, source: list[str]) -> None:
     """Adapt a page's text to the site."""
-    text = re.sub(
-        r"^.*<!-- api: ([\w.]+) -->$", lambda found: docstring(found[1]), source[0], flags=re.M
-    )
+    text = re.sub(r"^(.*)<!-- api: ([\w.]+) -->$", docstrings, source[0], flags=re.M)
     text = without_folders(page, text)
     if page == root_doc:
         text = f"{text}\n{contents()}"

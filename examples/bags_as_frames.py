@@ -31,17 +31,16 @@ from tempfile import TemporaryDirectory
 
 from matplotlib import pyplot
 
+from haptic_accel import run_trial
 from haptic_accel.analysis import bands, compare, load, signals, spectra, trials
-from haptic_accel.analysis.experiment import RecordedCondition, run_lockstep
-from haptic_accel.setup.arguments import GraphArguments
 
 folder = TemporaryDirectory()
 bags = Path(folder.name)
 for controller in ("dynamic", "adaptive"):
     for seed in (1, 2, 3):
-        given = GraphArguments(controller=controller, surface="text", duration=3.0, seed=seed)
         bag = bags / f"{controller}_{seed}"
-        print(run_lockstep(RecordedCondition(bag, given, channel=None, lockstep=True)))
+        trial = run_trial(controller, surface="text", duration=3.0, seed=seed, bag=bag)
+        print(f"{bag.name}: {trial.nrmse():.0f} %")
 
 # %%
 # A row for each trial, with units in the names of the columns; the difference of the controllers,

@@ -30,11 +30,7 @@ from dataclasses import replace
 import numpy as np
 from matplotlib import pyplot
 
-from haptic_accel.core.model import HandleParameters
-from haptic_accel.core.surfaces.texture import Texture
-from haptic_accel.core.trial import run_trial
-from haptic_accel.materials.folders import preset_file
-from haptic_accel.materials.texture_files import read_texture
+from haptic_accel import HandleParameters, Texture, preset_file, read_texture, run_trial
 
 rate, duration = 1000.0, 6.0  # Hz, s
 average = HandleParameters()
@@ -54,7 +50,7 @@ _, axes = pyplot.subplots(figsize=(8, 4), layout="constrained")
 window = 200
 starts = range(400, len(tool) - window, window // 4)
 for name in ("dynamic", "inverse", "adaptive"):
-    trial = run_trial(name, duration=duration, recording=tool, grips=grips)
+    trial = run_trial(name, "ideal", duration=duration, recording=tool, grips=grips)
     errors = [trial.evaluate(each, each + window).nrmse_percent for each in starts]
     axes.plot([(each + window) / rate for each in starts], errors, label=name)
     parts = [trial.evaluate(each, each + 1000).nrmse_percent for each in (1000, 3000, 5000)]

@@ -29,10 +29,15 @@ handle may follow a sample later.
 import numpy as np
 from matplotlib import pyplot
 
-from haptic_accel import causal_bound, design_inverse, predict
-from haptic_accel.core.control.inversion.design import Goal
-from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.model import HandleParameters, MountParameters
+from haptic_accel import (
+    Goal,
+    HandleParameters,
+    MountParameters,
+    Plant,
+    causal_bound,
+    design_inverse,
+    predict,
+)
 
 rate = 1000.0  # Hz
 delays = np.linspace(0.0, 1e-3, 6)  # s

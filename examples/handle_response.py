@@ -30,8 +30,7 @@ from dataclasses import replace
 import numpy as np
 from matplotlib import pyplot
 
-from haptic_accel.core.handle.plant import Plant
-from haptic_accel.core.model import GripParameters, HandleParameters, MountParameters, held
+from haptic_accel import GripParameters, HandleParameters, MountParameters, Plant, held
 
 rate = 1000.0  # Hz
 frequency = np.geomspace(5.0, 450.0, 500)  # Hz

@@ -28,12 +28,14 @@ whether two grips differ by more than that.
 
 from matplotlib import pyplot
 
-from haptic_accel import identify_handle
-from haptic_accel.core.identification.fit import INTERVAL
-from haptic_accel.core.identification.sweep import SweepParameters
-from haptic_accel.core.model import GripParameters, held
-from haptic_accel.core.rig.master_rig import MasterRigParameters
-from haptic_accel.core.trial import run_identification
+from haptic_accel import (
+    GripParameters,
+    MasterRigParameters,
+    SweepParameters,
+    held,
+    identify_handle,
+    run_identification,
+)
 
 sweep = SweepParameters()
 rigs = {name: MasterRigParameters(grip=GripParameters(posture=name)) for name in ("pinch", "hook")}
@@ -65,7 +67,7 @@ for number, (name, grip) in enumerate(found.grips.items()):
     true = held(rigs[name].handle, rigs[name].grip, seed=0)
     names = free[:-1]
     ratio = [100.0 * (grip.fit.value(each) / getattr(true, each) - 1.0) for each in names]
-    errors = {each: INTERVAL * grip.fit.standard_errors[each] for each in names}
+    errors = {each: 1.96 * grip.fit.standard_errors[each] for each in names}
     bars = [100.0 * errors[each] / getattr(true, each) for each in names]
     places = [place + 0.2 * number for place in range(len(names))]
     axes.errorbar(places, ratio, bars, fmt="o", capsize=4, label=name)

@@ -32,17 +32,12 @@ import numpy as np
 import pandas as pd
 from matplotlib import pyplot
 
-from haptic_accel.analysis.experiment import RecordedCondition, run_lockstep
-from haptic_accel.bags.reading import read_bag
-from haptic_accel.core.evaluation.metrics import indistinguishable
-from haptic_accel.core.sampling import resampled
-from haptic_accel.kits.export.lerobot import LeRobotWriter
-from haptic_accel.setup.arguments import GraphArguments
+from haptic_accel import indistinguishable, read_bag, resampled, run_trial
+from haptic_accel.kits.export import LeRobotWriter
 
 folder = TemporaryDirectory()
 dataset = Path(folder.name)
-given = GraphArguments(controller="adaptive", surface="text", duration=4.0)
-run_lockstep(RecordedCondition(dataset / "text", given, channel=None, lockstep=True))
+run_trial("adaptive", surface="text", duration=4.0, bag=dataset / "text")
 written = LeRobotWriter(dataset, fps=30)
 written.add("text", read_bag(dataset / "text"))
 written.close()

@@ -30,8 +30,7 @@ import numpy as np
 from matplotlib import pyplot
 from two_arms import TwoArms, free, press, stroke, wall
 
-from haptic_accel.core.coupling.passive import PassiveParameters
-from haptic_accel.core.network.channel import ChannelParameters
+from haptic_accel import ChannelParameters, PassiveParameters
 
 network = ChannelParameters(delay=6e-3, jitter=1e-3, loss=0.1)
 _, (heights, energy) = pyplot.subplots(2, sharex=True, figsize=(8, 6), layout="constrained")

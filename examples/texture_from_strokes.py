@@ -28,11 +28,8 @@ strokes become such a model, and whether its spectra are right at speeds in betw
 import numpy as np
 from matplotlib import pyplot
 
-from haptic_accel.core.surfaces.texture import Provenance, Texture
-from haptic_accel.kits.textures.building import Recording, build
-from haptic_accel.kits.textures.command_line import described
-from haptic_accel.materials.folders import preset_file
-from haptic_accel.materials.texture_files import read_texture
+from haptic_accel import Provenance, Texture, preset_file, read_texture
+from haptic_accel.kits.textures import Recording, build, described
 
 rate = 1000.0  # Hz
 known = read_texture(preset_file("texture", "vinyl"))

@@ -31,8 +31,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from matplotlib import pyplot
 
-from haptic_accel import run_trial
-from haptic_accel.materials.scenes import read_scene
+from haptic_accel import read_scene, run_trial
 
 text = """
 materials:

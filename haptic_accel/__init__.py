@@ -15,10 +15,9 @@
 
 """Teleoperation with high-frequency acceleration feedback.
 
-For notebooks and scripts, without ROS: `run_trial` runs a condition of the experiment in lockstep
-on a `Rig` and returns a `Trial`; `read_bag` reads a recorded `Bag`; `identify_handle` fits the
-handle's model; `design_inverse`, `predict` and `causal_bound` design a controller for an
-`IdentifiedPlant` and bound its error.
+The public interface has five roots: this one for notebooks, scripts and parameters;
+`haptic_accel.controllers` and `haptic_accel.devices` for those of other packages;
+`haptic_accel.analysis` for bags as data frames; `haptic_accel.commands` for further commands.
 
 Examples
 --------
@@ -32,35 +31,50 @@ from __future__ import annotations
 
 TYPE_CHECKING = False  # an emergency stop must not wait for typing
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from typing import Any
 
 __version__ = "0.3.0"
 
-_MODULES = {
-    "Bag": "haptic_accel.bags.reading",
-    "IdentifiedPlant": "haptic_accel.core.handle.plant",
-    "Rig": "haptic_accel.analysis.notebook",
-    "Trial": "haptic_accel.core.trial",
-    "causal_bound": "haptic_accel.core.control.inversion.bound",
-    "design_inverse": "haptic_accel.core.control.inversion.design",
-    "identify_handle": "haptic_accel.core.identification.evaluation",
-    "predict": "haptic_accel.core.control.inversion.prediction",
-    "read_bag": "haptic_accel.bags.reading",
-    "run_trial": "haptic_accel.analysis.notebook",
-}
-"""Module of each name; loaded with its first use, as nodes import this package, too."""
+_MODULES: dict[str, dict[str, str]] = {}
+"""Module of each public name, by its root."""
 
 
-__all__ = ["__version__", *_MODULES]
+def lazy_names(root: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """Return ``__getattr__`` and ``__dir__`` of a root whose names are loaded at their first use.
+
+    Parameters
+    ----------
+    root, file : str
+        Name and file of the root. The stub beside the file imports the names, for type checkers.
+    """
+
+    def modules() -> dict[str, str]:
+        if root not in _MODULES:
+            from ast import ImportFrom, parse
+
+            with open(f"{file}i", encoding="utf-8") as stub:
+                imports = [
+                    each for each in parse(stub.read()).body if isinstance(each, ImportFrom)
+                ]
+            _MODULES[root] = {
+                name.name: str(each.module)
+                for each in imports
+                for name in each.names
+                if name.asname  # "X as X" is the form of a name to export
+            }
+        return _MODULES[root]
+
+    def load(name: str) -> Any:
+        if name == "__all__":
+            return sorted(modules())
+        if name.startswith("__") or name not in modules():
+            raise AttributeError(f"module {root!r} has no attribute {name!r}")
+        from importlib import import_module
+
+        return getattr(import_module(modules()[name]), name)
+
+    return load, lambda: sorted(modules())
 
 
-def __getattr__(name: str) -> Any:
-    from importlib import import_module
-
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_MODULES[name]), name)
-
-
-def __dir__() -> list[str]:
-    return [*globals(), *_MODULES]
+__getattr__, __dir__ = lazy_names(__name__, __file__)

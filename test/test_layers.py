@@ -51,9 +51,11 @@ BELOW: dict[str, set[str]] = {
         *("core", "bags", "devices", "links", "materials", "setup", "graph"),
         *("nodes", "scope", "analysis"),
     },
+    "controllers": {"core"},
+    "commands": {"core", "cli"},
     "kits": {
         *("core", "bags", "devices", "links", "materials", "setup", "graph"),
-        *("nodes", "scope", "analysis", "pages", "cli"),
+        *("nodes", "scope", "analysis", "pages", "cli", "controllers", "commands"),
     },
 }
 """The folders that each folder of the package may import, besides itself."""
@@ -223,6 +225,37 @@ def test_a_kit_imports_no_other_kit_and_only_public_names(kit: str) -> None:
             if isinstance(node, ast.ImportFrom) and not within(node.module or "", own):
                 private = [each.name for each in node.names if re.match("_[^_]", each.name)]
                 assert not private, (module, private)
+
+
+ROOTS = {
+    *(PACKAGE, "haptic_accel.analysis", "haptic_accel.commands"),
+    *("haptic_accel.controllers", "haptic_accel.devices"),
+}
+"""Public interface; `test_public_names.py` has its names."""
+
+LOADING = {"__version__", "lazy_names"}
+"""What the package itself has, in addition to names that are loaded at their first use."""
+
+BEHIND_THE_ROOTS = 88
+"""Most modules of the main package that kits import besides `ROOTS`. Lower it with them."""
+
+
+def test_kits_stand_on_the_public_interface() -> None:
+    kits = f"{PACKAGE}.kits"
+    main = {to for by, to in inside() if within(by, kits) and not within(to, kits)} - ROOTS
+    assert len(main) <= BEHIND_THE_ROOTS, sorted(main)
+
+
+def test_only_kits_import_the_names_of_the_root() -> None:
+    """What the root loads lies above most of the package, so that circles would follow."""
+    for module in MODULES:
+        if not within(module, f"{PACKAGE}.kits"):
+            for node in ast.walk(ast.parse(MODULES[module].read_text())):
+                if isinstance(node, ast.ImportFrom) and node.module == PACKAGE:
+                    folders = {
+                        each.name for each in node.names if f"{PACKAGE}.{each.name}" in MODULES
+                    }
+                    assert {each.name for each in node.names} <= LOADING | folders, module
 
 
 def closes_a_circle(pair: Import) -> bool:

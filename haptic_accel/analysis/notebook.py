@@ -18,8 +18,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -27,10 +29,11 @@ from matplotlib.axes import Axes
 
 from haptic_accel.analysis import plots
 from haptic_accel.analysis.traces import EXCERPT, excerpt_of
+from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import ParameterError, suggestion
-from haptic_accel.core.trial import Trial
+from haptic_accel.core.trial import GripChange, Trial
 from haptic_accel.setup.arguments import GraphArguments
-from haptic_accel.setup.lockstep import lockstep_trial
+from haptic_accel.setup.lockstep import lockstep_trial, record_trial
 from haptic_accel.setup.node_parameters import NODES, node_schema
 from haptic_accel.setup.setup import Setup
 
@@ -134,6 +137,9 @@ def run_trial(
     surface: str | os.PathLike[str] = "plywood",
     *,
     duration: float = 10.0,
+    recording: FloatArray | None = None,
+    grips: Sequence[GripChange] = (),
+    bag: str | os.PathLike[str] | None = None,
     **arguments: Any,
 ) -> NotebookTrial:
     """Run one condition of the experiment in lockstep, without ROS.
@@ -147,8 +153,14 @@ def run_trial(
         plywood, text, vinyl, or a ``.yaml`` file.
     duration : float
         Duration of the trial, s.
+    recording : ndarray, optional
+        Tool acceleration at the graph's rate in place of that on the surface, m/s^2.
+    grips : sequence of (float, HandleParameters or MountParameters)
+        Changes of grip or mount, in order of time, each with its time in s.
+    bag : str or path, optional
+        Folder to make for a bag of the trial.
     **arguments
-        Further arguments of the graph: grip, rate, latency, seed, recording, config.
+        Further arguments of the graph: grip, rate, latency, seed, slave, config.
 
     Returns
     -------
@@ -157,10 +169,13 @@ def run_trial(
     Raises
     ------
     ParameterError
-        A value is invalid.
+        A value is invalid, or the bag exists already.
     """
     rig = rig if isinstance(rig, Rig) else Rig(rig)
     given = {"controller": controller, "rig": rig.name, "surface": surface, **arguments}
     words = {k: os.fspath(v) if isinstance(v, os.PathLike) else v for k, v in given.items()}
-    asked = GraphArguments(duration=duration, **words)
-    return NotebookTrial(**vars(lockstep_trial(Setup.of(asked).changed(rig.changes))))
+    setup = Setup.of(GraphArguments(duration=duration, **words)).changed(rig.changes)
+    trial = lockstep_trial(setup, recording=recording, grips=grips)
+    if bag is not None:
+        record_trial(Path(bag), trial, setup, time.time_ns())
+    return NotebookTrial(**vars(trial))

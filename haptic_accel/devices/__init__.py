@@ -32,6 +32,7 @@ from haptic_accel.devices.interface import (
     Device,
     DeviceDescription,
     DeviceError,
+    Joints,
     Sample,
     combined,
     driver_problem,
@@ -74,4 +75,4 @@ for _devices, _kind in ((_MASTERS, CombinedDevice), (_SLAVES, CombinedTool)):
 MASTERS = with_outside(_MASTERS, MASTERS_GROUP, Device, driver_problem, RESERVED)
 SLAVES = with_outside(_SLAVES, SLAVES_GROUP, Device, driver_problem, RESERVED)
 
-__all__ = ["MASTERS", "RESERVED", "SLAVES", "Device", "DeviceDescription", "DeviceError", "Sample"]
+__all__ = ["MASTERS", "SLAVES", "Device", "DeviceDescription", "DeviceError", "Joints", "Sample"]

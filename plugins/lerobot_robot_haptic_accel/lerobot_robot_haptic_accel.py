@@ -19,8 +19,7 @@ from dataclasses import dataclass
 
 from lerobot.robots import Robot, RobotConfig, make_robot_from_config
 
-from haptic_accel.core.parameters import one_line
-from haptic_accel.kits.lerobot.wrapping import VibrationRobot, others
+from haptic_accel.kits.lerobot import VibrationRobot, others, wrapped
 
 NAME = "haptic_accel"
 """Type in LeRobot's configuration."""
@@ -45,12 +44,6 @@ class HapticAccelRobot(VibrationRobot, Robot):
     name = NAME
 
     def __init__(self, config: HapticAccelRobotConfig) -> None:
-        try:
-            follower = make_robot_from_config(config.follower)
-        except ImportError as error:  # the motors' package is an extra of LeRobot
-            raise SystemExit(
-                f"robot.follower: {one_line(error)}; install the extra of its"
-                " motors, as in: pip install 'lerobot[feetech]'"
-            ) from None
+        follower = wrapped(make_robot_from_config, config.follower, "robot.follower")
         VibrationRobot.__init__(self, follower, config.arguments, config.fps)
         Robot.__init__(self, config)

@@ -19,8 +19,7 @@ from dataclasses import dataclass
 
 from lerobot.teleoperators import Teleoperator, TeleoperatorConfig, make_teleoperator_from_config
 
-from haptic_accel.core.parameters import one_line
-from haptic_accel.kits.lerobot.wrapping import FeltTeleoperator, others
+from haptic_accel.kits.lerobot import FeltTeleoperator, others, wrapped
 
 NAME = "haptic_accel"
 """Type in LeRobot's configuration."""
@@ -44,12 +43,6 @@ class HapticAccelTeleoperator(FeltTeleoperator, Teleoperator):
     name = NAME
 
     def __init__(self, config: HapticAccelTeleoperatorConfig) -> None:
-        try:
-            leader = make_teleoperator_from_config(config.leader)
-        except ImportError as error:  # the motors' package is an extra of LeRobot
-            raise SystemExit(
-                f"teleop.leader: {one_line(error)}; install the extra of its"
-                " motors, as in: pip install 'lerobot[feetech]'"
-            ) from None
+        leader = wrapped(make_teleoperator_from_config, config.leader, "teleop.leader")
         FeltTeleoperator.__init__(self, leader, config.arguments)
         Teleoperator.__init__(self, config)

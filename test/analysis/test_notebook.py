@@ -27,13 +27,13 @@ from matplotlib import pyplot
 from matplotlib.colors import to_hex
 
 import haptic_accel
-from haptic_accel import Rig, read_bag, run_trial
+from haptic_accel import HandleParameters, Rig, read_bag, run_trial
 from haptic_accel.analysis import plots
 from haptic_accel.core import topics
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.materials.folders import preset_file
 from haptic_accel.setup.arguments import GraphArguments
-from haptic_accel.setup.lockstep import lockstep_trial, record_trial
+from haptic_accel.setup.lockstep import lockstep_trial
 from haptic_accel.setup.setup import Setup
 
 SHORT = {"duration": 2.0}
@@ -94,11 +94,27 @@ def test_a_path_may_be_a_string_or_a_path(trial: Any) -> None:
         assert same.nrmse() == trial.nrmse()
 
 
-def test_a_bag_is_read_by_its_path_as_a_string(trial: Any, tmp_path: Path) -> None:
-    setup = Setup.of(GraphArguments(rig="ideal", surface="text"))
-    record_trial(tmp_path / "bag", trial, setup, 10**9)
-    signal = read_bag(str(tmp_path / "bag")).signals[topics.TOOL_ACCELERATION.name]
+def test_a_bag_is_written_once_and_read_by_its_path_as_a_string(tmp_path: Path) -> None:
+    bag = str(tmp_path / "bag")
+    trial = run_trial("none", "ideal", "text", bag=bag, **SHORT)
+    signal = read_bag(bag).signals[topics.TOOL_ACCELERATION.name]
     assert np.array_equal(signal.values[:, 2], trial.tool_acceleration)
+    with pytest.raises(ParameterError, match="exists"):
+        run_trial("none", "ideal", "text", bag=bag, **SHORT)
+
+
+def test_a_recording_replaces_the_surface_and_a_heavier_grip_moves_less() -> None:
+    tone = np.sin(2 * np.pi * 150.0 * np.arange(2000) / 1000.0)
+    light, heavy = ((0.0, HandleParameters(m_h=mass)) for mass in (0.1, 1.0))
+    moved = [
+        run_trial("constant", "ideal", recording=tone, grips=[grip], **SHORT)
+        for grip in (light, heavy)
+    ]
+    for each in moved:  # the tone begins after the first force
+        assert np.std(each.tool_acceleration) == pytest.approx(np.std(tone), rel=0.01)
+    # Above its resonances, a handle is a mass.
+    ratio = np.std(moved[0].actual_acceleration) / np.std(moved[1].actual_acceleration)
+    assert ratio == pytest.approx(10.0, rel=0.2)
 
 
 def test_a_changed_rig_is_another_plant() -> None:

@@ -17,7 +17,6 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 import subprocess
 import sys
@@ -25,29 +24,15 @@ from pathlib import Path
 
 import pytest
 
-import haptic_accel
-from haptic_accel import analysis
-
 SOURCE = Path(__file__).resolve().parents[2]
-SHOWN = re.findall(r"<!-- api: ([\w.]+) -->", (SOURCE / "docs" / "api.md").read_text())
-"""Names whose docstrings the site shows."""
-
-
-def test_the_reference_has_every_public_name() -> None:
-    public = {f"haptic_accel.{name}" for name in haptic_accel.__all__ if name != "__version__"}
-    of_analysis = {f"haptic_accel.analysis.{name}" for name in analysis.__all__}
-    assert public | of_analysis <= set(SHOWN)
-
-
-@pytest.mark.parametrize("name", SHOWN)
-def test_a_name_of_the_reference_leads_to_its_module(name: str) -> None:
-    module, _, attribute = name.rpartition(".")
-    shown = getattr(importlib.import_module(module), attribute)
-    path = f"{shown.__module__.replace('.', '/')}.py"
-    assert (
-        f"- [{attribute}](../{path}) <!-- api: {name} -->"
-        in (SOURCE / "docs" / "api.md").read_text()
+SHOWN = [
+    f"{root}.{name}"
+    for line, root in re.findall(
+        r"^(.*)<!-- api: ([\w.]+) -->$", (SOURCE / "docs" / "api.md").read_text(), re.MULTILINE
     )
+    for name in re.findall(r"`(\w+)`", line)
+]
+"""Names whose docstrings the site shows."""
 
 
 @pytest.fixture(scope="module")

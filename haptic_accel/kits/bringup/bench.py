@@ -28,20 +28,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from haptic_accel import Checked, GraphArguments, Setup, parameter
 from haptic_accel.core.actuator.parameters import ActuatorParameters
-from haptic_accel.core.parameters import Checked, like, parameter, shown
+from haptic_accel.core.parameters import like, shown
 from haptic_accel.core.process import PROGRESS, SUPERVISOR, module_command, read_event
-from haptic_accel.core.sampling import DEFAULT_RATE
 from haptic_accel.core.signal_checks import Check
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.devices.observed import Observation, ObservedDevice
 from haptic_accel.graph.stop_signal import hurry
-from haptic_accel.setup.arguments import POINTER, SIMULATED, VIRTUAL, GraphArguments
+from haptic_accel.setup.arguments import POINTER, SIMULATED, VIRTUAL
 from haptic_accel.setup.files import parameter_paths, read_parameter_file
 from haptic_accel.setup.node_parameters import SAFETY, build_device
-from haptic_accel.setup.setup import Setup
 
 MASTER, SLAVE = ARMS
 
@@ -97,7 +96,7 @@ class BringUpArguments(Checked):
     params_file: str = parameter(
         "", "ROS parameter files to take over into a new file, such as an arm's kinematics"
     )
-    rate: float = parameter(DEFAULT_RATE, "sampling rate", unit="Hz", low=100.0, high=10e3)
+    rate: float = parameter(GraphArguments.rate, "sampling rate", unit="Hz", low=100.0, high=10e3)
     force_constant: float = parameter(
         ActuatorParameters.force_constant,
         "force constant of the handle's actuator, from its data sheet",

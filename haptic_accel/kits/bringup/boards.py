@@ -28,8 +28,9 @@ from typing import Any
 
 import numpy as np
 
+from haptic_accel import FloatArray
 from haptic_accel.core import signal_checks as checks
-from haptic_accel.core.model import ACTUATOR, FloatArray
+from haptic_accel.core.model import ACTUATOR
 from haptic_accel.core.signal_checks import Check
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import DeviceError

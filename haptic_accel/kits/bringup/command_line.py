@@ -31,14 +31,22 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from haptic_accel import ParameterError
 from haptic_accel.analysis.experiment import LOST_SHARE
 from haptic_accel.bags.delivery import AGE_OF
-from haptic_accel.cli.options import arguments, verb
-from haptic_accel.cli.output import StoppedError, next_command
-from haptic_accel.cli.running import HOST, interrupted_by_signals, print_line, show_page
+from haptic_accel.cli.running import HOST
+from haptic_accel.commands import (
+    DONE,
+    StoppedError,
+    arguments,
+    interrupted_by_signals,
+    next_command,
+    print_line,
+    show_page,
+    verb,
+)
 from haptic_accel.core import signal_checks as checks
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import DONE, FULL_SCALE, UNUSABLE, WRONG_ARGUMENTS
+from haptic_accel.core.process import FULL_SCALE, UNUSABLE, WRONG_ARGUMENTS
 from haptic_accel.core.signal_checks import Check
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices import DeviceError

@@ -17,7 +17,7 @@
 
 from __future__ import annotations
 
-from haptic_accel.cli.lazy import KitVerb
+from haptic_accel.commands import KitVerb
 
 VERB = KitVerb(
     "Devices",

@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel import FloatArray, ParameterError
+from haptic_accel.core.parameters import shown
 from haptic_accel.kits.bringup.bench import NOT_PASSED, PASSED, Watched
 from haptic_accel.scope.server import CommandError, check_choice
 from haptic_accel.scope.windows import Windows

@@ -31,7 +31,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from haptic_accel.core.model import FloatArray, vector
+from haptic_accel import FloatArray
+from haptic_accel.core.model import vector
 from haptic_accel.devices.can import protocol
 from haptic_accel.devices.can.arm import kinematics_of
 from haptic_accel.devices.can.device import frame_of, message_of

@@ -31,19 +31,23 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-from haptic_accel.cli.options import arguments, verb
-from haptic_accel.cli.output import StoppedError
-from haptic_accel.cli.running import is_ours, on_keys, print_line, stop_on_signal
-from haptic_accel.core.axes import NAMES, Axes
+from haptic_accel import Axes, Checked, GraphArguments, Setup, Vector, parameter
+from haptic_accel.cli.running import is_ours
+from haptic_accel.commands import (
+    StoppedError,
+    arguments,
+    on_keys,
+    print_line,
+    stop_on_signal,
+    verb,
+)
 from haptic_accel.core.bounded_files import located
-from haptic_accel.core.model import GRAVITY, ZERO, Vector
-from haptic_accel.core.parameters import Checked, from_flat, like, parameter
-from haptic_accel.core.sampling import DEFAULT_RATE
+from haptic_accel.core.model import GRAVITY, ZERO
+from haptic_accel.core.parameters import from_flat, like
 from haptic_accel.core.simulated_rig import RigParameters
 from haptic_accel.core.tick import PositionPositionCoupling
 from haptic_accel.devices.can.device import bus_configuration, open_bus
 from haptic_accel.devices.can.parameters import KINEMATICS, CanParameters
-from haptic_accel.devices.connection import AUTO
 from haptic_accel.devices.serial.device import HIGHEST_RATE, MISSING_LIBRARY
 from haptic_accel.devices.simulated import SimulatedDevice, SimulatedMaster, SimulatedSlave
 from haptic_accel.graph.relaying import PRIORITY, RelayArguments, opened, serve
@@ -52,21 +56,14 @@ from haptic_accel.kits.emulators.can_line import BusPort, CanLine, EmulatedArm, 
 from haptic_accel.kits.emulators.faults import CAN_FAULTS, SERIAL_FAULTS, UNPLUG, FaultKind, Faults
 from haptic_accel.kits.emulators.pseudo_terminal import run
 from haptic_accel.links.addresses import host_and_port, is_loopback
-from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.files import parameter_text
-from haptic_accel.setup.setup import Setup
 
 if TYPE_CHECKING:
     from haptic_accel.kits.emulators.serial_line import EmulatedBoard, SerialLines
 
 MASTER, SLAVE = SIDES = "master", "slave"
 
-TIMEOUTS = {
-    "start_timeout": 10.0,
-    "heartbeat_timeout": 1.0,
-    "estimates_timeout": 0.5,
-    "rearm": AUTO,
-}
+TIMEOUTS = {"start_timeout": 10.0, "heartbeat_timeout": 1.0, "estimates_timeout": 0.5}
 """Parameters of the CAN driver: the emulator shares its machine with the graph, and may stall."""
 
 WATCHDOG = 0.5
@@ -172,7 +169,7 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
     """Emulate the boards of handle and tool on pseudo-terminals until Ctrl-C."""
     faults = _faults(arguments, arguments.faults, arguments.fault_board, SERIAL_FAULTS)
     rig = arguments.virtual_rig()
-    devices = {side: _simulated(rig, side, DEFAULT_RATE, arguments.seed) for side in SIDES}
+    devices = {side: _simulated(rig, side, GraphArguments.rate, arguments.seed) for side in SIDES}
     try:
         from haptic_accel.kits.emulators.serial_line import CoupledArms, SerialLines
     except ImportError:
@@ -207,7 +204,7 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
         b"t": partial(held.tap, SLAVE),
         b"m": lambda: print(f"current {_currents(boards[0], devices[MASTER])} A", flush=True),
     }
-    poses = itertools.product(NAMES, (GRAVITY, -GRAVITY))
+    poses = itertools.product("xyz", (GRAVITY, -GRAVITY))
     for index, (name, gravity) in enumerate(poses, start=1):
         keys[b"%d" % index] = partial(held.tilt, Axes((name,)).vector([gravity]))
     with on_keys(keys) as read:
@@ -400,7 +397,7 @@ def _board(
 
 def _driver_parameters(arguments: EmulateCanArguments, side: str, folder: Path) -> dict[str, Any]:
     """Return the parameters of an arm's driver, by dotted name."""
-    shared = {"kinematics": arguments.kinematics, **TIMEOUTS}
+    shared = {"kinematics": arguments.kinematics, "rearm": "auto", **TIMEOUTS}
     if not arguments.interface:
         channel = {"channel": str(folder / side), "options": SLCAN_OPTIONS}
         return {"interface": "slcan", **channel, **shared}

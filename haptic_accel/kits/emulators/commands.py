@@ -17,7 +17,7 @@
 
 from __future__ import annotations
 
-from haptic_accel.cli.lazy import KitVerb, LazyGroup
+from haptic_accel.commands import KitVerb, LazyGroup
 
 GROUP = LazyGroup(
     "emulate",

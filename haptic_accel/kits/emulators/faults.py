@@ -22,7 +22,8 @@ import random
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from haptic_accel.core.parameters import ParameterError, read_decimal
+from haptic_accel import ParameterError
+from haptic_accel.core.parameters import read_decimal
 
 DROP, GARBAGE, UNPLUG, STALL = "drop", "garbage", "unplug", "stall"
 AXIS_ERROR, HEARTBEAT, ESTIMATES, BUS_OFF = "error", "heartbeat", "estimates", "bus_off"

@@ -26,10 +26,11 @@ from collections.abc import Callable, Sequence
 from operator import attrgetter
 from pathlib import Path
 
+from haptic_accel import Vector
 from haptic_accel.core import tick
 from haptic_accel.core.actuator.safety import SafetyParameters
 from haptic_accel.core.coupling.engagement import Engagement, EngagementParameters
-from haptic_accel.core.model import ZERO, Vector
+from haptic_accel.core.model import ZERO
 from haptic_accel.core.topics import ARMS
 from haptic_accel.devices.serial import protocol
 from haptic_accel.devices.serial.protocol import (

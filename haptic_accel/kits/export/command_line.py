@@ -27,12 +27,10 @@ from tempfile import TemporaryDirectory
 import click
 from rich.progress import TaskID
 
-from haptic_accel.bags.reading import Bag
+from haptic_accel import Bag, ParameterError
 from haptic_accel.bags.spooling import spooled_bags
-from haptic_accel.cli.options import FILE, verb
-from haptic_accel.cli.output import StoppedError
-from haptic_accel.cli.running import interrupted_by_signals, progress_bar
-from haptic_accel.core.parameters import ParameterError, one_line, printable
+from haptic_accel.commands import FILE, StoppedError, interrupted_by_signals, progress_bar, verb
+from haptic_accel.core.parameters import one_line, printable
 from haptic_accel.core.safe_writing import whole_folder
 from haptic_accel.kits.export.signals import PUBLISHED, Writer, name_of
 

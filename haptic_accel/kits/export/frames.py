@@ -30,10 +30,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from haptic_accel.bags.reading import Bag
+from haptic_accel import Axes, Bag, ParameterError
 from haptic_accel.core import sampling, topics
-from haptic_accel.core.axes import Axes
-from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, IntArray
 from haptic_accel.kits.export import signals
 from haptic_accel.kits.export.signals import HANDLE, TOOL, ExportedSignal, finite, signal_of

@@ -30,8 +30,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from haptic_accel.bags.reading import Bag
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel import Bag, ParameterError
 from haptic_accel.kits.export.frames import FrameRate, engagements, frames_of, recorded_rate
 from haptic_accel.kits.export.signals import Writer, descriptions, signals_of
 

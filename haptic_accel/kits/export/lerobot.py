@@ -42,10 +42,11 @@ import pyarrow as pa
 from PIL import Image
 from pyarrow import parquet
 
+from haptic_accel import Axes, Bag, ParameterError
 from haptic_accel.analysis.description import UNKNOWN
-from haptic_accel.bags.reading import Bag, messages_of
-from haptic_accel.core.axes import NAMES, VIBRATION, Axes
-from haptic_accel.core.parameters import ParameterError, one_line, shown
+from haptic_accel.bags.reading import messages_of
+from haptic_accel.core.axes import NAMES, VIBRATION
+from haptic_accel.core.parameters import one_line, shown
 from haptic_accel.core.sampling import NANOSECONDS, IntArray
 from haptic_accel.kits.export import frames
 from haptic_accel.kits.export.frames import FrameRate, Frames, SingleArray

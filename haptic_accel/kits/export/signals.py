@@ -27,13 +27,11 @@ from typing import Any
 
 import numpy as np
 
-from haptic_accel import __version__
+from haptic_accel import Bag, FloatArray, ParameterError, __version__
 from haptic_accel.analysis.description import described, sections
-from haptic_accel.bags.reading import Bag, Signal
+from haptic_accel.bags.reading import Signal
 from haptic_accel.core import topics
 from haptic_accel.core.axes import NAMES
-from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError
 from haptic_accel.core.sampling import NANOSECONDS, BoolArray, missing_samples, sampling_rate
 from haptic_accel.core.topics import DEVICES, Topic
 from haptic_accel.setup.arguments import POINTER, SIMULATED, VIRTUAL

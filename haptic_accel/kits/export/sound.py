@@ -29,11 +29,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.io import wavfile
 
-from haptic_accel.bags.reading import Bag
-from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel import Bag, FloatArray, ParameterError, resampled
 from haptic_accel.core.reduction import REDUCTIONS
-from haptic_accel.core.sampling import NANOSECONDS, SPARSE, resampled
+from haptic_accel.core.sampling import NANOSECONDS, SPARSE
 from haptic_accel.kits.export import signals
 from haptic_accel.kits.export.frames import CLOCKS, recorded_rate
 

@@ -24,7 +24,8 @@ from pathlib import Path
 import pyarrow as pa
 from pyarrow import csv, parquet
 
-from haptic_accel.bags.reading import Bag, Signal
+from haptic_accel import Bag
+from haptic_accel.bags.reading import Signal
 from haptic_accel.core.axes import NAMES
 from haptic_accel.kits.export.signals import PART, descriptions, signals_of, write_json
 

@@ -16,5 +16,228 @@
 """LeRobot plug-ins: a leader that makes the gripper felt, a follower that observes its vibration.
 
 Nothing here imports LeRobot. Its base classes come in from two small distributions in the folder
-``plugins``, which LeRobot finds by their names.
+``plugins``, which LeRobot finds by their names. They import the public names from here: a device
+of LeRobot is wrapped together with the fast path.
 """
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+
+import numpy as np
+
+from haptic_accel import FloatArray
+from haptic_accel.core.axes import VIBRATION
+from haptic_accel.core.parameters import one_line
+from haptic_accel.kits.lerobot import fast_path
+from haptic_accel.setup.arguments import SIMULATED
+
+
+class PassedOn:
+    """Attribute or method that is the wrapped device's own."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Take the name in the class."""
+        self._name = name
+
+    def __get__(self, device: Any, owner: type) -> Any:
+        """Return the attribute of the wrapped device."""
+        return self if device is None else getattr(device.wrapped, self._name)
+
+
+CHOICE = "get_choice_class", "get_choice_name", "default_choice_name"
+"""Members of a choice of configurations, in addition to `get_known_choices`."""
+
+
+def others(registry: Any, own: str) -> Any:
+    """Return the choice among the configurations of a registry except one, as a field's type.
+
+    The field of a configuration that is among the field's own choices would be expanded without
+    end, for every program of LeRobot.
+    """
+
+    def known() -> dict[str, Any]:
+        return {name: each for name, each in registry.get_known_choices().items() if name != own}
+
+    members = {name: getattr(registry, name) for name in CHOICE}
+    return type("Others", (), {**members, "get_known_choices": staticmethod(known)})
+
+
+def wrapped(make: Callable[[Any], Any], config: Any, name: str) -> Any:
+    """Return the device that LeRobot makes of a configuration, the field `name` of the plug-in's.
+
+    Raises
+    ------
+    SystemExit
+        The package of the device's motors, an extra of LeRobot, is not installed.
+    """
+    try:
+        return make(config)
+    except ImportError as error:
+        hint = "install the extra of its motors, as in: pip install 'lerobot[feetech]'"
+        raise SystemExit(f"{name}: {one_line(error)}; {hint}") from None
+
+
+LOG = logging.getLogger(__name__)
+
+
+class Wrapping:
+    """Device that passes everything on to another, and has the fast path while it is connected.
+
+    Parameters
+    ----------
+    wrapped
+        Device of LeRobot.
+    arguments : str
+        Arguments of the fast path, ``key:=value``, as for ``haptic-accel teleop``.
+
+    Raises
+    ------
+    ParameterError
+        An argument is not allowed.
+    """
+
+    action_features = PassedOn()
+    is_calibrated = PassedOn()
+    calibrate = PassedOn()
+    configure = PassedOn()
+
+    def __init__(self, wrapped: Any, arguments: str) -> None:
+        self.wrapped = wrapped
+        self._arguments = fast_path.read_arguments(arguments)
+        self._path: fast_path.FastPath | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        """Return an attribute that only the wrapped device has."""
+        if name.startswith("_") or name == "wrapped":  # not there before __init__
+            raise AttributeError(name)
+        return getattr(self.wrapped, name)
+
+    @property
+    def is_connected(self) -> bool:
+        """True if the wrapped device is, also after the end of the fast path."""
+        return self._path is not None and bool(self.wrapped.is_connected)
+
+    def connect(self, calibrate: bool = True) -> None:
+        """Start the fast path, or join it, and connect the wrapped device, or do neither.
+
+        Raises
+        ------
+        ParameterError, DeviceError
+            The fast path does not start, or runs with other arguments.
+        """
+        with ExitStack() as opened:
+            # First, as an arm that is connected, and let go of again, falls.
+            path = fast_path.join(self._arguments)
+            opened.callback(fast_path.leave, path)
+            self.wrapped.connect(calibrate)
+            opened.pop_all()
+        self._path = path
+        LOG.info("fast path: %s", path.remarks)
+        if SIMULATED in (self._arguments.master, self._arguments.slave):
+            LOG.warning("fast path: simulated; a sound card needs master:=none slave:=none")
+
+    def disconnect(self) -> None:
+        """Leave the fast path and disconnect the wrapped device, even if one of them fails."""
+        path, self._path = self._path, None
+        with ExitStack() as closing:
+            closing.callback(self.wrapped.disconnect)
+            if path:
+                closing.callback(fast_path.leave, path)
+
+    def tell_problem(self) -> None:
+        """Log once that the fast path has failed, if it has: an arm must not stop for it."""
+        path = self._path
+        if path and not path.is_told and (problem := path.problem):
+            path.is_told = True
+            LOG.warning("fast path: %s; the arms go on without vibration", problem)
+
+
+VALID = f"{VIBRATION}.valid"
+"""Key of an observation: 1 if the vibration was measured, 0 if the fast path has failed."""
+
+
+class VibrationRobot(Wrapping):
+    """Robot of LeRobot that also observes vibration, to be joined with LeRobot's base class.
+
+    LeRobot's programs take numbers, which become ``observation.state``, and images, but no other
+    arrays. So each sample of the window has a key of its own; `vibration` is the same as an array.
+
+    Parameters
+    ----------
+    wrapped
+        Robot of LeRobot.
+    arguments : str
+        See `Wrapping`; the same as the leader's.
+    fps : int
+        Frames per second of LeRobot's loop or dataset.
+
+    Raises
+    ------
+    ParameterError
+        An argument is not allowed, or the rate is no whole multiple of `fps`.
+    """
+
+    send_action = PassedOn()
+
+    def __init__(self, wrapped: Any, arguments: str, fps: int) -> None:
+        super().__init__(wrapped, arguments)
+        self._size = fast_path.samples_per_frame(self._arguments.rate, fps)
+        self._axes = fast_path.tool_axes(self._arguments)
+        self._keys = self._axes.sample_names(self._size)
+
+    @property
+    def cameras(self) -> Any:
+        """Cameras of the follower; empty if it has none."""
+        return getattr(self.wrapped, "cameras", {})
+
+    @property
+    def observation_features(self) -> dict[str, Any]:
+        """Keys and types of the follower's observation, and of the vibration, oldest first."""
+        return {**self.wrapped.observation_features, **dict.fromkeys([*self._keys, VALID], float)}
+
+    def vibration(self) -> FloatArray:
+        """Return the gripper's acceleration in the frame before now.
+
+        Returns
+        -------
+        ndarray, shape (n, axes)
+            Acceleration, m/s^2, the newest last, at the fast path's rate; zero if that has failed,
+            which is logged once: not a number would move an arm whose policy reads it.
+        """
+        return self._measured()[0]
+
+    def _measured(self) -> tuple[FloatArray, bool]:
+        """Return the vibration, and whether it is one."""
+        self.tell_problem()
+        found = self._path.window(self._size) if self._path else None
+        samples = np.zeros((self._size, 3)) if found is None else found
+        return samples[:, self._axes.indices], found is not None
+
+    def get_observation(self) -> dict[str, Any]:
+        """Return the follower's observation, and the vibration of the frame before the call."""
+        felt, is_valid = self._measured()  # first, as cameras may be waited for
+        observed = self.wrapped.get_observation()
+        values = [*felt.T.ravel().tolist(), float(is_valid)]
+        return {**observed, **dict(zip([*self._keys, VALID], values, strict=True))}
+
+
+class FeltTeleoperator(Wrapping):
+    """Teleoperator of LeRobot with a coil in its handle, to be joined with LeRobot's base class.
+
+    The coil moves while actions are asked for. If the fast path ends meanwhile, the arm goes on.
+    Parameters as for `Wrapping`.
+    """
+
+    feedback_features = PassedOn()
+    send_feedback = PassedOn()
+
+    def get_action(self) -> dict[str, Any]:
+        """Return the leader's action, and let the coil move until the next."""
+        self.tell_problem()
+        if self._path:
+            self._path.feel()
+        return dict(self.wrapped.get_action())

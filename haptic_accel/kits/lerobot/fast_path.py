@@ -29,15 +29,12 @@ import time
 
 import numpy as np
 
-from haptic_accel.core.axes import Axes
-from haptic_accel.core.model import FloatArray, Vector
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel import Axes, FloatArray, ParameterError, Setup, Vector
 from haptic_accel.core.process import module_command
 from haptic_accel.devices import DeviceError
 from haptic_accel.devices.sound_bench import NO_ARM
 from haptic_accel.setup import arguments as names
 from haptic_accel.setup.node_parameters import build_device
-from haptic_accel.setup.setup import Setup
 from haptic_accel.setup.words import given_keys
 
 WRITTEN, TICKS, LATE, LOST, FELT = range(5)

@@ -23,7 +23,8 @@ import secrets
 from hmac import compare_digest
 from pathlib import Path
 
-from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel import ParameterError
+from haptic_accel.core.parameters import shown
 from haptic_accel.core.topics import ARMS
 
 LINK_KEY = "link.key"

@@ -32,7 +32,8 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from haptic_accel.core.parameters import ParameterError, shown
+from haptic_accel import ParameterError
+from haptic_accel.core.parameters import shown
 from haptic_accel.links.addresses import AUTHORITY, CERTIFICATE, KEY
 
 VALID = timedelta(days=3650)

@@ -17,6 +17,6 @@
 
 from __future__ import annotations
 
-from haptic_accel.cli.lazy import KitVerb
+from haptic_accel.commands import KitVerb
 
 VERB = KitVerb("Machine", "make keys for two hosts", "haptic_accel.kits.link.keys")

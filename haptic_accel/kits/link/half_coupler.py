@@ -23,8 +23,8 @@ from __future__ import annotations
 import math
 import time
 
+from haptic_accel import Axes
 from haptic_accel.core import topics
-from haptic_accel.core.axes import Axes
 from haptic_accel.core.network.endpoint import random_session
 from haptic_accel.core.network.playout import KINDS, WAITING
 from haptic_accel.core.sampling import NANOSECONDS

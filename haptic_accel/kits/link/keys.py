@@ -21,8 +21,7 @@ from pathlib import Path
 
 import click
 
-from haptic_accel.cli.options import FILE, verb
-from haptic_accel.cli.output import make_folder, next_command
+from haptic_accel.commands import FILE, make_folder, next_command, verb
 from haptic_accel.kits.link.authentication import write_new_key
 
 FOLDERS = {"robot": "slave", "operator": "master"}

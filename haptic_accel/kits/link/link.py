@@ -33,7 +33,7 @@ from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any, Protocol
 
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel import ParameterError
 from haptic_accel.graph.stop_signal import own_domain
 from haptic_accel.kits.link.authentication import TAG_LENGTH, Authenticator, read_key
 from haptic_accel.kits.link.local import LINK, LONGEST_DATAGRAM, LocalEnd

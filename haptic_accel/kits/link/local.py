@@ -27,7 +27,7 @@ import socket
 from collections import deque
 from contextlib import suppress
 
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel import ParameterError
 
 COUPLER, LINK = "coupler", "link"
 """Names of the two ends."""

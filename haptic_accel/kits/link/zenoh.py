@@ -34,7 +34,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel import ParameterError
 from haptic_accel.links.addresses import AUTHORITY, CERTIFICATE, KEY, Route
 
 MISSING_LIBRARY = "transport zenoh needs eclipse-zenoh: pip install 'haptic_accel[zenoh]'"

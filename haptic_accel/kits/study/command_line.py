@@ -24,21 +24,37 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
 from datetime import datetime
-from functools import partial, wraps
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING
 
 import click
 from rich.progress import Progress
 
-from haptic_accel.cli.options import FILE, json_option, one_of, verb, workers_options
-from haptic_accel.cli.output import StoppedError, make_folder, next_command, save
-from haptic_accel.cli.running import STOP_KEY, on_keys, progress_bar, show_page, stop_on_signal
-from haptic_accel.cli.tables import print_table
-from haptic_accel.core.parameters import ParameterError
-from haptic_accel.core.process import FAILED, INTERRUPTED
+from haptic_accel import ParameterError
+from haptic_accel.cli.running import STOP_KEY
+from haptic_accel.commands import (
+    FAILED,
+    FILE,
+    Column,
+    ResultTable,
+    Row,
+    StoppedError,
+    json_option,
+    make_folder,
+    next_command,
+    on_keys,
+    one_of,
+    print_table,
+    progress_bar,
+    save,
+    show_page,
+    stop_on_signal,
+    verb,
+    workers_options,
+)
+from haptic_accel.core.process import INTERRUPTED
 from haptic_accel.core.sampling import NANOSECONDS
-from haptic_accel.core.tables import Column, ResultTable, Row
 from haptic_accel.kits.study import folder as folders
 from haptic_accel.kits.study.conditions import check_blanks, check_deliverable
 from haptic_accel.kits.study.exposure import daily_exposure
@@ -50,9 +66,8 @@ from haptic_accel.kits.study.tables import FORMS, exclusions, export_study, titl
 from haptic_accel.kits.study.trials import COMPLETE, SessionRecord, UndeliveredError
 
 if TYPE_CHECKING:
-    from haptic_accel.cli.workers import Workers
+    from haptic_accel.commands import Workers
 
-F = TypeVar("F", bound=Callable[..., Any])
 
 OPERATOR = "stopped by the operator"
 """End of a sitting by a signal or the stop key."""
@@ -61,15 +76,14 @@ LAST_SCREEN = 1.0
 """Time for the page to take its last screen, s."""
 
 
-def study_argument(verb: F) -> F:
-    """Add the argument for the folder of a study, which the verb receives as a `Study`."""
-
-    @wraps(verb)
-    def with_study(*given: Any, study: Path, **settings: Any) -> Any:
-        return verb(*given, study=folders.Study(study), **settings)
-
-    argument = click.argument("study", metavar="[STUDY]", type=FILE, default=".")
-    return cast("F", argument(with_study))
+study_argument = click.argument(
+    "study",
+    metavar="[STUDY]",
+    type=FILE,
+    default=".",
+    callback=lambda _context, _argument, folder: folders.Study(folder),
+)
+"""Argument for the folder of a study, which the verb receives as a `Study`."""
 
 
 participant_option = click.option(
@@ -154,7 +168,7 @@ def simulate(
     simulated studies in which a test is significant, with its 95 % interval.
     """
     # Its libraries take a second to import, for which other verbs need not wait.
-    from haptic_accel.cli.studies import run_side_by_side
+    from haptic_accel.commands import run_side_by_side
 
     protocol = study.protocol
     count = participants or protocol.rules.participants
@@ -288,13 +302,7 @@ def analyze(study: folders.Study) -> None:
 
 @verb("haptic-accel study export my_study --form bids")
 @study_argument
-@click.option(
-    "--form",
-    type=one_of(FORMS),
-    default="psych-ds",
-    metavar="FORM",
-    help=f"One of {', '.join(FORMS)}.",
-)
+@click.option("--form", type=click.Choice([*FORMS]), default="psych-ds", help="Form of the data.")
 def export(study: folders.Study, form: str) -> None:
     """Write the data of an unblinded study to its folder export, without dates or names."""
     folder, sessions = study.folder / folders.EXPORT / form, _unsealed(study)

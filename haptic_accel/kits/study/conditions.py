@@ -24,16 +24,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 
+from haptic_accel import ChannelParameters, GraphArguments, ParameterError, preset_file
 from haptic_accel.core.control.channel import LARGEST_GAIN
 from haptic_accel.core.document import Document, load_yaml
-from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.core.parameters import ParameterError, Specification, checked
+from haptic_accel.core.parameters import Specification, checked
 from haptic_accel.kits.study.procedures import expected_minutes
 from haptic_accel.kits.study.protocol import Condition, Protocol, Value
 from haptic_accel.kits.study.reading import ARGUMENTS, GAIN, NETWORK, TEXTS, word
-from haptic_accel.materials.folders import is_recording, preset_file
+from haptic_accel.materials.folders import is_recording
 from haptic_accel.setup import arguments as names
-from haptic_accel.setup.arguments import GraphArguments, parse_arguments
+from haptic_accel.setup.arguments import parse_arguments
 from haptic_accel.setup.processes import graph
 
 LIVE = ("controller", GAIN, "surface", "grip", "reduction", NETWORK)

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import signal
 
-from haptic_accel.core.model import FloatArray
+from haptic_accel import FloatArray
 from haptic_accel.core.parameters import check_positive_rate
 
 WORKING_DAY = 8 * 3600.0

@@ -44,9 +44,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TypeAlias
 
+from haptic_accel import ParameterError
 from haptic_accel.bags.folder import MCAP, METADATA
 from haptic_accel.core.bounded_files import located, opened
-from haptic_accel.core.parameters import ParameterError, shown, suggestion
+from haptic_accel.core.parameters import shown, suggestion
 from haptic_accel.core.safe_writing import replace_file
 from haptic_accel.kits.study.log import (
     END,
@@ -110,11 +111,6 @@ def noted(head: str) -> str:
     '0123 4567 89ab cdef'
     """
     return " ".join(head[index : index + GROUP] for index in range(0, NOTED_DIGITS, GROUP))
-
-
-def head_entry(chain: Chain) -> Entry:
-    """Return the content of the journal's line of a log, without the participant."""
-    return {"session": chain.heads[0], "line": len(chain.heads), "head": chain.head}
 
 
 def sitting_ends(logs: Logs, journal: Sequence[Entry]) -> list[SittingEnd]:
@@ -512,7 +508,7 @@ class Study:
         """Write the hash of a log's last line to the journal after a sitting; return the hash."""
         chain = read_chain(log.file)
         with self._open_journal() as journal:
-            journal.add(HEAD, **head_entry(chain))
+            journal.add(HEAD, session=chain.heads[0], line=len(chain.heads), head=chain.head)
         return chain.head
 
     def resume(self, participant: str) -> Log:

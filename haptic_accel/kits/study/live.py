@@ -24,10 +24,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from haptic_accel import ChannelParameters, GraphArguments, ParameterError
 from haptic_accel.core.control.channel import RAMP
 from haptic_accel.core.control.fallback import NONE
-from haptic_accel.core.network.channel import ChannelParameters
-from haptic_accel.core.parameters import ParameterError
 from haptic_accel.graph.locks import sole_graph
 from haptic_accel.graph.networked import RelayError, RelayProcess, networked_graph
 from haptic_accel.graph.supervisor import BackgroundGraph
@@ -43,7 +42,6 @@ from haptic_accel.scope.frames import SCENE
 from haptic_accel.scope.intervals import MARGIN, late_percent, measure
 from haptic_accel.scope.state import LEVELS
 from haptic_accel.scope.windows import CHANGING, Windows
-from haptic_accel.setup.arguments import GraphArguments
 from haptic_accel.setup.processes import graph
 from haptic_accel.setup.setup import RECORDER
 

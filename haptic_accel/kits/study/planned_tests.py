@@ -31,9 +31,9 @@ from typing import Literal, TypeAlias, cast
 
 import numpy as np
 
+from haptic_accel import FloatArray, GraphArguments
 from haptic_accel.core.evaluation import statistics
 from haptic_accel.core.evaluation.statistics import Alternative, Interval
-from haptic_accel.core.model import FloatArray
 from haptic_accel.core.parameters import schema
 from haptic_accel.kits.study.procedures import DIFFERENT, TASKS, Item, distance, family
 from haptic_accel.kits.study.protocol import Condition, Levels, PlannedTest, Protocol
@@ -42,7 +42,6 @@ from haptic_accel.kits.study.psychophysics.psychometric import Psychometric, fit
 from haptic_accel.kits.study.reading import matching
 from haptic_accel.kits.study.tables import exclusions
 from haptic_accel.kits.study.trials import SessionRecord, TrialRecord
-from haptic_accel.setup.arguments import GraphArguments
 
 _QUANTILES = 400  # of the chi-distribution, for the noncentral t-distribution
 

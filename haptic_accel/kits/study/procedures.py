@@ -40,8 +40,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.special import entr
 
-from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError
+from haptic_accel import FloatArray, ParameterError
 from haptic_accel.kits.study.protocol import Condition, Levels, Pair, Procedure, Protocol, Value
 from haptic_accel.kits.study.trials import CATCH, MAIN, PRACTICE, PlannedTrial, TrialRecord
 

@@ -26,7 +26,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
-from haptic_accel.core.parameters import Checked, parameter
+from haptic_accel import Checked, parameter
 
 Value: TypeAlias = str | float
 """Value of a factor: a word, such as a controller, or a number, such as a gain."""

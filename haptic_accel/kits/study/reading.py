@@ -30,8 +30,9 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from haptic_accel import Checked, ParameterError
 from haptic_accel.core.document import Document, read_yaml_document
-from haptic_accel.core.parameters import Checked, ParameterError, Specification, own_schema, schema
+from haptic_accel.core.parameters import Specification, own_schema, schema
 from haptic_accel.kits.study.procedures import TASKS, Plan, rows, written
 from haptic_accel.kits.study.protocol import (
     Condition,

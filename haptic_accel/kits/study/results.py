@@ -26,11 +26,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from haptic_accel import FloatArray
 from haptic_accel.analysis import plots
 from haptic_accel.analysis.plots import FittedCurve, Strip
+from haptic_accel.commands import ResultTable, Row
 from haptic_accel.core.evaluation.statistics import Interval, mean_interval
-from haptic_accel.core.model import FloatArray
-from haptic_accel.core.tables import DASH, ResultTable, Row
+from haptic_accel.core.tables import DASH
 from haptic_accel.kits.study import planned_tests
 from haptic_accel.kits.study.procedures import distance, labels
 from haptic_accel.kits.study.protocol import Condition, Levels, Protocol

@@ -35,9 +35,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from haptic_accel import __version__
-from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, schema
+from haptic_accel import FloatArray, ParameterError, __version__
+from haptic_accel.core.parameters import schema
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.kits.study import trials
 from haptic_accel.kits.study.exposure import DAY, daily_exposure
@@ -360,14 +359,10 @@ def _comparison(observer: SimulatedParticipant, felt: FloatArray, trial: Planned
     return _strongest(-felt if weaker else felt)
 
 
-def _odd(sensations: FloatArray) -> str:
-    # Without the odd one, the two others are the most alike.
-    return _strongest(-abs(np.roll(sensations, -1) - np.roll(sensations, -2)))
-
-
 _DECISIONS: Mapping[str, Callable[..., str]] = {
     "2ifc": lambda observer, felt, trial, _: _comparison(observer, felt, trial),
-    "odd_one_out": lambda observer, felt, *_: _odd(felt),
+    # Without the odd one, the two others are the most alike.
+    "odd_one_out": lambda _, felt, *__: _strongest(-abs(np.roll(felt, -1) - np.roll(felt, -2))),
     "abx": lambda observer, felt, *_: "AB"[int(np.argmin(abs(felt[:2] - felt[2])))],
     "same_different": lambda observer, felt, *_: (
         SAME if abs(felt[0] - felt[1]) <= SAME_WITHIN else DIFFERENT

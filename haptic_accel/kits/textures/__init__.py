@@ -14,3 +14,7 @@
 # limitations under the License.
 
 """Models of textures: built from recordings, imported, shown and rendered."""
+
+from haptic_accel import lazy_names
+
+__getattr__, __dir__ = lazy_names(__name__, __file__)

@@ -31,12 +31,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from haptic_accel import FloatArray, ParameterError, Provenance, TextureModel
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, without_hand_motion
-from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, check_positive_rate
+from haptic_accel.core.parameters import check_positive_rate
 from haptic_accel.core.sampling import BoolArray, IntArray
 from haptic_accel.core.surfaces import texture
-from haptic_accel.core.surfaces.texture import Provenance, TextureModel
 
 RENDER_RATE = 1000.0
 """Sampling rate of fitted models, Hz: that of the servo loop, and twice the bandwidth of touch."""
@@ -353,7 +352,7 @@ def build(name: str, recordings: Sequence[Recording], provenance: Provenance) ->
         tuple(segments),
         tuple(held_out),
         plane.following(folds, count),
-        _coverage(segments, largest),
+        _hull(segments, largest)[1],
         tuple(refused),
     )
 
@@ -675,11 +674,6 @@ def _smoothed(covariance: FloatArray, rate: float) -> FloatArray:
 
 def _within_band(frequency: FloatArray) -> BoolArray:
     return np.asarray((frequency >= BAND[0]) & (frequency <= BAND[1]))
-
-
-def _coverage(segments: Sequence[Segment], largest: FloatArray) -> float:
-    """Return the segment hull's area, relative to the area up to the largest values."""
-    return _hull(segments, largest)[1]
 
 
 def _edge(segments: Sequence[Segment], labels: FloatArray, largest: FloatArray) -> FloatArray:

@@ -26,23 +26,36 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from haptic_accel.cli.options import FILE, json_option, listed_words, verb
-from haptic_accel.cli.output import check_writable, next_command, save
-from haptic_accel.cli.tables import print_table
+from haptic_accel import (
+    FloatArray,
+    ParameterError,
+    Provenance,
+    Texture,
+    TextureModel,
+    preset_file,
+    read_texture,
+    resampled,
+)
+from haptic_accel.commands import (
+    FILE,
+    check_writable,
+    json_option,
+    listed_words,
+    next_command,
+    print_table,
+    save,
+    verb,
+)
 from haptic_accel.core import tables
-from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, printable, warn_once
+from haptic_accel.core.parameters import printable, warn_once
 from haptic_accel.core.reduction import REDUCTIONS
-from haptic_accel.core.sampling import resampled
-from haptic_accel.core.surfaces.texture import Provenance, Texture, TextureModel
 from haptic_accel.core.topics import CONTACT_FORCE, SLAVE, SLAVE_ARM_FORCE
 from haptic_accel.devices.playback import bag_track, is_bag
 from haptic_accel.kits.textures.building import BAND, Built, HeldOut, Recording, Segment, build
 from haptic_accel.kits.textures.foreign import import_texture
 from haptic_accel.materials.columns import COLUMNS, FORCE, SPEED, Column, Wording
-from haptic_accel.materials.folders import preset_file
 from haptic_accel.materials.recordings import AXES, FULL_SCALE, cleaned, read_columns, tell_unlike
-from haptic_accel.materials.texture_files import read_texture, write_texture
+from haptic_accel.materials.texture_files import write_texture
 
 MILLI = 1e-3
 
@@ -212,12 +225,12 @@ def build_texture(
                 raise ParameterError(f"{name} = {given}: a bag states its own: leave it out")
     if axes and len(set(axes)) != AXES:
         raise ParameterError(f"axes = {','.join(axes)}: must be {AXES} different columns")
-    reduced = REDUCTIONS[reduction]
     read = [
-        _bag(path) if is_bag(str(path)) else _csv(path, rate, axes, reduced) for path in recordings
+        _bag(path) if is_bag(str(path)) else _csv(path, rate, axes, REDUCTIONS[reduction])
+        for path in recordings
     ]
-    source = f"built from {', '.join(path.name for path in recordings)}"
-    built = build(out.stem, read, Provenance(source))
+    names = ", ".join(each.name for each in recordings)
+    built = build(out.stem, read, Provenance(f"built from {names}"))
     write_texture(out, built.model)
     picture = out.with_name(f"{out.stem}_report.png")  # `show` draws the model as NAME.png
     draw(built.model, built.held_out, built.segments).savefig(picture, dpi=150)
@@ -241,8 +254,7 @@ def build_texture(
 def _rendering(model: TextureModel, file: Path) -> str:
     """Return the line with the command that plays a model in the middle of its range."""
     speed, force = f"{np.median(model.speeds) / MILLI:.3g}", f"{np.median(model.forces):.3g}"
-    sound = str(file.with_suffix(".wav"))
-    words = (str(file), "--speed", speed, "--force", force, "--out", sound)
+    words = (str(file), "--speed", speed, "--force", force, "--out", str(file.with_suffix(".wav")))
     return next_command("texture", "render", *words)
 
 
@@ -285,7 +297,6 @@ def show(model: str, out: Path | None, json_file: Path | None) -> None:
     """Show a model's provenance, range and spectra."""
     found = read_texture(preset_file("texture", model))
     order, moving = found.lsf.shape[1], found.ma_lsf.shape[1]
-    rms = found.rms
     about = {name: text for name, text in asdict(found.provenance).items() if text}
     orders = f"{order} and {moving}" if moving else f"{order}"
     print(f"{printable(found.name)}: order {orders}, {found.rate:g} Hz")
@@ -303,7 +314,7 @@ def show(model: str, out: Path | None, json_file: Path | None) -> None:
         "nodes": len(found.speeds),
         "largest_speed_m_s": float(found.speeds.max()),
         "largest_force_n": float(found.forces.max()),
-        "largest_rms_m_s2": float(rms.max()),
+        "largest_rms_m_s2": float(found.rms.max()),
         "provenance": about,
     }
     save(metrics, json_file)
@@ -338,13 +349,10 @@ def render(model: str, speed: float, force: float, seconds: float, out: Path) ->
     constant = np.ones(before + samples)
     acceleration = texture.block(constant * speed * MILLI, constant * force)[before:]
     sound = resampled(acceleration, found.rate, SOUND_RATE)
-    full = np.iinfo(np.int16).max
-    wavfile.write(
-        out, SOUND_RATE, np.clip(sound / FULL_SCALE * full, -full, full).astype(np.int16)
-    )
-    print(
-        f"{out}: {seconds:g} s, {acceleration.std():.3g} m/s^2 RMS, saturated {texture.saturated}"
-    )
+    scaled = np.clip(sound / FULL_SCALE, -1, 1) * np.iinfo(np.int16).max
+    wavfile.write(out, SOUND_RATE, scaled.astype(np.int16))
+    rms = acceleration.std()
+    print(f"{out}: {seconds:g} s, {rms:.3g} m/s^2 RMS, saturated {texture.saturated}")
     top_speed, top_force = found.speeds.max(), found.forces.max()
     if speed * MILLI > top_speed or force > top_force:
         print(f"rendered at the model's limits: {top_speed / MILLI:.0f} mm/s, {top_force:.2f} N")

@@ -31,13 +31,13 @@ from pathlib import Path
 
 import numpy as np
 
+from haptic_accel import FloatArray, ParameterError, Provenance, TextureModel
 from haptic_accel.core.bounded_files import located, read_xml
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, without_hand_motion
 from haptic_accel.core.document import Document, read_json_document
-from haptic_accel.core.model import FloatArray
-from haptic_accel.core.parameters import ParameterError, Specification, checked, shown, warn_once
+from haptic_accel.core.parameters import Specification, checked, shown, warn_once
 from haptic_accel.core.sampling import HIGHEST_RATE, LOWEST_RATE
-from haptic_accel.core.surfaces.texture import Provenance, TextureModel, from_polynomial, levinson
+from haptic_accel.core.surfaces.texture import from_polynomial, levinson
 from haptic_accel.kits.textures.building import FRAME, LARGEST_ORDER, RENDER_RATE
 from haptic_accel.materials import columns
 from haptic_accel.materials.columns import LARGEST_VALUE

@@ -30,7 +30,7 @@ import pytest
 from kits.lerobot.plug_ins import PlugIns, child, children, plug_ins
 
 from haptic_accel.devices import DeviceError
-from haptic_accel.kits.lerobot import wrapping
+from haptic_accel.kits import lerobot
 from running import wait_until
 
 pytestmark = pytest.mark.quiet
@@ -43,7 +43,7 @@ def built() -> Iterator[PlugIns]:
 
 
 def test_every_member_that_lerobot_asks_for_is_named(built: PlugIns) -> None:
-    named = Path(wrapping.__file__).read_text()
+    named = Path(lerobot.__file__).read_text()
     asked = {
         name
         for base in (built.teleoperators.Teleoperator, built.robots.Robot)

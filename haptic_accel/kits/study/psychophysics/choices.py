@@ -28,8 +28,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from haptic_accel import FloatArray
 from haptic_accel.core.evaluation.statistics import CONFIDENCE, Interval, mean_interval
-from haptic_accel.core.model import FloatArray
 
 _ITERATIONS = 100
 _CLOSE = 1e-10  # step of a log worth at which the fit has converged

@@ -40,8 +40,8 @@ from typing import TypeAlias
 
 import numpy as np
 
+from haptic_accel import FloatArray
 from haptic_accel.core.evaluation.statistics import CONFIDENCE, Alternative, Interval
-from haptic_accel.core.model import FloatArray
 
 LARGEST_D_PRIME = 20.0
 """Largest d' that is distinguished from infinity; errors are below 1e-14 in all tasks."""

@@ -38,8 +38,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from haptic_accel import FloatArray
 from haptic_accel.core.evaluation.statistics import CONFIDENCE, Interval
-from haptic_accel.core.model import FloatArray
 from haptic_accel.kits.study.psychophysics.detection import CHANCE, proportion_correct
 
 SLOPES = (0.5, 4.0)
