@@ -72,8 +72,8 @@ LISTENED = 1.0
 """Time of silence after which the noise is known, s: in less, a hand may not have been at rest."""
 
 FALLEN = 0.8
-"""Factor of the fraction from one update to the next below which it falls; what the force has
-excited may still ring."""
+"""Factor of the fraction from one update to the next, or due within `POWER_MEMORY`, below which it
+falls; what the force has excited may still ring."""
 
 IDLE_CORRELATION = 0.1
 """Square of the correlation of desired and measured acceleration below which a reduced force is of
@@ -89,10 +89,7 @@ LOWEST = 1e-3
 
 FALLING, RISING = 0.1, 2.0
 """Bounds of the factor by which the fraction changes within `POWER_MEMORY`: a resonance takes some
-periods to show."""
-
-RECOVERING = 10.0
-"""Upper bound on a handle as described: what has moved it was another cause, as a new grip."""
+periods to show. A handle of which too little is known to differ may have one, too."""
 
 REDUCED, RESTORED = 0.5, 0.9
 """Fraction below which a reduction is reported, and above which its report ends."""
@@ -136,14 +133,10 @@ class Listening:
         """True while the force is hushed."""
         return self._since < HUSHED_FOR
 
-    @property
-    def is_due(self) -> bool:
-        """True from the time of the next listening on."""
-        return self._since >= self._next
-
-    def wait(self, time: float) -> None:
-        """Count the time of excitation without listening, s."""
+    def wait(self, time: float) -> bool:
+        """Count the time of excitation without listening, s; return whether the next is due."""
         self._since += time
+        return self._since >= self._next
 
     def postpone(self) -> None:
         """Wait until what a force that falls has excited no longer rings."""
@@ -170,8 +163,7 @@ class Listening:
         self._since += time
         if not self.hushes:
             self.heard = self._energy / HEARING
-            is_minor = self.heard < minor
-            self._next = min(2.0 * self._next, HUSHED_RARELY) if is_minor else HUSHED_EVERY
+            self._next = min(2 * self._next, HUSHED_RARELY) if self.heard < minor else HUSHED_EVERY
 
 
 class Authority(ForceFraction):
@@ -243,7 +235,7 @@ class Authority(ForceFraction):
         self._start = self._taken = self.traces[0].count
         self.used = self.fraction = self._caution = self._ceiling = self.left_over = 1.0
         self._reduced_for = 0.0  # time for which the force is reduced notably, s
-        self.reduced = self._rising = self._touched = False
+        self.reduced = self._changing = self._touched = False
         self._rests: list[float] | None = None
         for each in self._filters:
             each.reset()
@@ -296,10 +288,9 @@ class Authority(ForceFraction):
         self._moved += share * (moved - self._moved)
         moving = moved >= max(LARGEST_NOISE**2, RINGING * self._level) and not described
         if loud or moving:
-            rising = RECOVERING if described else RISING
             # `_change` is relative to what is used.
-            change = min(max(self._caution * self._change(), FALLING), rising)
-            self._rising = change > 1.0
+            change = min(max(self._caution * self._change(), FALLING), RISING)
+            self._changing = not FALLEN < change <= 1.0
             self._scale(change**pace, RISING**pace)
         elif self._desired_power < SILENT**2:
             if self.fraction < RESTORED and not described:
@@ -346,9 +337,9 @@ class Authority(ForceFraction):
         """Listen to the handle, if it is due; return whether the force is hushed."""
         listening = self._listening
         if not listening.hushes:
-            listening.wait(time)
+            is_due = listening.wait(time)
             idle = self._common**2 < IDLE_CORRELATION * self._moved * self._desired_power
-            if self.fraction > REDUCED or not listening.is_due or not idle or self._rising:
+            if self.fraction > REDUCED or self._changing or not (is_due and idle):
                 return False
             listening.begin()
             self._scale(1.0, HUSHED / self._caution)
@@ -363,10 +354,8 @@ class Authority(ForceFraction):
         moved = max(self._moved - self._noise, 1e-3 * self._noise, 1e-9)
         best = self._common / moved
         accepted = math.sqrt(SLIGHT * self._desired_power / moved)
-        if best > 0.0:
-            return math.hypot(GROWTH * best, accepted)
-        # Where change^2 <y^2> - 2 change <d y> = SLIGHT <d^2>.
-        return best + math.hypot(best, accepted)
+        # Of a harmful force, where change^2 <y^2> - 2 change <d y> = SLIGHT <d^2>.
+        return min(best, 0.0) + math.hypot(max(best, GROWTH * best), accepted)
 
     def _scale(self, change: float, caution: float, wariest: float = WARIEST) -> None:
         """Multiply fraction and caution, and adapt the means to the new force."""

@@ -225,6 +225,11 @@ class ResponseEstimator(Evaluation):
         self.estimates = 0
         self.restart()
 
+    def fade(self, factor: float) -> None:
+        """Reduce the weight of all samples so far by a factor; the response remains."""
+        for each in (self.excitation, self.output, self.cross):
+            each *= factor
+
     def _look(self, late: int) -> Iterator[bool | None]:
         given, shown = self.read(self._length)
         # Gravity is not part of the response, and would leak into the lowest lines.

@@ -33,6 +33,7 @@ from haptic_accel.core.control.authority import (
     LEAST_LEFT,
     LOWEST,
     POWER_MEMORY,
+    RISING,
     SILENT,
     SLIGHT,
     STIRRED,
@@ -144,6 +145,19 @@ def test_the_full_force_returns_once_the_response_fits() -> None:
     assert fractions[1999] < 0.02
     assert fractions[2000 + round(12 * POWER_MEMORY * RATE)] == 1.0
     assert not authority.reduced
+
+
+@pytest.mark.parametrize("described", [False, True])
+def test_a_force_that_was_reduced_returns_no_faster_than_a_resonance_shows(
+    described: bool,
+) -> None:
+    authority = Authority(RATE, [Trace()])
+    desired = texture(2.0)
+    run(authority, desired, 50.0 * texture(2.0, seed=1), described=described)
+    fractions, _ = run(authority, desired, desired, described=described)
+    assert fractions[0] < 0.1
+    assert fractions[-1] == 1.0
+    assert np.all(fractions[100:] <= fractions[:-100] * RISING ** (0.112 / POWER_MEMORY) * 1.001)
 
 
 def test_noise_that_was_there_before_the_contact_is_not_the_force_s() -> None:
@@ -284,16 +298,15 @@ def heard(listening: Listening, ringing: float, noise: float, minor: float) -> f
 
 def waited(listening: Listening) -> float:
     """Return the time until the next listening is due, s."""
-    waited = 0.0
-    while not listening.is_due:
-        listening.wait(LISTENED)
+    waited = LISTENED
+    while not listening.wait(LISTENED):
         waited += LISTENED
     return waited
 
 
 def test_the_noise_is_heard_once_the_handle_has_ceased_to_ring() -> None:
     listening = Listening()
-    assert listening.is_due
+    assert listening.wait(0.0)
     assert heard(listening, 100.0, 0.5, minor=0.1) == pytest.approx(0.5, rel=0.1)
 
 

@@ -100,6 +100,21 @@ def test_it_follows_a_change_and_forgets() -> None:
     assert estimator.response[band].mean() == pytest.approx(-2.0, abs=0.05)
 
 
+def test_what_has_faded_yields_to_a_smaller_input() -> None:
+    cause = noise(4000)
+    found = []
+    for factor in (1.0, 1e-4):
+        estimator = ResponseEstimator(Trace(), RATE, memory=4.0)
+        feed(estimator, 100.0 * cause, 100.0 * cause)
+        feed(estimator, cause[:300], cause[:300])  # longer than a window
+        estimator.fade(factor)
+        assert estimator.response[20:-20] == pytest.approx(1.0, abs=0.01)
+        feed(estimator, cause, -cause)
+        found.append(float(estimator.response[20:-20].real.mean()))
+    assert found[0] > 0.99
+    assert found[1] < 0.0
+
+
 def test_silence_keeps_the_response_and_not_the_excitation() -> None:
     estimator = ResponseEstimator(Trace(), 1000.0, memory=0.3)
     cause = noise(2000)

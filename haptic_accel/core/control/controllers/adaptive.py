@@ -289,15 +289,32 @@ class Learner:
             self._work = self._redesign(grip)
         return False
 
+    def reset(self) -> None:
+        """Discard everything learnt."""
+        self._ratio.memory = FORGETTING_TIME
+        self._used_at = 0  # number of the ratio's estimates
+        self._fraction = 1.0  # latest one of the force
+        self._tool.reset()
+        self._ratio.reset()
+        described = self._known * handle_model(self._handle).response(self._lines)
+        self._ratio.model[1:] = described[self._every]
+        self._work = None
+        self.correction = np.zeros_like(self._family.basis[:, 0])
+        self.deviation, self.estimates = 0.0, 0
+
     def hasten(self, fraction: float) -> None:
         """Shorten the memory of the plant, down to `HASTY`, for the used fraction of the force.
 
         Not while the handle moves as learnt: a small force takes long to be seen above the noise.
+        Where it does not, what was learnt with more force loses the weight of its larger power.
         """
         ratio = self._ratio
         unchanged = 0.0
         if ratio.weight > response_estimation.FEW:
             unchanged = min(1.0, (EXPECTED_SURPRISE / ratio.surprise) ** 3)
+            if 0.0 < fraction < self._fraction:
+                ratio.fade((fraction / self._fraction) ** (2.0 * (1.0 - unchanged)))
+        self._fraction = fraction
         ratio.memory = FORGETTING_TIME * max(HASTY + (1.0 - HASTY) * fraction, unchanged)
         if fraction >= REDUCED:
             self._used_at = ratio.estimates
@@ -314,18 +331,6 @@ class Learner:
         return float(
             ratio.coherence @ ratio.output / max(float(ratio.output.sum()), sys.float_info.min)
         )
-
-    def reset(self) -> None:
-        """Discard everything learnt."""
-        self._ratio.memory = FORGETTING_TIME
-        self._used_at = 0  # number of the ratio's estimates
-        self._tool.reset()
-        self._ratio.reset()
-        described = self._known * handle_model(self._handle).response(self._lines)
-        self._ratio.model[1:] = described[self._every]
-        self._work = None
-        self.correction = np.zeros_like(self._family.basis[:, 0])
-        self.deviation, self.estimates = 0.0, 0
 
     def _redesign(self, grip: FloatArray) -> Iterator[bool]:
         """Solve for all members of the bank in parts; yield after each part, finally True."""
