@@ -18,10 +18,8 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from operator import sub, truediv
 
 import numpy as np
 
@@ -67,9 +65,14 @@ PERSISTENT = 20
 LEAST_FORCE = 0.02
 """Minimum root mean square of the actuator's force within the band for an update, N."""
 
-PULL = 1e-4
-"""Weight of the assumed grip relative to the excitation. It separates mass and stiffness, which a
-texture with a single frequency cannot distinguish."""
+PULL = 16.0
+"""Excitation, relative to the noise, at which half of what the equation says is believed: a line
+shows two of three parameters, and noise alone would find the third. Half as much lets weak lines
+move the grip; four times as much hides hands that are far from the assumed one."""
+
+ARM = 40.0
+"""Frequency below which the motion with the arm exceeds the sensor's noise, Hz; it rises to lower
+frequencies as one over the frequency."""
 
 SURPRISE = 3.0
 """Squared error of the newest hop with the present grip, relative to the least error of any grip,
@@ -111,7 +114,8 @@ class GripEstimator(Evaluation):
 
     Each hop is weighted by the inverse of its least error for any grip. A sudden change of a
     loaded grip fits no grip, and thus has little weight. If the present grip's error is much
-    larger than the least, the hand has changed, and the past is discarded.
+    larger than the least, the hand has changed, and the past is discarded. The estimate is pulled
+    towards the assumed grip where it is no better known than noise of that error would allow.
 
     `update` returns True when the grip has changed.
 
@@ -146,6 +150,11 @@ class GripEstimator(Evaluation):
         super().__init__(trace, filters.shape[-1], rows * thinning)
         self._of_acceleration = filters[:4].reshape(-1, self._length)
         self._of_force = filters[4]
+        # Moments of noise, and of what deviations from the assumed grip make of it.
+        lines = np.fft.rfftfreq(kernels.shape[1], 1.0 / rate)[1:]
+        noise = np.fft.rfft(kernels[:4])[:, 1:] * np.hypot(1.0, ARM / lines)
+        deviating = np.vstack([noise[:3], noise[:3].sum(axis=0)])
+        self._noise, self._deviating = ((each @ each.conj().T).real for each in (noise, deviating))
         self._kept = math.exp(-self._hop / rate / parameters.memory)
         self._least_energy = rows * LEAST_FORCE**2
         self.reset()
@@ -190,12 +199,14 @@ class GripEstimator(Evaluation):
         self.estimates += 1
         self._energy = self._kept * self._energy + (1.0 - self._kept) * energy
         error = _error(moments, self._present)
-        noise = _error(moments, _solution(moments)) + NEGLIGIBLE * max(energy, self._energy)
+        pull = self._deviating / _error(self._noise, self._present)
+        negligible = NEGLIGIBLE * max(energy, self._energy)
+        noise = _error(moments, _solution(moments + negligible * pull)) + negligible
         trust = min(1.0, SURPRISE * noise / error) if error > 0.0 else 1.0
-        self._moments = self._kept * trust**2 * self._moments + moments / noise
+        self._moments = self._kept * trust**2 * self._moments + moments / noise + PULL * pull
         found = self._within_bounds(_solution(self._moments))
-        changes = map(sub, found, self._present)
-        if self.estimates < FEWEST or max(map(abs, map(truediv, changes, found))) < NOTICEABLE:
+        moved = max(abs(1.0 - old / new) for old, new in zip(self._present, found, strict=True))
+        if self.estimates < FEWEST or moved < NOTICEABLE:
             return False
         self._present = found
         self.grip = self._assumed * found
@@ -225,12 +236,8 @@ def _error(moments: FloatArray, factors: Factors) -> float:
 
 
 def _solution(moments: FloatArray) -> Factors:
-    """Return the factors of least error, regularised towards one."""
+    """Return the factors of least error."""
     (a, b, c, x), (_, d, e, y), (_, _, f, z), _ = moments.tolist()
-    pull = PULL * (a + d + f)
-    if pull < sys.float_info.epsilon:
-        return [1.0, 1.0, 1.0]  # the measured acceleration is zero, as without an accelerometer
-    a, d, f, x, y, z = (value + pull for value in (a, d, f, x, y, z))
     # Cramer's rule takes a tenth of the time of numpy.linalg for three unknowns.
     aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
     bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b

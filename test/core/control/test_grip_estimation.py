@@ -158,7 +158,8 @@ def test_any_hand_is_found_whatever_the_one_before(mass: float, b: float, k: flo
     [
         (replace(TABLE_I, m_h=5.0 * TABLE_I.m_h), {"m_h": "upper"}),
         (replace(TABLE_I, m_h=0.2 * TABLE_I.m_h), {"m_h": "lower"}),
-        (replace(TABLE_I, k_u=14.0 * TABLE_I.k_u), {"k_u": "upper"}),
+        (replace(TABLE_I, b_u=12.0 * TABLE_I.b_u), {"b_u": "upper"}),
+        (replace(TABLE_I, k_u=0.01 * TABLE_I.k_u), {"k_u": "lower"}),
     ],
 )
 def test_a_hand_out_of_range_is_told_until_it_has_gone(
@@ -210,6 +211,18 @@ def test_a_single_frequency_leaves_no_nonsense() -> None:
     factors = found.grip / grip_of(TABLE_I)
     assert np.all(factors > 0.3)
     assert np.all(factors < 3.0)
+
+
+@pytest.mark.parametrize("tone", [90.0, 180.0])
+def test_a_line_in_noise_leaves_the_grip_as_assumed(tone: float) -> None:
+    found = estimator()
+    master = rig(TABLE_I, noise=0.005)
+    deviations = []
+    for second in range(4):
+        drive(found, master, 1.0, force=0.1, start=float(second), tone=tone)
+        deviations.append(np.abs(found.grip / grip_of(TABLE_I) - 1.0).max())
+    assert found.estimates > 100
+    assert max(deviations) < 0.35
 
 
 def test_some_missing_samples_do_no_harm_many_stop_it() -> None:
