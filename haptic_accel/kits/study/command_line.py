@@ -24,9 +24,9 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
 from datetime import datetime
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 from rich.progress import Progress
@@ -69,6 +69,8 @@ if TYPE_CHECKING:
     from haptic_accel.commands import Workers
 
 
+F = TypeVar("F", bound=Callable[..., Any])
+
 OPERATOR = "stopped by the operator"
 """End of a sitting by a signal or the stop key."""
 
@@ -76,14 +78,15 @@ LAST_SCREEN = 1.0
 """Time for the page to take its last screen, s."""
 
 
-study_argument = click.argument(
-    "study",
-    metavar="[STUDY]",
-    type=FILE,
-    default=".",
-    callback=lambda _context, _argument, folder: folders.Study(folder),
-)
-"""Argument for the folder of a study, which the verb receives as a `Study`."""
+def study_argument(verb: F) -> F:
+    """Add the argument for the folder of a study, which the verb receives as a `Study`."""
+
+    @wraps(verb)
+    def with_study(*arguments: Any, study: Path, **settings: Any) -> Any:
+        return verb(*arguments, study=folders.Study(study), **settings)
+
+    argument = click.argument("study", metavar="[STUDY]", type=FILE, default=".")
+    return cast("F", argument(with_study))
 
 
 participant_option = click.option(
