@@ -22,8 +22,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from haptic_accel.core.control import feedback_design
-from haptic_accel.core.control.controllers.constant import ConstantController, ConstantParameters
-from haptic_accel.core.control.controllers.dynamic import DynamicController
+from haptic_accel.core.control.controllers import paper
 from haptic_accel.core.control.controllers.interface import Controller, Loop
 from haptic_accel.core.control.controllers.inverse import InverseController, InverseParameters
 from haptic_accel.core.control.feedback_design import MARGIN, FeedbackDesign, GripRange, Response
@@ -158,6 +157,12 @@ def _feedforward(parameters: FeedbackParameters, loop: Loop) -> tuple[Controller
     if parameters.feedforward == "dynamic":
         model = approximate_model(handle)
         sections = inverse_of(model, loop.rate)
-        return DynamicController(model, loop), lambda f: section_response(sections, f, loop.rate)
-    gain = ConstantParameters(mass=handle.m_h if parameters.feedforward == "constant" else 0.0)
-    return ConstantController(gain, loop), lambda f: np.full(len(f), gain.mass, np.complex128)
+        return paper.DynamicController(model, loop), lambda f: section_response(
+            sections, f, loop.rate
+        )
+    gain = paper.ConstantParameters(
+        mass=handle.m_h if parameters.feedforward == "constant" else 0.0
+    )
+    return paper.ConstantController(gain, loop), lambda f: np.full(
+        len(f), gain.mass, np.complex128
+    )

@@ -13,19 +13,59 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""The three conditions of the paper."""
+
 from __future__ import annotations
 
 import cmath
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from haptic_accel.core.control.channel import build_controller
 from haptic_accel.core.control.controllers import Loop
-from haptic_accel.core.control.controllers.dynamic import DynamicController
+from haptic_accel.core.control.controllers.paper import (
+    ConstantController,
+    ConstantParameters,
+    DynamicController,
+)
 from haptic_accel.core.model import ApproximateModel
+from haptic_accel.core.parameters import ParameterError
 
 RATE = 1000.0
+
+accelerations = st.floats(-1e3, 1e3)
+
+
+@given(st.lists(st.tuples(st.floats(), st.floats())))
+def test_no_acceleration_makes_a_force(samples: list[tuple[float, float]]) -> None:
+    controller = build_controller("none", Loop(1000.0))
+    assert all(controller.force(desired, measured) == 0.0 for desired, measured in samples)
+    controller.reset()
+    assert controller.force(1.0, 1.0) == 0.0
+
+
+@given(accelerations, accelerations)
+def test_force_is_mass_times_desired_acceleration(desired: float, measured: float) -> None:
+    controller = build_controller("constant", Loop(1000.0))
+    assert controller.force(desired, measured) == pytest.approx(0.128 * desired)
+
+
+@given(st.floats(0.0, 10.0), st.lists(accelerations, min_size=1))
+def test_the_mass_is_a_parameter_and_there_is_no_memory(mass: float, desired: list[float]) -> None:
+    controller = ConstantController(ConstantParameters(mass), Loop(4000.0))
+    forces = [controller.force(value, 0.0) for value in desired]
+    assert forces == pytest.approx([mass * value for value in desired])
+    controller.reset()
+    assert controller.force(desired[0], 0.0) == forces[0]
+
+
+@pytest.mark.parametrize("mass", [-0.1, math.nan, math.inf])
+def test_an_impossible_mass_is_refused(mass: float) -> None:
+    with pytest.raises(ParameterError, match=f"^mass = {mass}: must be at least 0 kg$"):
+        ConstantParameters(mass)
 
 
 def pair(frequency: float, damping: float, at: float) -> complex:

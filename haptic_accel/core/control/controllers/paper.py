@@ -13,15 +13,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Constant gain: the handle is assumed to be a mass (the paper's second condition)."""
+"""The three conditions of the paper: no compensation, constant gain, approximate inverse."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from haptic_accel.core.control.controllers.interface import Controller, Loop
+from haptic_accel.core.control.controllers.interface import Controller, Loop, NoParameters
+from haptic_accel.core.control.filters import inverse_of
+from haptic_accel.core.model import ApproximateModel
 from haptic_accel.core.parameters import Checked, parameter
-from haptic_accel.core.tick.control import ConstantForce
+from haptic_accel.core.tick.control import ConstantForce, FilterForce, Force
+
+
+class NoController(Controller):
+    """Zero force: position coupling alone, the paper's first condition."""
+
+    needs_plant = False
+
+    force = Force.force
+
+    def __init__(self, parameters: NoParameters, loop: Loop) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -34,10 +46,19 @@ class ConstantParameters(Checked):
 
 
 class ConstantController(ConstantForce, Controller):
-    """f_a = m_h a_hdes."""
+    """f_a = m_h a_hdes: the handle is assumed to be a mass, the paper's second condition."""
 
     Parameters = ConstantParameters
     needs_plant = False
 
     def __init__(self, parameters: ConstantParameters, loop: Loop) -> None:
         super().__init__(parameters.mass)
+
+
+class DynamicController(FilterForce, Controller):
+    """Inverse of the approximate handle model, from a_hdes to f_a: the paper's third condition."""
+
+    Parameters = ApproximateModel
+
+    def __init__(self, parameters: ApproximateModel, loop: Loop) -> None:
+        super().__init__(inverse_of(parameters, loop.rate))
