@@ -67,10 +67,6 @@ LASTING: float = 16e-3
 is, s. A tool that is turned in gravity, or is hit by something soft, needs more travel than its
 past shows, and letting go late does harm; a tool that lands bounces within 8 ms."""
 
-REMEMBERING: float = 0.1
-"""Time constant with which the largest integral of the input over a time of one sign is forgotten,
-s."""
-
 TRAVEL_SETTLING: float = 0.1
 """Time for which travel persists after its force, s: five times 2 m_a / b_s (Table I)."""
 
@@ -91,9 +87,16 @@ motion of the hand, up to some 3 Hz; a faster change of that force would be felt
 BLOCKS: int = 8
 """Number of response lengths in the buffer, so that it is rarely moved."""
 
-UNLIKE: float = 2.0
-"""Factor by which an input must exceed its largest integral before to be expected to last:
-otherwise it is a vibration, which reverses."""
+BEGINNING: float = 3.0
+"""First place in the bank, 7.5 Hz: while the input's past is not known, motion of the hand at 1 to
+4 Hz must not take the travel."""
+
+USUAL: float = 1.5
+"""Ratio to its root mean square that travel is always allowed to have: a sine has 1.41."""
+
+USUALLY: float = 0.7
+"""Time constant of that mean square, s: some periods of a hand's motion to and fro. Otherwise low
+frequencies return between two turns of the hand, and the change of the slow force is felt."""
 
 
 class SampleFilter:
@@ -246,8 +249,8 @@ class TravelPredictor:
     """Maximum travel of each member of a bank in the next `HORIZON`.
 
     The prediction assumes that each member has always been in use, and that the input is zero from
-    now on, unless it has had one sign for `PERSISTING`, and more than before: then the least of
-    that time lasts for `LASTING`. Later travel has a smaller weight (`REVERSION`).
+    now on, unless it has had one sign for `PERSISTING`: then the least of that time lasts for
+    `LASTING`. Later travel has a smaller weight (`REVERSION`).
 
     Parameters
     ----------
@@ -266,7 +269,6 @@ class TravelPredictor:
         step = self.every / rate
         self.horizon: int = max(1, round(HORIZON / step))
         self.lasting: int = max(1, round(LASTING / step))
-        self.forgetting = math.exp(-step / REMEMBERING)
         estimator = TravelEstimator(suspension, 1.0 / step)
         pulse = [1.0] + [0.0] * (max(2, round(TRAVEL_SETTLING / step)) - 1)
         self.per_force = np.array([estimator.observe(each, 0.0) for each in pulse])
@@ -313,8 +315,7 @@ class TravelPredictor:
         self.ahead: FloatArray = np.zeros(BLOCKS * length + ahead)
         self.last: int = BLOCKS * length + ahead - max(length, ahead)
         self.start = self.count = 0
-        # The last two are the integral over the present sign, and the largest before.
-        self.sum = self.newest = self.persisting = self.integral = self.before = 0.0
+        self.sum = self.persisting = 0.0
         self.latest = [0.0] * len(self.latest)
 
     def observe(self, value: float) -> bool:
@@ -333,18 +334,11 @@ class TravelPredictor:
             self.ahead[left:] = 0.0
             self.start = 0
         add_scaled(self.caused, 0, value, self.ahead, self.start, self.products)
-        # The input is expected to last only if it persists, and is unusual.
-        self.before *= self.forgetting
-        if value * self.newest <= 0.0:
-            self.before, self.integral = max(self.before, math.fabs(self.integral)), 0.0
-        self.integral += value
-        self.newest = value
+        # The input is expected to last only if it persists.
         self.latest.append(value)
         self.latest.pop(0)
         least: float = min(self.latest)
         self.persisting = least if least > 0.0 else min(0.0, max(self.latest))
-        if math.fabs(self.integral) <= UNLIKE * self.before:
-            self.persisting = 0.0
         return True
 
     def largest(self, member: int) -> float:
@@ -388,6 +382,7 @@ class ExcursionControl:
         self.limit: float = limit
         self.attack = -math.expm1(-1.0 / (ATTACK * rate))
         self.release = -math.expm1(-1.0 / (RELEASE * min(rate, PREDICTION_RATE)))
+        self.forgetting = -math.expm1(-1.0 / (USUALLY * min(rate, PREDICTION_RATE)))
         # Both inputs move the actuator: m_a d'' + b_s d' + k_s d = -f_a - m_a a_h.
         self.following = coil.m_a * motion
         self.fading: int = max(1, round(EXCURSION_FADING * rate))
@@ -417,7 +412,8 @@ class ExcursionControl:
         self.left = 0  # samples until the crossfade to other taps ends
         self.predictor.expect(taps + self.following)
         self.predictor.reset()
-        self.position = self.target = 0.0
+        self.position = self.target = min(BEGINNING, self.members - 1.0)
+        self.squares = [0.0] * self.members
 
     def process(self, value: float) -> float:
         """Process one sample of the members' input; return the force, N."""
@@ -454,15 +450,17 @@ class ExcursionControl:
                 self.target = 0.0
 
     def needed(self) -> float:
-        """Return the first index whose interpolated peak is within the limit, or the last one."""
-        limit = self.limit
-        before = self.predictor.largest(0)
-        if not before > limit:
-            return 0.0
-        for member in range(1, self.members):
-            after = self.predictor.largest(member)
+        """Return the first index whose interpolated travel is within the limit, or the last."""
+        limit, squares, ahead = self.limit, self.squares, self.predictor.ahead
+        for member in range(self.members):
+            travel: float = ahead[self.predictor.start + member]
+            squares[member] += self.forgetting * (travel * travel - squares[member])
+        before: float = 0.0
+        for member in range(self.members):
+            after: float = max(self.predictor.largest(member), USUAL * math.sqrt(squares[member]))
             if after <= limit:
-                return member - (limit - after) / (before - after)
+                share: float = (limit - after) / (before - after) if member else 0.0
+                return member - share
             before = after
         return float(self.members - 1)
 
