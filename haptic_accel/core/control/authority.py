@@ -89,7 +89,11 @@ LOWEST = 1e-3
 
 FALLING, RISING = 0.1, 2.0
 """Bounds of the factor by which the fraction changes within `POWER_MEMORY`: a resonance takes some
-periods to show. A handle of which too little is known to differ may have one, too."""
+periods to show."""
+
+RECOVERING = 3.0
+"""Upper bound where no difference is known: more, and a mode rings before it is seen; less, and
+what a force that hardly shows in the noise would teach is never learnt."""
 
 REDUCED, RESTORED = 0.5, 0.9
 """Fraction below which a reduction is reported, and above which its report ends."""
@@ -288,8 +292,9 @@ class Authority(ForceFraction):
         self._moved += share * (moved - self._moved)
         moving = moved >= max(LARGEST_NOISE**2, RINGING * self._level) and not described
         if loud or moving:
+            rising = RECOVERING if described else RISING
             # `_change` is relative to what is used.
-            change = min(max(self._caution * self._change(), FALLING), RISING)
+            change = min(max(self._caution * self._change(), FALLING), rising)
             self._changing = not FALLEN < change <= 1.0
             self._scale(change**pace, RISING**pace)
         elif self._desired_power < SILENT**2:
