@@ -201,7 +201,7 @@ class ActuatorGuard(TravelEstimator):
         lasting = (self._bearable - self._warming * peak * peak) / staying
         self._cold: float = (1.0 - 1e-9) * min(warm * self._bearable, lasting)
         self._speed: float = min(speed, CUSHION_SPEED_SHARE * rate)
-        self._step: float = 1.0 / rate
+        self._fastest: float = 2.0 * rate
         self._ahead: float = look_ahead * max(1e-3, 1.0 / rate)
         self.heat = 0.0
         self.asked = self.allowed = 0.0
@@ -265,7 +265,8 @@ class ActuatorGuard(TravelEstimator):
         speed = self._speed
         left = speed * speed * way - 2.0 * speed * v
         if v > speed * way:
-            left = min(left, -0.5 * v * v / max(way, 0.5 * v * self._step))
+            # At most as in one sample; then there is some way to divide by.
+            left = min(left, -0.5 * v * (v / way if v < self._fastest * way else self._fastest))
         braking = -self._m_a * (left + side * handle_acceleration)
         braking -= self._k_s * d + self._b_s * max(0.0, v)
         if side * force >= braking:

@@ -186,6 +186,14 @@ def test_a_force_that_would_press_it_on_its_stop_lets_it_rest_before(sign: float
     assert limited(pressed, -3.0 * sign) == -3.0 * sign
 
 
+@pytest.mark.parametrize("velocity", [0.0, 5e-324, 1e-9, -1e-9])
+def test_an_actuator_at_rest_beyond_the_end_is_pushed_back(velocity: float) -> None:
+    beyond = guard()
+    beyond.travel, beyond.velocity = TRAVEL, velocity
+    # Less force outwards than what holds the spring there.
+    assert -266.0 * TRAVEL < beyond.within(-3.0, 0.0) < 0.0
+
+
 def driven(
     rate: float,
     command: Callable[[float], float],
