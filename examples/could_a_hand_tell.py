@@ -48,8 +48,9 @@ for axes, (name, (values, pairs)) in zip(panels, copies.items(), strict=True):
     shares = [100.0 * indistinguishable(*pair, rate) for pair in pairs]
     axes.plot(values, shares, label="indistinguishable")
     axes.set(xlabel=name)
+just_noticeable = 2.2  # dB, Israr et al. (2006)
 for sign in (-1, 1):
-    panels[0].axvline(10.0 ** (sign * 2.2 / 20.0), color="black", linewidth=0.6)
+    panels[0].axvline(10.0 ** (sign * just_noticeable / 20.0), color="black", linewidth=0.6)
 panels[0].set_ylabel("measure (%)")
 panels[1].legend()
 

@@ -67,6 +67,7 @@ for number, (name, grip) in enumerate(found.grips.items()):
     true = held(rigs[name].handle, rigs[name].grip, seed=0)
     names = free[:-1]
     ratio = [100.0 * (grip.fit.value(each) / getattr(true, each) - 1.0) for each in names]
+    # 95 % of normal errors are within 1.96 standard errors.
     errors = {each: 1.96 * grip.fit.standard_errors[each] for each in names}
     bars = [100.0 * errors[each] / getattr(true, each) for each in names]
     places = [place + 0.2 * number for place in range(len(names))]

@@ -359,8 +359,10 @@ class Authority(ForceFraction):
         moved = max(self._moved - self._noise, 1e-3 * self._noise, 1e-9)
         best = self._common / moved
         accepted = math.sqrt(SLIGHT * self._desired_power / moved)
-        # Of a harmful force, where change^2 <y^2> - 2 change <d y> = SLIGHT <d^2>.
-        return min(best, 0.0) + math.hypot(max(best, GROWTH * best), accepted)
+        if best > 0.0:
+            return math.hypot(GROWTH * best, accepted)
+        # Where change^2 <y^2> - 2 change <d y> = SLIGHT <d^2>.
+        return best + math.hypot(best, accepted)
 
     def _scale(self, change: float, caution: float, wariest: float = WARIEST) -> None:
         """Multiply fraction and caution, and adapt the means to the new force."""

@@ -91,10 +91,10 @@ BEGINNING: float = 3.0
 """First place in the bank, 7.5 Hz: while the input's past is not known, motion of the hand at 1 to
 4 Hz must not take the travel."""
 
-USUAL: float = 1.5
-"""Ratio to its root mean square that travel is always allowed to have: a sine has 1.41."""
+CREST: float = 1.5
+"""Crest factor, peak over root mean square, that is assumed of any travel: a sine has 1.41."""
 
-USUALLY: float = 0.7
+CREST_MEMORY: float = 0.7
 """Time constant of that mean square, s: some periods of a hand's motion to and fro. Otherwise low
 frequencies return between two turns of the hand, and the change of the slow force is felt."""
 
@@ -382,7 +382,7 @@ class ExcursionControl:
         self.limit: float = limit
         self.attack = -math.expm1(-1.0 / (ATTACK * rate))
         self.release = -math.expm1(-1.0 / (RELEASE * min(rate, PREDICTION_RATE)))
-        self.forgetting = -math.expm1(-1.0 / (USUALLY * min(rate, PREDICTION_RATE)))
+        self.forgetting = -math.expm1(-1.0 / (CREST_MEMORY * min(rate, PREDICTION_RATE)))
         # Both inputs move the actuator: m_a d'' + b_s d' + k_s d = -f_a - m_a a_h.
         self.following = coil.m_a * motion
         self.fading: int = max(1, round(EXCURSION_FADING * rate))
@@ -457,7 +457,7 @@ class ExcursionControl:
             squares[member] += self.forgetting * (travel * travel - squares[member])
         before: float = 0.0
         for member in range(self.members):
-            after: float = max(self.predictor.largest(member), USUAL * math.sqrt(squares[member]))
+            after: float = max(self.predictor.largest(member), CREST * math.sqrt(squares[member]))
             if after <= limit:
                 share: float = (limit - after) / (before - after) if member else 0.0
                 return member - share

@@ -18,8 +18,7 @@
 The layer only reduces forces: the applied force lies between zero and the command. It does not
 rely on the compensator. The compensator limits the actuator too, because a controller must know
 the applied force, but the device must be safe with any compensator and without one. The layer's
-limits lie outside the compensator's (`HARD` of the guard), so that
-only one guard acts.
+limits lie outside the compensator's (`HARD` of the guard), so that only one guard acts.
 
 The layer has no clock: the caller passes times in s from any origin, which never decrease.
 """

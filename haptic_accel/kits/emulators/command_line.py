@@ -41,6 +41,7 @@ from haptic_accel.commands import (
     stop_on_signal,
     verb,
 )
+from haptic_accel.core.axes import NAMES
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.model import GRAVITY, ZERO
 from haptic_accel.core.parameters import from_flat, like
@@ -204,7 +205,7 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
         b"t": partial(held.tap, SLAVE),
         b"m": lambda: print(f"current {_currents(boards[0], devices[MASTER])} A", flush=True),
     }
-    poses = itertools.product("xyz", (GRAVITY, -GRAVITY))
+    poses = itertools.product(NAMES, (GRAVITY, -GRAVITY))
     for index, (name, gravity) in enumerate(poses, start=1):
         keys[b"%d" % index] = partial(held.tilt, Axes((name,)).vector([gravity]))
     with on_keys(keys) as read:

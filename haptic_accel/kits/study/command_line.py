@@ -305,7 +305,9 @@ def analyze(study: folders.Study) -> None:
 
 @verb("haptic-accel study export my_study --form bids")
 @study_argument
-@click.option("--form", type=click.Choice([*FORMS]), default="psych-ds", help="Form of the data.")
+@click.option(
+    "--form", type=one_of(FORMS), default="psych-ds", metavar="FORM", help=f"{' or '.join(FORMS)}."
+)
 def export(study: folders.Study, form: str) -> None:
     """Write the data of an unblinded study to its folder export, without dates or names."""
     folder, sessions = study.folder / folders.EXPORT / form, _unsealed(study)

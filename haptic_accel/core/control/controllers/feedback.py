@@ -157,12 +157,8 @@ def _feedforward(parameters: FeedbackParameters, loop: Loop) -> tuple[Controller
     if parameters.feedforward == "dynamic":
         model = approximate_model(handle)
         sections = inverse_of(model, loop.rate)
-        return paper.DynamicController(model, loop), lambda f: section_response(
-            sections, f, loop.rate
-        )
-    gain = paper.ConstantParameters(
-        mass=handle.m_h if parameters.feedforward == "constant" else 0.0
-    )
-    return paper.ConstantController(gain, loop), lambda f: np.full(
-        len(f), gain.mass, np.complex128
-    )
+        dynamic = paper.DynamicController(model, loop)
+        return dynamic, lambda f: section_response(sections, f, loop.rate)
+    mass = handle.m_h if parameters.feedforward == "constant" else 0.0
+    constant = paper.ConstantController(paper.ConstantParameters(mass), loop)
+    return constant, lambda f: np.full(len(f), mass, np.complex128)

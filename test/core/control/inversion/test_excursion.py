@@ -43,7 +43,6 @@ from haptic_accel.core.tick.control import (
     LASTING,
     PERSISTING,
     PREDICTION_RATE,
-    RELEASE,
     REVERSION,
     ExcursionControl,
     TravelPredictor,
@@ -68,8 +67,7 @@ def control(forces: list[float], limit: float = LIMIT) -> ExcursionControl:
     """Return a selection that has found little travel to be needed for long."""
     bank = steps(forces)
     found = ExcursionControl(bank.taps, bank.motion, SUSPENSION, limit, RATE)
-    for _ in range(round(10.0 * RELEASE * RATE)):
-        found.process(0.0)
+    found.position = found.target = 0.0
     return found
 
 
