@@ -1,17 +1,5 @@
 # Copyright 2026 haptic_accel maintainers
 # SPDX-License-Identifier: Apache-2.0
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
 
 """Copyright and licence of every tracked file, as REUSE (https://reuse.software) asks for them."""
 
@@ -24,6 +12,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
+
+from haptic_accel._licence import SPDX_APACHE
 
 SOURCE = Path(__file__).resolve().parents[1]
 FIRST_LINES = 5
@@ -62,14 +52,15 @@ def test_every_file_states_copyright_and_licence() -> None:
     assert silent == []
 
 
-def test_every_program_carries_the_header_that_ament_copyright_asks_for() -> None:
-    header = Path(__file__).read_text().split('"""', maxsplit=1)[0].strip()
-    lines = [line.removeprefix("#") for line in header.splitlines()]
+def test_every_program_carries_the_two_lines_that_ament_copyright_recognises() -> None:
+    header = SPDX_APACHE.file_headers[0].format(
+        copyright="Copyright 2026 haptic_accel maintainers"
+    )
     without = []
     for name in tracked():
         if Path(name).suffix in COMMENTS and not covered(name):
             comment = COMMENTS[Path(name).suffix]
-            expected = "\n".join(comment + line for line in lines)
+            expected = "".join(f"{comment} {line}\n" for line in header.splitlines())
             if expected not in (SOURCE / name).read_text():
                 without.append(name)
     assert without == []
