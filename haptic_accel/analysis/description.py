@@ -224,7 +224,7 @@ def surface_of(recorded: Bag) -> str:
         return Path(str(slave.get(SCENE, asked or UNKNOWN))).stem
     if is_recording(asked):
         return "recording"
-    # Devices of real rigs declare the parameters of the simulated surface, too.
+    # Before 0.4, devices of real rigs declare the parameters of the simulated surface, too.
     named = slave.get(f"{_SURFACE}name") if arguments.get("slave", SIMULATED) == SIMULATED else ""
     return str(named or Path(asked).stem or UNKNOWN)
 
@@ -253,7 +253,7 @@ def run_of(recorded: Bag) -> str:
 def sections(recorded: Bag, start: Description) -> list[tuple[int, Description]]:
     """Return the descriptions of a bag's sections with the time of each, ns; the first is 0."""
     found = [(0, start)]
-    # A node declares the parameters of all its devices, and the recorder may receive these.
+    # Nodes of before 0.4 declare the parameters of all devices, and their recorder receives them.
     unused = _SURFACE if start.arguments.get("slave") == VIRTUAL else SCENE
     changes = (each for each in recorded.changes if not each.parameter.startswith(unused))
     parameters = start.parameters

@@ -97,6 +97,10 @@ class DeviceDescription:
         """Return the names of the devices whose parameters a named device has."""
         return self.parameters_of or (name,)
 
+    def changeable_of(self, name: str) -> frozenset[str]:
+        """Return the parameters of a named device that change in operation, below their owner."""
+        return frozenset(f"{self.owners(name)[0]}.{field}" for field in self.changeable)
+
 
 class Device(ABC):
     """Arm with an accelerometer, and at the master an actuator in the handle.

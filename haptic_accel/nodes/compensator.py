@@ -52,7 +52,7 @@ class Compensator(GraphNode):
     polls = follows_stop = True
 
     def __init__(self) -> None:
-        super().__init__("compensator", ("controller", REDUCTION, GAIN, FROZEN))
+        super().__init__("compensator", lambda _: ("controller", REDUCTION, GAIN, FROZEN))
         p = self.parameters
         # All at once: designing a controller must not delay a force.
         self._compensation = Compensation(

@@ -160,7 +160,7 @@ class CouplingNode(GraphNode):
     polls = follows_stop = True
 
     def __init__(self, changeable: Collection[str] = ()) -> None:
-        super().__init__("coupler", changeable)
+        super().__init__("coupler", lambda _: changeable)
         self.engagement = self.build_engagement(time.monotonic())
         self.forces = {arm: self.sender(ARM_TOPICS[arm].arm_force) for arm in self.engagement.arms}
         self.sides: Mapping[str, tick.DeviceSide] = {}

@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from haptic_accel.core import topics
 from haptic_accel.core.cdr import unpack_stamped_vector
 from haptic_accel.core.model import Vector
-from haptic_accel.core.parameters import ParameterError, from_flat, schema
+from haptic_accel.core.parameters import from_flat
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import ACTUATOR, ARM, STOPPED, ArmSample, DeviceSide, SafetyLayer
 from haptic_accel.devices import MASTERS, SLAVES, DeviceError
@@ -78,18 +78,16 @@ class DeviceNode(crtk.Managed, GraphNode):
     def __init__(self, executable: str) -> None:
         is_master = executable == "master_device"
         devices, arm = (MASTERS, topics.MASTER) if is_master else (SLAVES, topics.SLAVE)
-        changeable = [
-            f"{kind.description.owners(name)[0]}.{field}"
-            for name, kind in devices.items()
-            for field in kind.description.changeable
-        ]
+
+        def changeable(own: Any) -> frozenset[str]:
+            return devices[own.device].description.changeable_of(own.device)
+
         GraphNode.__init__(self, executable, changeable)
         self.begin_lifecycle()
         p = self.parameters
         self._executable = executable
         self._kind = devices[p.device]
         self._owner = self._kind.description.owners(p.device)[0]
-        self._parameters_kind = devices[self._owner].Parameters
         self.device = build_device(self._executable, self.parameters, self.options)
         self.safety = SafetyLayer(self.options[SAFETY], p.rate, self.device.axes)
         self.arm = arm.position.source
@@ -188,14 +186,10 @@ class DeviceNode(crtk.Managed, GraphNode):
 
     def change(self, values: dict[str, Any]) -> None:
         """Change parameters of the running device."""
-        name, kind = self._owner, self._parameters_kind
-        for changed in values:
-            if changed not in [f"{name}.{field}" for field in self._kind.description.changeable]:
-                raise ParameterError(f"{changed}: the device is {self.parameters.device}")
-        known = {key: self.get_parameter(key).value for key in schema(kind, f"{name}.")}
-        parameters: Any = from_flat(kind, known | values, f"{name}.")
-        self.device.change(parameters)
-        self.options[name] = parameters
+        before: Any = self.options[self._owner]
+        after = from_flat(type(before), self._described | values, f"{self._owner}.")
+        self.device.change(after)
+        self.options[self._owner] = after
 
     def stop_forces(self) -> None:
         """Remove all forces and refuse commands until the emergency stop is released."""

@@ -14,7 +14,7 @@ from contextlib import suppress
 from functools import partial
 from itertools import cycle
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -23,7 +23,7 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rcl_interfaces.msg import Parameter as ParameterMessage
-from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -61,6 +61,7 @@ from haptic_accel.setup.node_parameters import (
     NODES,
     USE_SIM_TIME,
     check_clock,
+    declared_schema,
     node_parameters,
     node_schema,
 )
@@ -68,11 +69,14 @@ from haptic_accel.setup.node_parameters import (
 _OF_EVERY_NODE = (USE_SIM_TIME, "start_type_description_service")
 """Parameters that rclpy gives every node."""
 
+Changeable: TypeAlias = Callable[[Any], Collection[str]]
+"""Function that returns, for a node's own parameters, those that can be changed while it runs."""
+
 _LARGEST = sys.float_info.max
 
 
 class DeclaredParameters:
-    """Parameters of a node, declared from its schema.
+    """Parameters of a node, declared from its schema: a device node has those of its devices.
 
     Parameters
     ----------
@@ -80,8 +84,7 @@ class DeclaredParameters:
         It has declared what command line and files give.
     executable : str
         Key of the schema.
-    changeable : collection of str
-        Parameters that can be changed while the node runs.
+    changeable : Changeable
     change : callable
         Applies new, checked values of changeable parameters by name, or raises a ParameterError.
     note : callable
@@ -94,7 +97,7 @@ class DeclaredParameters:
     options : dict
         Parameters of its possible parts (devices, controllers), by name.
     schema : mapping
-        Default and specification by dotted name.
+        Default and specification of the declared parameters, by dotted name.
 
     Raises
     ------
@@ -106,22 +109,27 @@ class DeclaredParameters:
         self,
         node: Node,
         executable: str,
-        changeable: Collection[str],
+        changeable: Changeable,
         change: Callable[[dict[str, Any]], None],
         note: Callable[[str, Exception], str],
     ) -> None:
         self._node, self._apply, self._note = node, change, note
-        self._changeable = changeable
-        self.schema = node_schema(executable)
         given = self._given()
         self.own, self.options = node_parameters(executable, given)
+        self.schema = declared_schema(executable, self.own)
+        self._others = node_schema(executable).keys() - self.schema
+        self._changeable = changeable(self.own)
         self._declare(given)
         node.add_on_set_parameters_callback(self._change)
 
     @property
     def services(self) -> dict[type, Callable[..., Any]]:
-        """Callbacks of the services that set parameters, in place of rclpy's, by their type."""
-        return {SetParameters: self._serve, SetParametersAtomically: self._serve_atomically}
+        """Callbacks of the services that replace rclpy's, by their type."""
+        return {
+            GetParameters: self._serve_values,
+            SetParameters: self._serve,
+            SetParametersAtomically: self._serve_atomically,
+        }
 
     def new(self, parameters: Iterable[Parameter]) -> list[Parameter]:
         """Return those that differ from their present values, in the types of the schema.
@@ -133,16 +141,19 @@ class DeclaredParameters:
         """
         return [each for each in map(self._checked, parameters) if not self._holds(each)]
 
-    def _serve(
-        self, request: SetParameters.Request, response: SetParameters.Response
-    ) -> SetParameters.Response:
+    def _serve_values(self, request: Any, response: Any) -> Any:
+        """Return a value for each name, not set if there is none; rclpy would return no value."""
+        found = (self._node.get_parameter_or(name, Parameter(name)) for name in request.names)
+        response.values = [each.get_parameter_value() for each in found]
+        return response
+
+    def _serve(self, request: Any, response: Any) -> Any:
         """Set all parameters of a request or none; rclpy would set the valid ones."""
         response.results = [self._set(request.parameters)] * len(request.parameters)
         return response
 
-    def _serve_atomically(
-        self, request: SetParametersAtomically.Request, response: SetParametersAtomically.Response
-    ) -> SetParametersAtomically.Response:
+    def _serve_atomically(self, request: Any, response: Any) -> Any:
+        """Set all parameters of a request or none."""
         response.result = self._set(request.parameters)
         return response
 
@@ -164,7 +175,9 @@ class DeclaredParameters:
         if name in _OF_EVERY_NODE:
             return parameter
         if name not in self.schema:
-            raise ParameterError(f"{shown(name)}: {self._node.get_name()} has no such parameter")
+            lacks = f"{self._node.get_name()} has no such parameter"
+            why = f"the device is {self.own.device}" if name in self._others else lacks
+            raise ParameterError(f"{shown(name)}: {why}")
         default, specification = self.schema[name]
         value = _as_meant(value, default)
         return Parameter(name, value=checked(name, value, default, specification))
@@ -295,8 +308,7 @@ class GraphNode(SupervisedNode):
     ----------
     executable : str
         Name of the executable, and of the node unless remapped.
-    changeable : collection of str
-        Parameters that can be changed while the node runs.
+    changeable : Changeable
 
     Attributes
     ----------
@@ -317,7 +329,7 @@ class GraphNode(SupervisedNode):
 
     task: str
 
-    def __init__(self, executable: str, changeable: Collection[str] = ()) -> None:
+    def __init__(self, executable: str, changeable: Changeable = lambda _: ()) -> None:
         self._locks: list[socket.socket] = []
         self._bundles: BundleSender | None = None
         self._followed: list[Samples] = []

@@ -44,9 +44,6 @@ SIMULATED = "simulated"
 POINTER = "pointer"
 """Name of the simulated master whose hand the live page leads."""
 
-POINTER_CONTROLLER = "adaptive"
-"""Controller under a hand that a page leads, if none is named: the one with the least error."""
-
 SURFACES = ("plywood", "text", "vinyl")
 """The paper's surfaces."""
 
@@ -334,8 +331,8 @@ class GraphArguments(
     def from_given(cls: type[L], **given: Any) -> L:
         """Build from the given arguments, as `LaunchArguments` does, and for a page's hand."""
         known = cls.filled(given)
-        if known.get("master") == POINTER:
-            known = {"controller": POINTER_CONTROLLER} | known
+        if known.get("master") == POINTER:  # for a page's hand that with the least error
+            known = {"controller": "adaptive"} | known
         return cls(**known)
 
 

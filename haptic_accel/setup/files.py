@@ -107,9 +107,8 @@ def current_values(recorded: Mapping[str, Any]) -> dict[str, Any]:
     ParameterError
         As for `present_values`.
     """
-    return present_values(
-        {_current(name): value for name, value in recorded.items()}, recorded.get("rate")
-    )
+    renamed = {_current(name): value for name, value in recorded.items()}
+    return present_values(renamed, recorded.get("rate"))
 
 
 def current_arguments(recorded: Mapping[str, Any]) -> dict[str, Any]:

@@ -229,6 +229,8 @@ def _device_parts(devices: Mapping[str, Any], safety: type) -> dict[str, type]:
     return {**_kinds(own), SAFETY: safety, POSITION_SERVO: PositionServoParameters}
 
 
+_DRIVERS: dict[str, Any] = {"master_device": MASTERS, "slave_device": SLAVES}
+
 NODES: dict[str, tuple[type[Checked], Mapping[str, type]]] = {
     "recorder": (RecorderNodeParameters, {}),
     "scope": (ScopeNodeParameters, {}),
@@ -265,6 +267,17 @@ def node_schema(executable: str) -> Mapping[str, tuple[Any, Specification]]:
     return MappingProxyType(found)
 
 
+def declared_schema(executable: str, own: Any) -> Mapping[str, tuple[Any, Specification]]:
+    """Return `node_schema` without the options that a device node with its parameters lacks."""
+    if executable not in _DRIVERS:
+        return node_schema(executable)
+    used = {SAFETY, POSITION_SERVO, own.accelerometer_device, getattr(own, "actuator_device", "")}
+    used.update(_DRIVERS[executable][own.device].description.owners(own.device))
+    unused = NODES[executable][1].keys() - used
+    known = node_schema(executable).items()
+    return {name: each for name, each in known if name.partition(".")[0] not in unused}
+
+
 def node_parameters(executable: str, values: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
     """Build the parameters of a node, and of its options by name.
 
@@ -282,12 +295,10 @@ def node_parameters(executable: str, values: Mapping[str, Any]) -> tuple[Any, di
     """
     kind, kinds = NODES[executable]
     own: Any = from_flat(kind, values)
-    options: dict[str, Any] = {
-        name: from_flat(option, values, name + ".") for name, option in kinds.items()
-    }
-    if SAFETY in options:
+    options: dict[str, Any] = {n: from_flat(part, values, f"{n}.") for n, part in kinds.items()}
+    if executable in _DRIVERS:
         _check_age(own, options[SAFETY])
-        _check_frame(own, MASTERS if executable == "master_device" else SLAVES)
+        _check_frame(own, _DRIVERS[executable])
     return own, options
 
 
@@ -306,8 +317,8 @@ def build_device(executable: str, own: Any, options: Mapping[str, Any]) -> Devic
     DeviceError, ParameterError
         The device's library is missing, or its parameters are not usable.
     """
-    kinds = MASTERS if executable == "master_device" else SLAVES
-    device = kinds[own.device].from_options(own.device, options, own.rate, own.seed)
+    kind = _DRIVERS[executable][own.device]
+    device: Device = kind.from_options(own.device, options, own.rate, own.seed)
     card: Callable[[audio.AudioParameters, float, int], audio.SoundCard] = audio.SoundCard
     if own.accelerometer_device == audio.AUDIO:
         is_tool = executable == "slave_device"

@@ -229,8 +229,7 @@ def _check_devices(setup: Setup[Any]) -> None:
         name = getattr(setup.arguments, arm, "")
         own, options = setup.node(f"{arm}_device")
         is_on_card = own.accelerometer_device == AUDIO
-        always = (names.SIMULATED, names.POINTER)
-        if name in kinds and (name not in always or is_on_card):
+        if name in kinds and (is_on_card or name not in (names.SIMULATED, names.POINTER)):
             try:
                 build_device(f"{arm}_device", own, options)
             except DeviceError as error:  # without its library

@@ -177,6 +177,14 @@ def test_a_surface_is_loaded_whole_or_not_at_all(slave: Node, tmp_path: Path) ->
 
 
 @pytest.mark.live
+def test_a_device_node_has_the_parameters_of_its_devices_alone(slave: Node) -> None:
+    found = {name.partition(".")[0] for name in slave.values() if "." in name}
+    assert found == {"simulated", "safety", "servo_cp"}
+    for name, value in (("virtual.scene", "worktop"), ("can.channel", "can0")):
+        assert slave.set(name, value) == f"{name}: the device is simulated"
+
+
+@pytest.mark.live
 def test_what_is_dumped_can_be_loaded(slave: Node, tmp_path: Path) -> None:
     # Most of it is read-only.
     file, before = tmp_path / "slave_device.yaml", slave.values()
@@ -210,13 +218,14 @@ def test_what_asks_for_no_parameter_gets_nothing_and_what_sets_none_the_reason(
     slave: Node,
 ) -> None:
     before = slave.values()
-    for kind, field in (
-        (srv.GetParameterTypes, "types"),
-        (srv.GetParameters, "values"),
-        (srv.DescribeParameters, "descriptors"),
-    ):
-        for names in (["no_such"], ["rate", ""], ["\x1b[2J\n", "x" * 60_000]):
+    for names in (["no_such"], ["rate", ""], ["\x1b[2J\n", "x" * 60_000]):
+        for kind, field in (
+            (srv.GetParameterTypes, "types"),
+            (srv.DescribeParameters, "descriptors"),
+        ):
             assert len(getattr(slave.ask(kind, names=names), field)) == 0
+        found = map(parameter_value_to_python, slave.ask(srv.GetParameters, names=names).values)
+        assert list(found) == [before.get(name) for name in names]
     for name, kind, reason in (
         ("rate", 99, "rate: type = 99: must be one of 1 to 9"),
         ("no_such", 3, "no_such: slave_device has no such parameter"),

@@ -9,7 +9,7 @@ import pytest
 
 from haptic_accel.core.parameters import ParameterError, allowed_values
 from haptic_accel.devices import MASTERS, SLAVES
-from haptic_accel.setup.node_parameters import NODES, node_parameters, node_schema
+from haptic_accel.setup.node_parameters import NODES, declared_schema, node_parameters, node_schema
 
 OLDER = {"safety.arm.max_age": 0.2, "safety.actuator.max_age": 0.2}
 
@@ -34,6 +34,32 @@ def test_a_device_with_the_parameters_of_others_adds_none(executable: str, devic
     assert set(devices) - parts == set(devices) & {
         *("pointer", "can_serial", "crtk_serial", "none")
     }
+
+
+@pytest.mark.parametrize(
+    ("executable", "values", "parts"),
+    [
+        ("master_device", {}, {"simulated"}),
+        ("master_device", {"device": "pointer"}, {"simulated"}),
+        ("master_device", {"device": "can_serial"}, {"can", "serial"}),
+        ("master_device", {"device": "none", "actuator_device": "audio"}, {"audio"}),
+        ("slave_device", {"device": "crtk", "accelerometer_device": "audio"}, {"crtk", "audio"}),
+        ("slave_device", {"device": "virtual"}, {"virtual"}),
+    ],
+)
+def test_a_device_node_declares_the_parameters_of_its_devices(
+    executable: str, values: dict[str, str], parts: set[str]
+) -> None:
+    own, _ = node_parameters(executable, values)
+    declared = declared_schema(executable, own)
+    common = {"safety", "servo_cp", *(["actuator"] if executable == "master_device" else [])}
+    assert {name.partition(".")[0] for name in declared if "." in name} == parts | common
+    assert declared.items() <= node_schema(executable).items()
+
+
+def test_the_nodes_declare_few_parameters() -> None:
+    own = {name: node_parameters(name, {})[0] for name in NODES}
+    assert sum(len(declared_schema(*each)) for each in own.items()) <= 247
 
 
 FRAGMENT = re.compile(r"(?i)(of|what|which|how|when|where|if|its?|this|that|those|and|or)\b")
