@@ -19,6 +19,7 @@ import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from input_family import log_uniform
@@ -196,11 +197,12 @@ def random_three_axis_rig(index: int) -> SimulatedMasterParameters:
         k_u=varied(master.handle.k_u, 2.0),
         b_u=varied(master.handle.b_u, 2.0),
     )
+    kind: Any = type("Mounted", (type(master),), {"coils": CoilMounting(**tilts, **offsets)})
+    mounted: SimulatedMasterParameters = kind(**vars(master))
     return replace(
-        master,
+        mounted,
         handle=handle,
         grip=replace(master.grip, variation=0.0),
-        coils=CoilMounting(**tilts, **offsets),
         body=replace(master.body, sensor_x=x, sensor_y=y, sensor_z=master.body.sensor_z + z),
         mounts=SensorMounts(**mounts),
     )

@@ -19,11 +19,11 @@ ROOTS = "roots"
 
 BUDGETS = {
     ROOTS: 130,
-    "core": 14_830,
+    "core": 14_820,
     "analysis": 4_050,
     "nodes": 3_940,
     "kits/study": 3_920,
-    "devices": 4_060,
+    "devices": 4_050,
     "cli": 3_040,
     "bags": 2_740,
     "scope": 1_360,

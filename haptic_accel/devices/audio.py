@@ -151,7 +151,6 @@ class InputParameters(Checked):
         0.0,
         40.0,
     )
-    input_mounting: str = like(SerialMasterParameters, "calibration.mounting")
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes, read_mounting, read_numbers
+from haptic_accel.core.axes import ACTUATOR_AXES, ALL_AXES, Axes, read_numbers
 from haptic_accel.core.model import ZERO, FloatArray, Vector
 from haptic_accel.core.orientation import is_turned, to_base
 from haptic_accel.core.parameters import ParameterError
@@ -496,9 +496,6 @@ class CardAccelerometer(CompositeDevice):
         self.axes: Axes = ALL_AXES if len(channels) > 1 else ACTUATOR_AXES
         self._channels = [channel - 1 for channel in channels]
         self._scales = np.array(read_numbers("audio.scales", parameters.scales, len(channels)))
-        self._mounting = read_mounting(
-            "audio.input_mounting", parameters.input_mounting, self.axes
-        )
         self._parameters, self._rate = parameters, rate
         self._device, self.parts = device, (device,)
         self._to_base, self._clock = to_base_axes, clock
@@ -582,7 +579,6 @@ class CardAccelerometer(CompositeDevice):
         before, after = self._filtered[begin : begin + 2]
         values = (before + (position - whole) * (after - before)) * self._scales
         vector: Vector = self.axes.vector(values.tolist())
-        vector = self._mounting.acceleration(vector) if self._mounting else vector
         return Sample(ZERO, ZERO, vector)
 
     def _filter(self, card: DuplexCard) -> None:

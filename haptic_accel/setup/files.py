@@ -411,7 +411,7 @@ def _known(flat: Mapping[str, Document], executable: str, name: str) -> dict[str
     known = own.union(*map(_names, NODES)) if name in _WILDCARDS else own
     for parameter, value in flat.items():
         if parameter not in known:
-            value.wrong("no such parameter")
+            value.wrong("no such parameter: correct it, or leave it out")
     return {name: value.value for name, value in flat.items() if name in own}
 
 

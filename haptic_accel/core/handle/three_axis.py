@@ -35,28 +35,17 @@ def _sensor(position: float, reason: str = "assumed") -> Any:
     return parameter(position, text, "m", -0.2, 0.2)
 
 
-def _tilt(angle: float, coil: str, other: str, degrees: int) -> Any:
-    text = f"angle of coil {coil} from {coil} towards {other} (assumed: {degrees} degrees)"
-    return parameter(angle, text, "rad", -1.0, 1.0)
+GYRATION_RADIUS = 0.030
+"""Radius of gyration of handle and hand, m (assumed: a rod of 0.1 m has 0.029 m)."""
 
-
-def _offset(distance: float, coil: str, along: str) -> Any:
-    text = f"distance of coil {coil}'s line of action along {along} (assumed)"
-    return parameter(distance, text, "m", -0.1, 0.1)
+GRIP_WIDTH = 0.040
+"""Distance of the fingers on the handle, m (assumed: a stylus between thumb and two fingers)."""
 
 
 @dataclass(frozen=True)
 class BodyParameters(Checked):
-    """Rigid handle: inertia, the grip's width, and the accelerometer on it."""
+    """Accelerometer on the rigid handle."""
 
-    # A rod of 0.1 m has 0.029 m.
-    gyration_radius: float = parameter(
-        0.030, "radius of gyration of handle and hand (assumed: a rod of 0.1 m)", "m", 1e-3, 1.0
-    )
-    # A stylus between thumb and two fingers.
-    grip_width: float = parameter(
-        0.040, "distance of the fingers on the handle (assumed: a stylus)", "m", 0.0, 0.2
-    )
     sensor_x: float = _sensor(0.006)
     sensor_y: float = _sensor(-0.004)
     sensor_z: float = _sensor(0.020, "assumed: at the stylus' end of the coils")
@@ -67,20 +56,20 @@ class BodyParameters(Checked):
 
 
 @dataclass(frozen=True)
-class CoilMounting(Checked):
+class CoilMounting:
     """Directions and positions of the coils on the handle.
 
-    Each coil is tilted from its own axis towards the next one (x, y, z, x), and its line of action
-    passes the centre of mass at a distance along the axis after that. The defaults give a
-    cross-coupling of -10 dB.
+    Each coil is tilted, in rad, from its own axis towards the next one (x, y, z, x), and its line
+    of action passes the centre of mass at a distance, in m, along the axis after that. The
+    defaults, which are assumed, give a cross-coupling of -10 dB.
     """
 
-    tilt_x: float = _tilt(0.26, "x", "y", 15)
-    tilt_y: float = _tilt(0.31, "y", "z", 18)
-    tilt_z: float = _tilt(0.22, "z", "x", 13)
-    offset_x: float = _offset(0.004, "x", "z")
-    offset_y: float = _offset(0.006, "y", "x")
-    offset_z: float = _offset(0.005, "z", "y")
+    tilt_x: float = 0.26
+    tilt_y: float = 0.31
+    tilt_z: float = 0.22
+    offset_x: float = 0.004
+    offset_y: float = 0.006
+    offset_z: float = 0.005
 
     @property
     def directions(self) -> FloatArray:
@@ -114,7 +103,7 @@ class SensorMounts:
     z: MountParameters = field(default_factory=MountParameters)
 
 
-def mass_matrix(handle: HandleParameters, body: BodyParameters, coils: CoilMounting) -> FloatArray:
+def mass_matrix(handle: HandleParameters, coils: CoilMounting) -> FloatArray:
     """Return the mass matrix of position, turn and coils, shape (9, 9), in kg, kg m and kg m^2.
 
     As in eq. (2) of the paper, the mass m_h is that of everything which moves with the handle
@@ -133,7 +122,7 @@ def mass_matrix(handle: HandleParameters, body: BodyParameters, coils: CoilMount
         )
     mass = np.zeros((9, 9))
     mass[PLACE, PLACE] = rigid * np.eye(3)
-    mass[TURN, TURN] = handle.m_h * body.gyration_radius**2 * np.eye(3)
+    mass[TURN, TURN] = handle.m_h * GYRATION_RADIUS**2 * np.eye(3)
     for coil, (direction, position) in enumerate(
         zip(coils.directions.T, coils.positions.T, strict=True)
     ):
@@ -144,15 +133,13 @@ def mass_matrix(handle: HandleParameters, body: BodyParameters, coils: CoilMount
     return mass
 
 
-def stiffness_and_damping(
-    handle: HandleParameters, body: BodyParameters
-) -> tuple[FloatArray, FloatArray]:
+def stiffness_and_damping(handle: HandleParameters) -> tuple[FloatArray, FloatArray]:
     """Return stiffness and damping of position, turn and coils, each of shape (9,).
 
     Half of the grip acts at each end of its width. Units are N/m and N s/m, and for the turn
     N m/rad and N m s/rad.
     """
-    gripped = np.repeat((1.0, (body.grip_width / 2) ** 2, 0.0), 3)
+    gripped = np.repeat((1.0, (GRIP_WIDTH / 2) ** 2, 0.0), 3)
     suspended = np.repeat((0.0, 0.0, 1.0), 3)
     return (
         handle.k_u * gripped + handle.k_s * suspended,
@@ -198,8 +185,8 @@ def three_axis_mechanics(
     """
     a, b = np.zeros((STATES, STATES)), np.zeros((STATES, INPUTS))
     a[_BODY, _RATES] = np.eye(9)
-    inverse_mass = np.linalg.inv(mass_matrix(handle, body, coils))
-    stiffness, damping = stiffness_and_damping(handle, body)
+    inverse_mass = np.linalg.inv(mass_matrix(handle, coils))
+    stiffness, damping = stiffness_and_damping(handle)
     stiffness[PLACE] += coupling
     a[_RATES, _BODY], a[_RATES, _RATES] = -inverse_mass * stiffness, -inverse_mass * damping
     for axis, position, speed, driven in (

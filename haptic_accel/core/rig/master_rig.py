@@ -98,7 +98,7 @@ class SimulatedMasterParameters(MasterRigParameters, Checked):
 
     axes: str = parameter("z", "axes of coils and accelerometer: z, or x, y, z")
     body: BodyParameters = field(default_factory=BodyParameters)
-    coils: CoilMounting = field(default_factory=CoilMounting)
+    coils: ClassVar[CoilMounting] = CoilMounting()
     mounts: SensorMounts = field(default_factory=SensorMounts)
 
     def __post_init__(self) -> None:
@@ -327,7 +327,7 @@ class ThreeAxisRig(HeldRig):
         """Return kinetic and spring energy of handle, coils, grip and stops, J."""
         state, p, k_stop = self._state, self._p, self._p.drive.stop_stiffness
         rates, stretched = state[_RATES], state[_COORDINATES] - _hand_coordinates(state)
-        kinetic = rates @ three.mass_matrix(self.handle, p.body, p.coils) @ rates / 2
+        kinetic = rates @ three.mass_matrix(self.handle, p.coils) @ rates / 2
         springs = self._stiffness @ stretched**2 / 2
         overrun = np.maximum(0.0, np.abs(state[three.TRAVEL]) - p.actuator.travel)
         return float(kinetic + springs + k_stop * (overrun @ overrun) / 2)
@@ -343,7 +343,7 @@ class ThreeAxisRig(HeldRig):
         return three.three_axis_mechanics(self.handle, p.body, p.coils, p.mounts, corner, coupling)
 
     def _mechanics(self) -> tuple[FloatArray, FloatArray]:
-        self._stiffness, _ = three.stiffness_and_damping(self.handle, self._p.body)
+        self._stiffness, _ = three.stiffness_and_damping(self.handle)
         return self._coupled_mechanics(0.0)
 
     def _rub(self, responses: FloatArray) -> None:
@@ -354,7 +354,7 @@ class ThreeAxisRig(HeldRig):
     def _rest(self, state: FloatArray) -> None:
         p = self._p
         state[three.HAND_X : three.HAND_V_Z + 1] = self._start
-        masses = three.mass_matrix(self.handle, p.body, p.coils)
+        masses = three.mass_matrix(self.handle, p.coils)
         weight = -p.grip.gravity * masses[:, three.PLACE.stop - 1]
         sag = np.divide(weight, self._stiffness, np.zeros(9), where=self._stiffness > 0)
         state[_COORDINATES] = _hand_coordinates(state) + sag

@@ -45,7 +45,7 @@ class BoardSamples:
         self._counts: list[int] = []
         self._rate, self._axes = rate, axes
         configuration = Configuration(rate, axes_bits(axes), 1)
-        required = Requirements(port.port, port.usb_serial, port.baud, configuration)
+        required = Requirements(port.port, port.usb_serial, configuration)
         self._link = BoardLink(required, lambda _, samples: self._counts.extend(samples.counts))
 
     def __enter__(self) -> BoardSamples:

@@ -31,9 +31,6 @@ if TYPE_CHECKING:
 
 MISSING_LIBRARY = "needs pyserial and cobs: pip install 'haptic_accel[serial]'"
 
-BAUD = 1_000_000
-"""Bit rate of a real serial line, bit/s; USB has none."""
-
 HIGHEST_RATE = 10_000
 """Highest sampling rate of the protocol, Hz."""
 
@@ -91,9 +88,6 @@ class PortParameters(Checked):
 
     port: str = parameter("", "path of the serial port, such as /dev/ttyACM0")
     usb_serial: str = parameter("", "USB serial number of the board, in place of a path")
-    baud: int = parameter(
-        BAUD, "bit rate of a real serial line; USB has none", "bit/s", 9600, 12_000_000
-    )
 
 
 @dataclass(frozen=True)
@@ -169,7 +163,6 @@ class SerialDevice(Device):
         required = Requirements(
             p.port,
             p.usb_serial,
-            p.baud,
             self._configuration,
             serial_number=p.calibration.board,
             grid_rate=rate if self._on_grid else 0.0,

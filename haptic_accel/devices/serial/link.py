@@ -182,7 +182,10 @@ LEAD = 0.2
 """Lead of a board's ticks over the grid, periods: most samples are present when the nodes' tick
 begins, which otherwise would poll repeatedly."""
 
-NO_ANSWER = "no answer; is there a board with this firmware, and the right baud rate?"
+BAUD = 1_000_000
+"""Bit rate of a real serial line, bit/s; USB has none."""
+
+NO_ANSWER = f"no answer; is there a board with this firmware, at {BAUD} baud?"
 
 REFUSALS = {
     protocol.State.DISARMED: "not armed since the board was gone",
@@ -218,7 +221,6 @@ class Requirements:
     ----------
     port, usb_serial : str
         As in `find_port`.
-    baud : int
     configuration : Configuration
     coils : tuple of str
         Axes of the required coils; an actuator is armed if there are any.
@@ -233,7 +235,6 @@ class Requirements:
 
     port: str
     usb_serial: str
-    baud: int
     configuration: protocol.Configuration
     coils: tuple[str, ...] = ()
     rearm: bool = False
@@ -377,7 +378,7 @@ class BoardLink(Connection):
         self._forget()
         required = self._required
         self._path = find_port(required.port, required.usb_serial)
-        self._port = Port(self._path, required.baud)
+        self._port = Port(self._path)
         # Bytes before the first delimiter are no frame.
         self._write(protocol.DELIMITER)
         self._send(protocol.DisarmRequest())
@@ -616,8 +617,6 @@ class Port:
     Parameters
     ----------
     path : str
-    baud : int
-        Bit rate of a real serial line; USB has none.
 
     Raises
     ------
@@ -625,10 +624,10 @@ class Port:
         The port cannot be opened.
     """
 
-    def __init__(self, path: str, baud: int) -> None:
+    def __init__(self, path: str) -> None:
         self.path = path
         try:
-            self._serial = serial.Serial(path, baud, timeout=0, exclusive=True)
+            self._serial = serial.Serial(path, BAUD, timeout=0, exclusive=True)
         except (serial.SerialException, ValueError) as error:
             reason = explained(error, REASONS)
             reason = reason or f"cannot be opened as a serial port ({one_line(error)})"

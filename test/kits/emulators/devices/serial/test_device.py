@@ -542,7 +542,7 @@ def test_a_missing_permission_is_told(bench: Make) -> None:
         "from haptic_accel.devices.interface import DeviceError\n"
         "from haptic_accel.devices.serial.link import Port\n"
         "os.setgroups([]); os.setgid(65534); os.setuid(65534)\n"
-        "try: Port(sys.argv[1], 1000000)\n"
+        "try: Port(sys.argv[1])\n"
         "except DeviceError as error: print(error)\n"
     )
     done = subprocess.run(
