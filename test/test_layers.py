@@ -76,8 +76,8 @@ ROS_USERS: dict[str, set[str]] = {
     "haptic_accel.cli.joining": {"rclpy"},
     # An arm of another node, loaded when it is opened.
     "haptic_accel.devices.crtk.client": {"rclpy", "geometry_msgs", "std_msgs"},
-    # Counts of publishers, for that arm and for the nodes.
-    "haptic_accel.devices.matched": {"rclpy"},
+    # Undocumented names of rclpy, for that arm and for the nodes.
+    "haptic_accel.devices.rclpy_internals": {"rclpy"},
     # Launch files.
     "haptic_accel.graph.launching": {"launch", "launch_ros", "ament_index_python"},
     # Folders of an installed ROS 2, which does without where there is none.

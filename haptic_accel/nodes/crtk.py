@@ -41,6 +41,7 @@ from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.tick import SafetyLayer
 from haptic_accel.core.topics import JOINT_STATE_RATE, JOINT_STATES, ArmTopics, Topic
 from haptic_accel.devices.interface import Joints
+from haptic_accel.devices.rclpy_internals import lifecycle_callbacks, state_machine
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.signals import Sender
 from haptic_accel.nodes.supervised_node import message_type
@@ -67,17 +68,17 @@ class Managed(LifecycleNodeMixin):
 
     def begin_lifecycle(self) -> None:
         """Make the services, once the node is made."""
-        LifecycleNodeMixin.__init__(self, enable_communication_interface=False)
-        for name, kind in SERVICES.items():
-            callback = getattr(self, f"_LifecycleNodeMixin__on_{name}")
-            if kind is ChangeState:
-                self._unguarded, callback = callback, self._serve_change
-            self.create_service(kind, f"~/{name}", callback)
+        callbacks = lifecycle_callbacks(self, SERVICES)
+        LifecycleNodeMixin.__init__(self, enable_communication_interface=not callbacks)
+        for name, callback in callbacks.items():
+            self.create_service(SERVICES[name], f"~/{name}", callback)
+        (change,) = (each for each in self.services if each.srv_type is ChangeState)
+        self._change, change.callback = change.callback, self._serve_change
 
     @property
     def state(self) -> str:
         """Name of the current state."""
-        return str(self._state_machine.current_state[1])
+        return str(state_machine(self).current_state[1])
 
     def destroy_node(self) -> None:
         """Destroy the node and its state machine.
@@ -86,15 +87,15 @@ class Managed(LifecycleNodeMixin):
         middleware's threads would then use libraries that are being unloaded.
         """
         super().destroy_node()
-        self._state_machine.destroy_when_not_in_use()
+        state_machine(self).destroy_when_not_in_use()
 
     def _serve_change(self, request: ChangeState.Request, response: ChangeState.Response) -> Any:
         """Change the state as requested; rclpy would end the node for an impossible transition."""
         # By name or, without a name, by number.
-        possible = {name: n for n, name, *_ in self._state_machine.available_transitions}
+        possible = {name: n for n, name, *_ in state_machine(self).available_transitions}
         requested = request.transition
         if requested.label in possible if requested.label else requested.id in possible.values():
-            return self._unguarded(request, response)
+            return self._change(request, response)
         self.get_logger().warning(
             f"transition {shown(requested.label) or requested.id}: refused in state {self.state};"
             f" allowed: {', '.join(possible)}"

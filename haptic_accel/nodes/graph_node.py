@@ -40,6 +40,7 @@ from haptic_accel.core.parameters import (
 )
 from haptic_accel.core.tick import TICK
 from haptic_accel.core.topics import BUNDLES, DESCRIPTION, DIAGNOSTICS, SIGNALS, Topic
+from haptic_accel.devices.rclpy_internals import TAKES, bytes_publisher
 from haptic_accel.graph.locks import lock_signal
 from haptic_accel.nodes.signals import (
     BUNDLES_KEPT,
@@ -351,8 +352,7 @@ class GraphNode(SupervisedNode):
         self._publish_description = self.publisher(DESCRIPTION).publish
         self.add_post_set_parameters_callback(self._publish_parameters)
         self._publish_parameters(())
-        # As in `publish`, without its type check.
-        self._publish_diagnostics: Any = self.publisher(DIAGNOSTICS).handle.publish_raw
+        self._publish_diagnostics = bytes_publisher(self.publisher(DIAGNOSTICS))
         # In turns, as all parts together take longer than a period has left. One timer keeps the
         # order: the executor serves several due timers in any order.
         parts = (self._gather_diagnostics, self._report_gathered, self.repeat_states)
@@ -399,7 +399,8 @@ class GraphNode(SupervisedNode):
     def requests(self, kind: Any, name: str) -> Requests:
         """Offer a service whose requests are served when there is time."""
         service = self._guard.service(self.create_service(kind, name, ignore))
-        self._polled.add(service)
+        if TAKES:
+            self._polled.add(service)
         return Requests(service, self._guard)
 
     def samples(self, topic: Topic, rate: float) -> Samples:

@@ -15,8 +15,8 @@ from pathlib import Path
 import rclpy
 
 from haptic_accel.core.topics import SIGNALS
+from haptic_accel.devices.rclpy_internals import EventsExecutor
 from haptic_accel.graph.middleware import middleware_defaults
-from haptic_accel.nodes.scheduling import EventsExecutor
 from haptic_accel.nodes.timing import sharpen_timers
 
 ANNOUNCEMENT = 3.5

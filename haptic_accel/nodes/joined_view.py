@@ -21,10 +21,11 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from haptic_accel.core.topics import DEVICES
+from haptic_accel.devices.rclpy_internals import EventsExecutor
 from haptic_accel.graph.middleware import check_middleware, middleware_defaults
 from haptic_accel.nodes import graph_requests
 from haptic_accel.nodes.graph_view import GraphView
-from haptic_accel.nodes.scheduling import LOOK_ROUND, EventsExecutor
+from haptic_accel.nodes.scheduling import LOOK_ROUND
 from haptic_accel.nodes.service_client import Request, RequestError, ServiceClient
 
 FINDING_TIME, ANSWERING_TIME = 5.0, 5.0

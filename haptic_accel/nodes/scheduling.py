@@ -20,21 +20,16 @@ from typing import Any, NoReturn, Protocol
 import rclpy
 from rclpy.exceptions import InvalidParameterException
 from rclpy.executors import ExternalShutdownException
-from rclpy.impl.rcutils_logger import CallerId
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from haptic_accel.core import process
 from haptic_accel.core.parameters import ParameterError
 from haptic_accel.devices import DeviceError
+from haptic_accel.devices.rclpy_internals import TAKES, EventsExecutor, prepare_logging
 from haptic_accel.graph.middleware import check_middleware, middleware_defaults
 from haptic_accel.nodes.supervised_node import WIRES, SupervisedNode, unblock_standard_streams
 from haptic_accel.nodes.timing import FORCE_PRIORITY, ask_for_realtime, schedule, sharpen_timers
-
-try:
-    from rclpy.executors import EventsExecutor as EventsExecutor  # ROS 2 Lyrical and newer
-except ImportError:
-    from rclpy.experimental import EventsExecutor as EventsExecutor
 
 LOOK_ROUND = 0.25
 """Interval between checks for signals and the parent while no message comes, s.
@@ -241,8 +236,7 @@ def _status(name: str, act: Callable[[Signals], None], signals: Signals) -> int:
 def _run(builds: Sequence[Build], join: Join | None, priority: int, signals: Signals) -> None:
     nodes: list[SupervisedNode] = []
     well = False
-    # Now, and not in the loop, for rclpy's own logs: see `NodeLogger`.
-    CallerId()
+    prepare_logging()
     try:
         try:
             take_arguments()
@@ -310,7 +304,7 @@ def _spin(nodes: Sequence[SupervisedNode], workers: Sequence[Worker], signals: S
     executor = EventsExecutor()
     for node in nodes:
         executor.add_node(node)
-    polls, usual = all(node.polls for node in nodes), SERVING_TIME
+    polls, usual = TAKES and all(node.polls for node in nodes), SERVING_TIME
     served, slept = 0.0, time.monotonic()
     serving_period = SERVING_PERIOD / len(nodes)
     stop_poll = StopPoll(workers)

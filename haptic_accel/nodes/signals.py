@@ -22,7 +22,7 @@ from haptic_accel.core.model import IDENTITY, Quaternion, Vector
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.sequence_check import SequenceCheck, SolePublisher
 from haptic_accel.core.topics import BUNDLES, Topic
-from haptic_accel.devices.matched import MatchedPublishers
+from haptic_accel.devices import rclpy_internals as internals
 from haptic_accel.nodes.supervised_node import CallbackGuard, SupervisedNode
 
 BUNDLES_KEPT = 100
@@ -90,8 +90,8 @@ class BundleSender:
         self.period = 1
         self.index, self._add = self._bundle.index, self._bundle.put
         self._name = publisher.topic_name
-        self._publish: Any = publisher.handle.publish_raw
-        self.listening: Callable[[], int] = publisher.handle.get_subscription_count
+        self._publish = internals.bytes_publisher(publisher)
+        self.listening = internals.subscriber_count(publisher)
         node.create_timer(FLUSH_PERIOD, self.flush)
 
     def listeners(self, node: Node) -> set[tuple[bytes, str]]:
@@ -159,9 +159,8 @@ class Sender:
     def offer(self) -> None:
         """Be a publisher of the topic, again after `withdraw`."""
         self._publisher = self._node.publisher(self._topic)
-        # As in `publish`, without its type check.
-        self._publish: Any = self._publisher.handle.publish_raw
-        self._subscribed: Any = self._publisher.handle.get_subscription_count
+        self._publish = internals.bytes_publisher(self._publisher)
+        self._subscribed = internals.subscriber_count(self._publisher)
         self._has_subscriber = False
         self._wire.offer()
 
@@ -187,8 +186,8 @@ class Sender:
 
         A subscriber to both counts once.
         """
-        subscribed = int(self._subscribed())
-        bundled = int(self._bundles.listening()) if self._bundles else 0
+        subscribed = self._subscribed()
+        bundled = self._bundles.listening() if self._bundles else 0
         if subscribed and bundled:
             subscribed = self._found_beside(subscribed, bundled)
         return self._wire.listeners + subscribed + bundled
@@ -216,7 +215,7 @@ class Publishers:
 
     def __init__(self, subscription: Subscription) -> None:
         self.name = subscription.topic_name
-        self._count: Any = subscription.handle.get_publisher_count
+        self._count = internals.publisher_count(subscription)
 
     @property
     def senders(self) -> int:
@@ -224,7 +223,7 @@ class Publishers:
 
         The middleware's count takes 0.3 us, a look-up of the nodes' names 45 us.
         """
-        return int(self._count())
+        return self._count()
 
 
 class Inbox:
@@ -283,7 +282,7 @@ class Inbox:
         Without a subscription, publishers are counted only now and then: a count takes 8 us.
         """
         if self.subscription:
-            return int(self._count())
+            return self._count()
         if (now := time.monotonic()) >= self._counted + RIVALS_PERIOD:
             self._counted, self._senders = now, self._node.count_publishers(self.name)
         return self._senders
@@ -323,11 +322,11 @@ class Inbox:
 
     def _subscribe(self) -> None:
         self.subscription = self._node.subscribe_raw(self._topic, ignore, self._depth)
-        self._node.unserved.add(self.subscription)
-        self._take: Any = self.subscription.handle.take_message
-        self._count: Any = self.subscription.handle.get_publisher_count
-        self._type = self.subscription.msg_type
-        matched = MatchedPublishers(self._node, self.subscription)
+        if internals.TAKES:
+            self._node.unserved.add(self.subscription)
+        self._take = internals.message_taker(self.subscription)
+        self._count = internals.publisher_count(self.subscription)
+        matched = internals.MatchedPublishers(self._node, self.subscription)
         self._publisher = SolePublisher(matched.counts)
 
     def _unsubscribe(self) -> None:
@@ -357,7 +356,7 @@ class Inbox:
         self, unpack: Callable[[bytes], Value]
     ) -> Iterator[tuple[bytes, dict[str, int], Value]]:
         """Yield data, information and value of waiting messages; refuse malformed ones."""
-        while self.subscription and (taken := self._take(self._type, True)):
+        while self.subscription and (taken := self._take()):
             data, information = taken
             try:
                 value = unpack(data)
@@ -377,23 +376,23 @@ class Requests:
     """
 
     def __init__(self, service: Service, guard: CallbackGuard) -> None:
-        self._service: Any = service
-        self._guard = guard
+        self._service, self._guard = service, guard
+        self._answer = service.send_response
+        self._take = internals.request_taker(service)
 
     def drain(self) -> Iterator[tuple[Any, Callable[[Any], None]]]:
         """Yield each request with the function to call with the response."""
         while (taken := self._next())[1] is not None:
             request, header = taken
-            yield request, partial(self._service.send_response, header=header)
+            yield request, partial(self._answer, header=header)
 
     def _next(self) -> tuple[Any, Any]:
         """Return the next request and its header; None for each if there is none."""
         try:
-            found = self._service.handle.service_take_request(self._service.srv_type.Request)
+            return self._take()
         except Exception as error:
             self._guard.note(self._service.service_name, error)
             return None, None
-        return tuple(found)
 
 
 class Samples:

@@ -24,8 +24,6 @@ from typing import Any, TypeVar, cast
 
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_parameters
@@ -37,10 +35,10 @@ from rclpy.waitable import Waitable
 
 from haptic_accel.core.cdr import unpack_stamped_vector, unpack_state
 from haptic_accel.core.model import Vector
-from haptic_accel.core.parameters import printable, shown
+from haptic_accel.core.parameters import shown
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.topics import Topic
-from haptic_accel.devices.matched import MatchedPublishers
+from haptic_accel.devices.rclpy_internals import MatchedPublishers, NodeLogger
 
 
 class LossyStream(io.RawIOBase):
@@ -128,28 +126,6 @@ def _replace(descriptor: int, other: int) -> None:
     if other != descriptor:
         os.dup2(other, descriptor)
         os.close(other)
-
-
-class NodeLogger(RcutilsLogger):
-    """Logger that finds a line's caller from the stack alone, and escapes control characters.
-
-    rclpy's logger uses `inspect`, which resolves the paths of all loaded modules at the first
-    line, 25 to 120 ms, and reads each caller's source file. rclpy's filters (``once``) are
-    missing.
-    """
-
-    def log(self, message: str, severity: Any) -> bool:
-        """Log a message of sufficient severity; return whether it was logged."""
-        if not self.is_enabled_for(severity):
-            return False
-        frame: Any = sys._getframe(1)
-        while frame.f_globals["__name__"] == RcutilsLogger.__module__:
-            frame = frame.f_back
-        code = frame.f_code
-        rclpy_implementation.rclpy_logging_rcutils_log(
-            severity, self.name, printable(message), code.co_name, code.co_filename, frame.f_lineno
-        )
-        return True
 
 
 DEPTH = 1000
@@ -373,14 +349,19 @@ class SupervisedNode(Node):
         self.unserved: set[Subscription] = set()
         self._polled: set[Service] = set()
         self._malformed: Counter[str] = Counter()
+        self._node_logger: NodeLogger | None = None
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._guard = CallbackGuard(
             lambda line: self.get_logger().error(line), lambda text: self.get_logger().debug(text)
         )
         super().__init__(*args, **kwargs)
-        self._logger = NodeLogger(self.get_logger().name)
+        self._node_logger = NodeLogger(self.get_logger().name)
         self.finished: Future = Future()
         """Its result is set when the node's task is done."""
+
+    def get_logger(self) -> Any:
+        """Return the node's logger; rclpy's own while the node is being made."""
+        return self._node_logger or super().get_logger()
 
     def begin(self) -> None:
         """Get ready for the first `work`, once all nodes of the process are made."""

@@ -436,7 +436,7 @@ class Acts:
         self._graph.wait_for(
             lambda: all(each.get_subscription_count() for each in publishers), "subscribers"
         )
-        senders = [each.handle.publish_raw for each in publishers]
+        senders = [each.publish for each in publishers]
         yield list(zip(of, senders, strict=True))
         for publisher in publishers:
             node.destroy_publisher(publisher)

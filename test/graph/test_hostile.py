@@ -28,7 +28,7 @@ from std_srvs.srv import SetBool, Trigger
 from fuzzing import ODD_TEXTS, mutated
 from haptic_accel.core.outside import node_module
 from haptic_accel.core.topics import ACTUATOR_FORCE, MASTER_ARM_FORCE, SLAVE_ARM_FORCE
-from haptic_accel.nodes.scheduling import EventsExecutor
+from haptic_accel.devices.rclpy_internals import EventsExecutor
 from haptic_accel.nodes.supervised_node import message_type, quality
 from haptic_accel.setup.node_parameters import NODES, node_schema
 from observing import Observer
@@ -192,7 +192,7 @@ class Hostile:
             )
         for message in messages:
             with suppress(RuntimeError):  # the middleware refuses to send some
-                publisher.handle.publish_raw(message)
+                publisher.publish(message)
         self.sent += len(messages)
         self._executor.spin_once(timeout_sec=0.005)
         self._node.destroy_publisher(publisher)

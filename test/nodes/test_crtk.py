@@ -21,10 +21,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Empty
 
 from haptic_accel.core.coupling import engagement
+from haptic_accel.devices.rclpy_internals import EventsExecutor
 from haptic_accel.nodes.crtk import Managed
 from haptic_accel.nodes.graph_node import GraphNode
 from haptic_accel.nodes.loop_runner import join
-from haptic_accel.nodes.scheduling import EventsExecutor, StopPoll
+from haptic_accel.nodes.scheduling import StopPoll
 from haptic_accel.nodes.slave_device import slave_device
 from observing import Observer
 from running import PATIENCE, Command, wait_until
@@ -330,7 +331,7 @@ def test_every_request_that_comes_at_once_is_answered(
         lambda event: events.append((event.start_state.label, event.goal_state.label)),
         10,
     )
-    wait_until(lambda: heard.handle.get_publisher_count() == 1, "the publisher of changes")
+    wait_until(lambda: heard.get_publisher_count() == 1, "the publisher of changes")
 
     def answered(kind: type, name: str, request: object) -> list[Any]:
         """Send a request many times at once; return the responses."""

@@ -370,7 +370,7 @@ def _burst(bench: Bench, rival: Node, command: topics.Topic, seen_for: float) ->
     while time.monotonic() < until:
         bench.turn(0.001)
     for _ in range(3):
-        publisher.handle.publish_raw(StampedVector(command).pack(time.time_ns(), RIVAL))
+        publisher.publish(StampedVector(command).pack(time.time_ns(), RIVAL))
     rival.destroy_publisher(publisher)
     wait_until(lambda: bench.node.count_publishers(command.name) < 2, "the rival has left")
 

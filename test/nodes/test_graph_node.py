@@ -320,7 +320,7 @@ def test_samples_of_two_publishers_are_not_taken(listener: Listener, observer: O
     publisher = node.create_publisher(message_type(topic), topic.name, quality(topic))
     wait_until(lambda: publisher.get_subscription_count() == 1, "the rival's subscriber")
     wait_until(lambda: listener.refuses(1), "samples are refused")
-    send = publisher.handle.publish_raw
+    send = publisher.publish
     for _ in range(100):
         send(StampedVector(topic).pack(time.time_ns(), (9.0, 0.0, 0.0)))
         assert not listener.takes()
@@ -374,7 +374,7 @@ def test_messages_that_are_malformed_are_refused_and_counted_and_the_graph_goes_
     def all_refused(report: Any) -> bool:
         for publisher, pieces in sent.items():
             for data in pieces:
-                publisher.handle.publish_raw(data)
+                publisher.publish(data)
         (status,) = report.status
         values = {pair.key: pair.value for pair in status.values}
         refused[reporter(status.name)[1]] = int(values["messages malformed"])

@@ -166,7 +166,7 @@ def test_a_bag_has_what_a_subscriber_of_everything_gets_and_more_by_nobody(
         for index in range(200):
             stamp = time.time_ns()
             sent.append(StampedVector(DESIRED_ACCELERATION).pack(stamp, (MARK, 0.0, float(index))))
-            rival.handle.publish_raw(sent[-1])
+            rival.publish(sent[-1])
             time.sleep(0.002)
         node.destroy_publisher(rival)
         wait_until(

@@ -23,9 +23,9 @@ from rclpy.lifecycle import TransitionCallbackReturn as Outcome
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
+from haptic_accel.devices.rclpy_internals import EventsExecutor
 from haptic_accel.nodes.crtk import Managed
 from haptic_accel.nodes.graph_node import GraphNode
-from haptic_accel.nodes.scheduling import EventsExecutor
 from haptic_accel.nodes.supervised_node import Wire, Wires
 from observing import Observer
 from running import PATIENCE, wait_until
@@ -368,7 +368,7 @@ def test_the_end_of_its_terminal_ends_a_node_in_order(node: Callable[..., Node])
 
 
 SCRIPT = """import os
-from haptic_accel.nodes.supervised_node import NodeLogger
+from haptic_accel.devices.rclpy_internals import NodeLogger
 
 log = NodeLogger("arm")
 os.stat = os.lstat = None  # nothing is asked of the file system

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -27,7 +27,7 @@ from haptic_accel.core.orientation import Orientation
 from haptic_accel.core.sampling import NANOSECONDS
 from haptic_accel.core.sequence_check import SequenceCheck, SolePublisher
 from haptic_accel.core.topics import SLAVE
-from haptic_accel.devices.matched import MatchedPublishers
+from haptic_accel.devices import rclpy_internals as internals
 
 NODE = "haptic_accel_client"
 """Name of the node."""
@@ -63,12 +63,13 @@ class Signal:
         Why the newest message was refused; empty if it was not, or long ago.
     """
 
-    def __init__(self, node: Any, subscription: Any, rate: float) -> None:
-        self._take = subscription.handle.take_message
-        self._count = subscription.handle.get_publisher_count
-        self._publisher = SolePublisher(MatchedPublishers(node, subscription).counts)
-        self._type = subscription.msg_type
-        self._has_orientation = self._type is PoseStamped
+    def __init__(
+        self, node: Any, subscription: Any, rate: float, serve: Callable[[], object]
+    ) -> None:
+        self._take = internals.message_taker(subscription, serve)
+        self._count = internals.publisher_count(subscription)
+        self._publisher = SolePublisher(internals.MatchedPublishers(node, subscription).counts)
+        self._has_orientation = subscription.msg_type is PoseStamped
         self._vector, self._seen = ZERO, -math.inf
         self._sequence = SequenceCheck(rate)
         self.refused, self.refusal, self._refused_at = 0, "", 0.0
@@ -77,7 +78,7 @@ class Signal:
     @property
     def senders(self) -> int:
         """Number of publishers found."""
-        return int(self._count())
+        return self._count()
 
     def newest(self, timeout: float) -> Vector | None:
         """Return the newest vector; None if older than a time-out in s.
@@ -98,7 +99,7 @@ class Signal:
 
     def _waiting(self) -> Iterator[tuple[bytes, dict[str, int]]]:
         """Yield received messages with their facts."""
-        while taken := self._take(self._type, True):
+        while taken := self._take():
             yield taken
 
     def _put(self, data: bytes, received: int) -> None:
@@ -155,16 +156,18 @@ class ArmClient:
             enable_rosout=False,
             start_parameter_services=False,
         )
+        serve = internals.server(self._node)
         self.position, self.velocity = (
-            Signal(self._node, self._subscription(kind, name, _SENSOR), rate)
+            Signal(self._node, self._subscription(kind, name, _SENSOR, raw=True), rate, serve)
             for kind, name in ((PoseStamped, "measured_cp"), (TwistStamped, "measured_cv"))
         )
         self._force = self._publisher(WrenchStamped, force, QoSProfile(depth=1))
+        self._send_force = internals.bytes_publisher(self._force)
         self._pack = StampedVector(SLAVE.arm_force).pack
         subframe, _, _ = force.strip("/").rpartition("/")
         if subframe:
             self._publisher(Bool, f"{subframe}/{ABSOLUTE}", _LATCHED).publish(Bool(data=True))
-        self._states: list[Any] = []
+        self._states: list[Callable[[], Any]] = []
         self._state: Any = None
         self._commands = None
         if find_spec(MESSAGES):
@@ -172,9 +175,12 @@ class ArmClient:
             self._commands = self._publisher(
                 self._messages.StringStamped, "state_command", QoSProfile(depth=DEPTH)
             )
+            state = self._messages.OperatingState
             # Transient-local subscriptions get latched states, volatile subscriptions others.
             self._states = [
-                self._subscription(self._messages.OperatingState, "operating_state", profile)
+                internals.message_taker(
+                    self._subscription(state, "operating_state", profile), serve
+                )
                 for profile in (_LATCHED, _SENSOR)
             ]
 
@@ -186,14 +192,14 @@ class ArmClient:
     @property
     def state(self) -> Any:
         """Newest `operating_state`; None while unknown."""
-        for subscription in self._states:
-            while taken := subscription.handle.take_message(subscription.msg_type, False):
+        for take in self._states:
+            while taken := take():
                 self._state = taken[0]
         return self._state
 
     def push(self, force: Vector) -> None:
         """Send a force, N, as of now."""
-        self._force.handle.publish_raw(self._pack(time.time_ns(), force))
+        self._send_force(self._pack(time.time_ns(), force))
 
     @property
     def is_heard(self) -> bool:
@@ -214,8 +220,9 @@ class ArmClient:
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
 
-    def _subscription(self, kind: Any, name: str, profile: QoSProfile) -> Any:
-        return self._node.create_subscription(kind, f"{self._arm}/{name}", _ignore, profile)
+    def _subscription(self, kind: Any, name: str, profile: QoSProfile, raw: bool = False) -> Any:
+        name = f"{self._arm}/{name}"
+        return self._node.create_subscription(kind, name, _ignore, profile, raw=raw)
 
     def _publisher(self, kind: Any, name: str, profile: QoSProfile) -> Any:
         return self._node.create_publisher(kind, f"{self._arm}/{name.strip('/')}", profile)
