@@ -20,7 +20,7 @@ from haptic_accel.core.control.compensation import PLANT
 from haptic_accel.core.control.controllers.feedback import FeedbackParameters
 from haptic_accel.core.control.controllers.interface import Loop
 from haptic_accel.core.control.controllers.inverse import InverseParameters
-from haptic_accel.core.control.inversion.bound import causal_bound, limited_bound
+from haptic_accel.core.control.inversion.bound import bounds, causal_bound
 from haptic_accel.core.control.inversion.prediction import predict
 from haptic_accel.core.control.inversion.spectrum import ToolSpectrum, measured_spectrum
 from haptic_accel.core.model import ACTUATOR, FloatArray
@@ -88,14 +88,14 @@ def design(words: Sequence[str], json_file: Path | None) -> None:
         granted_delay=granted,
         high_pass_frequency=loop.high_pass_frequency,
     )
-    limited = limited_bound(
+    limited = bounds(
         loop.plant,
         loop.rate,
         samples,
         granted_delay=granted,
         high_pass_frequency=loop.high_pass_frequency,
         actuator=actuator,
-    )
+    ).limited
     frequencies = [frequency for frequency in SHOWN if frequency < found.frequency[-1]]
     nearest = [int(np.argmin(np.abs(found.frequency - frequency))) for frequency in frequencies]
     gains, phases = found.gain[nearest].tolist(), np.degrees(found.phase[nearest]).tolist()

@@ -19,7 +19,7 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ACTUATOR_AXIS, NAMES, Axes
 from haptic_accel.core.control import filters
 from haptic_accel.core.control.channel import FADING, LISTENING
-from haptic_accel.core.control.inversion.bound import limited_bound
+from haptic_accel.core.control.inversion.bound import bounds
 from haptic_accel.core.evaluation.metrics import Spectra, evaluate, indistinguishable, spectra
 from haptic_accel.core.handle.plant import Dynamics
 from haptic_accel.core.model import FloatArray, Vector
@@ -55,7 +55,7 @@ class LowestError:
         Parameters
         ----------
         bound : callable
-            Returns `limited_bound` of the latest input, %, or raises ValueError.
+            Returns the least error for the latest input, %, or raises ValueError.
 
         Returns
         -------
@@ -357,15 +357,15 @@ class Windows:
             values["r2"] = evaluation.r2
             settings = self.settings
             if settings.plant:
-                bound = partial(
-                    limited_bound,
+                least = partial(
+                    bounds,
                     *(settings.plant, rate, desired),
                     granted_delay=settings.granted_delay,
                     noise=settings.noise,
                     high_pass_frequency=LOWEST_CORNER,
                     actuator=settings.actuator,
                 )
-                values["lowest_percent"] = self._lowest.follow(bound) or math.nan
+                values["lowest_percent"] = self._lowest.follow(lambda: least().limited) or math.nan
         else:
             self._lowest = LowestError()
         step = len(desired) // CLOUD_POINTS + 1

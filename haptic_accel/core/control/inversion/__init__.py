@@ -5,5 +5,5 @@
 
 `design.design_inverse` designs the filter; a filter per grip is designed in the controller
 `adaptive`. `prediction.predict` returns error, force and travel. `bound.causal_bound` is the
-smallest error of any causal filter, `bound.limited_bound` includes the limits of travel and force.
+smallest error of any causal filter, `bound.bounds` includes the limits of travel and force.
 """

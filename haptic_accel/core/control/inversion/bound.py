@@ -68,7 +68,7 @@ def causal_bound(
     of the desired acceleration, and the plant P is an all-pass A times a minimum phase. The error
     is the part of A* z^-granted_delay Q before time zero (Wiener 1949; Doyle, Francis and
     Tannenbaum, Feedback Control Theory, 1992). It is an infimum: errors close to it may need more
-    than the available travel, see `limited_bound`.
+    than the available travel, see `bounds`.
 
     Parameters
     ----------
@@ -101,58 +101,16 @@ def causal_bound(
     return _problem(plant, grid, tool, granted_delay, noise, high_pass_frequency).causal_error()
 
 
-def limited_bound(
-    plant: Dynamics | MatrixPlant,
-    rate: float,
-    acceleration: FloatArray,
-    *,
-    granted_delay: int = 1,
-    noise: float = 0.0,
-    high_pass_frequency: float = HIGH_PASS_FREQUENCY,
-    actuator: ActuatorParameters | None = None,
-    travel_limit: float | None = None,
-) -> float:
-    """Return the smallest error of causal linear filters with limited travel and force.
-
-    These Wiener filters minimise error^2 + c travel^2 + e force^2 for the input's own spectrum.
-    The costs c and e are constant, the memory is unlimited, and plant and spectrum are fully
-    known. The costs c and e are the smallest for which the maximum travel and force for this input
-    stay within their limits. The result thus bounds time-invariant filters with constant weights.
-    A filter that reduces travel only when needed, such as excursion control, can have a smaller
-    error if an input is large only briefly. Friction, heat and the travel due to gravity are
-    neglected.
-
-    Parameters
-    ----------
-    plant, rate, granted_delay, noise, high_pass_frequency
-        As in `causal_bound`; for small inputs both results are equal.
-    acceleration : ndarray, shape (n,), or (n, 3) with three coils
-        Tool's acceleration, m/s^2. It is faded in over `FADING_IN`, as a section of a longer
-        signal would otherwise start with a jump that needs travel.
-    actuator : ActuatorParameters, optional
-        Actuator with the limits; default: Table I.
-    travel_limit : float, optional
-        Maximum travel, m; default: where the cushion stops the actuator.
-
-    Returns
-    -------
-    float
-        Percent, as `Evaluation.nrmse_percent`; never below `causal_bound`.
-
-    Raises
-    ------
-    ParameterError
-        A parameter is out of range.
-    """
-    actuator = actuator or ActuatorParameters()
-    longest = CUSHION_END * actuator.travel if travel_limit is None else travel_limit
-    grid, tool = _tool_factor(acceleration, rate)
-    problem = _problem(plant, grid, tool, granted_delay, noise, high_pass_frequency)
-    return problem.limited_error(acceleration, longest, actuator.peak_force)
-
-
 class Bounds(NamedTuple):
-    """`causal_bound` of an input's spectrum and `limited_bound` of the input, percent."""
+    """Least errors of causal linear filters for an input, percent, as `Evaluation.nrmse_percent`.
+
+    Attributes
+    ----------
+    causal : float
+        `causal_bound` of the input's spectrum.
+    limited : float
+        Least error with limited travel and force; never below `causal`.
+    """
 
     causal: float
     limited: float
@@ -168,12 +126,34 @@ def bounds(
     high_pass_frequency: float = HIGH_PASS_FREQUENCY,
     actuator: ActuatorParameters | None = None,
 ) -> Bounds:
-    """Return both bounds of an input; parameters and errors as for `limited_bound`.
+    """Return the least errors of causal linear filters, without and with limits.
+
+    The limited filters are the Wiener filters that minimise error^2 + c travel^2 + e force^2 for
+    the input's own spectrum. The costs c and e are constant, the memory is unlimited, and plant
+    and spectrum are fully known. The costs are the smallest for which the maximum travel, up to
+    the cushion, and the maximum force for this input stay within the actuator's limits. The
+    result thus bounds time-invariant filters with constant weights. A filter that reduces travel
+    only when needed, such as excursion control, can have a smaller error if an input is large
+    only briefly. Friction, heat and the travel due to gravity are neglected.
 
     With three coils these are the errors of a vector: the root of the power of its error over
     that of the desired one. The filters know the components' spectra and cross-spectra. The costs
-    of travel and force are equal for all coils, and just high enough for each coil to stay within
-    its limits.
+    are equal for all coils, and just high enough for each coil to stay within its limits.
+
+    Parameters
+    ----------
+    plant, rate, granted_delay, noise, high_pass_frequency
+        As in `causal_bound`.
+    acceleration : ndarray, shape (n,), or (n, 3) with three coils
+        Tool's acceleration, m/s^2. It is faded in over `FADING_IN`, as a section of a longer
+        signal would otherwise start with a jump that needs travel.
+    actuator : ActuatorParameters, optional
+        Actuator with the limits; default: Table I.
+
+    Raises
+    ------
+    ParameterError
+        A parameter is out of range.
     """
     actuator = actuator or ActuatorParameters()
     grid, tool = _tool_factor(acceleration, rate)
