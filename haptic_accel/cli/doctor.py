@@ -10,7 +10,6 @@ Nothing is changed. ``haptic-accel bench latency`` measures the graph itself.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
@@ -34,8 +33,6 @@ from haptic_accel.devices.interface import DeviceError
 from haptic_accel.graph import machine
 from haptic_accel.graph.machine import Finding
 from haptic_accel.graph.middleware import INSTALL_ROS, has_ros
-from haptic_accel.graph.stop_signal import DOMAIN
-from haptic_accel.materials.folders import config_folder
 from haptic_accel.setup.arguments import POINTER
 from haptic_accel.setup.files import EVERY_NODE
 from haptic_accel.setup.rig_file import check_updatable, teleoperation_words, update_parameter_file
@@ -184,9 +181,6 @@ def _write(path: Path, found: audio.AudioParameters, card: audio.SoundCard) -> N
 
 COLOURS = {"ok": "green", "warning": "yellow", "problem": "red"}
 
-LOOP_TIME = 2.0
-"""Length of the empty loop, s."""
-
 
 @verb(
     "haptic-accel doctor",
@@ -235,21 +229,9 @@ def ros_findings() -> Iterator[Finding]:
         yield Finding("ROS 2", "warning", "not installed", meaning, INSTALL_ROS)
         return
     # Imports ROS, which may be broken.
-    from haptic_accel.nodes.empty_loop import empty_loop
-    from haptic_accel.nodes.installation import describe_installation
+    from haptic_accel.nodes.installation import node_findings
 
-    ros = describe_installation()
-    environment = os.environ
-    yield Finding("ROS 2", "ok", f"{ros.distribution or 'unknown'}, rclpy {ros.rclpy}")
-    yield machine.executor(ros.executor)
-    yield machine.timer_slack(ros.timer_slack)
-    yield machine.middleware(ros.middleware)
-    if "fastrtps" in ros.middleware:
-        yield machine.profile(ros.distribution, environment, config_folder())
-    yield machine.discovery_range(environment)
-    yield machine.domain(environment.get(DOMAIN, ""))
-    yield machine.other_graph(ros.published)
-    yield machine.rate_held(empty_loop(DEFAULT_RATE, LOOP_TIME))
+    yield from node_findings()
 
 
 def _print(findings: Sequence[Finding]) -> None:
