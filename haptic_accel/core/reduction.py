@@ -15,7 +15,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from haptic_accel.core.axes import ACTUATOR_AXES, Axes
+from haptic_accel.core.axes import ACTUATOR_AXES
 from haptic_accel.core.model import FloatArray, Vector
 
 # Whole recordings
@@ -148,8 +148,6 @@ class PrincipalDirection:
     ----------
     rate : float
         Samples per second.
-    axes : Axes
-        Single axis of the coil, along which the direction begins.
 
     Attributes
     ----------
@@ -166,8 +164,8 @@ class PrincipalDirection:
     [0.6, 0.0, 0.8]
     """
 
-    def __init__(self, rate: float, axes: Axes = ACTUATOR_AXES) -> None:
-        self.direction = axes.vector([1.0])
+    def __init__(self, rate: float) -> None:
+        self.direction = ACTUATOR_AXES.vector([1.0])
         self._principal, self._distinct = np.array(self.direction), 0.0
         self._resting = -math.expm1(-2 * math.pi * CORNER / rate)
         self._rest: Vector | None = None
@@ -226,8 +224,8 @@ class PrincipalDirection:
             self.direction = x, y, z
 
 
-def live_reduction(name: str, rate: float, axes: Axes = ACTUATOR_AXES) -> Reduction:
-    """Return a causal reduction for a handle with one coil.
+def live_reduction(name: str, rate: float) -> Reduction:
+    """Return a causal reduction for a handle with one coil along z.
 
     Parameters
     ----------
@@ -235,8 +233,6 @@ def live_reduction(name: str, rate: float, axes: Axes = ACTUATOR_AXES) -> Reduct
         One of `LIVE_REDUCTIONS`.
     rate : float
         Samples per second.
-    axes : Axes
-        Single axis of the coil.
 
     Examples
     --------
@@ -246,11 +242,10 @@ def live_reduction(name: str, rate: float, axes: Axes = ACTUATOR_AXES) -> Reduct
     7.0
     """
     if name == "principal":
-        return PrincipalDirection(rate, axes)
+        return PrincipalDirection(rate)
     if name == "sum":
         return sum
-    (index,) = axes.indices
-    return itemgetter(index)
+    return itemgetter(*ACTUATOR_AXES.indices)
 
 
 NO_REDUCTION = "none"

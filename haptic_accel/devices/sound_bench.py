@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 import time as clocks
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -469,8 +468,6 @@ class CardAccelerometer(CompositeDevice):
         Arm.
     to_base_axes : bool
         Turn the acceleration to the axes of the arm's base, as for a tool.
-    clock : callable
-        Returns the time by the clock of the ticks, s.
     """
 
     Parameters = audio.InputParameters
@@ -481,7 +478,6 @@ class CardAccelerometer(CompositeDevice):
         rate: float,
         device: Device,
         to_base_axes: bool,
-        clock: Callable[[], float] = clocks.monotonic,
     ) -> None:
         channels = audio.read_channels("audio.inputs", parameters.inputs)
         if len(channels) not in (1, len(ALL_AXES.names)):
@@ -498,7 +494,7 @@ class CardAccelerometer(CompositeDevice):
         self._scales = np.array(read_numbers("audio.scales", parameters.scales, len(channels)))
         self._parameters, self._rate = parameters, rate
         self._device, self.parts = device, (device,)
-        self._to_base, self._clock = to_base_axes, clock
+        self._to_base = to_base_axes
         self.card: DuplexCard | None = None
         self._wrong = 0
         self.hearing = math.nan
@@ -564,7 +560,7 @@ class CardAccelerometer(CompositeDevice):
         card = self.card
         if card is None:
             return None
-        now = self._clock()
+        now = clocks.monotonic()
         if card.clock.index(now) < card.clock.index(time) + 1:
             return LATER  # at its tick no sample is there, and forces that are due should not wait
         card.receive(now)

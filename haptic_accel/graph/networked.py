@@ -52,8 +52,6 @@ class RelayProcess:
     ports : tuple of (int, int)
         First port of the master's and of the slave's side.
     network : ChannelParameters
-    seed : int
-        Seed of jitter and loss.
 
     Raises
     ------
@@ -61,12 +59,12 @@ class RelayProcess:
         It does not start.
     """
 
-    def __init__(self, ports: tuple[int, int], network: ChannelParameters, seed: int = 0) -> None:
+    def __init__(self, ports: tuple[int, int], network: ChannelParameters) -> None:
         master, slave = (f"{HOST}:{port}" for port in ports)
         self._process = subprocess.Popen(
             [
                 *module_command("haptic_accel.graph.relaying"),
-                *(f"master:={master}", f"slave:={slave}", f"seed:={seed}"),
+                *(f"master:={master}", f"slave:={slave}"),
                 *words_of(network),
             ],
             stdin=subprocess.PIPE,
@@ -170,7 +168,6 @@ def networked_graph(
     arguments: GraphArguments,
     network: ChannelParameters,
     *,
-    seed: int = 0,
     slave_domain: int | None = None,
 ) -> Iterator[NetworkedGraph]:
     """Run a relay, and yield the processes of both sides for it.
@@ -184,8 +181,6 @@ def networked_graph(
         Arguments with both arms.
     network : ChannelParameters
         Network at the start.
-    seed : int
-        Seed of jitter and loss.
     slave_domain : int, optional
         ROS domain of the slave's side; default: the next one without a graph.
 
@@ -201,7 +196,7 @@ def networked_graph(
     ports = _free_ports()
     master, slave = sides(arguments, ports)
     processes = [*graph(master), *(replace(each, domain=domain) for each in graph(slave))]
-    relay = RelayProcess(ports, network, seed)
+    relay = RelayProcess(ports, network)
     try:
         yield NetworkedGraph(processes, relay, domain)
     finally:

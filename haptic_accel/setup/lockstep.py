@@ -34,7 +34,6 @@ def lockstep_trial(
     grips: Sequence[GripChange] = (),
     channel: ChannelParameters | None = None,
     law: str = PASSIVE,
-    blackouts: Sequence[tuple[float, float]] = (),
 ) -> Trial:
     """Run a graph without ROS.
 
@@ -49,7 +48,7 @@ def lockstep_trial(
         Tool acceleration at the graph's rate in place of a simulated one or a file's, m/s^2.
     grips : sequence of GripChange
         Changes of grip, in order of time.
-    channel, law, blackouts
+    channel, law
         Network between the arms, as for `run_trial`.
     """
     arguments, rig = setup.arguments, setup.rig()
@@ -80,7 +79,6 @@ def lockstep_trial(
         grips=grips,
         channel=channel,
         law=law,
-        blackouts=blackouts,
         composed=arguments.composed,
     )
 

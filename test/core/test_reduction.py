@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from haptic_accel.core import reduction
-from haptic_accel.core.axes import Axes
 from haptic_accel.core.model import FloatArray, vector
 
 TIME = np.arange(1000) / 1000.0
@@ -104,11 +103,6 @@ def test_live_and_whole_are_the_same(name: str) -> None:
     np.testing.assert_allclose(
         [live(vector(each)) for each in noise], reduction.REDUCTIONS[name](noise)
     )
-
-
-def test_the_coil_may_be_along_another_axis() -> None:
-    for name in ("axis", "principal"):
-        assert reduction.live_reduction(name, RATE, Axes(("y",)))((1.0, 2.0, 3.0)) == 2.0
 
 
 def test_every_live_reduction_has_its_name() -> None:
