@@ -21,17 +21,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from haptic_accel.analysis import frames, plots
+from haptic_accel.analysis import frames, metrics, plots
 from haptic_accel.analysis.frames import Comparison, csv_text
 from haptic_accel.analysis.loading import Analysis
-from haptic_accel.analysis.metrics import (
-    METRICS,
-    MILLI,
-    PERCENT,
-    VECTOR_METRICS,
-    AnalysedTrial,
-    actual_acceleration,
-)
 from haptic_accel.analysis.plots import PATH, Portrait
 from haptic_accel.analysis.provenance import provenance
 from haptic_accel.analysis.segments import Segment, read_segment
@@ -59,7 +51,7 @@ FULL_SCALE = 32767
 """Maximum integer for stored signals; finer than the resolution of any screen."""
 
 _OMITTED = "nrmse_percent delay_correlation shift_ms age_p50_us age_max_us"
-PER_TRIAL = tuple(name for name in METRICS if name not in _OMITTED.split())
+PER_TRIAL = tuple(name for name in metrics.METRICS if name not in _OMITTED.split())
 """Columns of the table of trials after the error."""
 
 PER_GROUP = (
@@ -69,7 +61,7 @@ PER_GROUP = (
 )
 """Columns of the table of groups, each with its interval over trials."""
 
-_UNITS = {"travel": MILLI}  # of signals over time, if not SI
+_UNITS = {"travel": metrics.MILLI}  # of signals over time, if not SI
 
 
 @dataclass(frozen=True)
@@ -128,9 +120,9 @@ def write_page(
         settings={**setting.settings, **provenance()},
         summary=summary(analysis, comparison),
         analysis=analysis,
-        confidence=f"{PERCENT * CONFIDENCE:g} %",
+        confidence=f"{metrics.PERCENT * CONFIDENCE:g} %",
         table=frames.table_two(grouped),
-        metrics={**METRICS, **VECTOR_METRICS},
+        metrics={**metrics.METRICS, **metrics.VECTOR_METRICS},
         per_trial=(*of_vectors, *PER_TRIAL),
         per_group=(*of_vectors, *PER_GROUP),
         with_vectors=bool(of_vectors),
@@ -143,7 +135,7 @@ def write_page(
             for key, own in frames.by_condition(frame)
             if own.force_rms_N.notna().any()
         ],
-        free=MILLI * min((t.segment.actuator.travel for t in found), default=math.nan),
+        free=metrics.MILLI * min((t.segment.actuator.travel for t in found), default=math.nan),
         losses=_losses(found),
         comparison=comparison,
         notes={
@@ -156,7 +148,7 @@ def write_page(
     )
 
 
-def _losses(found: Sequence[AnalysedTrial]) -> list[tuple[str, str, int]]:
+def _losses(found: Sequence[metrics.AnalysedTrial]) -> list[tuple[str, str, int]]:
     """Return trial, topic, and number of lost samples for each loss."""
     rows = []
     for name, delivery in ((trial.name, trial.segment.delivery) for trial in found):
@@ -168,7 +160,7 @@ def _losses(found: Sequence[AnalysedTrial]) -> list[tuple[str, str, int]]:
     return [row for row in rows if row[2]]
 
 
-def _data(found: Sequence[AnalysedTrial]) -> dict[str, Any]:
+def _data(found: Sequence[metrics.AnalysedTrial]) -> dict[str, Any]:
     """Return the data for the page's script; the trial with the least error is shown first."""
     share = max(POINTS // max(len(found), 1), FEWEST_POINTS)
     errors = [t.error.value if math.isfinite(t.error.value) else math.inf for t in found]
@@ -180,7 +172,7 @@ def _data(found: Sequence[AnalysedTrial]) -> dict[str, Any]:
     }
 
 
-def _drawn(trial: AnalysedTrial, points: int) -> dict[str, Any]:
+def _drawn(trial: metrics.AnalysedTrial, points: int) -> dict[str, Any]:
     whole, detail = trial.traces.shrunk(points)
     axes = trial.segment.axes.names
     by_axis = trial.portrait.by_axis if trial.portrait else {}
@@ -192,7 +184,7 @@ def _drawn(trial: AnalysedTrial, points: int) -> dict[str, Any]:
         "detail": _packed_trace(detail),
         "begin": trial.traces.excerpt,
         **_likeness(None if by_axis else trial.portrait),
-        "free": trial.segment.actuator.travel * MILLI,
+        "free": trial.segment.actuator.travel * metrics.MILLI,
         "axes": {axis: _likeness(by_axis.get(axis)) for axis in axes} if len(axes) > 1 else None,
     }
 
@@ -369,7 +361,7 @@ def signal_table(segment: Segment) -> pd.DataFrame:
     """Return the signals of a trial, read again, by time in s, under names with units."""
     whole = read_segment(segment.bag, segment.number)
     signals = {SIGNALS[name]: values for name, values in whole.signals.items()}
-    actual = actual_acceleration(whole)
+    actual = metrics.actual_acceleration(whole)
     if actual is not None:
         signals["actual_acceleration"] = actual
     frame = frames.segment_signals(replace(whole, signals=signals))

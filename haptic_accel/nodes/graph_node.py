@@ -42,19 +42,7 @@ from haptic_accel.core.tick import TICK
 from haptic_accel.core.topics import BUNDLES, DESCRIPTION, DIAGNOSTICS, SIGNALS, Topic
 from haptic_accel.devices.rclpy_internals import TAKES, bytes_publisher
 from haptic_accel.graph.locks import lock_signal
-from haptic_accel.nodes.signals import (
-    BUNDLES_KEPT,
-    RIVALS_PERIOD,
-    BundleSender,
-    Inbox,
-    Publishers,
-    Requests,
-    Samples,
-    Sender,
-    ignore,
-    join,
-    participant,
-)
+from haptic_accel.nodes import signals
 from haptic_accel.nodes.supervised_node import DEPTH, SupervisedNode, message_type
 from haptic_accel.nodes.timing import scheduling_class
 from haptic_accel.setup.files import FORMER, check_reached, present_values
@@ -332,9 +320,9 @@ class GraphNode(SupervisedNode):
 
     def __init__(self, executable: str, changeable: Changeable = lambda _: ()) -> None:
         self._locks: list[socket.socket] = []
-        self._bundles: BundleSender | None = None
-        self._followed: list[Samples] = []
-        self._sole: dict[str, Inbox | Publishers] = {}
+        self._bundles: signals.BundleSender | None = None
+        self._followed: list[signals.Samples] = []
+        self._sole: dict[str, signals.Inbox | signals.Publishers] = {}
         self._rivals: dict[str, str] = {}
         self.contested_in_loop = 0
         self._told: set[str] = set()
@@ -376,7 +364,7 @@ class GraphNode(SupervisedNode):
             return SetParametersResult(successful=False, reason=str(error))
         return super().set_parameters_atomically(new)
 
-    def sender(self, topic: Topic) -> Sender:
+    def sender(self, topic: Topic) -> signals.Sender:
         """Create the only sender of a signal on this machine.
 
         Raises
@@ -387,36 +375,36 @@ class GraphNode(SupervisedNode):
         name = self.resolve_topic_name(topic.name)
         self._locks.append(lock_signal(self.context.get_domain_id(), name))
         if topic not in SIGNALS:
-            return Sender(self, topic)
+            return signals.Sender(self, topic)
         # Other nodes must find the bundles first, to know that the signal is in them.
-        self._bundles = join(self, partial(self.publisher, BUNDLES, BUNDLES_KEPT))
-        return Sender(self, topic, self._bundles)
+        self._bundles = signals.join(self, partial(self.publisher, BUNDLES, signals.BUNDLES_KEPT))
+        return signals.Sender(self, topic, self._bundles)
 
-    def inbox(self, topic: Topic, depth: int = DEPTH) -> Inbox:
+    def inbox(self, topic: Topic, depth: int = DEPTH) -> signals.Inbox:
         """Subscribe to a topic whose last `depth` messages are read when needed."""
-        return Inbox(self, topic, depth)
+        return signals.Inbox(self, topic, depth)
 
-    def requests(self, kind: Any, name: str) -> Requests:
+    def requests(self, kind: Any, name: str) -> signals.Requests:
         """Offer a service whose requests are served when there is time."""
-        service = self._guard.service(self.create_service(kind, name, ignore))
+        service = self._guard.service(self.create_service(kind, name, signals.ignore))
         if TAKES:
             self._polled.add(service)
-        return Requests(service, self._guard)
+        return signals.Requests(service, self._guard)
 
-    def samples(self, topic: Topic, rate: float) -> Samples:
+    def samples(self, topic: Topic, rate: float) -> signals.Samples:
         """Subscribe to a signal whose samples are read in order, when needed."""
         inbox = self.inbox(topic)
         self.watch_senders(topic, inbox)
-        self._followed.append(Samples(inbox, rate, partial(self._on_jump, topic)))
+        self._followed.append(signals.Samples(inbox, rate, partial(self._on_jump, topic)))
         return self._followed[-1]
 
-    def watch_senders(self, topic: Topic, inbox: Inbox | Publishers) -> None:
+    def watch_senders(self, topic: Topic, inbox: signals.Inbox | signals.Publishers) -> None:
         """Warn while a topic whose samples are used has several publishers."""
         if not self._sole:
-            self.create_timer(RIVALS_PERIOD, self._look_for_rivals)
+            self.create_timer(signals.RIVALS_PERIOD, self._look_for_rivals)
         self._sole[topic.name] = inbox
 
-    def rivals(self, *inboxes: Inbox | Publishers) -> str:
+    def rivals(self, *inboxes: signals.Inbox | signals.Publishers) -> str:
         """Return the senders to inboxes if there are several; otherwise an empty text.
 
         Publishers are counted, as node names are not unique: one node that publishes once to each
@@ -426,7 +414,7 @@ class GraphNode(SupervisedNode):
         if sum(senders) < 2:
             return ""
         listed = [
-            Endpoint(name, _full_name(each), participant(each))
+            Endpoint(name, _full_name(each), signals.participant(each))
             for name in (inbox.name for inbox in inboxes)
             for each in self.get_publishers_info_by_topic(name)
         ]
@@ -444,7 +432,7 @@ class GraphNode(SupervisedNode):
         found = [each for topic in topics for each in self.get_publishers_info_by_topic(topic)]
         return sorted(map(_full_name, found))
 
-    def states(self, inbox: Inbox) -> list[bool]:
+    def states(self, inbox: signals.Inbox) -> list[bool]:
         """Return values of a state: true from any publisher, false from a sole publisher.
 
         A played recording may stop the graph, but must not release the stop.
@@ -543,7 +531,7 @@ class GraphNode(SupervisedNode):
                 line = f"{REFUSED} {found}" if found else "taken again: it has one sender"
                 self.get_logger().warning(f"{name}: {line}")
 
-    def _on_jump(self, topic: Topic, jumped: Samples) -> None:
+    def _on_jump(self, topic: Topic, jumped: signals.Samples) -> None:
         """Restart the sequence checks of all signals, so that the change is reported once."""
         by = jumped.sequence.jump
         self.get_logger().warning(f"{topic.name}: a clock was set by {by:+.3g} s; starting again")

@@ -24,20 +24,8 @@ from haptic_accel.core.topics import CONTACT_FORCE
 from haptic_accel.devices.audio import AUDIO
 from haptic_accel.materials.folders import config_folder, is_recording, preset_file
 from haptic_accel.setup import arguments as names
+from haptic_accel.setup import files
 from haptic_accel.setup.arguments import GraphArguments, IdentifyArguments
-from haptic_accel.setup.files import (
-    SEPARATOR,
-    Unused,
-    Values,
-    current_arguments,
-    current_values,
-    parameter_paths,
-    present_values,
-    read_parameter_file,
-    read_parameter_files,
-    surface_file,
-    warn_of,
-)
 from haptic_accel.setup.node_parameters import NODES, PASSIVE, SAFETY, node_parameters, node_schema
 
 RECORDER = "recorder"
@@ -71,7 +59,7 @@ class Parameters:
         stated = metadata.get(PARAMETERS)
         nodes = stated if isinstance(stated, Mapping) else {}
         known = {name: own for name, own in nodes.items() if isinstance(own, Mapping)}
-        return cls({name: current_values(own) for name, own in known.items()})
+        return cls({name: files.current_values(own) for name, own in known.items()})
 
     def node(self, name: str) -> tuple[Any, dict[str, Any]]:
         """Return a node's own parameters, and those of its options by name.
@@ -170,15 +158,15 @@ class Setup(Parameters, Generic[A]):
         }
         recorded = asdict(self.arguments)
         if self.arguments.params_file:  # found from another working directory, too
-            paths = parameter_paths(self.arguments.params_file)
-            recorded["params_file"] = SEPARATOR.join(map(str, paths))
+            paths = files.parameter_paths(self.arguments.params_file)
+            recorded["params_file"] = files.SEPARATOR.join(map(str, paths))
         return facts_text(recorded, effective)
 
 
 def recorded_arguments(metadata: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments that a bag's metadata states, by present names; empty without any."""
     stated = metadata.get(ARGUMENTS)
-    return current_arguments(stated) if isinstance(stated, Mapping) else {}
+    return files.current_arguments(stated) if isinstance(stated, Mapping) else {}
 
 
 def known_arguments(metadata: Mapping[str, Any]) -> dict[str, Any]:
@@ -194,16 +182,18 @@ def known_arguments(metadata: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in found.items() if value not in (None, "")}
 
 
-def _resolved(arguments: Arguments) -> Values:
+def _resolved(arguments: Arguments) -> files.Values:
     """Return the values that files and arguments give each node, by dotted name."""
-    values: Values = {executable: {} for executable in NODES}
+    values: files.Values = {executable: {} for executable in NODES}
     set_here = _set_by(arguments)
-    own = [(path, read_parameter_file(path, arguments.namespace)) for path in _files(arguments)]
-    given = read_parameter_files(arguments.params_file, arguments.namespace)
-    files = [(path, _present(path, content, arguments.rate)) for path, content in [*own, *given]]
-    for index, (path, content) in enumerate(files, 1):
+    own = [
+        (path, files.read_parameter_file(path, arguments.namespace)) for path in _files(arguments)
+    ]
+    given = files.read_parameter_files(arguments.params_file, arguments.namespace)
+    stated = [(path, _present(path, content, arguments.rate)) for path, content in [*own, *given]]
+    for index, (path, content) in enumerate(stated, 1):
         if path != _defaults_file():
-            _check_given(path, content, set_here, [later for _, later in files[index:]])
+            _check_given(path, content, set_here, [later for _, later in stated[index:]])
         for executable in NODES:
             values[executable] |= content[executable]
     for executable, set_values in set_here.items():
@@ -217,19 +207,19 @@ def _resolved(arguments: Arguments) -> Values:
     return values
 
 
-def _present(path: Path, content: Values, rate: float) -> Values:
+def _present(path: Path, content: files.Values, rate: float) -> files.Values:
     """Return a file's content by present names, after a warning about former ones."""
 
     def warn(line: str) -> None:
         warn_once(f"{path}: {line}")
 
     try:
-        return {node: present_values(own, rate, warn) for node, own in content.items()}
+        return {node: files.present_values(own, rate, warn) for node, own in content.items()}
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from None
 
 
-def _warn_of_unknown_plant(values: Values, given: Sequence[Values]) -> None:
+def _warn_of_unknown_plant(values: files.Values, given: Sequence[files.Values]) -> None:
     """State that a controller needs the plant of coils of which only their kind is known."""
     master, compensator = values["master_device"], values["compensator"]
     preset, controller = master.get("audio.preset"), compensator.get("controller")
@@ -246,7 +236,7 @@ def _warn_of_unknown_plant(values: Values, given: Sequence[Values]) -> None:
         )
 
 
-def _known_handle(arguments: Arguments, values: Values) -> dict[str, Any]:
+def _known_handle(arguments: Arguments, values: files.Values) -> dict[str, Any]:
     """Return the identifier's parameters of a handle; a simulated one needs no measurement."""
     if arguments.master not in (names.SIMULATED, names.POINTER):
         return {"axes": values["compensator"].get("axes", CompensationParameters.axes)}
@@ -257,12 +247,14 @@ def _known_handle(arguments: Arguments, values: Values) -> dict[str, Any]:
     return {**known, "axes": simulated.axes}
 
 
-def _check_given(path: Path, content: Values, set_here: Values, later: Sequence[Values]) -> None:
+def _check_given(
+    path: Path, content: files.Values, set_here: files.Values, later: Sequence[files.Values]
+) -> None:
     """Refuse a file's values that the graph sets; state those that an argument replaces.
 
     What a later file replaces, `read_parameter_files` states.
     """
-    replaced: list[Unused] = []
+    replaced: list[files.Unused] = []
     for node, own in set_here.items():
         for name, value in content[node].items():
             if own.get(name, value) == value:
@@ -274,8 +266,8 @@ def _check_given(path: Path, content: Values, set_here: Values, later: Sequence[
             if any(name in values[node] for values in later):
                 continue
             reason = f"not used, as the argument {argument}:= replaces it"
-            replaced.append(Unused(path, name, node, value, reason))
-    warn_of(replaced)
+            replaced.append(files.Unused(path, name, node, value, reason))
+    files.warn_of(replaced)
 
 
 def argument_of(node: str, name: str) -> str:
@@ -290,7 +282,7 @@ def _files(arguments: Arguments) -> list[Path]:
     paths = [_defaults_file(), preset_file("rig", arguments.rig)]
     surface = getattr(arguments, "surface", "")
     if surface and getattr(arguments, "slave", "") != names.VIRTUAL:
-        paths.append(surface_file(surface))
+        paths.append(files.surface_file(surface))
     return paths
 
 
@@ -299,9 +291,9 @@ def _defaults_file() -> Path:
     return config_folder() / "teleop.yaml"
 
 
-def _set_by(arguments: Arguments) -> Values:
+def _set_by(arguments: Arguments) -> files.Values:
     """Return the parameters that arguments set, by the executables of the graph."""
-    own: Values = {node: {} for node in _nodes(arguments)}
+    own: files.Values = {node: {} for node in _nodes(arguments)}
 
     def put(target: str, value: Any) -> None:
         node, _, parameter = target.partition(".")

@@ -14,15 +14,8 @@ from haptic_accel.core.actuator.parameters import ActuatorParameters
 from haptic_accel.core.axes import ALL_AXES, NAMES, Axes, Mounting, read_mounting, read_numbers
 from haptic_accel.core.model import ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
+from haptic_accel.devices import interface
 from haptic_accel.devices.connection import AUTO, MANUAL
-from haptic_accel.devices.interface import (
-    LATER,
-    Device,
-    DeviceDescription,
-    DeviceError,
-    Reading,
-    Sample,
-)
 
 if TYPE_CHECKING:
     from haptic_accel.devices.serial.protocol import Samples
@@ -126,7 +119,7 @@ class SerialMasterParameters(SerialSlaveParameters):
     actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
 
 
-class SerialDevice(Device):
+class SerialDevice(interface.Device):
     """Accelerometer of a board; position and velocity are zero, there is no arm.
 
     The caller's clock must be `time.monotonic`. At the graph's rate, the board samples on the
@@ -136,7 +129,9 @@ class SerialDevice(Device):
     thread reads.
     """
 
-    description = DeviceDescription(framed=True)  # without an arm, there is no other force
+    description = interface.DeviceDescription(
+        framed=True
+    )  # without an arm, there is no other force
 
     def __init__(self, parameters: SerialSlaveParameters, rate: float, seed: int) -> None:
         p = self._parameters = parameters
@@ -152,7 +147,7 @@ class SerialDevice(Device):
             from haptic_accel.devices.serial.link import BoardLink, Requirements
             from haptic_accel.devices.serial.protocol import Configuration, axes_bits
         except ImportError:
-            raise DeviceError(f"serial: {MISSING_LIBRARY}") from None
+            raise interface.DeviceError(f"serial: {MISSING_LIBRARY}") from None
         self.axes = Axes.parsed(p.axes)
         self._sensor = Sensor(p.calibration, self.axes)
         self._configuration = Configuration(
@@ -176,7 +171,7 @@ class SerialDevice(Device):
         self._link = BoardLink(required, self._take)
         self._waiting: deque[tuple[float, Vector]] = deque(maxlen=MOST_WAITING)
         self._longest_held = LONGEST_HELD / rate
-        self._held: Sample | None = None
+        self._held: interface.Sample | None = None
         self._held_since = 0.0
         self._counts = Counter(
             samples_missing=0, samples_skipped=0, samples_overflowed=0, samples_held=0
@@ -188,34 +183,34 @@ class SerialDevice(Device):
         self._held = None
         self._link.open()
 
-    def read(self, time: float) -> Reading:
+    def read(self, time: float) -> interface.Reading:
         """Return a tick's sample; for a board of another rate, the newest sample by then.
 
         Until the board samples on the grid, a tick gets the sample nearest to it.
         """
         return self._sample_of(time) if self._on_grid else self._newest(time)
 
-    def _sample_of(self, tick: float) -> Reading:
+    def _sample_of(self, tick: float) -> interface.Reading:
         """Return the sample within half a period of a tick; remove earlier samples."""
         waiting, aligned = self._waiting, self._link.aligned
         while waiting and waiting[0][0] < tick - self._half_period:
             waiting.popleft()
             self._counts["samples_skipped"] += aligned
         if not waiting:
-            return LATER if self._link.connected else None
+            return interface.LATER if self._link.connected else None
         if waiting[0][0] > tick + self._half_period:
             self._counts["samples_missing"] += aligned
             return None
-        return Sample(ZERO, ZERO, waiting.popleft()[1])
+        return interface.Sample(ZERO, ZERO, waiting.popleft()[1])
 
-    def _newest(self, time: float) -> Sample | None:
+    def _newest(self, time: float) -> interface.Sample | None:
         """Return the newest sample taken by a time; None once the last is too old to be held."""
         newest = None
         while self._waiting and self._waiting[0][0] <= time:
             newest = self._waiting.popleft()
         if newest is not None:
             self._held_since, acceleration = newest
-            self._held = Sample(ZERO, ZERO, acceleration)
+            self._held = interface.Sample(ZERO, ZERO, acceleration)
         elif self._held is not None:
             if time - self._held_since > self._longest_held:
                 self._held = None
@@ -341,7 +336,7 @@ class SerialMaster(SerialDevice):
     """Handle with an accelerometer and a voice coil, or three."""
 
     Parameters = SerialMasterParameters
-    description = DeviceDescription(ahead=True, framed=True)
+    description = interface.DeviceDescription(ahead=True, framed=True)
 
     def arm(self) -> bool | None:
         """Request that the board allow forces again; return False without a board."""

@@ -19,20 +19,10 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from haptic_accel import ParameterError
+from haptic_accel import ParameterError, commands
 from haptic_accel.analysis.experiment import LOST_SHARE
 from haptic_accel.bags.delivery import AGE_OF
 from haptic_accel.cli.running import HOST
-from haptic_accel.commands import (
-    DONE,
-    StoppedError,
-    arguments,
-    interrupted_by_signals,
-    next_command,
-    print_line,
-    show_page,
-    verb,
-)
 from haptic_accel.core import signal_checks as checks
 from haptic_accel.core.process import FULL_SCALE, UNUSABLE, WRONG_ARGUMENTS
 from haptic_accel.core.signal_checks import Check
@@ -214,13 +204,13 @@ BAR, FULL = 40, 20.0
 """Width of the bar in characters, and the acceleration of a full one, m/s^2."""
 
 
-@verb(
+@commands.verb(
     "haptic-accel bringup ports:=/dev/ttyACM0,/dev/ttyACM1 force_constant:=2.4",
     "haptic-accel bringup file:=rig.yaml redo:=identify",
     "haptic-accel bringup --page",
 )
 @click.option("--page", is_flag=True, help="Ask and show on a page in the browser.")
-@arguments(BringUpArguments)
+@commands.arguments(BringUpArguments)
 def bringup(arguments: BringUpArguments, page: bool) -> None:
     """Bring up a rig in five steps: connect, calibrate, make safe, identify, prove.
 
@@ -229,7 +219,7 @@ def bringup(arguments: BringUpArguments, page: bool) -> None:
     the unfinished step. With --page, a page in the browser asks and shows, and the terminal has
     the same lines.
     """
-    with interrupted_by_signals(), _Terminal() as terminal:
+    with commands.interrupted_by_signals(), _Terminal() as terminal:
         if page:
             _bring_up_on_page(arguments, terminal)
         else:
@@ -239,13 +229,15 @@ def bringup(arguments: BringUpArguments, page: bool) -> None:
 def _bring_up(rig: BringUp, file: str) -> str:
     """Bring up a rig; print and return the line with the next command."""
     try:
-        following = next_command(*rig.run())
+        following = commands.next_command(*rig.run())
     except BringUpError as error:
-        raise StoppedError(str(error)) from None
+        raise commands.StoppedError(str(error)) from None
     except EOFError:
-        raise StoppedError("the input ended; run the same command to continue from here") from None
-    print_line(f"parameters: {file}")
-    print_line(following)
+        raise commands.StoppedError(
+            "the input ended; run the same command to continue from here"
+        ) from None
+    commands.print_line(f"parameters: {file}")
+    commands.print_line(following)
     return following
 
 
@@ -259,21 +251,21 @@ def _bring_up_on_page(arguments: BringUpArguments, terminal: _Terminal) -> None:
     guide = Guide(STEPS)
     rig = BringUp(arguments, _Both(terminal, guide))
     server = ScopeServer(guide, Access(HOST, ""), HOST, 0, guide.act, "bring_up")
-    show_page(server.start())
+    commands.show_page(server.start())
     try:
         try:
-            line, status = _bring_up(rig, arguments.file), DONE
-        except (StoppedError, ParameterError) as error:
+            line, status = _bring_up(rig, arguments.file), commands.DONE
+        except (commands.StoppedError, ParameterError) as error:
             line = str(error)
-            status = error.status if isinstance(error, StoppedError) else WRONG_ARGUMENTS
+            status = error.status if isinstance(error, commands.StoppedError) else WRONG_ARGUMENTS
             terminal.show(None)
             terminal.tell(line)
         with suppress(KeyboardInterrupt):
-            guide.end(line, done=status == DONE)
+            guide.end(line, done=status == commands.DONE)
     finally:
         server.stop()
-    if status != DONE:
-        raise StoppedError(status=status)
+    if status != commands.DONE:
+        raise commands.StoppedError(status=status)
 
 
 class _Both:
@@ -329,7 +321,7 @@ class _Terminal:
 
     def tell(self, line: str) -> None:
         with self._above():
-            print_line(line)
+            commands.print_line(line)
 
     def show(self, watched: Watched | None) -> None:
         with self._above():

@@ -19,16 +19,8 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-from haptic_accel import Axes, Checked, GraphArguments, Setup, Vector, parameter
+from haptic_accel import Axes, Checked, GraphArguments, Setup, Vector, commands, parameter
 from haptic_accel.cli.running import is_ours
-from haptic_accel.commands import (
-    StoppedError,
-    arguments,
-    on_keys,
-    print_line,
-    stop_on_signal,
-    verb,
-)
 from haptic_accel.core.axes import NAMES
 from haptic_accel.core.bounded_files import located
 from haptic_accel.core.model import GRAVITY, ZERO
@@ -147,13 +139,13 @@ class EmulateCanArguments(EmulationArguments):
     fault_arm: str = parameter(SLAVE, "arm with the faults", choices=SIDES)
 
 
-@verb(
+@commands.verb(
     "haptic-accel emulate serial",
     "haptic-accel emulate serial folder:=boards surface:=text duration:=60",
     "haptic-accel emulate serial faults:=garbage,stall@2 fault_board:=slave",
     name="serial",
 )
-@arguments(EmulateSerialArguments)
+@commands.arguments(EmulateSerialArguments)
 def emulate_serial(arguments: EmulateSerialArguments) -> None:
     """Emulate the boards of handle and tool on pseudo-terminals until Ctrl-C."""
     faults = _faults(arguments, arguments.faults, arguments.fault_board, SERIAL_FAULTS)
@@ -162,7 +154,7 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
     try:
         from haptic_accel.kits.emulators.serial_line import CoupledArms, SerialLines
     except ImportError:
-        raise StoppedError(f"serial: {MISSING_LIBRARY}") from None
+        raise commands.StoppedError(f"serial: {MISSING_LIBRARY}") from None
     # The boards must not be delayed by the nodes that they serve.
     from haptic_accel.nodes.timing import ask_for_realtime, sharpen_timers
 
@@ -196,19 +188,19 @@ def emulate_serial(arguments: EmulateSerialArguments) -> None:
     poses = itertools.product(NAMES, (GRAVITY, -GRAVITY))
     for index, (name, gravity) in enumerate(poses, start=1):
         keys[b"%d" % index] = partial(held.tilt, Axes((name,)).vector([gravity]))
-    with on_keys(keys) as read:
+    with commands.on_keys(keys) as read:
         if read:
             print(f"keys: {KEYS}", flush=True)
         _run([lines], arguments.duration, lambda: arms.coupled, "the hand begins to explore")
 
 
-@verb(
+@commands.verb(
     "haptic-accel emulate can",
     "haptic-accel emulate can kinematics:=stage folder:=arms",
     "haptic-accel emulate can faults:=estimates@2",
     name="can",
 )
-@arguments(EmulateCanArguments)
+@commands.arguments(EmulateCanArguments)
 def emulate_can(arguments: EmulateCanArguments) -> None:
     """Emulate master and slave arms of ODrives on CAN until Ctrl-C.
 
@@ -248,13 +240,13 @@ def emulate_can(arguments: EmulateCanArguments) -> None:
     _run(lines, arguments.duration, driven, "the arms have torques")
 
 
-@verb(
+@commands.verb(
     "haptic-accel emulate network delay:=0.05",
     "haptic-accel emulate network delay:=0.05 jitter:=0.01 loss:=0.02",
     "haptic-accel emulate network master:=desk.lab slave:=robot.lab delay:=0.1",
     name="network",
 )
-@arguments(RelayArguments)
+@commands.arguments(RelayArguments)
 def emulate_network(arguments: RelayArguments) -> None:
     """Emulate a bad network between two hosts until Ctrl-C.
 
@@ -268,13 +260,13 @@ def emulate_network(arguments: RelayArguments) -> None:
         "on one machine, the second with another ROS_DOMAIN_ID",
         flush=True,
     )
-    with stop_on_signal() as stopped:
+    with commands.stop_on_signal() as stopped:
         try:
             relay = opened(arguments)
             hurry(PRIORITY)
-            serve(relay, print_line, stopped, _words_source())
+            serve(relay, commands.print_line, stopped, _words_source())
         except OSError as error:
-            raise StoppedError(str(error)) from None
+            raise commands.StoppedError(str(error)) from None
 
 
 def _side(side: str, host: str) -> str:
@@ -427,7 +419,7 @@ def _run(
         return bool(duration and monotonic() - start >= duration) or stopped()
 
     try:
-        with stop_on_signal() as stopped:
+        with commands.stop_on_signal() as stopped:
             run(lines, ended)
     finally:
         for each in lines:
