@@ -46,8 +46,6 @@ SECONDS = 10.0
 BEGIN = 2.0
 """Time without contact, and of first learning, that is left out, s."""
 
-STATIC = {"decoupling": "static"}
-
 RIGS = ("three_axis_ideal", "three_axis")
 
 CONDITIONS: dict[str, tuple[str, Mapping[str, Any]]] = {
@@ -56,7 +54,6 @@ CONDITIONS: dict[str, tuple[str, Mapping[str, Any]]] = {
     "one coil: sum": ("inverse", {"reduction": "sum"}),
     "one coil: principal": ("inverse", {"reduction": "principal"}),
     "three coils: constant": ("constant", {}),
-    "three coils: inverse, static": ("inverse", STATIC),
     "three coils: inverse": ("inverse", {}),
     "three coils: feedback": ("feedback", {}),
     "three coils: adaptive": ("adaptive", {}),

@@ -461,9 +461,9 @@ def run_identification(
     axes = master_rig.axes_of(rig)
     exciting = sweep.trial_forces(axes, parameters or sweep.SweepParameters(), rate)
     force = np.squeeze(np.concatenate([exciting, np.zeros((latency, len(axes.names)))]))
-    return [
-        _excite(rig, _trial_seed(seed, index), force, rate, latency) for index in range(trials)
-    ]
+    # Trials of adjacent seeds have different noise.
+    seeds = [np.random.SeedSequence((seed, index)).generate_state(1)[0] for index in range(trials)]
+    return [_excite(rig, int(each), force, rate, latency) for each in seeds]
 
 
 def master_response(
@@ -489,11 +489,6 @@ def master_response(
     master = master_rig.simulated_master(rig, rate)
     assert isinstance(master, master_rig.ThreeAxisRig)
     return master.response(frequency, rate)
-
-
-def _trial_seed(seed: int, trial: int) -> int:
-    """Return a seed for a trial, so that trials of adjacent seeds have different noise."""
-    return int(np.random.SeedSequence((seed, trial)).generate_state(1)[0])
 
 
 def _excite(

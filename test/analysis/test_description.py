@@ -126,7 +126,7 @@ def test_any_recorder_gets_what_the_figures_hang_on_though_it_joins_late(
     words = "rate:=250", "controller:=dynamic", "surface:=vinyl", "bag:=own"
     graph = haptic_accel("teleop", *words)
     graph.wait_for("engaged")
-    value = ParameterValue(type=TEXT_TYPE, string_value="adaptive")
+    value = ParameterValue(type=TEXT_TYPE, string_value="none")
     change = SetParameters.Request(parameters=[Parameter(name="controller", value=value)])
     observer.call(SetParameters, "compensator/set_parameters", change)
     recorder = OtherRecorder(observer)
@@ -135,12 +135,12 @@ def test_any_recorder_gets_what_the_figures_hang_on_though_it_joins_late(
     recorder.record_until(lambda: graph.process.poll() is not None)
     assert graph.end() == 0, graph.text
     stated = read_metadata(tmp_path / "own").custom
-    custom = {key: text.replace('"dynamic"', '"adaptive"') for key, text in stated.items()}
+    custom = {key: text.replace('"dynamic"', '"none"') for key, text in stated.items()}
     other = recorder.write(tmp_path / "other")
     messages = [Message(*each) for each in with_types(other)]
     expected = row(write_messages(tmp_path / "with_metadata", messages, custom=custom))
     found = row(other)
-    assert (found.controller, found.surface) == ("adaptive", "vinyl")
+    assert (found.controller, found.surface) == ("none", "vinyl")
     assert expected.run.startswith(found.run)
     pd.testing.assert_series_equal(found.drop("run"), expected.drop("run"))
     ours = trials(load(tmp_path / "own"))

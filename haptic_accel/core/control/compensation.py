@@ -17,11 +17,12 @@ from haptic_accel.core.control.authority import Authority
 from haptic_accel.core.control.channel import LARGEST_GAIN, Channel
 from haptic_accel.core.control.controllers import CONTROLLERS, CONTROLLERS_GROUP, Loop
 from haptic_accel.core.control.controllers import PLANT as PLANT
-from haptic_accel.core.control.decoupling import full_decoupling, static_decoupling
-from haptic_accel.core.control.fallback import NONE
+from haptic_accel.core.control.decoupling import full_decoupling
+from haptic_accel.core.control.fallback import NONE, TURNS
 from haptic_accel.core.control.filters import HIGH_PASS_FREQUENCY, check_corner, high_pass
 from haptic_accel.core.control.howling import HEARS, HowlingDetector
 from haptic_accel.core.control.reduction_switch import ReductionSwitch
+from haptic_accel.core.control.sensor_watch import SensorWatch
 from haptic_accel.core.handle.plant import MatrixPlant, Plant, read_matrix_plant
 from haptic_accel.core.model import ACTUATOR, GRAVITY, ZERO, Vector
 from haptic_accel.core.parameters import Checked, ParameterError, parameter
@@ -34,11 +35,9 @@ from haptic_accel.core.tick.histogram import DurationHistogram
 AT_RANGE = 0.999
 """Fraction of full scale above which a handle sample counts as saturated, as converters differ."""
 
-FULL, STATIC = "full", "static"
-"""Decoupling of three coils: with the dynamics of their coupling, or without."""
-
-DIRECTION, PER_AXIS = "direction", "per_axis"
-"""Limits of three coils: with the direction of the force kept, or each coil on its own."""
+STUCK = 0.03
+"""Time of equal samples, while a force acts, after which the handle's accelerometer is stuck, s. A
+converter of 12 bits at 10 g, without noise, shows slow forces of 0.1 m/s^2 for half as long."""
 
 LOUD = 0.2
 """Noise of an axis of the handle's accelerometer that is reported, m/s^2 RMS: three times that of
@@ -76,17 +75,6 @@ class CompensationParameters(Checked):
         " axes that the handle has), the component along z, the sum, or the component along the"
         " strongest vibration",
         choices=(NO_REDUCTION, *LIVE_REDUCTIONS),
-    )
-    decoupling: str = parameter(
-        FULL,
-        "decoupling of three coils by the inverse of their coupling: with its dynamics, or its"
-        " mean over frequency alone",
-        choices=(FULL, STATIC),
-    )
-    saturation: str = parameter(
-        DIRECTION,
-        "limits of three coils: keep the direction of the force, or limit each coil on its own",
-        choices=(DIRECTION, PER_AXIS),
     )
 
 
@@ -207,8 +195,7 @@ class Compensation(HandleCompensation):
             coupled = plant or matrix_plant(known, rate)
             coupled.check_rate(rate)
             plants = coupled.axes
-            design = full_decoupling if parameters.decoupling == FULL else static_decoupling
-            taps = design(coupled, high_pass_frequency=corner)
+            taps = full_decoupling(coupled, high_pass_frequency=corner)
             self.tool_decoupling = VectorConvolution(taps)
             self.handle_decoupling = VectorConvolution(taps)
         actuator = known.get(ACTUATOR, ActuatorParameters())
@@ -235,12 +222,12 @@ class Compensation(HandleCompensation):
             HowlingDetector(rate, channel.supervisor, sections, each.handle.m_h)
             for channel, each in zip(self.channels, plants, strict=True)
         ]
+        self.sensors = SensorWatch(rate, traces)
         self.alignment = None if single else Alignment(rate, coils)
         self.switch = ReductionSwitch(parameters.reduction, rate, self._unreduced)
         # Below the range, not at it.
         handle_range = math.nextafter(AT_RANGE * parameters.handle_range, 0.0)
-        per_axis = parameters.saturation == PER_AXIS
-        super().__init__([*self.channels], sections, handle_range, per_axis)
+        super().__init__([*self.channels], sections, handle_range, round(STUCK * rate))
         self._begin_again()
 
     @property
@@ -326,13 +313,14 @@ class Compensation(HandleCompensation):
     def _work(self) -> int:
         """Execute a part of what can wait; return the number of samples to the next."""
         left = [channel.adapt() for channel in self.channels]  # all at the same time
+        left.append(self.sensors.update(self.rejected, self.untrusted))
         self._replace_failed()
         if self.alignment:
             left.append(self.alignment.update())
         if self._is_alone != self.judged_alone:
             self._judge_anew()
         elif self.first.substitution.reducible:
-            if self.authority.left <= 0 and not self.channels[0].fallback.is_supervising:
+            if self.authority.left <= 0 and self.first.trace.count % TURNS:
                 self.authority.update(all(each.supervisor.described for each in self.channels))
             left.append(max(1, self.authority.left))
         if self.switch.name != self.switch.active or 0.0 < self.switch.alone < 1.0:
@@ -392,7 +380,7 @@ class Compensation(HandleCompensation):
             warning = channel.warning
             found.append(warning if self.single or not warning else f"{name}: {warning}")
         authority = self.authority
-        found.append(self.failure)
+        found += self.failure, self.sensors.warning
         noise = authority.noise / math.sqrt(len(self.channels))
         if LOUD <= noise < math.inf:
             found.append(f"the handle's accelerometer has {noise:.2f} m/s^2 RMS of noise")
@@ -404,6 +392,7 @@ class Compensation(HandleCompensation):
     def _begin_again(self) -> None:
         """Enter the idle state, until two samples differ."""
         self.due = self._work_due = 0
+        self.sensors.reset()
         for each in self.howling:
             each.reset()
         self.switch.settle()

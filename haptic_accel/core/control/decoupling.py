@@ -31,9 +31,6 @@ RIDGE = 1e-4
 """Cost of the decoupling's gain relative to the mean weight: an error of less than 0.1 % in the
 band, and no large gain above it, where hardly any texture is expected."""
 
-LINES = 513
-"""Number of frequencies of the mean coupling: 1 Hz apart at 1 kHz."""
-
 
 def full_decoupling(
     plant: MatrixPlant,
@@ -62,10 +59,11 @@ def full_decoupling(
     from scipy.linalg import cho_factor, cho_solve
 
     if plant.coupling.shape[2] == 1:
-        return static_decoupling(plant, spectrum, high_pass_frequency)
+        return np.asarray(np.linalg.inv(plant.directions)[:, :, np.newaxis])
     length = max(1, min(round(DECOUPLING_LENGTH * plant.rate), MOST_TAPS))
     grid = grid_for(plant.rate, max(length, plant.coupling.shape[2]))
-    weights = _desired(spectrum, high_pass_frequency, grid.frequency, plant.rate)
+    passed = high_pass_response(high_pass_frequency, grid.frequency, plant.rate)
+    weights = spectrum(grid.frequency) * np.abs(passed) ** 2
     response = np.array([[grid.spectrum(each) for each in row] for row in plant.coupling])
     weighted = weights * response.conj()
     gram, sides = (
@@ -81,25 +79,3 @@ def full_decoupling(
     columns = sides.transpose(0, 2, 1).reshape(3 * length, 3)
     taps = cho_solve(cho_factor(matrix, overwrite_a=True), columns).reshape(3, length, 3)
     return np.ascontiguousarray(taps.transpose(0, 2, 1))
-
-
-def static_decoupling(
-    plant: MatrixPlant,
-    spectrum: ToolSpectrum = PRIOR,
-    high_pass_frequency: float = HIGH_PASS_FREQUENCY,
-) -> FloatArray:
-    """Return the inverse of the mean of K over the spectrum of `full_decoupling`, (3, 3, 1)."""
-    if plant.coupling.shape[2] == 1:  # without the rounding of a mean
-        return np.asarray(np.linalg.inv(plant.directions)[:, :, np.newaxis])
-    frequency = np.linspace(0.0, plant.rate / 2.0, LINES)[1:]
-    weights = _desired(spectrum, high_pass_frequency, frequency, plant.rate)
-    mean = np.einsum("f,fij->ij", weights, plant.coupling_response(frequency).real)
-    return np.asarray(np.linalg.inv(mean / weights.sum())[:, :, np.newaxis])
-
-
-def _desired(
-    spectrum: ToolSpectrum, corner: float, frequency: FloatArray, rate: float
-) -> FloatArray:
-    """Return the spectrum of the desired acceleration, (m/s^2)^2/Hz."""
-    passed = np.abs(high_pass_response(corner, frequency, rate)) ** 2
-    return np.asarray(spectrum(frequency) * passed)

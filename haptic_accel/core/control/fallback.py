@@ -199,11 +199,6 @@ class Fallback(Substitution):
         return done and turn == 0
 
     @property
-    def is_supervising(self) -> bool:
-        """True in the samples in which the supervision has its turn."""
-        return self.trace.count % TURNS == 0
-
-    @property
     def _parts(self) -> tuple[ResponseSupervisor | ResponseEstimator, ...]:
         """Evaluations in use, in the order of their turns."""
         compared = self._tracking, self._prospect

@@ -422,7 +422,8 @@ class PassiveHalf:
         requested = min(size, most)
         self._total_share = self._recovered(self._total_share, limit, requested)
         shorter = self._total_share * (requested / size if size else 1.0)
-        self._note_limited(min(reach, most) < stretch or min(limit, most) < size)
+        limited = min(reach, most) < stretch or min(limit, most) < size
+        self.limited += (float(limited) - self.limited) * self._period
         self._spring_energy = min(spring, reach) ** 2 / (2.0 * k)
         reserve = size * shorter * travel
         b *= shorter
@@ -436,9 +437,6 @@ class PassiveHalf:
             possible / requested if possible < requested else 1.0,
             share + self._period / SHARE_TIME,
         )
-
-    def _note_limited(self, limited: bool) -> None:
-        self.limited += (float(limited) - self.limited) * self._period
 
     def _ship(self, energy: float) -> None:
         if energy > 0.0:

@@ -1030,8 +1030,10 @@ class HandleCompensation:
         High-pass of the desired acceleration of three axes.
     handle_range : float
         Acceleration below which the handle's accelerometer is not saturated, m/s^2.
-    per_axis : bool
-        True if the limits of several coils do not keep the direction of the force.
+    patience : int
+        Number of equal samples along z in a row, while a force acts, from which on the handle's
+        accelerometer is taken as stuck, and its samples as missing: otherwise a controller learns
+        that the handle does not answer, and pushes with newtons.
 
     Attributes
     ----------
@@ -1044,10 +1046,11 @@ class HandleCompensation:
         Part of the arm's force on the handle that its encoders' rounding causes, N; due with the
         coils' forces of the next sample.
     rejected : int
-        Number of samples with a component in use that was not finite or not plausible. Tool
-        samples become zero, handle samples count as missing.
+        Number of tool samples with a component in use that was not finite or not plausible; they
+        become zero.
     untrusted : int
-        Number of handle samples that were missing, or saturated in any component.
+        Number of handle samples that were missing, or in any component saturated, not finite or
+        not plausible.
     due : int
         Count of samples, see `Trace`, from which `adapt` of the subclass has something to do.
     """
@@ -1058,14 +1061,15 @@ class HandleCompensation:
     handle_decoupling: VectorConvolution
 
     def __init__(
-        self, coils: list[CoilChannel], sections: FloatMatrix, handle_range: float, per_axis: bool
+        self, coils: list[CoilChannel], sections: FloatMatrix, handle_range: float, patience: int
     ) -> None:
         self.coils = coils
         self.first: CoilChannel = coils[0]
         self.z: CoilChannel = coils[len(coils) - 1]
         self.single = len(coils) == 1
         self.high_passes = [SampleFilter(sections) for _ in coils]
-        self.handle_range, self.per_axis = handle_range, per_axis
+        self.handle_range, self.patience = handle_range, patience
+        self.equal = 0  # samples of the handle in a row
         self.judged_alone = False  # the coil along z, among others
         self.desired_x = self.desired_y = self.desired_z = 0.0
         self.force_x = self.force_y = self.force_z = 0.0
@@ -1170,18 +1174,18 @@ class HandleCompensation:
 
     def take_handle(self, known: bool, h_x: float, h_y: float, h_z: float) -> None:
         """Pass a sample of the handle to the channels: decoupled, and the one for the limits."""
-        trusted: bool = known and is_within(h_x, h_y, h_z, self.handle_range)
         z: CoilChannel = self.z
+        pushed: bool = self.force_z != 0.0 or self.force_x != 0.0 or self.force_y != 0.0
+        self.equal = self.equal + 1 if known and pushed and h_z == z.handle else 0
+        trusted: bool = known and is_within(h_x, h_y, h_z, self.handle_range)
+        trusted = trusted and self.equal < self.patience
         doubt = UNKNOWN
         if trusted:
             z.handle = h_z
-        elif not known:
-            self.untrusted += 1
-        elif is_within(h_x, h_y, h_z, LARGEST_ACCELERATION):
-            self.untrusted += 1
-            doubt = INFINITE
         else:
-            self.rejected += 1
+            self.untrusted += 1
+            if known and self.equal == 0 and is_within(h_x, h_y, h_z, LARGEST_ACCELERATION):
+                doubt = INFINITE
         if self.single:
             z.measured = h_z if trusted else doubt
             return
@@ -1235,7 +1239,7 @@ class HandleCompensation:
             allowed = max(allowed, math.fabs(channel.guard.allowed))
         if asked != 0.0:  # or a moving coil is braked
             self.authority.left_over = min(self.authority.left_over, allowed / asked)
-        if not (self.single or self.per_axis):
+        if not self.single:
             scale_within([each.guard for each in self.coils])
             for channel in self.coils:
                 # Limited again, for a coil that must be braked.

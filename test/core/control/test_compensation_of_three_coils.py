@@ -204,14 +204,12 @@ def test_other_names_of_the_axes_change_nothing(controller: str) -> None:
 
 def test_the_full_inverse_of_the_coupling_moves_the_handle_as_the_tool() -> None:
     tool = textures(4.0)
-    full, static = (
-        error(tool, driven(compensation("inverse", changed=changed), Handle(COUPLED), tool)[0])
-        for changed in ("", "decoupling=static")
+    decoupled, ignored = (
+        error(tool, driven(compensation("inverse", plant), Handle(COUPLED), tool)[0])
+        for plant in (COUPLED, UNCOUPLED)
     )
-    ignored, _ = driven(compensation("inverse", UNCOUPLED), Handle(COUPLED), tool)
-    print(f"full {full:.1f} %, static {static:.1f} %, none {error(tool, ignored):.1f} %")
-    assert full < 6.0  # 0.07 m/s^2 of noise is 5 %
-    assert full < static < error(tool, ignored)
+    assert decoupled < 6.0  # 0.07 m/s^2 of noise is 5 %
+    assert ignored > 30.0
 
 
 @pytest.mark.parametrize("controller", ["feedback", "adaptive"])
@@ -366,15 +364,6 @@ def test_a_force_beyond_the_peak_of_a_coil_keeps_its_direction(tools: list[Vecto
         assert force == pytest.approx(share * wanted)
 
 
-def test_each_coil_can_be_limited_on_its_own() -> None:
-    peak = replace(WIDE, peak_force=2.0)
-    limited = compensation("constant", actuator=peak, changed="saturation=per_axis")
-    free = compensation("constant", actuator=WIDE)
-    for tool in 20.0 * textures(0.2):
-        wanted = free.process(vector(tool), ZERO)[1]
-        assert limited.process(vector(tool), ZERO)[1] == pytest.approx(np.clip(wanted, -2.0, 2.0))
-
-
 def test_a_warm_coil_scales_the_force_of_all() -> None:
     warm = replace(WIDE, continuous_force=0.5, thermal_time=0.5)
     limited, free = (compensation("constant", actuator=each) for each in (warm, WIDE))
@@ -389,10 +378,9 @@ def test_a_warm_coil_scales_the_force_of_all() -> None:
     assert int(limited.diagnostics()[1]["y limited by heat"]) == 0
 
 
-@pytest.mark.parametrize("saturation", ["direction", "per_axis"])
-def test_a_coil_is_braked_before_its_stop(saturation: str) -> None:
+def test_a_coil_is_braked_before_its_stop() -> None:
     short = replace(COIL, travel=0.5e-3)
-    stream = compensation("inverse", actuator=short, changed=f"saturation={saturation}")
+    stream = compensation("inverse", actuator=short)
     for tool in 8.0 * textures(1.0):
         assert np.abs(stream.process(vector(tool), ZERO)[1]).max() <= COIL.peak_force
         values = stream.diagnostics()[1]

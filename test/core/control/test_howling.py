@@ -5,24 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import NamedTuple
-
 import numpy as np
 import pytest
 from scipy import signal
 
 from haptic_accel.core.control.controllers import OWN_CONTROLLERS
 from haptic_accel.core.control.howling import HEARS
-from haptic_accel.core.model import FloatArray, Sample
-from haptic_accel.core.rig.interface import Rig
-from haptic_accel.core.rig.master_rig import simulated_master
-from haptic_accel.core.rig.slave_rig import SlaveRig
-from haptic_accel.core.simulated_rig import build_loop, build_parts
-from haptic_accel.core.tick import MASTER, SLAVE, CompensationPart
-from haptic_accel.setup.arguments import parse_arguments
-from haptic_accel.setup.setup import Setup
+from haptic_accel.core.model import FloatArray
+from haptic_accel.core.tick import MASTER, SLAVE
+from sensed_rigs import Mixture, Result, run_sensed
 
 RATE, SECONDS = 1000.0, 2.0
 CONTACT = 0.8, 1.4
@@ -52,27 +43,6 @@ WRONG: dict[str, Gains] = {
 RIGHT: Gains = ((1.0, 0.0), (0.0, 1.0))
 
 
-class Wired(Rig):
-    """Rig whose accelerometer measures a mixture of handle and tool."""
-
-    def __init__(self, own: Rig, both: Sequence[Rig], gains: tuple[float, float]) -> None:
-        super().__init__(own.motion)
-        self._own, self._both, self._gains = own, both, gains
-
-    def read(self, time: float) -> Sample:
-        felt = np.array([each.read(time).acceleration for each in self._both])
-        x, y, z = np.array(self._gains) @ felt
-        return self._own.read(time)._replace(acceleration=(float(x), float(y), float(z)))
-
-
-class Result(NamedTuple):
-    """Force after silence, N, and the last failure; parts for further calls."""
-
-    force: FloatArray
-    failure: str
-    part: CompensationPart
-
-
 def touched(seed: int = 0) -> FloatArray:
     """Return the tool's acceleration in contact, beside the sensor's noise."""
     random = np.random.default_rng(seed)
@@ -84,23 +54,9 @@ def touched(seed: int = 0) -> FloatArray:
     return np.asarray(found)
 
 
-def run(controller: str, rig_name: str, gains: Gains, tool: FloatArray) -> Result:
-    setup = Setup.of(parse_arguments([f"controller:={controller}", f"rig:={rig_name}"]))
-    rig = setup.rig()
-    around, controllers = setup.node("compensator")
-    rigs = simulated_master(rig.master, RATE), SlaveRig(rig.slave, RATE, 0, tool)
-    devices = {
-        arm: Wired(own, rigs, row)
-        for arm, own, row in zip((MASTER, SLAVE), rigs, gains, strict=True)
-    }
-    around = replace(around, controller=controller)
-    sides, part = build_parts(rig, devices, around, controllers, RATE, 1)
-    loop = build_loop(rig, sides, part)
-    rows = np.zeros((len(tool), 10, 3))
-    loop.record(rows)
-    for tick in range(len(tool)):
-        loop.step(tick)
-    return Result(rows[:, 9, 2], part.slow.failure, part)
+def run(controller: str, rig: str, gains: Gains, tool: FloatArray) -> Result:
+    sensors = {arm: Mixture(row) for arm, row in zip((MASTER, SLAVE), gains, strict=True)}
+    return run_sensed(controller, rig, sensors, tool)
 
 
 @pytest.mark.parametrize("rig", ["paper", "ideal"])

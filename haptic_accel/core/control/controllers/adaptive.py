@@ -243,7 +243,7 @@ class Learner:
         self._numerator = np.polyval(model.numerator, self._s)
         self._equations = design.NormalEquations(plant.handle, lines, rate, goal)
         self._expected, self._unexpected = map(_spectrum, design.expected_input(rate, goal, lags))
-        self._above = _rising(lines, *LEARNT)
+        self._above = np.interp(lines, LEARNT, (0.0, 1.0))
         tool = 1.0 / np.abs(design.extended_response(goal.high_pass_frequency, lines, rate)) ** 2
         self._tool_power = self._above * tool
         self._expected_power = float(self._tool_power @ self._expected)
@@ -387,11 +387,6 @@ def _spectrum(sequence: FloatArray) -> FloatArray:
     """Return the spectrum of an autocorrelation from lag zero on, shape (n + 1,) for n lags."""
     both = np.concatenate([sequence, [0.0], sequence[:0:-1]])
     return np.asarray(np.fft.rfft(both).real)
-
-
-def _rising(frequency: FloatArray, low: float, high: float) -> FloatArray:
-    """Return weights that rise linearly from 0 at one frequency to 1 at another."""
-    return np.clip((frequency - low) / (high - low), 0.0, 1.0)
 
 
 @dataclass(frozen=True)

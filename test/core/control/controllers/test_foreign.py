@@ -47,10 +47,11 @@ def failing(act: Callable[[], Any], place: str = "force", **given: Any) -> Compe
 
 
 def run(made: Compensation, samples: int) -> list[float]:
-    """Return the forces of the coil along z while the tool moves."""
+    """Return the forces of the coil along z while tool and handle move."""
     forces = []
     for index in range(samples):
-        forces.append(made.process((0.0, 0.0, 0.1 * (index % 2)), (0.0, 0.0, 0.0))[1][2])
+        shaken = 0.0, 0.0, 0.1 * (index % 2)
+        forces.append(made.process(shaken, shaken)[1][2])
         made.adapt()
     return forces
 

@@ -1,0 +1,82 @@
+# Copyright 2026 haptic_accel maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Warning of a broken accelerometer, or of its cable, from the samples themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from haptic_accel.core.control.response_estimation import latest
+from haptic_accel.core.outliers import LARGEST_SHARE, outliers
+from haptic_accel.core.tick.watching import DESIRED, FORCE, MEASURED, Trace
+
+PERIOD = 0.5
+"""Time between two judgements, s."""
+
+SEARCHED = 512
+"""Number of latest samples that are searched for spikes, or for any change."""
+
+UNUSABLE_SHARE = 0.1
+"""Fraction of samples from which on they are told; a busy computer loses fewer (assumed)."""
+
+
+class SensorWatch:
+    """Judgement of the accelerometers of tool and handle, every `PERIOD`.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate, Hz.
+    traces : sequence of Trace
+        Samples of each coil.
+
+    Attributes
+    ----------
+    warning : str
+        Accelerometer and its defect; empty if none is seen.
+    """
+
+    def __init__(self, rate: float, traces: Sequence[Trace]) -> None:
+        self._period, self._traces, self._unusable = round(PERIOD * rate), traces, [0, 0]
+        for trace in traces:
+            trace.kept = max(trace.kept, SEARCHED)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was seen; the numbers of unusable samples go on."""
+        self._count, self.warning = 0, ""
+
+    def update(self, tool: int, handle: int) -> int:
+        """Judge, if it is time to; return the number of samples until then.
+
+        Parameters
+        ----------
+        tool, handle : int
+            Number of samples of each accelerometer that were missing, saturated or no number,
+            since the start.
+        """
+        passed = self._traces[0].count - self._count
+        if passed < self._period:
+            return self._period - passed
+        self.warning = ""
+        for name, row, unusable in (("tool", DESIRED, tool), ("handle", MEASURED, handle)):
+            share = (unusable - self._unusable[row]) / passed
+            self._unusable[row] = unusable
+            self.warning = self.warning or self._defect(name, row, share)
+        self._count += passed
+        return self._period
+
+    def _defect(self, name: str, row: int, unusable: float) -> str:
+        """Return what is wrong with an accelerometer; empty if nothing is."""
+        signals, forces = ([latest(t, k, SEARCHED) for t in self._traces] for k in (row, FORCE))
+        if row == MEASURED and np.any(forces) and not np.any(np.ptp(signals, axis=1)):
+            return f"the {name}'s accelerometer does not change while a force acts"
+        if unusable >= UNUSABLE_SHARE:
+            return f"{unusable:.0%} of the {name}'s samples are missing, saturated or no numbers"
+        spikes = max(np.mean(outliers(signal)) for signal in signals)
+        if spikes > LARGEST_SHARE:
+            return f"{spikes:.0%} of the {name}'s samples are spikes, as of a broken connection"
+        return ""
