@@ -84,7 +84,7 @@ endef
 
 .PHONY: help
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-7s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' Makefile
 
 .PHONY: venv
 venv: $(RUNTIME) ## create .venv with everything that runs, .venv/bin/haptic-accel among it
@@ -102,7 +102,7 @@ test: $(DEV) ## run the test suite: what needs no graph on all cores, then one g
 	@failed= found=
 	part() {
 	    status=0
-	    "$$@" $(ARGS) || status=$$?
+	    "$$@" --untouched-kits="$${untouched%%:*}" $(SLOW) $(ARGS) || status=$$?
 	    # 5: no test was chosen, which is right for some of the parts.
 	    case $$status in 0) found=yes ;; 5) ;; *) failed=yes ;; esac
 	}
@@ -110,11 +110,17 @@ test: $(DEV) ## run the test suite: what needs no graph on all cores, then one g
 	$(BIN)/python -W ignore setup.py -q build_ext --inplace
 	tick=$$($(TICK))
 	echo "What runs in every sample: $$tick"
+	untouched=$(if $(SLOW)$(findstring test/kits,$(ARGS)),,$$($(BIN)/python test/support/untouched_kits.py))
 	part $(BIN)/python -m pytest -n logical --dist worksteal -m 'not live'
 	[ "$$tick" != compiled ] || part env HAPTIC_ACCEL_PLAIN=1 \
 	    $(BIN)/python -m pytest -n logical --dist worksteal -m '(safety or plain) and not live'
 	part $(BIN)/python -m pytest -m live
+	[ -z "$$untouched" ] || echo "Only smoke tests ran of these kits (make test-all: all): $$untouched"
 	[ -z "$$failed" ] && [ -n "$$found" ]
+
+.PHONY: test-all
+test-all: SLOW = --slow
+test-all: test ## run the slow tests as well, and those of all kits
 
 .PHONY: lint
 lint: $(DEV) ## check style (ruff) and types (mypy)

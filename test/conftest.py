@@ -74,6 +74,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--slow", action="store_true", help="run the tests marked slow, too")
     what = "run only the properties marked fuzz, with this many other cases each"
     parser.addoption("--fuzz", type=int, metavar="CASES", help=what)
+    what = "run only the smoke tests of these kits"
+    parser.addoption("--untouched-kits", default="", metavar="KIT,KIT", help=what)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -95,12 +97,21 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Read only files with tests of that part in a part of the suite: a process saves 12 s."""
+    if collection_path.suffix != ".py":
+        return None
+    if _is_untouched(collection_path, config) and "mark.smoke" not in collection_path.read_text():
+        return True
     asked = config.getoption("-m").removeprefix("(")
     part = next((part for part in PARTS if asked.startswith(part)), "")
-    if not part or collection_path.suffix != ".py":
+    if not part:
         return None
     safety = part != "live" and _is_safety(collection_path)
     return None if safety or _has_part(collection_path, part) else True
+
+
+def _is_untouched(path: Path, config: pytest.Config) -> bool:
+    place, kit, *_ = (*path.relative_to(Path(__file__).parent).parts, "")
+    return place == "kits" and kit in config.getoption("--untouched-kits").split(",")
 
 
 def _has_part(path: Path, part: str) -> bool:
@@ -131,6 +142,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
                 raise pytest.UsageError(f"{item.nodeid}: is {mark}, which PARTS does not find")
         if item.get_closest_marker("live") and config.pluginmanager.hasplugin("rerunfailures"):
             item.add_marker(pytest.mark.flaky(reruns=1, only_rerun=list(RERUN_REASONS)))
+    alone = [item for item in items if not item.get_closest_marker("smoke")]
+    _leave_out(config, items, [item for item in alone if _is_untouched(item.path, config)])
     if TICK == COMPILED:
         _leave_out(config, items, [item for item in items if item.get_closest_marker("plain")])
     if config.getoption("--fuzz"):

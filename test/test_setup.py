@@ -19,12 +19,13 @@ SOURCE = Path(__file__).resolve().parents[1]
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
 
 
-TARGETS = ["help", "venv", "touch", "demo", "test", "lint", "docs", "release", "clean"]
+TARGETS = ["help", "venv", "touch", "demo", "test", "test-all", "lint", "docs", "release", "clean"]
 
 ARGS = {
     "touch": "--help",
     "demo": "--lockstep duration:=1 surface:=text --out found",
     "test": "test/test_budget.py test/test_layers.py",
+    "test-all": "test/test_budget.py test/test_layers.py",
 }
 """Words that make a target short: what it needs is the question, not what it does."""
 

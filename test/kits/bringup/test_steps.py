@@ -108,6 +108,7 @@ class Willing(Typist):
         return "0.2" if "mass" in request else ""
 
 
+@pytest.mark.smoke
 def test_verbs_tell_by_events_what_is_next(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

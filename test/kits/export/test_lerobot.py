@@ -157,6 +157,7 @@ def test_the_series_beside_it_are_untouched(dataset: Path, recorded: Recorded) -
         assert np.array_equal(series[["x", "y", "z"]], values)
 
 
+@pytest.mark.smoke
 def test_three_axes_have_three_columns(tmp_path: Path) -> None:
     write_bag(tmp_path / "bag", rig="three_axis")
     words = ("--fps", "50", "--task", "write", "--out", tmp_path / "set")

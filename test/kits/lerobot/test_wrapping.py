@@ -151,6 +151,7 @@ def test_a_follower_whose_fast_path_ends_observes_silence_and_tells_it_once(
     assert caplog.text.count("the arms go on without vibration") == 1
 
 
+@pytest.mark.smoke
 def test_a_leader_is_built_by_its_name_and_passes_everything_through(built: PlugIns) -> None:
     leader = built.leader()
     assert isinstance(leader, built.teleoperators.Teleoperator)

@@ -93,6 +93,7 @@ def pair(pairs: Callable[[], Pair]) -> Pair:
     return pairs()
 
 
+@pytest.mark.smoke
 def test_datagrams_cross_and_a_link_that_was_killed_is_met_again(
     pair: Pair, tmp_path: Path
 ) -> None:
@@ -116,6 +117,7 @@ def test_datagrams_cross_and_a_link_that_was_killed_is_met_again(
 
 
 @pytest.mark.quiet
+@pytest.mark.smoke
 def test_without_a_peer_nothing_starts(pair: Pair, tmp_path: Path) -> None:
     link = pair.start("master", tmp_path, peer="")
     assert link.end() == WRONG_ARGUMENTS

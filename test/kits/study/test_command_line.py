@@ -117,6 +117,7 @@ def test_status_tells_progress_and_no_condition(study: Study, tmp_path: Path) ->
         assert word not in shown + file.read_text()
 
 
+@pytest.mark.smoke
 def test_a_simulated_study_says_that_it_is_one(study: Study, tmp_path: Path) -> None:
     folder = tmp_path / "simulated"
     shown = output_of("study", "simulate", study.folder, "--write", folder)

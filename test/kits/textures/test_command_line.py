@@ -44,6 +44,7 @@ def write_drag(path: Path, force: float) -> None:
     np.savetxt(path, rows, delimiter=",", header="speed,force,accel", comments="", fmt="%.6f")
 
 
+@pytest.mark.smoke
 def test_a_model_is_built_from_files_with_a_report(tmp_path: Path) -> None:
     for force in (0.5, 1.0):
         write_drag(tmp_path / f"{force}.csv", force)

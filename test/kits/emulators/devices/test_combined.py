@@ -62,6 +62,7 @@ def plugged(options: dict[str, Any], board: Path) -> Iterator[None]:
         emulated.close()
 
 
+@pytest.mark.smoke
 def test_arm_and_board_are_given_as_when_either_is_alone(tmp_path: Path) -> None:
     file, arm, board = (tmp_path / name for name in ("mine.yaml", "arm", "board"))
     file.write_text(GIVEN.format(arm=arm, board=board, can=CAN))
