@@ -173,7 +173,7 @@ def words_of(verb: str) -> Words:
 
 
 def check_make(words: Sequence[str]) -> None:
-    targets = re.findall(r"^([a-z]+):.*## ", (SOURCE / "Makefile").read_text(), re.MULTILINE)
+    targets = re.findall(r"^([a-z-]+):.*## ", (SOURCE / "Makefile").read_text(), re.MULTILINE)
     variables = re.findall(r"^([A-Z]+) \?=", (SOURCE / "Makefile").read_text(), re.MULTILINE)
     for word in words:
         assert word.partition("=")[0] in (variables if "=" in word else targets), word
