@@ -399,9 +399,10 @@ def test_of_a_tool_sample_with_a_bad_component_nothing_is_felt(bad: float, axis:
         given = [*vector(tool)]
         given[axis] = bad
         spoilt = index % 20 == 5
+        handle = (0.0, 0.0, 0.01 * (index % 2))
         assert stream.process(
-            (given[0], given[1], given[2]) if spoilt else vector(tool), ZERO
-        ) == clean.process(ZERO if spoilt else vector(tool), ZERO)
+            (given[0], given[1], given[2]) if spoilt else vector(tool), handle
+        ) == clean.process(ZERO if spoilt else vector(tool), handle)
     assert (stream.rejected, stream.untrusted) == (10, 0)
 
 
