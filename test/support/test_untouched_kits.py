@@ -101,8 +101,8 @@ def test_on_the_main_branch_the_last_merge_counts(project: Path) -> None:
     git(project, "checkout", "--quiet", "main")
     git(project, *WHO, "merge", "--quiet", "--no-ff", "branch")
     assert untouched(project).startswith("study: nothing that they import has changed since ")
-    commit(project)
-    assert untouched(project).startswith("export,study: ")
+    commit(project)  # and who knows how many before it
+    assert untouched(project) == ""
 
 
 def test_where_the_history_does_not_tell_all_kits_run(project: Path) -> None:

@@ -47,8 +47,8 @@ def git(source: Path, *words: str) -> str:
 def base(source: Path) -> str:
     """Return the commit that a change begins at.
 
-    This is where it left the main branch; on the main branch itself the previous commit, which is
-    the branch before the last merge.
+    This is where it left the main branch; on a merge into the main branch, that branch before it.
+    Otherwise the main branch may have grown by any number of commits.
     """
     if git(source, "rev-parse", "--show-prefix"):
         raise UnknownChangeError  # unpacked within another repository
@@ -57,7 +57,9 @@ def base(source: Path) -> str:
             found = git(source, "merge-base", "HEAD", branch)
         except UnknownChangeError:
             continue
-        if found == git(source, "rev-parse", "HEAD"):
+        is_main = git(source, "rev-parse", "--abbrev-ref", "HEAD") in ("main", "HEAD")
+        if is_main and found == git(source, "rev-parse", "HEAD"):
+            git(source, "rev-parse", "--verify", "HEAD^2")
             return git(source, "rev-parse", "HEAD^")
         return found
     raise UnknownChangeError
